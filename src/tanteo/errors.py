@@ -1,0 +1,50 @@
+"""What tanteo raises when the caller erred.
+
+The tree::
+
+    TanteoError
+    ├── InputError (also a ValueError)     an argument or a file cannot be what was meant
+    │   ├── CovarianceError                not finite, not symmetric or not positive semidefinite
+    │   ├── UnitError                      a unit is missing, unknown or contradictory
+    │   ├── ReadingsError                  a readings file, with file, line, column and value
+    │   └── PartError                      a CAD file that does not describe a usable part
+    ├── DegenerateError                    the geometry leaves the answer undefined (parallel, collinear, too few)
+    └── MissingExtraError (an ImportError) an optional dependency is not installed
+
+Messages read ``<name>: expected <what>, got <what>. <what to do>.`` An unkind world (no part fits, two parts
+fit) is not an error: it is a result with a status.
+"""
+
+from __future__ import annotations
+
+
+class TanteoError(Exception):
+    """Base of every exception that tanteo raises on purpose."""
+
+
+class InputError(TanteoError, ValueError):
+    """An argument or a file cannot be what was meant."""
+
+
+class CovarianceError(InputError):
+    """A covariance is not finite, not symmetric or not positive semidefinite."""
+
+
+class UnitError(InputError):
+    """A unit is missing, unknown or contradicts another."""
+
+
+class ReadingsError(InputError):
+    """A readings file is malformed; the message names file, line, column and value."""
+
+
+class PartError(InputError):
+    """A CAD file does not describe a usable part; the message names the file and the reason."""
+
+
+class DegenerateError(TanteoError):
+    """The geometry leaves the answer undefined: parallel, collinear, coincident or too few."""
+
+
+class MissingExtraError(TanteoError, ImportError):
+    """An optional dependency is not installed; the message gives the pip command."""
