@@ -1,0 +1,148 @@
+"""SO(3): rotations as ``(*batch, 3, 3)`` matrices, tangents as rotation vectors ``(*batch, 3)`` [rad]."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.typing import FloatArray, Rotations, Vectors
+
+_SERIES_BELOW = 1e-2
+"""Below this angle [rad] sin and cos quotients come from their series (error < 1e-16)."""
+
+
+def hat(w: Vectors) -> FloatArray:
+    """Skew matrices ``[w]x`` with ``hat(w) @ v == cross(w, v)``; ``(*batch, 3) -> (*batch, 3, 3)``."""
+    w = np.asarray(w, dtype=np.float64)
+    out = np.zeros((*w.shape, 3))
+    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    out[..., 0, 1], out[..., 0, 2] = -z, y
+    out[..., 1, 0], out[..., 1, 2] = z, -x
+    out[..., 2, 0], out[..., 2, 1] = -y, x
+    return out
+
+
+def vee(W: FloatArray) -> Vectors:
+    """Inverse of :func:`hat`: the vector of the skew part of ``W``."""
+    W = np.asarray(W, dtype=np.float64)
+    pairs = ((2, 1), (0, 2), (1, 0))
+    return 0.5 * np.stack([W[..., i, j] - W[..., j, i] for i, j in pairs], axis=-1)
+
+
+def sinc_terms(angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """``sin t / t``, ``(1 - cos t) / t^2`` and ``(t - sin t) / t^3``, accurate at every angle [rad]."""
+    t = np.asarray(angle, dtype=np.float64)
+    t2 = t * t
+    small = t < _SERIES_BELOW
+    safe = np.where(small, 1.0, t)
+    half = np.sin(0.5 * safe)
+    a = np.where(small, 1 - t2 / 6 * (1 - t2 / 20 * (1 - t2 / 42)), np.sin(safe) / safe)
+    b = np.where(small, 0.5 - t2 / 24 * (1 - t2 / 30 * (1 - t2 / 56)), 2 * (half / safe) ** 2)
+    c = np.where(small, 1 / 6 - t2 / 120 * (1 - t2 / 42 * (1 - t2 / 72)), (safe - np.sin(safe)) / safe**3)
+    return a, b, c
+
+
+def exp(w: Vectors) -> Rotations:
+    """Rotation by the angle ``|w|`` about the axis ``w`` (Rodrigues)."""
+    w = np.asarray(w, dtype=np.float64)
+    a, b, _ = sinc_terms(np.linalg.norm(w, axis=-1))
+    W = hat(w)
+    return np.eye(3) + a[..., None, None] * W + b[..., None, None] * (W @ W)
+
+
+def log(R: Rotations) -> Vectors:
+    """Rotation vector of ``R``, of length at most pi; accurate from 0 to pi (through the quaternion)."""
+    q = as_quaternion(R)
+    w, v = q[..., 0], q[..., 1:]
+    n = np.linalg.norm(v, axis=-1)
+    tiny = n < 1e-9  # there w is 1 to the last digit
+    scale = np.where(tiny, 2.0, 2 * np.arctan2(n, w) / np.where(tiny, 1.0, n))
+    return scale[..., None] * v
+
+
+def inverse(R: Rotations) -> Rotations:
+    """Transpose over the last two axes."""
+    return np.swapaxes(np.asarray(R, dtype=np.float64), -1, -2)
+
+
+def right_jacobian(w: Vectors) -> FloatArray:
+    """``Jr`` with ``exp(w + d) ~ exp(w) exp(Jr d)``, ``(*batch, 3, 3)``."""
+    w = np.asarray(w, dtype=np.float64)
+    _, b, c = sinc_terms(np.linalg.norm(w, axis=-1))
+    W = hat(w)
+    return np.eye(3) - b[..., None, None] * W + c[..., None, None] * (W @ W)
+
+
+def as_quaternion(R: Rotations) -> FloatArray:
+    """Unit quaternions ``(w, x, y, z)`` with ``w >= 0``, from the largest of the four components."""
+    R = np.asarray(R, dtype=np.float64)
+    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    wx, wy, wz = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
+    xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
+    rows = [
+        [1 + xx + yy + zz, wx, wy, wz],
+        [wx, 1 + xx - yy - zz, xy, xz],
+        [wy, xy, 1 - xx + yy - zz, yz],
+        [wz, xz, yz, 1 - xx - yy + zz],
+    ]
+    table = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    best = np.argmax(np.diagonal(table, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(table, best[..., None, None], axis=-2)[..., 0, :]
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def from_quaternion(q: FloatArray) -> Rotations:
+    """Rotation of the quaternion ``(w, x, y, z)``, which is normalised first.
+
+    Raises:
+        InputError: if a quaternion is not finite or has no length.
+    """
+    q = np.asarray(q, dtype=np.float64)
+    n = np.linalg.norm(q, axis=-1, keepdims=True)
+    if not np.all(np.isfinite(n) & (n > 0)):
+        raise InputError("quaternion: expected four finite numbers (w, x, y, z), not all zero, got another value.")
+    w, x, y, z = np.moveaxis(q / n, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def axis_rotation(axis: int, angle: FloatArray | float) -> Rotations:
+    """Rotation by ``angle`` [rad] about coordinate axis 0, 1 or 2."""
+    w = np.zeros((*np.shape(angle), 3))
+    w[..., axis] = angle
+    return exp(w)
+
+
+def align(source: Vectors, target: Vectors, weights: FloatArray | None = None) -> Rotations:
+    """The rotation that best maps directions ``source`` onto ``target`` (Wahba's problem by SVD).
+
+    Args:
+        source: unit vectors ``(*batch, n, 3)`` in the frame that the result maps from.
+        target: the same in the frame that it maps to.
+        weights: ``(*batch, n)``, 1 if not given.
+
+    Returns:
+        ``(*batch, 3, 3)``, of determinant +1, minimising ``sum w |target - R source|^2``. With fewer than two
+        independent directions one of the many minimisers.
+    """
+    w = np.ones(np.shape(source)[:-1]) if weights is None else weights
+    U, _, Vt = np.linalg.svd(np.einsum("...n,...ni,...nj->...ij", w, target, source))
+    sign = np.sign(np.linalg.det(U @ Vt))
+    U = np.concatenate([U[..., :2], U[..., 2:] * sign[..., None, None]], axis=-1)
+    return U @ Vt
+
+
+def frame_from_axis(direction: Vectors, axis: int) -> Rotations:
+    """Right-handed frames whose coordinate axis ``axis`` is ``direction``; the spin about it is arbitrary but fixed."""
+    d = np.asarray(direction, dtype=np.float64)
+    d = d / np.linalg.norm(d, axis=-1, keepdims=True)
+    helper = np.eye(3)[np.argmin(np.abs(d), axis=-1)]
+    e = np.cross(d, helper)
+    e = e / np.linalg.norm(e, axis=-1, keepdims=True)
+    columns = [d, e, np.cross(d, e)]
+    return np.stack(columns[-axis:] + columns[:-axis] if axis else columns, axis=-1)
