@@ -1,0 +1,53 @@
+"""What can be felt: vertices, edges, planes, with the motions that leave them as they are taken out.
+
+A feature is a frame, a kind and a covariance over the perturbations that matter for the kind (``math.md`` section 2).
+"""
+
+from tanteo.features.feature import (
+    Feature,
+    SharedError,
+    SharedTerm,
+    collect_shared,
+    cross_covariance,
+    feature_covariance,
+)
+from tanteo.features.kinds import (
+    CIRCLE,
+    CONE,
+    CYLINDER,
+    EDGE,
+    HALF_EDGE,
+    KINDS,
+    PLANE,
+    SPHERE,
+    VERTEX,
+    FeatureKind,
+    binding,
+    feature_kind,
+)
+from tanteo.features.reframing import flip_edge, reframe, reframe_feature, reframe_near
+
+__all__ = [
+    "CIRCLE",
+    "CONE",
+    "CYLINDER",
+    "EDGE",
+    "HALF_EDGE",
+    "KINDS",
+    "PLANE",
+    "SPHERE",
+    "VERTEX",
+    "Feature",
+    "FeatureKind",
+    "SharedError",
+    "SharedTerm",
+    "binding",
+    "collect_shared",
+    "cross_covariance",
+    "feature_covariance",
+    "feature_kind",
+    "flip_edge",
+    "reframe",
+    "reframe_feature",
+    "reframe_near",
+]

@@ -1,0 +1,79 @@
+"""Moving a feature's frame along its own symmetry, which changes the numbers but not the feature."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.features.feature import Feature, SharedTerm
+from tanteo.features.kinds import EDGE, PLANE, FeatureKind
+from tanteo.lie import SE3
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+
+
+def reframe_gain(kind: FeatureKind, S: Transforms) -> FloatArray:
+    """``A = B Ad(S^-1) B'`` ``(*batch, size, size)``, with ``p' = A p``: exact for ``S`` in the symmetry group."""
+    rows = list(kind.rows)
+    Ad = SE3.adjoint_inverse(np.asarray(S, dtype=np.float64))
+    return Ad[..., rows, :][..., :, rows]
+
+
+def reframe(kind: FeatureKind, T: Transforms, P: Covariances, S: Transforms) -> tuple[Transforms, Covariances]:
+    """Frame ``T S`` and its covariance, for ``S`` in the symmetry group of the kind (``math.md`` section 2).
+
+    Args:
+        kind: of the feature.
+        T: frames ``(*batch, 4, 4)``.
+        P: covariances over the kind's rows ``(*batch, size, size)``.
+        S: motions in the feature frame: along its free directions, or one of its discrete symmetries.
+
+    Raises:
+        InputError: if ``S`` moves the feature itself.
+    """
+    S = np.asarray(S, dtype=np.float64)
+    if not any(_leaves(kind, F @ S) for F in kind.symmetries):
+        raise InputError(f"S: expected a motion that maps a {kind.name} onto itself, got one that moves it.")
+    A = reframe_gain(kind, S)
+    return T @ S, A @ P @ np.swapaxes(A, -1, -2)
+
+
+def _leaves(kind: FeatureKind, S: Transforms) -> bool:
+    """Whether ``S`` stays on the continuous symmetry: free directions map onto themselves."""
+    p, R = SE3.translation(S), SE3.rotation(S)
+    fixed = [i for i in kind.rows if i < 3]
+    off_origin = np.abs(p[..., fixed]).max(initial=0.0) > 1e-9 * (1 + np.abs(p).max(initial=0.0))
+    turns = [i - 3 for i in kind.free if i >= 3]
+    if len(turns) == 3:
+        return not off_origin
+    axis = np.eye(3)[turns[0]] if turns else None
+    wanted = R[..., :, turns[0]] - axis if axis is not None else R - np.eye(3)
+    return not off_origin and float(np.abs(wanted).max(initial=0.0)) < 1e-9
+
+
+def flip_edge(T: Transforms) -> Transforms:
+    """The other image of an undirected edge: half a turn about its z axis."""
+    return T @ EDGE.symmetries[1]
+
+
+def reframe_feature(feature: Feature, S: Transforms) -> Feature:
+    """The same feature with its frame moved by ``S`` along its symmetry; shared gains follow."""
+    T, P = reframe(feature.kind, feature.T_world_feature, feature.P, S)
+    A = reframe_gain(feature.kind, S)
+    shared = tuple(SharedTerm(term.error, A @ term.gain) for term in feature.shared)
+    return replace(feature, T_world_feature=T, P=P, shared=shared)
+
+
+def reframe_near(feature: Feature, point: Vectors) -> Feature:
+    """The same edge or plane with its origin slid to the foot of ``point`` (world) [m]; others are returned as is.
+
+    Do this before a pairwise constraint: second-order terms grow with the distance between origins.
+    """
+    if feature.kind.name not in (EDGE.name, "cylinder", PLANE.name):
+        return feature
+    local = SE3.apply(SE3.inverse(feature.T_world_feature), np.asarray(point, dtype=np.float64))
+    slide = np.eye(4)
+    free = [i for i in feature.kind.free if i < 3]
+    slide[free, 3] = local[free]
+    return reframe_feature(feature, slide)
