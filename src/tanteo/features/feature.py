@@ -7,41 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tanteo.errors import CovarianceError, InputError
+from tanteo.errors import InputError
 from tanteo.features.kinds import FeatureKind
+from tanteo.frames.covariances import check_covariance, frozen_array
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
-
-
-def frozen_array(value: FloatArray) -> FloatArray:
-    """A read-only float64 copy."""
-    out = np.array(value, dtype=np.float64)
-    out.setflags(write=False)
-    return out
-
-
-def check_covariance(name: str, C: Covariances, size: int) -> Covariances:
-    """A read-only, symmetrised copy of ``C``.
-
-    Raises:
-        CovarianceError: if it has another shape, is not finite, not symmetric or not positive semidefinite.
-    """
-    C = np.array(C, dtype=np.float64)
-    if C.shape != (size, size):
-        raise CovarianceError(f"{name}: expected a {size} x {size} matrix, got shape {C.shape}.")
-    if not np.all(np.isfinite(C)):
-        raise CovarianceError(
-            f"{name}: expected finite numbers, got {C[~np.isfinite(C)][0]}. Check the sensor's model."
-        )
-    scale = np.abs(C).max(initial=0.0)
-    if np.abs(C - C.T).max(initial=0.0) > 1e-8 * scale:
-        raise CovarianceError(f"{name}: expected a symmetric matrix, got one that differs from its transpose.")
-    C = 0.5 * (C + C.T)
-    d = np.sqrt(np.maximum(np.diag(C), 0.0))
-    unit = C / np.where(np.outer(d, d) > 0, np.outer(d, d), 1.0)
-    if np.any(np.diag(C) < 0) or (size and np.linalg.eigvalsh(unit).min() < -1e-9):
-        raise CovarianceError(f"{name}: expected a positive semidefinite matrix, got a negative variance in it.")
-    C.setflags(write=False)
-    return C
 
 
 @dataclass(frozen=True, slots=True, eq=False)
