@@ -1,0 +1,140 @@
+"""What every set of readings must satisfy; each check names the reading and says what to do."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.typing import BoolArray
+
+if TYPE_CHECKING:
+    from tanteo.sensors.readings import Readings
+
+KINDS = ("plane", "edge", "vertex", "point", "free")
+"""What a reading was taken on; ``free`` is a beam that met nothing."""
+
+MIN_ROWS = {"plane": 3, "edge": 2, "vertex": 1}
+"""How many readings a labelled feature needs before it says anything as a feature."""
+
+_ARRAYS = (
+    "points", "directions", "normals", "normal_sds", "sds", "radii", "Ts_world_hand", "ranges", "max_ranges",
+)  # fmt: skip
+_POSITIVE = {"normal_sds": "rad", "sds": "m", "ranges": "m", "max_ranges": "m"}
+
+
+def check_readings(readings: Readings) -> None:
+    """Names unique, kinds known, numbers finite, directions unit, labels of one kind, every row located.
+
+    Raises:
+        ReadingsError: The first thing that is wrong, with the reading's name.
+    """
+    _check_ids(readings.ids)
+    _check_kinds(readings)
+    _check_numbers(readings)
+    _check_hands(readings)
+    _check_labels(readings)
+    _check_located(readings)
+
+
+def check_features(readings: Readings) -> None:
+    """Check that every labelled plane has three readings and every edge two.
+
+    Raises:
+        ReadingsError: A label has too few readings of its kind; the message names label and readings.
+    """
+    counts = Counter(zip(readings.features, readings.kinds, strict=True))
+    for (label, kind), count in counts.items():
+        if label and count < MIN_ROWS.get(kind, 0):
+            members = [i for i, f in zip(readings.ids, readings.features, strict=True) if f == label]
+            raise ReadingsError(
+                f"feature '{label}': expected at least {MIN_ROWS[kind]} readings of kind {kind}, got {count} "
+                f"({', '.join(members)}). Sense more of it, or leave feature and kind empty to use bare points."
+            )
+
+
+def _check_ids(ids: tuple[str, ...]) -> None:
+    if len(set(ids)) < len(ids):
+        twice = next(i for i, count in Counter(ids).items() if count > 1)
+        raise ReadingsError(f"id: expected every reading to have its own, got '{twice}' twice. Rename one.")
+    if not all(ids):
+        raise ReadingsError(f"id: expected a name, got none in row {ids.index('') + 1}. Name every reading or none.")
+
+
+def _check_kinds(readings: Readings) -> None:
+    unknown = set(readings.kinds) - set(KINDS)
+    if unknown:
+        raise ReadingsError(f"kind: expected one of {', '.join(KINDS)}, got '{min(unknown)}'. Correct the kind.")
+    if any((kind == "free") != free for kind, free in zip(readings.kinds, readings.is_free.tolist(), strict=True)):
+        raise ReadingsError("is_free: expected it true exactly where kind is 'free', got a mixture. Use from_columns.")
+
+
+def _first_bad(readings: Readings, bad: BoolArray) -> str | None:
+    rows = np.flatnonzero(bad)
+    return f"'{readings.ids[rows[0]]}'" if len(rows) else None
+
+
+def _check_numbers(readings: Readings) -> None:
+    for name in _ARRAYS:
+        flat = getattr(readings, name)
+        flat = flat.reshape(len(readings), math.prod(flat.shape[1:]))
+        bad = np.isinf(flat).any(axis=1) | (np.isnan(flat).any(axis=1) & ~np.isnan(flat).all(axis=1))
+        if who := _first_bad(readings, bad):
+            raise ReadingsError(f"{name} of reading {who}: expected finite numbers, got NaN or infinity. Correct them.")
+    for name, unit in _POSITIVE.items():
+        if who := _first_bad(readings, getattr(readings, name) <= 0):
+            value = getattr(readings, name)[getattr(readings, name) <= 0][0]
+            raise ReadingsError(f"{name} of reading {who}: expected a positive number [{unit}], got {value:g}.")
+    if who := _first_bad(readings, ~(readings.radii >= 0)):
+        raise ReadingsError(f"radii of reading {who}: expected zero or more [m], got a negative number or NaN.")
+    for name in ("directions", "normals"):
+        norms = np.linalg.norm(getattr(readings, name), axis=1)
+        if who := _first_bad(readings, np.abs(norms - 1) > 1e-6):
+            raise ReadingsError(f"{name} of reading {who}: expected unit length, got another. Use from_columns.")
+
+
+def _check_hands(readings: Readings) -> None:
+    Ts = readings.Ts_world_hand[readings.has_hand]
+    R = Ts[:, :3, :3]
+    skewed = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(axis=(1, 2), initial=0) > 1e-6
+    mirrored = np.linalg.det(R) < 0
+    if skewed.any() or mirrored.any() or (Ts[:, 3] != [0.0, 0.0, 0.0, 1.0]).any():
+        raise ReadingsError("Ts_world_hand: expected rigid motions, got a matrix that scales, shears or mirrors.")
+
+
+def _check_labels(readings: Readings) -> None:
+    kinds: dict[str, str] = {}
+    for label, kind, name in zip(readings.features, readings.kinds, readings.ids, strict=True):
+        if label and kinds.setdefault(label, kind) != kind:
+            raise ReadingsError(
+                f"kind of reading '{name}': expected '{kinds[label]}' as for the other readings of feature "
+                f"'{label}', got '{kind}'. Give one label one kind."
+            )
+        if not label and kind in MIN_ROWS:
+            raise ReadingsError(
+                f"feature of reading '{name}': expected a label for kind '{kind}', got none. Label the readings "
+                "that were taken on one feature, or leave kind empty."
+            )
+
+
+def _check_located(readings: Readings) -> None:
+    """Every row says where something is: a point, or a range with the hand's pose; a free beam also where to."""
+    by_rig = readings.has_hand & np.fromiter(map(bool, readings.sensors), dtype=bool, count=len(readings))
+    ranged = by_rig & ~np.isnan(readings.ranges)
+    if who := _first_bad(readings, ~readings.is_free & ~readings.has_point & ~ranged):
+        raise ReadingsError(
+            f"reading {who}: expected a point (x, y, z) or a range with sensor and hand pose, got neither. Fill one."
+        )
+    aimed = (readings.has_point & readings.has_direction & ~np.isnan(readings.max_ranges)) | by_rig
+    if who := _first_bad(readings, readings.is_free & ~aimed):
+        raise ReadingsError(
+            f"free reading {who}: expected where the beam was (x, y, z, dx, dy, dz and max, or sensor and hand pose), "
+            "got less. Fill them in, or drop the row."
+        )
+    if who := _first_bad(readings, readings.has_normal & (np.isnan(readings.normals).any(axis=1))):
+        raise ReadingsError(f"normal of reading {who}: expected three numbers, got fewer.")
+    if who := _first_bad(readings, ~np.isnan(readings.normal_sds) & ~readings.has_normal):
+        raise ReadingsError(f"normal_sd of reading {who}: expected a normal beside it, got none. Add nx, ny, nz.")

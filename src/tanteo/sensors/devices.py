@@ -1,0 +1,150 @@
+"""Which device gave each reading, and what that says of its noise; ranges become points here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.sensors.noise import preset_sigma
+from tanteo.sensors.presets import SensorPreset, sensor_presets
+from tanteo.sensors.readings import Readings
+from tanteo.sensors.rig import Rig, RigSensor
+from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Device:
+    """Error figures of one device: a sensor of the rig, a preset, or nothing known (NaN and zero)."""
+
+    name: str
+    preset: SensorPreset | None
+    mount: RigSensor | None
+
+    @property
+    def max_range(self) -> float:
+        """Farthest range [m], NaN for unknown."""
+        if self.mount is not None and not math.isnan(self.mount.max_range):
+            return self.mount.max_range
+        return self.preset.max_range if self.preset is not None and not self.preset.is_contact else math.nan
+
+    @property
+    def beam_half_angle(self) -> float:
+        """Half angle of the beam [rad], NaN for unknown."""
+        if self.mount is not None:
+            return self.mount.beam_half_angle
+        return self.preset.beam_half_angle if self.preset is not None else math.nan
+
+    @property
+    def bias_sd(self) -> float:
+        """Standard deviation of the error common to its readings [m]."""
+        if self.mount is not None:
+            return self.mount.bias_sd
+        return self.preset.bias_std if self.preset is not None else 0.0
+
+    @property
+    def scale_sd(self) -> float:
+        """Standard deviation of the common error proportional to the range."""
+        return self.preset.bias_prop_std if self.preset is not None else 0.0
+
+    def sigma(self, ranges: FloatArray) -> FloatArray:
+        """Standard deviation of its readings at these ranges [m]; NaN where it cannot be known."""
+        if self.mount is not None and self.mount.sd > 0:
+            return np.full(ranges.shape, self.mount.sd)
+        if self.preset is None:
+            return np.full(ranges.shape, np.nan)
+        # a NaN range gives a NaN where the law needs the range
+        return preset_sigma(self.preset, ranges)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """The readings with every range turned into a point and every free beam into origin, direction, length.
+
+    Attributes:
+        points: ``(n, 3)``; origin of the beam for a free one.
+        directions: ``(n, 3)``, NaN where unknown.
+        ranges: Along the beam ``(n,)``, NaN where unknown.
+        lengths: Of free beams ``(n,)``.
+        by_rig: Rows that the rig placed.
+        T_world_sensors: Their sensors' poses ``(n, 4, 4)``; NaN for the others.
+    """
+
+    points: Vectors
+    directions: Vectors
+    ranges: FloatArray
+    lengths: FloatArray
+    by_rig: BoolArray
+    T_world_sensors: FloatArray
+
+
+def find_devices(
+    readings: Readings, sensor: SensorPreset | None, rig: Rig | None
+) -> tuple[tuple[Device, ...], IntArray]:
+    """The devices of the readings, and which of them gave each.
+
+    A name in the ``sensor`` column is a sensor of the rig; without a rig it may name a preset. Rows without a name
+    come from ``sensor``.
+    """
+    default = Device(sensor.name if sensor else "", sensor, None)
+    if rig is not None:
+        mounted = tuple(Device(s.name, s.preset, s) for s in rig.sensors)
+        numbers = rig.numbers(readings.sensors)
+        return (*mounted, default), np.where(numbers < 0, len(mounted), numbers)
+    names = list(dict.fromkeys(n for n in readings.sensors if n))
+    named = tuple(Device(n, sensor_presets().get(n, sensor), None) for n in names)
+    known = {n: i for i, n in enumerate(names)} | {"": len(named)}
+    numbers = np.fromiter((known[n] for n in readings.sensors), dtype=np.int64, count=len(readings))
+    return (*named, default), numbers
+
+
+def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> Placed:
+    """Where the beams start, where they go and where they end.
+
+    Raises:
+        InputError: A row has a range only and there is no rig that says where its sensor sits, or a range is
+            outside what its device can give.
+    """
+    mounted = np.array([d.mount is not None for d in devices])[numbers]
+    by_rig = ~(readings.has_point) & mounted & readings.has_hand
+    lost = np.flatnonzero(~readings.has_point & ~by_rig)
+    if len(lost):
+        raise InputError(
+            f"rig: expected it to say where sensor '{readings.sensors[lost[0]]}' of reading "
+            f"'{readings.ids[lost[0]]}' sits on the hand, got no rig. Give one (--rig rig.toml), or points."
+        )
+    cosines = np.array([d.mount.axis_cosine if d.mount else 1.0 for d in devices])[numbers]
+    ranges = np.where(by_rig, readings.ranges / cosines, readings.ranges)
+    _check_ranges(readings, devices, numbers)
+    farthest = np.array([d.max_range for d in devices])[numbers]
+    lengths = np.where(np.isnan(readings.max_ranges), farthest, readings.max_ranges)
+    short = np.flatnonzero(readings.is_free & np.isnan(lengths))
+    if len(short):
+        raise InputError(
+            f"max of free reading '{readings.ids[short[0]]}': expected how far the beam reached, got nothing. "
+            "Add the column max_mm, or a preset to the rig."
+        )
+    points, directions = np.array(readings.points), np.array(readings.directions)
+    Ts = np.full((len(readings), 4, 4), np.nan)
+    if by_rig.any():
+        T_hand_sensors = np.stack([d.mount.T_hand_sensor if d.mount else np.eye(4) for d in devices])
+        Ts[by_rig] = readings.Ts_world_hand[by_rig] @ T_hand_sensors[numbers[by_rig]]
+        directions[by_rig] = Ts[by_rig, :3, 2]
+        reach = np.where(readings.is_free, 0.0, ranges)[by_rig, None]
+        points[by_rig] = Ts[by_rig, :3, 3] + reach * directions[by_rig]
+    return Placed(points, directions, ranges, lengths, by_rig, Ts)
+
+
+def _check_ranges(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> None:
+    nearest = np.array([d.preset.min_range if d.preset else 0.0 for d in devices])[numbers]
+    farthest = np.array([d.max_range for d in devices])[numbers]
+    bad = np.flatnonzero(~readings.is_free & ((readings.ranges < nearest) | (readings.ranges > farthest)))
+    if len(bad):
+        i = bad[0]
+        raise InputError(
+            f"range of reading '{readings.ids[i]}': expected {nearest[i]:g} to {farthest[i]:g} m from "
+            f"'{devices[numbers[i]].name}', got {readings.ranges[i]:g} m. Drop the row, or give it status none."
+        )

@@ -1,0 +1,122 @@
+"""Measurements: what is made of the readings. Points in the world with covariance and shared errors; free beams."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.features import SharedError
+from tanteo.frames import check_covariances, frozen_array
+from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeBeams:
+    """Beams that met nothing: the space along them is empty. World frame, metres.
+
+    Attributes:
+        ids: Names of the readings.
+        origins: Where the beams start, ``(m, 3)``.
+        directions: Unit directions, ``(m, 3)``.
+        lengths: How far they were free, ``(m,)``.
+        half_angles: Half angles of the cones [rad], 0 where unknown, ``(m,)``.
+    """
+
+    ids: tuple[str, ...]
+    origins: Vectors
+    directions: Vectors
+    lengths: FloatArray
+    half_angles: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("origins", "directions", "lengths", "half_angles"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointMeasurements:
+    """``n`` sensed points in the world [m], each with an independent covariance and its part in shared errors.
+
+    The true point ``i`` is ``points[i] + e_i + sum_k jacobians[k][i] @ c_k`` with ``e_i ~ N(0, covs[i])`` independent
+    and ``c_k ~ N(0, shared[k].covariance)`` common to all the points.
+
+    Attributes:
+        ids: Names of the readings.
+        points: Surface points where ``radii`` is 0, else centres of the tip's ball, ``(n, 3)``.
+        covs: Independent part, positive definite, ``(n, 3, 3)``.
+        radii: The surface is this far from ``points`` along its unknown normal [m], ``(n,)``.
+        directions: Unit directions of beam or touch, into the material; NaN rows where unknown, ``(n, 3)``.
+        normals: Unit outward surface normals where they were sensed, else NaN, ``(n, 3)``.
+        normal_sds: Their standard deviation about each tilt [rad], NaN where unknown, ``(n,)``.
+        features: Labels of the readings, ``''`` for none.
+        kinds: ``plane``, ``edge``, ``vertex`` or ``point``.
+        shared: The errors that the points have in common.
+        jacobians: One ``(n, 3, d)`` a shared error: how the points move with it.
+        rows: Row of each point in the readings, ``(n,)``.
+        free: The beams that met nothing.
+    """
+
+    ids: tuple[str, ...]
+    points: Vectors
+    covs: Covariances
+    radii: FloatArray
+    directions: Vectors
+    normals: Vectors
+    normal_sds: FloatArray
+    features: tuple[str, ...]
+    kinds: tuple[str, ...]
+    shared: tuple[SharedError, ...]
+    jacobians: tuple[FloatArray, ...]
+    rows: IntArray
+    free: FreeBeams
+
+    def __post_init__(self) -> None:
+        n = len(self.ids)
+        for name in ("points", "radii", "directions", "normals", "normal_sds"):
+            array = frozen_array(getattr(self, name))
+            if array.shape[0] != n:
+                raise InputError(f"{name}: expected {n} rows, one a measurement, got {array.shape[0]}.")
+            object.__setattr__(self, name, array)
+        rows = np.array(self.rows, dtype=np.int64)
+        rows.flags.writeable = False
+        object.__setattr__(self, "rows", rows)
+        object.__setattr__(self, "covs", check_covariances("covs", self.covs, 3))
+        for error, J in zip(self.shared, self.jacobians, strict=True):
+            if J.shape != (n, 3, len(error.covariance)):
+                raise InputError(
+                    f"jacobians of '{error.name}': expected shape {(n, 3, len(error.covariance))}, got {J.shape}."
+                )
+        object.__setattr__(self, "jacobians", tuple(frozen_array(J) for J in self.jacobians))
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def total_covs(self) -> Covariances:
+        """Marginal covariances of the points, shared errors included, ``(n, 3, 3)`` [m^2]."""
+        out = np.array(self.covs)
+        for error, J in zip(self.shared, self.jacobians, strict=True):
+            out += J @ error.covariance @ np.swapaxes(J, -1, -2)
+        return out
+
+    def joint_cov(self) -> Covariances:
+        """Covariance of all the points together, ``(3 n, 3 n)`` [m^2]; for few points."""
+        n = len(self)
+        out = np.zeros((n, 3, n, 3))
+        out[np.arange(n), :, np.arange(n), :] = self.covs
+        for error, J in zip(self.shared, self.jacobians, strict=True):
+            out += np.einsum("iab,bc,jdc->iajd", J, error.covariance, J)
+        return out.reshape(3 * n, 3 * n)
+
+    def stacked(self) -> tuple[FloatArray, Covariances]:
+        """All shared errors as one vector ``c``: the Jacobians ``(n, 3, D)`` and the covariance ``(D, D)``."""
+        D = sum(len(e.covariance) for e in self.shared)
+        C, start = np.zeros((D, D)), 0
+        for error in self.shared:
+            stop = start + len(error.covariance)
+            C[start:stop, start:stop], start = error.covariance, stop
+        return np.concatenate([np.zeros((len(self), 3, 0)), *self.jacobians], axis=-1), C

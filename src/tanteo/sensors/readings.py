@@ -1,0 +1,199 @@
+"""Readings: what the device said, before anything is made of it. World frame, metres and radians."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.sensors.checks import check_readings
+from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+
+_COLUMNS = {
+    "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "radii": (),
+    "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (),
+}  # fmt: skip
+_NAMES = ("ids", "features", "kinds", "sensors")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """``n`` readings as a struct of arrays; NaN stands for "not given" and ``''`` for "no name".
+
+    Build it with :meth:`from_columns`, which fills what is missing, normalises directions and checks everything.
+
+    Attributes:
+        ids: Names of the readings, unique.
+        points: Sensed points in the world [m], or centres of the tip's ball where ``radii`` is positive. For a free
+            beam the point is where the beam starts. A row of NaN where the device gave a range only.
+        directions: Unit directions in which the sensor looked or the tip moved, world.
+        normals: Unit outward surface normals, world, where they were sensed.
+        normal_sds: Standard deviation of the normal about each of its two tilts [rad].
+        sds: One standard deviation along the beam or normal [m].
+        radii: Radius of the tip's ball [m], 0 for none.
+        features: Labels: rows with one label were taken on one feature.
+        kinds: ``plane``, ``edge``, ``vertex``, ``point`` or ``free``, one a row.
+        Ts_world_hand: Pose of the hand at the reading.
+        ranges: Raw ranges along the beam [m].
+        sensors: Name of the sensor of the rig that gave the range.
+        is_free: The beam met nothing (status ``none``).
+        max_ranges: How far a free beam was free [m].
+        source: Where the readings come from (a file name), for messages.
+    """
+
+    ids: tuple[str, ...]
+    points: Vectors
+    directions: Vectors
+    normals: Vectors
+    normal_sds: FloatArray
+    sds: FloatArray
+    radii: FloatArray
+    features: tuple[str, ...]
+    kinds: tuple[str, ...]
+    Ts_world_hand: Transforms
+    ranges: FloatArray
+    sensors: tuple[str, ...]
+    is_free: BoolArray
+    max_ranges: FloatArray
+    source: str = field(default="readings")
+
+    def __post_init__(self) -> None:
+        n = len(self.ids)
+        for name, shape in _COLUMNS.items():
+            object.__setattr__(self, name, _frozen(name, getattr(self, name), (n, *shape)))
+        object.__setattr__(self, "is_free", _frozen_flags(self.is_free, n))
+        for name in ("features", "kinds", "sensors"):
+            if len(getattr(self, name)) != n:
+                raise ReadingsError(f"{name}: expected {n} entries, one a reading, got {len(getattr(self, name))}.")
+        check_readings(self)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @classmethod
+    def from_columns(
+        cls,
+        points: Vectors | None = None,
+        *,
+        n: int | None = None,
+        ids: Sequence[str] | None = None,
+        directions: Vectors | None = None,
+        normals: Vectors | None = None,
+        normal_sds: FloatArray | None = None,
+        sds: FloatArray | None = None,
+        radii: FloatArray | None = None,
+        features: Sequence[str] | None = None,
+        kinds: Sequence[str] | None = None,
+        Ts_world_hand: Transforms | None = None,
+        ranges: FloatArray | None = None,
+        sensors: Sequence[str] | None = None,
+        is_free: BoolArray | None = None,
+        max_ranges: FloatArray | None = None,
+        source: str = "readings",
+    ) -> Readings:
+        """Readings from the columns there are; the others are "not given". Units: metres, radians, world frame.
+
+        The columns are those of the class; ``n``, the number of readings, is needed only when neither ``points``
+        nor ``ranges`` nor ``ids`` is given. Directions and normals may have any length but zero.
+
+        Raises:
+            ReadingsError: Names the column, the reading and the value.
+        """
+        first = next((c for c in (points, ranges, ids) if c is not None), None)
+        n = n if n is not None else (0 if first is None else len(first))
+        free = np.zeros(n, dtype=bool) if is_free is None else np.asarray(is_free, dtype=bool)
+        kinds = _filled_kinds(kinds, free, n)
+        labels = ("",) * n if features is None else tuple(features)
+        columns = {
+            "points": points, "directions": _units("directions", directions),
+            "normals": _units("normals", normals), "normal_sds": normal_sds, "sds": sds,
+            "radii": np.zeros(n) if radii is None else radii, "Ts_world_hand": Ts_world_hand,
+            "ranges": ranges, "max_ranges": max_ranges,
+        }  # fmt: skip
+        arrays = {k: np.broadcast_to(np.nan, (n, *_COLUMNS[k])) if v is None else v for k, v in columns.items()}
+        return cls(
+            ids=tuple(map(str, range(1, n + 1))) if ids is None else tuple(ids),
+            features=tuple("" if f else label for f, label in zip(free, labels, strict=True)) if free.any() else labels,
+            kinds=kinds,
+            sensors=("",) * n if sensors is None else tuple(sensors),
+            is_free=free,
+            source=source,
+            **arrays,
+        )
+
+    def take(self, rows: Sequence[int] | np.ndarray) -> Readings:
+        """The readings at these row numbers or where a boolean mask is true, in that order."""
+        index = np.arange(len(self))[np.asarray(rows)]
+        arrays = {k: getattr(self, k)[index] for k in _COLUMNS}
+        names: dict[str, Any] = {
+            k: tuple(getattr(self, k)[i] for i in index) for k in ("ids", "features", "kinds", "sensors")
+        }
+        return Readings(**names, **arrays, is_free=self.is_free[index], source=self.source)
+
+    @property
+    def has_point(self) -> BoolArray:
+        """Rows whose point is given."""
+        return np.asarray(~np.isnan(self.points[:, 0]))
+
+    @property
+    def has_direction(self) -> BoolArray:
+        """Rows whose direction is given."""
+        return np.asarray(~np.isnan(self.directions[:, 0]))
+
+    @property
+    def has_normal(self) -> BoolArray:
+        """Rows whose surface normal was sensed."""
+        return np.asarray(~np.isnan(self.normals[:, 0]))
+
+    @property
+    def has_hand(self) -> BoolArray:
+        """Rows whose hand pose is given."""
+        return np.asarray(~np.isnan(self.Ts_world_hand[:, 3, 3]))
+
+
+def _frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """A read-only float64 copy of the right shape; broadcast columns of NaN stay one number in memory."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != shape:
+        raise ReadingsError(f"{name}: expected shape {shape}, got {array.shape}. Give one row a reading.")
+    if array.flags.writeable:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+def _frozen_flags(value: BoolArray, n: int) -> BoolArray:
+    flags = np.array(value, dtype=bool)
+    if flags.shape != (n,):
+        raise ReadingsError(f"is_free: expected shape {(n,)}, got {flags.shape}. Give one flag a reading.")
+    flags.flags.writeable = False
+    return flags
+
+
+def _filled_kinds(kinds: Sequence[str] | None, free: BoolArray, n: int) -> tuple[str, ...]:
+    if kinds is None:
+        return tuple("free" if f else "point" for f in free) if free.any() else ("point",) * n
+    if len(kinds) != n:
+        raise ReadingsError(f"kinds: expected {n} entries, one a reading, got {len(kinds)}.")
+    free |= np.fromiter((k == "free" for k in kinds), dtype=bool, count=n)
+    return tuple("free" if f else (k or "point") for f, k in zip(free, kinds, strict=True))
+
+
+def _units(name: str, vectors: Vectors | None) -> Vectors | None:
+    """Vectors scaled to length one; NaN rows stay."""
+    if vectors is None:
+        return None
+    vectors = np.asarray(vectors, dtype=np.float64)
+    if vectors.ndim != 2 or vectors.shape[1] != 3:
+        raise ReadingsError(f"{name}: expected shape (n, 3), got {vectors.shape}. Give one row a reading.")
+    if np.isinf(vectors).any():
+        raise ReadingsError(f"{name}: expected finite numbers, got infinity. Correct them.")
+    norms = np.linalg.norm(vectors, axis=1)
+    short = np.flatnonzero(norms < 1e-9)
+    if len(short):
+        raise ReadingsError(f"{name}: expected a vector that is not zero, got zero in row {short[0] + 1}.")
+    # a row that is partly NaN stays as it is, for the check of numbers to name
+    return np.asarray(vectors / np.where(np.isnan(norms), 1.0, norms)[:, None])

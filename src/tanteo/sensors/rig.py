@@ -1,0 +1,84 @@
+"""A rig: which range sensors sit where on the hand. Metres, radians; the beam runs along +z of each sensor."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.sensors.presets import SensorPreset
+from tanteo.typing import Covariances, Transforms
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigSensor:
+    """One range sensor on the hand.
+
+    Attributes:
+        name: As in the ``sensor`` column of the readings.
+        T_hand_sensor: Its pose on the hand, ``(4, 4)``; the beam leaves its origin along +z.
+        preset: Noise law, beam and range limits; None when ``sd`` and ``beam_half_angle`` say it.
+        sd: One standard deviation along the beam [m]; overrides the preset's law. NaN for "use the preset".
+        beam_half_angle: Half angle of the beam's cone [rad].
+        max_range: Farthest range [m]; NaN for unknown.
+        bias_sd: Standard deviation of the error common to all readings of this sensor [m].
+        cov_mount: Of the mounting: body error at the sensor, ``(6, 6)``, common to all its readings.
+        axis_cosine: Cosine of the angle between beam and optical axis, for devices that report the distance along
+            the axis instead of along the beam (``range_kind`` perpendicular); 1 otherwise.
+    """
+
+    name: str
+    T_hand_sensor: Transforms
+    preset: SensorPreset | None
+    sd: float
+    beam_half_angle: float
+    max_range: float
+    bias_sd: float
+    cov_mount: Covariances
+    axis_cosine: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, shape in (("T_hand_sensor", (4, 4)), ("cov_mount", (6, 6))):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InputError(f"{name} of sensor '{self.name}': expected finite numbers of shape {shape}.")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if self.preset is None and not self.sd > 0:
+            raise InputError(f"sd of sensor '{self.name}': expected a preset or a positive sd, got neither. Give one.")
+        if not 0 < self.axis_cosine <= 1:
+            raise InputError(
+                f"axis of sensor '{self.name}': expected it within 90 degrees of the beam, got a cosine of "
+                f"{self.axis_cosine:g}. Turn it around."
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """The range sensors of one hand, by name."""
+
+    sensors: tuple[RigSensor, ...]
+    source: str = "rig"
+
+    def __post_init__(self) -> None:
+        names = [s.name for s in self.sensors]
+        if not names or len(set(names)) < len(names):
+            raise InputError(f"{self.source}: expected sensors with names of their own, got {names}.")
+
+    def numbers(self, names: Sequence[str]) -> np.ndarray:
+        """Index into ``sensors`` for every name; -1 for ``''``.
+
+        Raises:
+            InputError: A name that the rig does not have.
+        """
+        known = {s.name: i for i, s in enumerate(self.sensors)} | {"": -1}
+        for name in dict.fromkeys(names):
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+                hint = f" Did you mean '{near[0]}'?" if near else ""
+                expected = ", ".join(s.name for s in self.sensors)
+                raise InputError(f"sensor: expected one of the rig's ({expected}), got '{name}'.{hint}")
+        return np.fromiter((known[n] for n in names), dtype=np.int64, count=len(names))

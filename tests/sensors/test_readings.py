@@ -1,0 +1,110 @@
+"""What readings refuse, and that taking rows keeps them whole; presets complete and with their sources."""
+
+import numpy as np
+import pytest
+
+from tanteo.errors import InputError, ReadingsError
+from tanteo.sensors import (
+    Readings,
+    Rig,
+    RigSensor,
+    check_features,
+    robot_preset,
+    robot_presets,
+    sensor_preset,
+    sensor_presets,
+)
+
+P = np.arange(9.0).reshape(3, 3)
+EYES = np.stack([np.eye(4)] * 3)
+MIRROR = EYES * np.array([-1, 1, 1, 1.0])[None, :, None]
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"ids": ["a", "b", "a"]}, "got 'a' twice"),
+        ({"ids": ["a", "", "c"]}, "got none in row 2"),
+        ({"points": P[:, :2]}, "points: expected shape (3, 3), got (3, 2)"),
+        ({"sds": [1, 1, 0.0]}, "sds of reading '3': expected a positive number [m], got 0"),
+        ({"sds": [1, np.inf, 1.0]}, "sds of reading '2': expected finite numbers"),
+        ({"radii": [1, 1, -1.0]}, "radii of reading '3'"),
+        ({"radii": [1, 1, np.nan]}, "radii of reading '3'"),
+        ({"directions": np.zeros((3, 3))}, "expected a vector that is not zero, got zero in row 1"),
+        ({"directions": np.full((3, 3), np.inf)}, "directions: expected finite numbers"),
+        ({"normals": [[1, 0, 0], [1, np.nan, 0], [1, 0, 0]]}, "normals of reading '2'"),
+        ({"kinds": ["plane", "plan", "plane"], "features": ["A"] * 3}, "got 'plan'"),
+        ({"kinds": ["plane", "edge", "plane"], "features": ["A"] * 3}, "Give one label one kind"),
+        ({"kinds": ["plane", "", ""]}, "expected a label for kind 'plane'"),
+        ({"kinds": ["point"] * 2}, "kinds: expected 3 entries"),
+        ({"features": ["A"] * 2 + ["B"] * 2}, "features: expected 3 entries"),
+        ({"points": [[1, 2, 3], [np.nan] * 3, [1, 2, 3]]}, "reading '2': expected a point"),
+        ({"is_free": [False, True, False]}, "free reading '2': expected where the beam was"),
+        ({"normal_sds": [0.1] * 3}, "expected a normal beside it"),
+        ({"Ts_world_hand": 2 * EYES}, "expected rigid motions"),
+        ({"Ts_world_hand": MIRROR}, "expected rigid motions"),
+    ],
+)
+def test_refusals(columns, message):
+    with pytest.raises(ReadingsError) as caught:
+        Readings.from_columns(**({"points": P} | columns))
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("kind", "least"), [("plane", 3), ("edge", 2), ("vertex", 1)])
+def test_features_need_enough_readings(kind, least):
+    for n in range(1, 4):
+        r = Readings.from_columns(P[:n], kinds=[kind] * n, features=["A"] * n)
+        if n < least:
+            with pytest.raises(ReadingsError, match=f"at least {least} readings of kind {kind}, got {n}"):
+                check_features(r)
+        else:
+            check_features(r)
+
+
+def test_take_keeps_rows_whole():
+    r = Readings.from_columns(P, ids=list("abc"), sds=[1, 2, 3], directions=P + 1, Ts_world_hand=EYES, source="s")
+    t = r.take([2, 0])
+    assert (t.ids, t.source, len(t)) == (("c", "a"), "s", 2)
+    np.testing.assert_array_equal(t.points, P[[2, 0]])
+    np.testing.assert_array_equal(t.sds, [3, 1])
+    assert r.take(np.array([False, True, False])).ids == ("b",)
+
+
+def test_no_readings_are_allowed_as_a_value():
+    assert len(Readings.from_columns(np.zeros((0, 3)))) == 0
+
+
+def test_presets_are_complete_and_say_where_they_come_from():
+    assert len(sensor_presets()) == 21
+    assert len(robot_presets()) == 5
+    for preset in (*sensor_presets().values(), *robot_presets().values()):
+        assert preset.check
+        assert preset.source
+    for p in sensor_presets().values():
+        assert p.sigma_const > 0
+        assert 0 <= p.beam_half_angle < np.pi / 4
+        assert p.is_contact or p.max_range > p.min_range
+        assert np.isnan(p.exp_k) == np.isnan(p.exp_d0)
+    assert sensor_preset("vl53l0x").beam_half_angle == pytest.approx(np.deg2rad(12.5))
+    assert robot_preset("calibrated_small").pos_abs_std == 0.000025
+
+
+def test_unknown_presets_name_the_nearest():
+    with pytest.raises(InputError, match="Did you mean 'vl53l1x'"):
+        sensor_preset("VL53L1")
+    with pytest.raises(InputError, match="robot: expected one of abb_irb1600"):
+        robot_preset("zzz")
+
+
+def test_rig_refuses_what_it_cannot_use():
+    good = {"name": "a", "T_hand_sensor": np.eye(4), "preset": None, "sd": 1e-3, "beam_half_angle": 0.0, "max_range": 1.0,
+                "bias_sd": 0.0, "cov_mount": np.zeros((6, 6))}  # fmt: skip
+    with pytest.raises(InputError, match="expected a preset or a positive sd"):
+        RigSensor(**(good | {"sd": np.nan}))
+    with pytest.raises(InputError, match="T_hand_sensor of sensor 'a'"):
+        RigSensor(**(good | {"T_hand_sensor": np.full((4, 4), np.nan)}))
+    with pytest.raises(InputError, match="within 90 degrees"):
+        RigSensor(**(good | {"axis_cosine": -0.5}))
+    with pytest.raises(InputError, match="names of their own"):
+        Rig((RigSensor(**good), RigSensor(**good)))
