@@ -1,0 +1,27 @@
+"""Pairings of sensed with model features -> the part's pose, its covariance, and what stays unobserved."""
+
+from tanteo.localization.fusion import fuse_features
+from tanteo.localization.observability import describe_motion, free_motions
+from tanteo.localization.pose import ModelFeature, Pairing, PoseEstimate, build_blocks, estimate_pose
+from tanteo.localization.relations import RELATIONS, Relation, relation_between
+from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
+
+__all__ = [
+    "RELATIONS",
+    "Block",
+    "ModelFeature",
+    "Pairing",
+    "PoseEstimate",
+    "Relation",
+    "Solution",
+    "assemble",
+    "build_blocks",
+    "describe_motion",
+    "estimate_pose",
+    "free_motions",
+    "fuse_features",
+    "gauss_newton",
+    "linearise",
+    "pose_information",
+    "relation_between",
+]

@@ -1,0 +1,100 @@
+"""Which motions of the part the pairings leave free, as vectors and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.localization.solve import Block, assemble, pose_information
+from tanteo.typing import FloatArray, Tangents, Transforms
+
+_RANK_TOLERANCE = 1e-9
+"""Eigenvalues of the scaled information below this fraction of the largest count as zero."""
+
+_AXIS_TOLERANCE = np.cos(np.radians(2.0))
+"""A direction within this angle of a coordinate axis is called by the axis' name."""
+
+
+def at_exact_pairings(blocks: Sequence[Block], T_world_part: Transforms) -> list[Block]:
+    """The blocks with every sensed frame moved onto its model feature.
+
+    Noise tilts sensed features and lets a free direction look faintly observed; what the pairings can observe is a
+    property of the geometry without the noise.
+    """
+    out = []
+    for block in blocks:
+        to_world = T_world_part[..., None, :, :] @ block.Ts_part_model
+        T = SE3.inverse(to_world) @ block.Ts_world_feature
+        for _ in range(3):
+            f, D = block.relation.linearise(T, block.radii)
+            T = T @ SE3.exp(-(np.linalg.pinv(D) @ f[..., None])[..., 0])
+        out.append(replace(block, Ts_world_feature=to_world @ T))
+    return out
+
+
+def free_motions(blocks: Sequence[Block], T_world_part: Transforms, n_shared: int, length: float) -> Tangents:
+    """Orthonormal basis ``(k, 6)`` of the part-frame motions that no pairing resists, for one pose ``(4, 4)``.
+
+    Args:
+        blocks: pairings.
+        T_world_part: where to look, ``(4, 4)``.
+        n_shared: number of whitened shared errors in the blocks.
+        length: size of the part [m], which makes metres and radians comparable: rows are scaled by it.
+
+    Returns:
+        Tangents ``[v / length, w]``, pure translations first.
+    """
+    exact = at_exact_pairings(blocks, T_world_part)
+    information = pose_information(assemble(exact, T_world_part, np.zeros(n_shared)).information)
+    scale = np.r_[np.full(3, length), np.ones(3)]
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    N = vectors[:, values <= _RANK_TOLERANCE * max(values[-1], 0.0)].T
+    return _translations_first(N) if len(N) else np.zeros((0, 6))
+
+
+def _translations_first(N: FloatArray) -> FloatArray:
+    """Basis of the same space that begins with its pure translations and ends with screws orthogonal to them."""
+    U, s, _ = np.linalg.svd(N[:, 3:], full_matrices=True)
+    rank = int(np.sum(s > 1e-6))
+    translations = _sparse_rows(U[:, rank:].T @ N)
+    turns = U[:, :rank].T @ N
+    turns -= turns @ translations.T @ translations if len(translations) else 0.0
+    return np.concatenate([translations, turns / np.linalg.norm(turns, axis=1, keepdims=True)])
+
+
+def _sparse_rows(N: FloatArray) -> FloatArray:
+    """All three translations as the coordinate axes; otherwise as they come."""
+    return np.eye(6)[:3] if len(N) == 3 else N
+
+
+def describe_motion(xi: Tangents, T_world_part: Transforms, length: float) -> str:
+    """A free motion in words: ``sliding along world x``, ``rotation about part z``, or a line in numbers.
+
+    Args:
+        xi: scaled tangent ``[v / length, w]`` in the part frame, as :func:`free_motions` gives it.
+        T_world_part: the pose.
+        length: the scale used there [m].
+    """
+    v, w = xi[:3] * length, xi[3:]
+    R = T_world_part[:3, :3]
+    if np.linalg.norm(w) < 1e-6:
+        return f"sliding along {_name_direction(v, R)}"
+    axis = w / np.linalg.norm(w)
+    pitch = float(v @ axis) / float(np.linalg.norm(w))
+    point = T_world_part[:3, :3] @ (np.cross(w, v) / (w @ w)) + T_world_part[:3, 3]
+    where = ", ".join(f"{1e3 * c:.1f}" for c in point)
+    words = f"rotation about {_name_direction(axis, R)} through ({where}) mm"
+    return words if abs(pitch) < 1e-3 * length else f"{words} while sliding {1e3 * pitch:.1f} mm a radian"
+
+
+def _name_direction(d: FloatArray, R_world_part: FloatArray) -> str:
+    d = d / np.linalg.norm(d)
+    for frame, u in (("world", R_world_part @ d), ("part", d)):
+        k = int(np.argmax(np.abs(u)))
+        if abs(u[k]) > _AXIS_TOLERANCE:
+            return f"{frame} {'xyz'[k]}"
+    u = R_world_part @ d
+    return f"the world direction ({', '.join(f'{c:.2f}' for c in u)})"

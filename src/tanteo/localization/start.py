@@ -1,0 +1,77 @@
+"""A closed-form first pose from pairings: rotation from directions, then translation from offsets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.lie import SE3, SO3
+from tanteo.localization.solve import Block
+from tanteo.typing import FloatArray, Transforms
+
+_DIRECTION_AXIS = {"plane": 2, "edge": 0, "cylinder": 0, "circle": 2, "half_edge": 0, "cone": 0}
+
+
+def first_pose(blocks: Sequence[Block]) -> Transforms:
+    """A pose ``(*batch, 4, 4)`` near the answer, for pairings whose directions (and points) fix the rotation.
+
+    Directions are normals and axes, signs taken as the frames give them; two or more vertices add the directions from
+    their mean. Where nothing fixes a direction of rotation or translation, one choice among many is returned.
+    """
+    sensed, model, weights = _directions(blocks)
+    R = SO3.align(model, sensed, weights)
+    return SE3.from_parts(R, place(blocks, R))
+
+
+def _directions(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    sensed, model, weights = [], [], []
+    for block in blocks:
+        a = _DIRECTION_AXIS.get(block.relation.sensed.name)
+        b = _DIRECTION_AXIS.get(block.relation.model.name)
+        if block.relation.name in ("vertex_vertex", "sphere_sphere"):
+            u, v, w = _from_mean(block)
+        elif a is None or b is None or a != b:
+            continue
+        else:
+            u, v = block.Ts_world_feature[..., :3, a], block.Ts_part_model[..., :3, b]
+            w = block.active.astype(np.float64)
+        shape = np.broadcast_shapes(u.shape[:-1], v.shape[:-1], w.shape)
+        sensed.append(np.broadcast_to(u, (*shape, 3)))
+        model.append(np.broadcast_to(v, (*shape, 3)))
+        weights.append(np.broadcast_to(w, shape))
+    if not sensed:
+        batch = np.broadcast_shapes(*(b.active.shape[:-1] for b in blocks)) if blocks else ()
+        empty = np.zeros((*batch, 0, 3))
+        return empty, empty, np.zeros((*batch, 0))
+    return np.concatenate(sensed, axis=-2), np.concatenate(model, axis=-2), np.concatenate(weights, axis=-1)
+
+
+def _from_mean(block: Block) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Directions from the mean of the active points to each, weighted by squared length."""
+    w = block.active.astype(np.float64)
+    total = np.maximum(w.sum(axis=-1), 1.0)[..., None]
+    spokes = []
+    for Ts in (block.Ts_world_feature, block.Ts_part_model):
+        p = Ts[..., :3, 3]
+        spokes.append(p - ((w[..., None] * p).sum(axis=-2) / total)[..., None, :])
+    size = np.linalg.norm(spokes[1], axis=-1).max(axis=-1, initial=1e-300)[..., None, None]
+    return spokes[0] / size, spokes[1] / size, w
+
+
+def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
+    """Translation ``(*batch, 3)`` for a given rotation, by least squares of all offset equations."""
+    batch = R.shape[:-2]
+    A, b = np.zeros((*batch, 3, 3)), np.zeros((*batch, 3))
+    for block in blocks:
+        rows = [i for i in range(3) if i in block.relation.model.rows and i in block.relation.sensed.rows]
+        if block.relation.sensed.name == "vertex":
+            rows = [i for i in range(3) if i in block.relation.model.rows]
+        if not rows or block.relation.name.endswith("directions"):
+            continue
+        axes = R[..., None, :, :] @ block.Ts_part_model[..., :3, rows]
+        gap = block.Ts_world_feature[..., :3, 3] - SE3.apply(R[..., None, :, :], block.Ts_part_model[..., :3, 3])
+        N = (axes @ np.swapaxes(axes, -1, -2)) * block.active[..., None, None]
+        A += N.sum(axis=-3)
+        b += (N @ gap[..., None])[..., 0].sum(axis=-2)
+    return np.asarray(np.linalg.solve(A + 1e-9 * np.eye(3), b[..., None])[..., 0])

@@ -1,0 +1,73 @@
+"""What a recognition answers: frozen values with a status and a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from tanteo.typing import Covariances, Transforms
+
+Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One answer that is still possible: a part at a pose, poses that its symmetry maps onto each other merged.
+
+    Attributes:
+        part: name of the part.
+        file: where it was read from.
+        probability: posterior, over all parts, poses and "none of these".
+        T_world_part: pose ``(4, 4)``, maps points of the part [m] to the world.
+        covariance: ``(6, 6)``, order x y z rx ry rz, in the part frame, right perturbation [m, rad]. Directions that
+            nothing observes carry the variance of a uniform draw over the workspace.
+        worst_corner_sd: largest standard deviation of the position of a corner of the part's box [m].
+        unobserved: directions that the readings leave free and no symmetry explains, in words.
+        symmetry_order: number of equivalent poses, this one included.
+        symmetry_poses: the other equivalent poses ``(symmetry_order - 1, 4, 4)``.
+        chi2: joint Mahalanobis distance of all pairings.
+        dof: its degrees of freedom.
+        p_value: probability of a larger ``chi2`` if the hypothesis is true; 1 without redundancy.
+        rms: root mean square distance of the readings to the features they are paired with [m].
+        outliers: ids of the readings that the hypothesis does not explain.
+        pairings: reading id and model feature, for every explained reading.
+    """
+
+    part: str
+    file: str
+    probability: float
+    T_world_part: Transforms
+    covariance: Covariances
+    worst_corner_sd: float
+    unobserved: tuple[str, ...]
+    symmetry_order: int
+    symmetry_poses: Transforms
+    chi2: float
+    dof: int
+    p_value: float
+    rms: float
+    outliers: tuple[str, ...]
+    pairings: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recognition:
+    """The answer to "which part is it, and where".
+
+    Attributes:
+        status: ``recognized`` (one answer), ``ambiguous`` (several remain), ``unknown`` (none of the parts) or
+            ``insufficient`` (the readings leave a direction free that no symmetry explains).
+        message: one sentence for a person, with what to do next when it is not recognized.
+        hypotheses: best first.
+        unknown_probability: posterior of "none of these"; sums to one with all hypotheses, reported or not.
+        elapsed: seconds by stage.
+        seed: of the search; the same seed gives the same answer.
+    """
+
+    status: Status
+    message: str
+    hypotheses: tuple[Hypothesis, ...]
+    unknown_probability: float
+    elapsed: Mapping[str, float] = field(default_factory=dict)
+    seed: int = 0
