@@ -1,5 +1,97 @@
-"""Uncertain frames: what is known of where a frame is, and how well."""
+"""Uncertain frames: what is known of where a frame is, and how well.
 
-from tanteo.frames.covariances import check_covariance, check_covariances, frozen_array
+``UncertainFrame`` is ``T exp(e)``, ``e ~ N(0, C)``: composed, inverted, related, fused and sampled by functions of
+those names, over batches. Location vectors (the paper's six numbers) and covariances by other people's conventions
+are for the border.
+"""
 
-__all__ = ["check_covariance", "check_covariances", "frozen_array"]
+from tanteo.frames.covariances import check_covariance, check_covariances, frozen_array, symmetrised
+from tanteo.frames.fusion import Fusion, fuse
+from tanteo.frames.location import (
+    compose_locations,
+    invert_location,
+    loc_to_matrix,
+    matrix_to_loc,
+    relate_locations,
+)
+from tanteo.frames.location_jacobians import (
+    E_r,
+    J1_at_zero,
+    J2_at_zero,
+    J2_at_zero_inverse,
+    J_ominus,
+    K_r,
+    body_covariance,
+    compose_jacobians,
+    differential_jacobian,
+    differential_jacobian_inverse,
+    location_covariance,
+)
+from tanteo.frames.named import (
+    GTSAM,
+    ROS,
+    SPATIAL,
+    TANTEO,
+    CovarianceConvention,
+    NamedCovariance,
+    as_gtsam_covariance,
+    as_ros_covariance,
+    convention_gain,
+    convert_covariance,
+    from_gtsam_covariance,
+    from_ros_covariance,
+    name_covariance,
+    uncertain_frame,
+)
+from tanteo.frames.propagation import compose_arrays, compose_fourth_order, congruence, invert_arrays, relate_arrays
+from tanteo.frames.uncertain import UncertainFrame, check_transforms, compose, invert, relate, sample
+
+__all__ = [
+    "GTSAM",
+    "ROS",
+    "SPATIAL",
+    "TANTEO",
+    "CovarianceConvention",
+    "E_r",
+    "Fusion",
+    "J1_at_zero",
+    "J2_at_zero",
+    "J2_at_zero_inverse",
+    "J_ominus",
+    "K_r",
+    "NamedCovariance",
+    "UncertainFrame",
+    "as_gtsam_covariance",
+    "as_ros_covariance",
+    "body_covariance",
+    "check_covariance",
+    "check_covariances",
+    "check_transforms",
+    "compose",
+    "compose_arrays",
+    "compose_fourth_order",
+    "compose_jacobians",
+    "compose_locations",
+    "congruence",
+    "convention_gain",
+    "convert_covariance",
+    "differential_jacobian",
+    "differential_jacobian_inverse",
+    "from_gtsam_covariance",
+    "from_ros_covariance",
+    "frozen_array",
+    "fuse",
+    "invert",
+    "invert_arrays",
+    "invert_location",
+    "loc_to_matrix",
+    "location_covariance",
+    "matrix_to_loc",
+    "name_covariance",
+    "relate",
+    "relate_arrays",
+    "relate_locations",
+    "sample",
+    "symmetrised",
+    "uncertain_frame",
+]

@@ -8,7 +8,11 @@ from tanteo.errors import CovarianceError
 from tanteo.typing import Covariances, FloatArray
 
 _ASYMMETRY = 1e-8
-_NEGATIVE = -1e-9
+"""Largest tolerated difference from the transpose, relative to the largest entry."""
+_NEGATIVE = 1e-9
+"""Most negative eigenvalue tolerated, after scaling to a unit diagonal."""
+_ROUNDING = 1e-13
+"""Variances below this fraction of the largest entry are rounding errors of zero."""
 
 
 def frozen_array(value: FloatArray) -> FloatArray:
@@ -33,7 +37,7 @@ def check_covariances(name: str, C: Covariances, size: int) -> Covariances:
     """A read-only, symmetrised copy of covariances ``(*batch, size, size)``.
 
     Variances may differ by any factor (metres beside radians): each matrix is judged after scaling to a unit
-    diagonal.
+    diagonal. Rounding errors around zero are no fault.
 
     Raises:
         CovarianceError: if one has another shape, is not finite, not symmetric or not positive semidefinite.
@@ -44,16 +48,33 @@ def check_covariances(name: str, C: Covariances, size: int) -> Covariances:
     finite = np.isfinite(C)
     if not np.all(finite):
         raise CovarianceError(f"{name}: expected finite numbers, got {C[~finite][0]}. Check the sensor's model.")
-    Ct = np.swapaxes(C, -1, -2)
-    scale = np.abs(C).max(axis=(-1, -2), initial=0.0, keepdims=True)
-    if np.any(np.abs(C - Ct) > _ASYMMETRY * scale):
+    largest = np.abs(C).max(axis=(-1, -2), initial=0.0, keepdims=True)
+    if np.any(np.abs(C - np.swapaxes(C, -1, -2)) > _ASYMMETRY * largest):
         raise CovarianceError(f"{name}: expected a symmetric matrix, got one that differs from its transpose.")
-    C = 0.5 * (C + Ct)
-    variances = np.diagonal(C, axis1=-2, axis2=-1)
-    d = np.sqrt(np.maximum(variances, 0.0))
-    product = d[..., :, None] * d[..., None, :]
-    unit = C / np.where(product > 0, product, 1.0)
-    if np.any(variances < 0) or (unit.size and np.linalg.eigvalsh(unit).min() < _NEGATIVE):
+    C = symmetrised(C)
+    if not _is_semidefinite(C, _ROUNDING * largest[..., 0]):
         raise CovarianceError(f"{name}: expected a positive semidefinite matrix, got a negative variance in it.")
+    diagonal = np.arange(size)
+    C[..., diagonal, diagonal] = np.maximum(C[..., diagonal, diagonal], 0.0)
     C.setflags(write=False)
     return C
+
+
+def symmetrised(C: Covariances) -> Covariances:
+    """Half the sum of ``C`` and its transpose."""
+    return 0.5 * (C + np.swapaxes(C, -1, -2))
+
+
+def _is_semidefinite(C: Covariances, floor: FloatArray) -> bool:
+    """Whether no eigenvalue of the scaled matrices is below ``-_NEGATIVE``, by Cholesky of the shifted ones."""
+    variances = np.diagonal(C, axis1=-2, axis2=-1)
+    if np.any(variances < -floor):
+        return False
+    d = np.sqrt(np.maximum(variances, floor))
+    d = np.where(d > 0, d, 1.0)
+    unit = C / (d[..., :, None] * d[..., None, :]) + _NEGATIVE * np.eye(C.shape[-1])
+    try:
+        np.linalg.cholesky(unit)
+    except np.linalg.LinAlgError:
+        return False
+    return True

@@ -1,0 +1,104 @@
+"""Several estimates of one full frame made into one, by Gauss-Newton on SE(3) in information form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import CovarianceError, InputError
+from tanteo.frames.uncertain import UncertainFrame
+from tanteo.lie import SE3
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
+
+_CONVERGED = 1e-12
+"""Squared length of the last step, in standard deviations of the result."""
+_ITERATIONS = 50
+_SINGULAR = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fusion:
+    """What :func:`fuse` found.
+
+    Attributes:
+        frame: the fused frame and its covariance.
+        chi2: disagreement of the estimates ``(*batch,)``: chi-square distributed if their covariances are true.
+        dof: its degrees of freedom, ``6 (n - 1)``.
+        converged: whether the iteration came to rest ``(*batch,)``; if not, the estimates contradict each other by
+            turns too large to average, and the frame must not be used.
+    """
+
+    frame: UncertainFrame
+    chi2: FloatArray
+    dof: int
+    converged: BoolArray
+
+
+def fuse(estimates: UncertainFrame) -> Fusion:
+    """The maximum-likelihood frame of independent estimates of it.
+
+    Minimises ``sum r_i' C_i^-1 r_i``, ``r_i = log(T_i^-1 T)``. Estimates that share an error (one robot base, one
+    calibration) are not independent: fusing them here counts the shared error down as if it averaged out.
+
+    Args:
+        estimates: ``T_a_b`` ``(*batch, n, 4, 4)`` with covariances ``(*batch, n, 6, 6)``: the last batch axis runs
+            over the estimates.
+
+    Raises:
+        InputError: if there is no axis of estimates, or none along it.
+        CovarianceError: if a covariance is singular; a feature's free directions have no place here.
+    """
+    if not estimates.batch or estimates.batch[-1] == 0:
+        raise InputError(f"estimates: expected at least one along the last batch axis, got batch {estimates.batch}.")
+    W = _information("estimates", estimates.C)
+    T, delta = estimates.T[..., 0, :, :], np.full(estimates.batch[:-1], np.inf)
+    for _ in range(_ITERATIONS):
+        H, gradient, _ = _normal_equations(estimates.T, W, T)
+        step = -_solve(H, gradient)
+        T = T @ SE3.exp(step)
+        delta = np.asarray(np.einsum("...i,...ij,...j->...", step, H, step))
+        if np.all(delta < _CONVERGED):
+            break
+    H, _, chi2 = _normal_equations(estimates.T, W, T)
+    frame = UncertainFrame(T, _information("fused", H))
+    return Fusion(frame, chi2, 6 * (estimates.batch[-1] - 1), delta < _CONVERGED)
+
+
+def _normal_equations(Ts: Transforms, W: FloatArray, T: Transforms) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Information ``H``, gradient and chi-square at ``T``; ``d r_i = Jr^-1(r_i) delta``."""
+    r = SE3.log(SE3.inverse(Ts) @ T[..., None, :, :])
+    J = SE3.right_jacobian_inverse(r)
+    JW = np.swapaxes(J, -1, -2) @ W
+    Wr = np.einsum("...ij,...j->...i", W, r)
+    gradient = np.einsum("...nij,...nj->...i", np.swapaxes(J, -1, -2), Wr)
+    return np.sum(JW @ J, axis=-3), gradient, np.einsum("...ni,...ni->...", r, Wr)
+
+
+def _scaled(A: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``A`` with a unit diagonal and the scale that made it so: metres and radians then weigh alike."""
+    d = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    return A / (d[..., :, None] * d[..., None, :]), d
+
+
+def _solve(H: FloatArray, b: FloatArray) -> FloatArray:
+    unit, d = _scaled(H)
+    return np.linalg.solve(unit, (b / d)[..., None])[..., 0] / d
+
+
+def _information(name: str, C: Covariances) -> FloatArray:
+    """Inverse of positive definite matrices.
+
+    Raises:
+        CovarianceError: if one is singular to rounding.
+    """
+    variances = np.diagonal(C, axis1=-2, axis2=-1)
+    if np.all(variances > 0):
+        unit, d = _scaled(C)
+        if np.linalg.eigvalsh(unit).min(initial=1.0) > _SINGULAR:
+            inverse = np.linalg.inv(unit) / (d[..., :, None] * d[..., None, :])
+            return 0.5 * (inverse + np.swapaxes(inverse, -1, -2))
+    raise CovarianceError(
+        f"{name}: expected positive definite covariances, got a singular one. Give every direction a variance, or"
+        " locate from features, which may leave directions free."
+    )

@@ -1,0 +1,171 @@
+"""Covariances by name: what other software means by "the 6 x 6 covariance of a pose", and the way there and back.
+
+A convention is an order, the axes in which the error is expressed, and the point about which its turn acts. Each is
+a linear, invertible map ``G(T)`` of our body error, so ``C_named = G C G'`` loses nothing:
+
+==============  =======================  ==========================================================
+name            ``G(T)``                 who
+==============  =======================  ==========================================================
+``TANTEO``      identity                 us: ``T exp(e)``, ``x y z rx ry rz``, axes of the part
+``ROS``         ``diag(R, R)``           geometry_msgs/PoseWithCovariance, tf2, robot_localization
+``GTSAM``       halves swapped           gtsam.Pose3: ``T Expmap(e)``, ``rx ry rz x y z``
+``SPATIAL``     ``Ad(T)``                Barfoot, Sophus' left increment: ``exp(e) T``, axes of the world
+==============  =======================  ==========================================================
+
+ROS says "fixed-axis representation ... rotation about X axis, rotation about Y axis, rotation about Z axis" in the
+header's frame (REP 103; the message's comment) and no more. tf2 and robot_localization carry such a covariance to
+another header frame with ``diag(R, R)`` on both sides, which is right exactly for a displacement of the origin and a
+small rotation vector about axes through that origin, both along the header's axes: ``p' = p + dp``,
+``R' = exp(dw) R``. That is what ``ROS`` means here. Packages that store the covariance of roll, pitch and yaw
+instead (MRPT, some filters) differ from it at large pitch; that one is ``frames.location_covariance``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from tanteo.errors import CovarianceError, InputError
+from tanteo.frames.covariances import check_covariances
+from tanteo.frames.propagation import congruence
+from tanteo.frames.uncertain import UncertainFrame, check_transforms
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Adjoints, Covariances, FloatArray, Transforms
+
+TRANSLATION_FIRST: Final = "x y z rx ry rz"
+ROTATION_FIRST: Final = "rx ry rz x y z"
+_CHOICES = {
+    "order": (TRANSLATION_FIRST, ROTATION_FIRST),
+    "frame": ("part", "world"),
+    "perturbation": ("right", "left"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class CovarianceConvention:
+    """What the rows of a pose covariance mean, for a pose ``T_world_part``.
+
+    Attributes:
+        order: of the rows, ``x y z rx ry rz`` or ``rx ry rz x y z``.
+        frame: axes along which the error is expressed, ``part`` (body) or ``world`` (spatial, parent, header).
+        perturbation: where the turn acts: ``right`` about the origin of the part, ``left`` about that of the world.
+
+    Raises:
+        InputError: for another word; the message lists the choices.
+    """
+
+    order: Literal["x y z rx ry rz", "rx ry rz x y z"]
+    frame: Literal["part", "world"]
+    perturbation: Literal["right", "left"]
+
+    def __post_init__(self) -> None:
+        for field, choices in _CHOICES.items():
+            if getattr(self, field) not in choices:
+                raise InputError(f"{field}: expected one of {choices}, got {getattr(self, field)!r}.")
+
+
+TANTEO = CovarianceConvention(TRANSLATION_FIRST, "part", "right")
+ROS = CovarianceConvention(TRANSLATION_FIRST, "world", "right")
+GTSAM = CovarianceConvention(ROTATION_FIRST, "part", "right")
+SPATIAL = CovarianceConvention(TRANSLATION_FIRST, "world", "left")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NamedCovariance:
+    """A pose with a covariance that says what it means.
+
+    Attributes:
+        T: ``T_world_part`` ``(*batch, 4, 4)``.
+        covariance: ``(*batch, 6, 6)`` in the order, axes and perturbation of the convention [m, rad].
+        convention: what the rows mean.
+
+    Raises:
+        InputError: if ``T`` is not a rigid motion.
+        CovarianceError: if the covariance is not one.
+    """
+
+    T: Transforms
+    covariance: Covariances
+    convention: CovarianceConvention
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T", check_transforms("T", self.T))
+        object.__setattr__(self, "covariance", check_covariances("covariance", self.covariance, 6))
+
+
+def convention_gain(T: Transforms, convention: CovarianceConvention) -> Adjoints:
+    """``G(T)`` ``(*batch, 6, 6)`` with ``e_named = G e``, ``e`` our body error."""
+    T = np.asarray(T, dtype=np.float64)
+    left, world = convention.perturbation == "left", convention.frame == "world"
+    R = SE3.rotation(T)
+    if left and world:
+        G = SE3.adjoint(T)
+    elif left:
+        G = _turn(SO3.inverse(R)) @ SE3.adjoint(T)
+    elif world:
+        G = _turn(R)
+    else:
+        G = _turn(np.broadcast_to(np.eye(3), R.shape))
+    return np.roll(G, 3, axis=-2) if convention.order == ROTATION_FIRST else G
+
+
+def _turn(R: FloatArray) -> Adjoints:
+    G = np.zeros((*R.shape[:-2], 6, 6))
+    G[..., :3, :3] = G[..., 3:, 3:] = R
+    return G
+
+
+def _gain_inverse(T: Transforms, convention: CovarianceConvention) -> Adjoints:
+    """``G^-1`` in closed form: ``diag(R', R')`` and ``Ad(T^-1)`` are exact where a solver would round."""
+    left, world = convention.perturbation == "left", convention.frame == "world"
+    R = SE3.rotation(np.asarray(T, dtype=np.float64))
+    if left:
+        G = SE3.adjoint_inverse(T) if world else SE3.adjoint_inverse(T) @ _turn(R)
+    else:
+        G = _turn(SO3.inverse(R) if world else np.broadcast_to(np.eye(3), R.shape))
+    return np.roll(G, 3, axis=-1) if convention.order == ROTATION_FIRST else G
+
+
+def name_covariance(frame: UncertainFrame, convention: CovarianceConvention) -> NamedCovariance:
+    """The covariance of a frame in another convention."""
+    return NamedCovariance(frame.T, congruence(convention_gain(frame.T, convention), frame.C), convention)
+
+
+def uncertain_frame(named: NamedCovariance) -> UncertainFrame:
+    """Back to ours: inverse of :func:`name_covariance`."""
+    return UncertainFrame(named.T, congruence(_gain_inverse(named.T, named.convention), named.covariance))
+
+
+def convert_covariance(named: NamedCovariance, convention: CovarianceConvention) -> NamedCovariance:
+    """From one convention to another."""
+    return name_covariance(uncertain_frame(named), convention)
+
+
+def as_ros_covariance(frame: UncertainFrame) -> FloatArray:
+    """``PoseWithCovariance.covariance``: 36 numbers row by row ``(*batch, 36)``, for the pose ``frame.T``."""
+    C = name_covariance(frame, ROS).covariance
+    return C.reshape(*C.shape[:-2], 36).copy()
+
+
+def from_ros_covariance(T: Transforms, covariance: FloatArray) -> UncertainFrame:
+    """The frame of a ``PoseWithCovariance``: its pose as ``T`` ``(*batch, 4, 4)`` and its 36 numbers.
+
+    Raises:
+        CovarianceError: if there are not 36 numbers, or they are no covariance.
+    """
+    C = np.asarray(covariance, dtype=np.float64)
+    if C.ndim == 0 or C.shape[-1] != 36:
+        raise CovarianceError(f"covariance: expected 36 numbers (row by row), got shape {C.shape}.")
+    return uncertain_frame(NamedCovariance(T, C.reshape(*C.shape[:-1], 6, 6), ROS))
+
+
+def as_gtsam_covariance(frame: UncertainFrame) -> Covariances:
+    """Covariance of a ``gtsam.Pose3`` ``(*batch, 6, 6)``: body error, rotation first."""
+    return name_covariance(frame, GTSAM).covariance
+
+
+def from_gtsam_covariance(T: Transforms, covariance: Covariances) -> UncertainFrame:
+    """The frame of a ``gtsam.Pose3`` and its marginal covariance ``(*batch, 6, 6)``."""
+    return uncertain_frame(NamedCovariance(T, covariance, GTSAM))

@@ -1,0 +1,139 @@
+"""The uncertain frame and what is done with it: compose, invert, relate, sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.frames.covariances import check_covariances, symmetrised
+from tanteo.frames.propagation import compose_arrays, compose_fourth_order, invert_arrays, relate_arrays
+from tanteo.lie import SE3
+from tanteo.typing import Covariances, FloatArray, Transforms
+
+_RIGID = 1e-6
+
+
+def check_transforms(name: str, T: Transforms) -> Transforms:
+    """A read-only float64 copy of rigid motions ``(*batch, 4, 4)``.
+
+    Raises:
+        InputError: if one is not finite, not orthonormal (to 1e-6), a reflection, or not homogeneous.
+    """
+    T = np.array(T, dtype=np.float64)
+    if T.ndim < 2 or T.shape[-2:] != (4, 4):
+        raise InputError(f"{name}: expected 4 x 4 matrices, got shape {T.shape}.")
+    R = T[..., :3, :3]
+    with np.errstate(invalid="ignore"):
+        excess = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2), initial=0.0)
+        rigid = (excess < _RIGID) & (np.linalg.det(R) > 0) & np.all(T[..., 3, :] == [0, 0, 0, 1], axis=-1)
+        rigid &= np.all(np.isfinite(T), axis=(-1, -2))
+    if not np.all(rigid):
+        bad = T[~rigid][0]
+        raise InputError(
+            f"{name}: expected rigid motions (rotation of determinant +1, last row 0 0 0 1), got {bad.tolist()}."
+        )
+    T.setflags(write=False)
+    return T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UncertainFrame:
+    """Where a frame is and how well that is known: ``T_true = T exp(e)``, ``e ~ N(0, C)``.
+
+    Attributes:
+        T: ``T_a_b`` ``(*batch, 4, 4)`` [m].
+        C: covariance of the body (right) error, translation first, in the axes of b ``(*batch, 6, 6)``
+            [m^2, m rad, rad^2]. Zero rows mean: certain.
+
+    The batch axes of both broadcast.
+
+    Raises:
+        InputError: if ``T`` is not a rigid motion.
+        CovarianceError: if ``C`` is not a covariance.
+    """
+
+    T: Transforms
+    C: Covariances
+
+    def __post_init__(self) -> None:
+        self._keep(check_transforms("T", self.T), check_covariances("C", self.C, 6))
+
+    def _keep(self, T: Transforms, C: Covariances) -> None:
+        batch = np.broadcast_shapes(T.shape[:-2], C.shape[:-2])
+        object.__setattr__(self, "T", np.broadcast_to(T, (*batch, 4, 4)))
+        object.__setattr__(self, "C", np.broadcast_to(C, (*batch, 6, 6)))
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the batch: ``()`` for a single frame."""
+        return self.T.shape[:-2]
+
+
+def _propagated(T: Transforms, C: Covariances) -> UncertainFrame:
+    """A frame from our own arithmetic, which is not asked to prove again that it is rigid and semidefinite."""
+    frame = object.__new__(UncertainFrame)
+    C = symmetrised(C)
+    T.setflags(write=False)
+    C.setflags(write=False)
+    frame._keep(T, C)
+    return frame
+
+
+def compose(
+    first: UncertainFrame, second: UncertainFrame, cross: FloatArray | None = None, *, order: int = 2
+) -> UncertainFrame:
+    """``T_a_c`` from ``T_a_b`` and ``T_b_c``; batches broadcast.
+
+    Args:
+        first: ``T_a_b``.
+        second: ``T_b_c``.
+        cross: ``E[e1 e2']`` ``(*batch, 6, 6)`` if the errors are correlated.
+        order: 2 (enough for tilts below 0.1 rad) or 4 (Barfoot and Furgale), for independent errors only.
+
+    Raises:
+        InputError: for another order, or order 4 with correlated errors.
+    """
+    if order == 2:
+        return _propagated(*compose_arrays(first.T, first.C, second.T, second.C, cross))
+    if order != 4 or cross is not None:
+        got = f"{order}" if order != 4 else "4 with a cross covariance"
+        raise InputError(f"order: expected 2, or 4 for independent errors, got {got}. Use 2.")
+    return _propagated(*compose_fourth_order(first.T, first.C, second.T, second.C))
+
+
+def invert(frame: UncertainFrame) -> UncertainFrame:
+    """``T_b_a`` from ``T_a_b``; its error is seen in the axes of a."""
+    return _propagated(*invert_arrays(frame.T, frame.C))
+
+
+def relate(first: UncertainFrame, second: UncertainFrame, cross: FloatArray | None = None) -> UncertainFrame:
+    """``T_f1_f2`` from ``T_world_f1`` and ``T_world_f2``: ``e12 = e2 - Ad(T12^-1) e1``, (26).
+
+    The sign is that of section 2 of the paper, not of its printed (26): a common error cancels (``math.md``
+    section 3). Batches broadcast; :func:`relate_arrays` is the same on plain arrays.
+
+    Args:
+        first: the frame to look from.
+        second: the frame to look at.
+        cross: ``E[e1 e2']`` ``(*batch, 6, 6)`` if the errors are correlated.
+    """
+    return _propagated(*relate_arrays(first.T, first.C, second.T, second.C, cross))
+
+
+def sample(frame: UncertainFrame, rng: np.random.Generator, size: tuple[int, ...] = ()) -> Transforms:
+    """Draws of the true frame: ``T exp(e)``, ``e ~ N(0, C)``; singular covariances are fine.
+
+    Args:
+        frame: a single frame or a batch.
+        rng: source of chance.
+        size: leading axes of independent draws.
+
+    Returns:
+        ``(*size, *batch, 4, 4)``.
+    """
+    values, vectors = np.linalg.eigh(frame.C)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    e = np.einsum("...ij,...j->...i", root, rng.standard_normal((*size, *frame.batch, 6)))
+    return frame.T @ SE3.exp(e)
