@@ -1,0 +1,26 @@
+"""CAD file -> :class:`Part`: a closed mesh in metres, its planes, straight edges, corners and symmetry."""
+
+from tanteo.parts.mirror import mirror_part
+from tanteo.parts.part import (
+    Face,
+    ModelEdges,
+    ModelPlanes,
+    ModelVertices,
+    Part,
+    SurfaceKind,
+    SymmetryGroup,
+)
+from tanteo.parts.reading import READABLE, read_part
+
+__all__ = [
+    "READABLE",
+    "Face",
+    "ModelEdges",
+    "ModelPlanes",
+    "ModelVertices",
+    "Part",
+    "SurfaceKind",
+    "SymmetryGroup",
+    "mirror_part",
+    "read_part",
+]

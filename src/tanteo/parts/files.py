@@ -1,0 +1,117 @@
+"""Mesh files -> vertices and triangles as the file lists them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tanteo.errors import PartError, UnitError
+from tanteo.parts.units import unit_name
+from tanteo.typing import FloatArray, IntArray
+
+UNITLESS = (".stl", ".obj", ".ply", ".off")
+"""Mesh formats that carry no unit."""
+
+MESH_SUFFIXES = (*UNITLESS, ".glb", ".3mf")
+
+
+def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, IntArray, str]:
+    """Read a mesh file.
+
+    Args:
+        path: of the file; its suffix names the format.
+        unit: what one coordinate step means; required for formats that do not say.
+        label: how messages name the file.
+
+    Returns:
+        Vertices ``(V, 3)`` in the returned unit, triangles ``(T, 3)``, and the short name of the unit.
+
+    Raises:
+        UnitError: no unit where the format has none, or one that is not known.
+        PartError: the file is not what its suffix says, or holds no triangles.
+    """
+    suffix = path.suffix.lower()
+    if suffix in UNITLESS:
+        if unit is None:
+            raise UnitError(
+                f"unit: expected the length unit of {label}, got none, and {suffix[1:].upper()} files carry none. "
+                "Pass unit='mm' (or um, cm, m, in, ft)."
+            )
+        read = _read_off if suffix == ".off" else _read_with_trimesh
+        vertices, triangles, _ = read(path, label)
+        return vertices, triangles, unit_name(unit)
+    vertices, triangles, stated = _read_with_trimesh(path, label)
+    own = "m" if suffix == ".glb" else unit_name(stated or "mm")
+    return vertices, triangles, own
+
+
+def _read_with_trimesh(path: Path, label: str) -> tuple[FloatArray, IntArray, str | None]:
+    import struct
+    import zipfile
+
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(str(path), process=False)
+        mesh = scene.to_mesh()
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, EOFError, UnicodeError) as error:
+        raise _unreadable(path, label, error) from error
+    except (struct.error, zipfile.BadZipFile, RuntimeError, OSError, NotImplementedError) as error:
+        raise _unreadable(path, label, error) from error
+    vertices = np.asarray(getattr(mesh, "vertices", np.zeros((0, 3))), dtype=np.float64).reshape(-1, 3)
+    triangles = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3)
+    if len(triangles) and (triangles.min() < 0 or triangles.max() >= len(vertices)):
+        raise PartError(f"{label}: expected corner indices below {len(vertices)}, got others. Export it again.")
+    return vertices, triangles, scene.units
+
+
+def _unreadable(path: Path, label: str, error: BaseException) -> PartError:
+    detail = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+    kind = path.suffix[1:].upper()
+    return PartError(f"{label}: expected a {kind} mesh, got a file that cannot be read as one ({detail}).")
+
+
+def _read_off(path: Path, label: str) -> tuple[FloatArray, IntArray, None]:
+    """Read OFF with comments and polygons of any number of corners, cut into fans."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    lines = [words for line in text.splitlines() if (words := line.split("#", 1)[0].split())]
+    if not lines or lines[0][0].upper() != "OFF":
+        got = lines[0][0] if lines else "an empty file"
+        raise PartError(f"{label}: expected the word OFF at the start, got {got!r}. Export it as plain OFF.")
+    lines = ([lines[0][1:]] if len(lines[0]) > 1 else []) + lines[1:]
+    try:
+        count, polygons = int(lines[0][0]), int(lines[0][1])
+        if len(lines) < 1 + count + polygons:
+            raise IndexError
+        vertices = np.array([line[:3] for line in lines[1 : 1 + count]], dtype=np.float64).reshape(-1, 3)
+        rows = lines[1 + count : 1 + count + polygons]
+        corners = [np.array(row[1 : 1 + int(row[0])], dtype=np.int64) for row in rows]
+        if any(len(ring) != int(row[0]) for ring, row in zip(corners, rows, strict=True)):
+            raise IndexError
+    except (ValueError, IndexError) as error:
+        raise PartError(
+            f"{label}: expected OFF counts, coordinates and faces, got a file that breaks off or holds other words. "
+            "Export it again."
+        ) from error
+    if any(len(ring) and (ring.min() < 0 or ring.max() >= count) for ring in corners):
+        raise PartError(f"{label}: expected corner indices from 0 to {count - 1}, got others. Export it again.")
+    triangles = [triangle for ring in corners for triangle in _fan(vertices, ring, label)]
+    return vertices, np.array(triangles, dtype=np.int64).reshape(-1, 3), None
+
+
+def _fan(vertices: FloatArray, ring: IntArray, label: str) -> list[tuple[int, int, int]]:
+    """Cut a polygon into a fan from the first corner that sees all others."""
+    if len(ring) <= 3:
+        return [(int(ring[0]), int(ring[1]), int(ring[2]))] if len(ring) == 3 else []
+    points = vertices[ring]
+    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    for shift in range(len(ring)):
+        turned, at = np.roll(ring, -shift), np.roll(points, -shift, axis=0)
+        areas = np.cross(at[1:-1] - at[0], at[2:] - at[0]) @ normal
+        if (areas >= -1e-9 * np.abs(areas).max()).all():
+            return [(int(turned[0]), int(turned[i]), int(turned[i + 1])) for i in range(1, len(ring) - 1)]
+    raise PartError(
+        f"{label}: expected polygons that a fan of triangles can fill, got one that no corner sees whole. "
+        "Export it as triangles."
+    )

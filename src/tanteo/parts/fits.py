@@ -1,0 +1,139 @@
+"""Is a patch of a mesh a cylinder, a cone or a sphere? Fits to the corners and normals of its facets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tanteo.parts.part import SurfaceKind
+from tanteo.typing import FloatArray
+
+NORMAL_TOLERANCE = 0.02
+"""How far facet normals may lie off the ruling condition of a cylinder or cone [rad]."""
+
+RADIUS_TOLERANCE = 3e-3
+"""How far corners may lie off the fitted surface, relative to its radius."""
+
+
+def fit_curved(
+    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+) -> tuple[SurfaceKind, dict[str, Any]]:
+    """Name the surface that a run of facets was cut from.
+
+    Args:
+        corners: ``(N, 3)``, distinct corners of the facets, all on the true surface where there is one [m].
+        centres: ``(F, 3)``, centroid of each facet [m].
+        normals: ``(F, 3)``, outward unit normals of the facets.
+        areas: ``(F,)`` [m^2].
+        precision: how far file coordinates may be off [m].
+
+    Returns:
+        The kind and the fields of :class:`Face` that describe it; ``freeform`` and nothing where no simple
+        surface passes through all corners.
+    """
+    for fit in (_cylinder, _cone, _sphere):
+        found = fit(corners, centres, normals, areas, precision)
+        if found is not None:
+            return found
+    return "freeform", {}
+
+
+def _cylinder(
+    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+) -> tuple[SurfaceKind, dict[str, Any]] | None:
+    values, vectors = np.linalg.eigh((normals * areas[:, None]).T @ normals / areas.sum())
+    axis = vectors[:, 0]
+    if np.abs(normals @ axis).max() > NORMAL_TOLERANCE or values[1] < 1e-4:
+        return None
+    circle = _circle(corners, axis, precision)
+    if circle is None:
+        return None
+    centre, radius = circle
+    outward = _outward(centres - centre, normals, axis)
+    middle = centre + axis * ((centres - centre) @ axis).mean()
+    return "cylinder", {
+        "axis_point": middle,
+        "axis_direction": _signed(axis),
+        "radius": radius,
+        "convex": outward,
+    }
+
+
+def _cone(
+    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+) -> tuple[SurfaceKind, dict[str, Any]] | None:
+    mean = (normals * areas[:, None]).sum(axis=0) / areas.sum()
+    spread = normals - mean
+    values, vectors = np.linalg.eigh((spread * areas[:, None]).T @ spread / areas.sum())
+    axis = vectors[:, 0]
+    slopes = normals @ axis
+    if np.abs(slopes - slopes.mean()).max() > NORMAL_TOLERANCE or values[1] < 1e-4:
+        return None
+    # Every facet's plane passes through the apex.
+    apex, *_ = np.linalg.lstsq(normals, np.einsum("ni,ni->n", normals, centres), rcond=1e-9)
+    along = (corners - apex) @ axis
+    if along.mean() < 0.0:
+        axis, along = -axis, -along
+    across = np.linalg.norm(corners - apex - along[:, None] * axis, axis=1)
+    half_angle = float(np.arctan2(across.sum(), along.sum()))
+    off = np.abs(across * np.cos(half_angle) - along * np.sin(half_angle))
+    # The apex comes from chords, which lie inside the cone: allow for the width of a facet at the wide end.
+    if off.max() > RADIUS_TOLERANCE * across.max() + precision or along.min() < -precision:
+        return None
+    return "cone", {
+        "axis_point": apex,
+        "axis_direction": axis,
+        "half_angle": half_angle,
+        "convex": _outward(centres - apex, normals, axis),
+    }
+
+
+def _sphere(
+    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+) -> tuple[SurfaceKind, dict[str, Any]] | None:
+    if len(corners) < 8:
+        return None
+    origin = corners.mean(axis=0)
+    local = corners - origin
+    system = np.column_stack([2.0 * local, np.ones(len(local))])
+    solution, _, rank, _ = np.linalg.lstsq(system, (local**2).sum(axis=1), rcond=1e-9)
+    if rank < 4:
+        return None
+    centre = origin + solution[:3]
+    radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
+    off = np.abs(np.linalg.norm(corners - centre, axis=1) - radius).max()
+    radial = centres - centre
+    cosines = np.einsum("ni,ni->n", radial, normals) / np.linalg.norm(radial, axis=1)
+    if off > RADIUS_TOLERANCE * radius + precision or np.abs(cosines).min() < 0.9:
+        return None
+    return "sphere", {"axis_point": centre, "radius": radius, "convex": bool(cosines.mean() > 0.0)}
+
+
+def _circle(corners: FloatArray, axis: FloatArray, precision: float) -> tuple[FloatArray, float] | None:
+    """Fit a circle to the corners seen along the axis; None where they do not lie on one."""
+    _, _, frame = np.linalg.svd(axis[None, :])
+    plane = frame[1:]
+    origin = corners.mean(axis=0)
+    flat = (corners - origin) @ plane.T
+    solution, _, rank, _ = np.linalg.lstsq(
+        np.column_stack([2.0 * flat, np.ones(len(flat))]), (flat**2).sum(axis=1), rcond=1e-9
+    )
+    if rank < 3:
+        return None
+    radius = float(np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 0.0)))
+    off = np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max()
+    if off > RADIUS_TOLERANCE * radius + precision:
+        return None
+    return origin + solution[:2] @ plane, radius
+
+
+def _outward(radial: FloatArray, normals: FloatArray, axis: FloatArray) -> bool:
+    """Whether the normals point away from the axis: a boss and not a bore."""
+    across = radial - (radial @ axis)[:, None] * axis
+    return bool(np.einsum("ni,ni->n", across, normals).sum() > 0.0)
+
+
+def _signed(direction: FloatArray) -> FloatArray:
+    """Fix the sign of an axis: its largest component is positive."""
+    return direction if direction[np.argmax(np.abs(direction))] > 0.0 else -direction

@@ -1,0 +1,114 @@
+"""One CAD file -> one :class:`Part`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tanteo.errors import PartError
+from tanteo.parts.edges import build_edges
+from tanteo.parts.facets import Draft, sort_faces
+from tanteo.parts.files import MESH_SUFFIXES, load_mesh
+from tanteo.parts.part import Part, SymmetryGroup
+from tanteo.parts.planes import build_faces, build_planes
+from tanteo.parts.repair import closed_mesh
+from tanteo.parts.symmetry import find_symmetry
+from tanteo.parts.topology import mesh_edges, triangle_geometry, volume_and_centroid
+from tanteo.parts.units import METRES, check_size, unit_name
+
+STEP_SUFFIXES = (".step", ".stp")
+
+READABLE = (*STEP_SUFFIXES, *MESH_SUFFIXES)
+"""Suffixes of the formats that can be read."""
+
+
+def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: str | None = None) -> Part:
+    """Read a CAD file into a part: its closed mesh, faces, straight edges, corners and symmetry.
+
+    Args:
+        path: STEP (``.step``, ``.stp``) or a mesh (``.stl``, ``.obj``, ``.ply``, ``.off``, ``.glb``, ``.3mf``).
+        unit: what one step of a coordinate means in formats that carry no unit (STL, OBJ, PLY, OFF): ``mm``,
+            ``m``, ``in``, ``um``, ``cm`` or ``ft``; required there. Other formats state their own, which wins.
+        name: of the part; the file's stem where left out.
+
+    Returns:
+        The part in metres, in the file's own frame. Several bodies in one file make one part.
+
+    Raises:
+        PartError: the file does not describe a closed solid of a plausible size; the message says why.
+        UnitError: the format carries no unit and none was given, or the unit is not known.
+        MissingExtraError: a STEP file, and the extra ``tanteo[step]`` is not installed.
+    """
+    file = Path(path)
+    label = file.name
+    if unit is not None:
+        unit_name(unit)
+    if not file.is_file():
+        raise PartError(f"{label}: expected a file, got nothing at {str(file)!r}. Check the path.")
+    suffix = file.suffix.lower()
+    if suffix not in READABLE:
+        raise PartError(f"{label}: expected one of {', '.join(READABLE)}, got {suffix!r}. Export it as STEP.")
+    if suffix in STEP_SUFFIXES:
+        from tanteo.parts.step import load_step
+
+        draft, own, repairs = load_step(file, label)
+    else:
+        vertices, triangles, own = load_mesh(file, unit, label)
+        if len(triangles):
+            check_size(_diagonal(vertices[triangles.reshape(-1)]) * METRES[own], own, label)
+        points, faces, repairs = closed_mesh(vertices, triangles, label)
+        draft = sort_faces(points * METRES[own], faces)
+    if unit is not None and unit_name(unit) != own:
+        repairs.append(f"The file states its own unit {own!r}; unit={unit!r} was not used.")
+    check_size(_diagonal(draft.vertices), own, label)
+    return build_part(draft, name=name or file.stem, source=os.fspath(path), unit=own, repairs=tuple(repairs))
+
+
+def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tuple[str, ...]) -> Part:
+    """Take features, measures and symmetry from a closed mesh whose triangles are sorted into faces.
+
+    Args:
+        draft: closed, outward mesh in metres.
+        name: of the part.
+        source: where it came from.
+        unit: short name of the unit it was read in.
+        repairs: sentences on what was repaired.
+
+    Returns:
+        The finished part.
+    """
+    links = mesh_edges(draft.triangles)
+    faces = build_faces(draft, links)
+    planes = build_planes(draft, faces, links)
+    edges, corners = build_edges(draft, faces, links)
+    volume, centroid = volume_and_centroid(draft.vertices, draft.triangles)
+    _, areas = triangle_geometry(draft.vertices, draft.triangles)
+    box = np.stack([draft.vertices.min(axis=0), draft.vertices.max(axis=0)])
+    part = Part(
+        name=name,
+        source=source,
+        unit=unit,
+        vertices=draft.vertices,
+        triangles=draft.triangles,
+        triangle_face=draft.triangle_face,
+        faces=faces,
+        planes=planes,
+        edges=edges,
+        corners=corners,
+        symmetry=SymmetryGroup(np.eye(4)[None]),
+        volume=volume,
+        area=float(areas.sum()),
+        centroid=centroid,
+        box=box,
+        radius=float(np.linalg.norm(draft.vertices - centroid, axis=1).max()),
+        repairs=repairs,
+    )
+    return replace(part, symmetry=find_symmetry(part))
+
+
+def _diagonal(points: np.typing.NDArray[np.float64]) -> float:
+    finite = points[np.isfinite(points).all(axis=1)]
+    return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 1.0

@@ -1,0 +1,216 @@
+"""STEP files -> a closed mesh whose triangles are sorted into the faces of the B-rep, through OpenCASCADE."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import MissingExtraError, PartError, UnitError
+from tanteo.parts.brep import brep_faces
+from tanteo.parts.facets import Draft
+from tanteo.parts.merging import Kinds, merge_faces
+from tanteo.parts.repair import merge_vertices
+from tanteo.parts.topology import edge_counts, volume_and_centroid
+from tanteo.parts.units import unit_name
+from tanteo.typing import FloatArray, IntArray
+
+LINEAR_DEFLECTION = 3e-4
+"""How far the mesh may lie off a curved face, relative to the diagonal of the box."""
+
+ANGULAR_DEFLECTION = 0.25
+"""How far neighbouring facets of a curved face may turn [rad]."""
+
+WELDS = (1e-7, 1e-6, 1e-5, 1e-4)
+"""Distances below which corners of neighbouring faces are one, tried in turn, relative to the diagonal."""
+
+_MM = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SolidMesh:
+    """A closed mesh [mm], the face each triangle belongs to, and the chords of curved edges."""
+
+    vertices: FloatArray
+    triangles: IntArray
+    owners: IntArray
+    kinds: Kinds
+    chords: IntArray
+
+
+def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
+    """Read a STEP file.
+
+    Args:
+        path: of the file.
+        label: how messages name it.
+
+    Returns:
+        The mesh in metres with the faces of the B-rep, the short name of the file's unit, and repairs.
+
+    Raises:
+        MissingExtraError: the CAD kernel is not installed.
+        PartError: not a STEP file, no solid in it, or a solid that cannot be closed.
+    """
+    shape, unit = _read(path, label)
+    solids, repairs = _solids(shape, label)
+    diagonal = _diagonal(solids)
+    meshes = []
+    for solid in solids:
+        mesh = _mesh(solid, diagonal)
+        if mesh is None:
+            mesh = _mesh(_healed(solid, diagonal), diagonal)
+            repairs.append("Sewed and healed the faces of a solid: they did not join.")
+        if mesh is None:
+            raise PartError(f"{label}: expected a closed solid, got faces that do not join. Export it again.")
+        meshes.append(mesh)
+    whole = _joined(meshes)
+    if volume_and_centroid(whole.vertices, whole.triangles)[0] < 1e-9 * diagonal**3:
+        raise PartError(f"{label}: expected a solid, got one without volume. Export the part again.")
+    labels, kinds = merge_faces(whole.vertices, whole.triangles, whole.owners, whole.kinds)
+    return Draft(whole.vertices * _MM, whole.triangles, labels, kinds, whole.chords), unit, repairs
+
+
+def _read(path: Path, label: str) -> tuple[Any, str]:
+    """Read the file; OpenCASCADE turns every unit into millimetres."""
+    try:
+        from OCP.collections import Sequence_TCollection_AsciiString as Names
+        from OCP.IFSelect import IFSelect_RetDone
+        from OCP.Message import Message, Message_Gravity
+        from OCP.STEPControl import STEPControl_Reader
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{label}: expected the CAD kernel to read STEP, got {error}. Run pip install 'tanteo[step]'."
+        ) from error
+    for printer in Message.DefaultMessenger_s().Printers():
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)
+    with path.open("rb") as stream:
+        head = stream.read(4096)
+    if b"ISO-10303-21" not in head:
+        raise PartError(f"{label}: expected a STEP file, got one without ISO-10303-21 at its start. Check it.")
+    reader = STEPControl_Reader()
+    if reader.ReadFile(str(path)) != IFSelect_RetDone:
+        raise PartError(f"{label}: expected a STEP file, got one that the CAD kernel cannot parse. Export it again.")
+    lengths, angles, solid_angles = Names(), Names(), Names()
+    reader.FileUnits(lengths, angles, solid_angles)
+    reader.TransferRoots()
+    if not reader.NbShapes():
+        raise PartError(f"{label}: expected a solid, got a STEP file without shapes. Export the part as a solid.")
+    try:
+        unit = unit_name(lengths.Value(1).ToCString()) if lengths.Length() else "mm"
+    except UnitError:
+        unit = "mm"
+    return reader.OneShape(), unit
+
+
+def _solids(shape: Any, label: str) -> tuple[list[Any], list[str]]:
+    """Return the solids of a shape; closed shells without a solid become one."""
+    from OCP.ShapeFix import ShapeFix_Solid
+    from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
+    from OCP.TopoDS import TopoDS
+
+    solids = _explore(shape, TopAbs_SOLID)
+    if solids:
+        return solids, []
+    shells = [TopoDS.Shell(shell) for shell in _explore(shape, TopAbs_SHELL)]
+    closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if shell.Closed()]
+    if closed:
+        return closed, [f"Made solids of {len(closed)} closed shells."]
+    faces = len(_explore(shape, TopAbs_FACE))
+    got = f"{faces} faces that enclose nothing" if faces else "curves or points only"
+    raise PartError(f"{label}: expected a solid, got {got}. Export the part as a solid.")
+
+
+def _explore(shape: Any, kind: Any) -> list[Any]:
+    from OCP.TopExp import TopExp_Explorer
+
+    found = []
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    return found
+
+
+def _diagonal(solids: list[Any]) -> float:
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    for solid in solids:
+        BRepBndLib.Add_s(solid, box)
+    return float(np.sqrt(box.SquareExtent()))
+
+
+def _healed(solid: Any, diagonal: float) -> Any:
+    """Sew the faces of a solid together and fix what ShapeFix knows to fix."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
+    from OCP.ShapeFix import ShapeFix_Shape, ShapeFix_Solid
+    from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
+    from OCP.TopoDS import TopoDS
+
+    sewing = BRepBuilderAPI_Sewing(1e-5 * diagonal)
+    for face in _explore(solid, TopAbs_FACE):
+        sewing.Add(face)
+    sewing.Perform()
+    fix = ShapeFix_Shape(sewing.SewedShape())
+    fix.Perform()
+    shells = _explore(fix.Shape(), TopAbs_SHELL)
+    return ShapeFix_Solid().SolidFromShell(TopoDS.Shell(shells[0])) if len(shells) == 1 else fix.Shape()
+
+
+def _mesh(solid: Any, diagonal: float) -> _SolidMesh | None:
+    """Mesh a solid and weld its faces; None where the result is not closed."""
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.BRepTools import BRepTools
+
+    BRepTools.Clean_s(solid)
+    BRepMesh_IncrementalMesh(solid, LINEAR_DEFLECTION * diagonal, False, ANGULAR_DEFLECTION, False)
+    faces = brep_faces(solid, diagonal)
+    if not faces or not all(len(face.triangles) for face in faces):
+        return None
+    starts = np.cumsum([0] + [len(face.points) for face in faces])[:-1]
+    points = np.concatenate([face.points for face in faces])
+    corners = np.concatenate([face.triangles + start for face, start in zip(faces, starts, strict=True)])
+    chords = np.concatenate([face.chords + start for face, start in zip(faces, starts, strict=True)])
+    owners = np.repeat(np.arange(len(faces)), [len(face.triangles) for face in faces])
+    for weld in WELDS:
+        vertices, index = merge_vertices(points, weld * diagonal)
+        triangles = index[corners]
+        kept = ~(triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
+        _, ahead, back = edge_counts(triangles[kept])
+        if (ahead + back == 2).all():
+            kinds = [(face.kind, face.fields) for face in faces]
+            return _outward(_SolidMesh(vertices, triangles[kept], owners[kept], kinds, np.sort(index[chords])))
+    return None
+
+
+def _outward(mesh: _SolidMesh) -> _SolidMesh | None:
+    """Turn the mesh of a solid outward; None where its sides cannot be told apart."""
+    triangles = mesh.triangles
+    _, ahead, back = edge_counts(triangles)
+    if (ahead != back).any():
+        import igl
+
+        triangles = np.asarray(igl.bfs_orient(triangles)[0], dtype=np.int64)
+        _, ahead, back = edge_counts(triangles)
+        if (ahead != back).any():
+            return None
+    if volume_and_centroid(mesh.vertices, triangles)[0] < 0.0:
+        triangles = triangles[:, ::-1]
+    return replace(mesh, triangles=np.ascontiguousarray(triangles))
+
+
+def _joined(meshes: list[_SolidMesh]) -> _SolidMesh:
+    """Put the meshes of several solids side by side."""
+    rows = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])[:-1]
+    firsts = np.cumsum([0] + [len(mesh.kinds) for mesh in meshes])[:-1]
+    return _SolidMesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.triangles + row for mesh, row in zip(meshes, rows, strict=True)]),
+        np.concatenate([mesh.owners + first for mesh, first in zip(meshes, firsts, strict=True)]),
+        [kind for mesh in meshes for kind in mesh.kinds],
+        np.concatenate([mesh.chords + row for mesh, row in zip(meshes, rows, strict=True)]),
+    )

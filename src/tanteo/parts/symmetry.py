@@ -1,0 +1,286 @@
+"""The rotations that map a part onto itself.
+
+Candidates come from labelled vectors that any symmetry must permute: the normals of planes, and the arms from the
+centroid to the centroids of faces and to corners. Two that are not parallel fix a rotation, so every symmetry shows up
+among the maps of the rarest such pair to its equals. Each candidate is then checked against the whole surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.parts.part import Part, SymmetryGroup
+from tanteo.shapes import Surface
+from tanteo.typing import FloatArray, IntArray
+
+TOLERANCE = 2e-4
+"""How far a mapped point may lie off the surface, relative to the diagonal of the part's box."""
+
+LOOSE = 5e-3
+"""How far labels of equal vectors may differ, relative to the part's size."""
+
+MOST_CANDIDATES = 4000
+PROBES = 4000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Vectors:
+    """Vectors about the centroid that a symmetry permutes; those with one label may be exchanged."""
+
+    directions: FloatArray
+    labels: IntArray
+
+
+def find_symmetry(part: Part) -> SymmetryGroup:
+    """Find the rotation group of a part.
+
+    Args:
+        part: with its mesh, faces, planes and corners; its own ``symmetry`` is not looked at.
+
+    Returns:
+        The finite group, or the axis and what maps it onto itself for a solid of revolution. Rotations that fit to
+        0.02 % of the part's diagonal (plus the sagitta of tessellated faces) count as symmetries.
+    """
+    probe = _Probe.of(part)
+    if _is_ball(part):
+        return SymmetryGroup(np.eye(4)[None], spherical=True)
+    axis = _revolution_axis(part, probe)
+    if axis is not None:
+        point, direction = axis
+        across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+        flip = _about(part.centroid, _turn(across / np.linalg.norm(across), np.pi))
+        Ts = [np.eye(4)] + ([flip] if probe.accepts(flip) else [])
+        return SymmetryGroup(np.array(Ts), axis=(point, direction))
+    found = [np.eye(3)]
+    for R in _candidates(part):
+        if any(np.abs(R - known).max() < 0.02 for known in found):
+            continue
+        if probe.accepts(_about(part.centroid, R)):
+            found.append(_refined(part, R))
+    return SymmetryGroup(np.array([_about(part.centroid, R) for R in _ordered(found)]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Probe:
+    """Points of the surface and what it takes for their images to count as points of the surface."""
+
+    part: Part
+    surface: Surface
+    points: FloatArray
+    slack: FloatArray
+    base: float
+
+    @staticmethod
+    def of(part: Part) -> _Probe:
+        sagitta = np.array([face.sagitta for face in part.faces])[part.triangle_face]
+        centres = part.vertices[part.triangles].mean(axis=1)
+        at_vertex = np.zeros(len(part.vertices))
+        np.maximum.at(at_vertex, part.triangles.reshape(-1), sagitta.repeat(3))
+        points = np.concatenate([part.vertices, centres])
+        slack = np.concatenate([at_vertex, sagitta])
+        if len(points) > PROBES:
+            chosen = np.random.default_rng(0).choice(len(points), PROBES, replace=False)
+            points, slack = points[chosen], slack[chosen]
+        surface = Surface(part.vertices, part.triangles)
+        return _Probe(part, surface, points, slack, TOLERANCE * part.diagonal)
+
+    def accepts(self, T: FloatArray) -> bool:
+        """Whether the motion maps planes to planes and the surface to itself."""
+        if not self._planes_match(T):
+            return False
+        # A few points decide most refusals.
+        return self._on_surface(T, slice(None, None, 64)) and self._on_surface(T, slice(None))
+
+    def _on_surface(self, T: FloatArray, chosen: slice) -> bool:
+        moved = self.points[chosen] @ T[:3, :3].T + T[:3, 3]
+        hits = self.surface.closest(moved)
+        there = np.array([face.sagitta for face in self.part.faces])[self.part.triangle_face[hits.triangles]]
+        return bool((hits.distances <= self.base + 2.0 * np.maximum(self.slack[chosen], there)).all())
+
+    def _planes_match(self, T: FloatArray) -> bool:
+        planes = self.part.planes
+        if not len(planes):
+            return True
+        size = self.part.diagonal
+        normals = planes.normals @ T[:3, :3].T
+        centroids = planes.centroids @ T[:3, :3].T + T[:3, 3]
+        sagitta = 2.0 * max(face.sagitta for face in self.part.faces)
+        far = np.linalg.norm(centroids[:, None] - planes.centroids[None], axis=2)
+        offsets = np.abs(np.einsum("ijk,jk->ij", centroids[:, None] - planes.centroids[None], planes.normals))
+        aligned = normals @ planes.normals.T > 1.0 - 1e-5
+        spread = np.abs(planes.gyration[:, None] - planes.gyration[None]).max(axis=2)
+        near = (far < 10.0 * self.base + sagitta) & (offsets < self.base) & (spread < 3.0 * self.base + sagitta)
+        areas = np.abs(planes.areas[:, None] - planes.areas[None]) <= (3.0 * self.base + sagitta) * size
+        return bool((aligned & near & areas).any(axis=1).all())
+
+
+def _about(centre: FloatArray, R: FloatArray) -> FloatArray:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, centre - R @ centre
+    return T
+
+
+def _turn(axis: FloatArray, angle: float) -> FloatArray:
+    K = np.cross(np.eye(3), axis)
+    return np.asarray(np.eye(3) - np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)
+
+
+def _is_ball(part: Part) -> bool:
+    if any(face.surface != "sphere" for face in part.faces):
+        return False
+    centres = np.array([face.axis_point for face in part.faces])
+    return bool(np.linalg.norm(centres - part.centroid, axis=1).max() < 10.0 * TOLERANCE * part.diagonal)
+
+
+def _revolution_axis(part: Part, probe: _Probe) -> tuple[FloatArray, FloatArray] | None:
+    """Find the axis of a solid of revolution from its faces; None where it is not one."""
+    slack = 10.0 * TOLERANCE * part.diagonal
+    round_faces = [face for face in part.faces if face.surface in ("cylinder", "cone", "torus")]
+    if round_faces:
+        face = max(round_faces, key=lambda each: each.area)
+        direction, point = face.axis_direction, face.axis_point
+    else:
+        direction, point = _inertia_axis(part), part.centroid
+    if direction is None or point is None:
+        return None
+    for face in part.faces:
+        sagitta = slack + face.sagitta
+        if face.surface == "plane":
+            assert face.axis_direction is not None
+            if abs(face.axis_direction @ direction) < 1.0 - 1e-6 or _off(face.centroid, point, direction) > sagitta:
+                return None
+        elif face.surface != "freeform":
+            assert face.axis_point is not None
+            turned = face.axis_direction is not None and abs(face.axis_direction @ direction) < 1.0 - 1e-5
+            if turned or _off(face.axis_point, point, direction) > sagitta:
+                return None
+    # Turns by angles that no finite symmetry has in common.
+    turns = [_about(part.centroid, _turn(direction, angle)) for angle in (0.37, 1.0, 2.3)]
+    if not all(probe.accepts(T) for T in turns):
+        return None
+    return part.centroid, direction
+
+
+def _off(where: FloatArray, point: FloatArray, direction: FloatArray) -> float:
+    return float(np.linalg.norm(np.cross(where - point, direction)))
+
+
+def _inertia_axis(part: Part) -> FloatArray | None:
+    """Return the axis of a surface whose two other principal moments are equal; None where there is none."""
+    a, b, c = (part.vertices[part.triangles[:, k]] - part.centroid for k in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    sums = a + b + c
+    moments = sum(np.einsum("t,ti,tj->ij", areas, v, v) for v in (a, b, c, sums))
+    values, vectors = np.linalg.eigh(np.asarray(moments))
+    gaps = np.diff(values) / values[2]
+    if gaps.min() > 0.01 or gaps.max() < 0.01:
+        return None
+    return np.asarray(vectors[:, 2] if gaps[0] < gaps[1] else vectors[:, 0])
+
+
+def _candidates(part: Part) -> list[FloatArray]:
+    """Return rotations that map the rarest pair of labelled vectors to an equal pair."""
+    vectors = _labelled(part)
+    counts = np.bincount(vectors.labels)[vectors.labels]
+    best: tuple[int, int, int] | None = None
+    order = np.argsort(counts, kind="stable")
+    for i in order[:12]:
+        sines = np.linalg.norm(np.cross(vectors.directions[i], vectors.directions), axis=1)
+        others = np.flatnonzero(sines > 0.2)
+        if len(others):
+            j = int(others[np.argmin(counts[others])])
+            cost = int(counts[i] * counts[j])
+            if best is None or cost < best[0]:
+                best = cost, int(i), j
+    if best is None:
+        return _principal_candidates(part)
+    _, i, j = best
+    first = np.flatnonzero(vectors.labels == vectors.labels[i])
+    second = np.flatnonzero(vectors.labels == vectors.labels[j])
+    cosine = vectors.directions[i] @ vectors.directions[j]
+    match = np.abs(vectors.directions[first] @ vectors.directions[second].T - cosine) < 0.02
+    pairs = np.argwhere(match)[:MOST_CANDIDATES]
+    source = _pair_frame(vectors.directions[i], vectors.directions[j])
+    return [_pair_frame(vectors.directions[first[a]], vectors.directions[second[b]]) @ source.T for a, b in pairs]
+
+
+def _principal_candidates(part: Part) -> list[FloatArray]:
+    """Half turns about the principal axes, and small fractions of a turn, for parts without usable features."""
+    local = part.vertices[part.triangles].mean(axis=1) - part.centroid
+    a, b, c = (part.vertices[part.triangles[:, k]] for k in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    _, axes = np.linalg.eigh(np.einsum("t,ti,tj->ij", areas, local, local))
+    return [
+        _turn(axes[:, k], 2.0 * np.pi * step / fold)
+        for k in range(3)
+        for fold in (2, 3, 4, 5, 6, 8)
+        for step in range(1, fold)
+    ]
+
+
+def _labelled(part: Part) -> _Vectors:
+    size = part.diagonal
+    directions: list[FloatArray] = []
+    marks: list[tuple[float, ...]] = []
+    kinds = {"plane": 0.0, "cylinder": 1.0, "cone": 2.0, "sphere": 3.0, "torus": 4.0, "freeform": 5.0}
+    for face in part.faces:
+        arm = face.centroid - part.centroid
+        scale = np.sqrt(face.area) / size
+        reach = float(np.linalg.norm(arm))
+        if face.surface == "plane":
+            assert face.axis_direction is not None
+            offset = float(arm @ face.axis_direction) / size
+            directions.append(face.axis_direction)
+            marks.append((0.0, scale, offset, reach / size))
+        if reach > 0.02 * size:
+            directions.append(arm / reach)
+            marks.append((1.0 + kinds[face.surface], scale, reach / size, (face.radius or 0.0) / size))
+    for point in part.corners.points:
+        arm = point - part.centroid
+        reach = float(np.linalg.norm(arm))
+        if reach > 0.02 * size:
+            directions.append(arm / reach)
+            marks.append((10.0, 0.0, reach / size, 0.0))
+    return _Vectors(np.array(directions).reshape(-1, 3), _clusters(np.array(marks).reshape(-1, 4)))
+
+
+def _clusters(marks: FloatArray) -> IntArray:
+    """Label rows that are equal to within the loose tolerance (chains of them too)."""
+    from scipy.spatial import cKDTree
+
+    from tanteo.parts.topology import components
+
+    pairs = cKDTree(marks).query_pairs(LOOSE, p=np.inf, output_type="ndarray")
+    return components(len(marks), pairs[:, 0], pairs[:, 1])
+
+
+def _pair_frame(first: FloatArray, second: FloatArray) -> FloatArray:
+    z = np.cross(first, second)
+    z /= np.linalg.norm(z)
+    return np.stack([first, np.cross(z, first), z], axis=1)
+
+
+def _refined(part: Part, R: FloatArray) -> FloatArray:
+    """Fit the rotation again to all planes it permutes, then give it an exact angle."""
+    normals = part.planes.normals
+    if len(normals) and np.linalg.matrix_rank(normals, tol=0.1) >= 2:
+        moved = normals @ R.T
+        mates = normals[np.argmax(moved @ normals.T, axis=1)]
+        u, _, vt = np.linalg.svd(mates.T @ normals)
+        R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    angle = float(np.arccos(np.clip((np.trace(R) - 1.0) / 2.0, -1.0, 1.0)))
+    values, vectors = np.linalg.eigh((R + R.T) / 2.0)
+    axis = vectors[:, np.argmax(values)]
+    if np.linalg.norm(_turn(axis, angle) - R) > np.linalg.norm(_turn(-axis, angle) - R):
+        axis = -axis
+    fold = next(
+        (n for n in range(2, 400) if abs(angle * n / (2 * np.pi) - round(angle * n / (2 * np.pi))) < n * 1e-4), 0
+    )
+    return _turn(axis, 2.0 * np.pi * round(angle * fold / (2 * np.pi)) / fold) if fold else R
+
+
+def _ordered(rotations: list[FloatArray]) -> list[FloatArray]:
+    """Identity first, then by angle."""
+    return sorted(rotations, key=lambda R: -round(float(np.trace(R)), 6))

@@ -1,0 +1,95 @@
+"""Which triangles share which edges: the bookkeeping of a closed mesh, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.typing import FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshEdges:
+    """The edges of a closed, consistently wound mesh.
+
+    Attributes:
+        ends: ``(N, 2)``, vertex indices; the first is the lower one.
+        left: ``(N,)``, triangle that runs through the edge from first to second end: it lies to the left of that
+            direction, seen from outside.
+        right: ``(N,)``, triangle that runs through it the other way.
+    """
+
+    ends: IntArray
+    left: IntArray
+    right: IntArray
+
+
+def directed_edges(triangles: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the 3T directed edges ``(3T, 2)`` and the triangle ``(3T,)`` of each."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return edges, np.tile(np.arange(len(triangles)), 3)
+
+
+def edge_counts(triangles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Count how often each undirected edge is run through forwards and backwards.
+
+    Returns:
+        Ends ``(N, 2)`` (lower index first) and the two counts ``(N,)``. A closed, consistently wound manifold
+        has 1 and 1 everywhere.
+    """
+    edges, _ = directed_edges(triangles)
+    ends, index = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    forward = edges[:, 0] < edges[:, 1]
+    index = index.reshape(-1)
+    ahead = np.bincount(index[forward], minlength=len(ends))
+    back = np.bincount(index[~forward], minlength=len(ends))
+    return ends, ahead, back
+
+
+def mesh_edges(triangles: IntArray) -> MeshEdges:
+    """Pair the triangles of a closed, consistently wound manifold across their edges."""
+    edges, owner = directed_edges(triangles)
+    forward = edges[:, 0] < edges[:, 1]
+    ahead, back = edges[forward], edges[~forward][:, ::-1]
+    first = np.lexsort((ahead[:, 1], ahead[:, 0]))
+    second = np.lexsort((back[:, 1], back[:, 0]))
+    assert np.array_equal(ahead[first], back[second]), "the mesh is not a closed manifold"
+    return MeshEdges(ahead[first], owner[forward][first], owner[~forward][second])
+
+
+def components(count: int, first: IntArray, second: IntArray) -> IntArray:
+    """Label the connected components of a graph of ``count`` nodes with links ``first[i]``-``second[i]``.
+
+    Returns:
+        ``(count,)`` labels from 0, numbered by their lowest node.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
+    _, labels = connected_components(graph, directed=False)
+    _, lowest, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.empty(len(lowest), dtype=np.int64)
+    rank[np.argsort(lowest)] = np.arange(len(lowest))
+    return rank[inverse]
+
+
+def triangle_geometry(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit normals ``(T, 3)`` (zero for a triangle without area) and areas ``(T,)`` [m^2]."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(cross, axis=1)
+    normals = np.divide(cross, doubled[:, None], out=np.zeros_like(cross), where=doubled[:, None] > 0.0)
+    return normals, doubled / 2.0
+
+
+def volume_and_centroid(vertices: FloatArray, triangles: IntArray) -> tuple[float, FloatArray]:
+    """Return the signed volume [m^3] and the centre of volume [m] that a closed mesh encloses."""
+    origin = vertices.mean(axis=0)
+    a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
+    volumes = np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0
+    total = float(volumes.sum())
+    if total == 0.0:
+        return 0.0, origin
+    return total, origin + (volumes[:, None] * (a + b + c)).sum(axis=0) / (4.0 * total)

@@ -1,0 +1,222 @@
+"""One triangle mesh, ready to be asked for closest points, inside or outside, and rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import igl
+import numpy as np
+import numpy.typing as npt
+
+from tanteo.errors import InputError
+from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosestPoints:
+    """The closest surface point of each query point.
+
+    Attributes:
+        distances: ``(*batch,)``, unsigned [m].
+        points: ``(*batch, 3)``, on the surface, in its frame [m].
+        triangles: ``(*batch,)``, index of the triangle that holds the point.
+    """
+
+    distances: FloatArray
+    points: Vectors
+    triangles: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RayHits:
+    """The first hit of each ray.
+
+    Attributes:
+        distances: ``(*batch,)``, along the unit direction [m]; ``inf`` where the ray misses.
+        triangles: ``(*batch,)``, index of the triangle that was hit; -1 where the ray misses.
+    """
+
+    distances: FloatArray
+    triangles: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """A triangle mesh with its search trees, built once and asked often.
+
+    Attributes:
+        vertices: ``(V, 3)``, in the frame of the surface, which is the part's own [m].
+        triangles: ``(T, 3)``, corners counter-clockwise seen from outside.
+
+    Raises:
+        InputError: an array has the wrong shape, is empty, not finite, or points past the vertices.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    _normals: FloatArray = field(init=False, repr=False)
+    _tree: Any = field(init=False, repr=False)
+    _scene: list[Any] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        vertices, triangles = _checked_mesh(self.vertices, self.triangles)
+        a, b, c = (vertices[triangles[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+        tree = igl.AABB()
+        tree.init(vertices, triangles)
+        for array in (vertices, triangles, normals):
+            array.setflags(write=False)
+        for name, value in (("vertices", vertices), ("triangles", triangles), ("_normals", normals)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "_tree", tree)
+        object.__setattr__(self, "_scene", [])
+
+    def __reduce__(self) -> tuple[type[Surface], tuple[FloatArray, IntArray]]:
+        # The trees cannot be pickled; a worker process builds its own.
+        return Surface, (self.vertices, self.triangles)
+
+    @property
+    def normals(self) -> FloatArray:
+        """``(T, 3)``: unit outward normal of each triangle; zero for one without area."""
+        return self._normals
+
+    def closest(self, points: npt.ArrayLike) -> ClosestPoints:
+        """Find the closest point of the surface to each query point.
+
+        Args:
+            points: ``(*batch, 3)`` in the frame of the surface [m].
+
+        Returns:
+            Distances, surface points and triangles with the batch axes of ``points``.
+
+        Raises:
+            InputError: the last axis is not 3 or a coordinate is not finite.
+        """
+        queries, batch = _checked_points("points", points)
+        if not len(queries):
+            return ClosestPoints(np.zeros(batch), np.zeros((*batch, 3)), np.zeros(batch, dtype=np.int64))
+        squared, triangles, found = self._tree.squared_distance(self.vertices, self.triangles, queries)
+        return ClosestPoints(
+            np.sqrt(np.maximum(squared, 0.0)).reshape(batch),
+            np.asarray(found, dtype=np.float64).reshape(*batch, 3),
+            np.asarray(triangles, dtype=np.int64).reshape(batch),
+        )
+
+    def inside(self, points: npt.ArrayLike) -> BoolArray:
+        """Tell whether each point lies in the material (winding number above one half).
+
+        Args:
+            points: ``(*batch, 3)`` in the frame of the surface [m].
+
+        Returns:
+            ``(*batch,)``; undefined for points on the surface itself.
+
+        Raises:
+            InputError: the last axis is not 3 or a coordinate is not finite.
+        """
+        queries, batch = _checked_points("points", points)
+        if not len(queries):
+            return np.zeros(batch, dtype=np.bool_)
+        winding = igl.fast_winding_number(self.vertices, self.triangles, queries)
+        return np.asarray(winding > 0.5, dtype=np.bool_).reshape(batch)
+
+    def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> RayHits:
+        """Cast rays and find the first triangle that each one meets, from either side.
+
+        Args:
+            origins: ``(*batch, 3)`` in the frame of the surface [m]; broadcast against ``directions``.
+            directions: ``(*batch, 3)`` in the frame of the surface; any length but zero.
+
+        Returns:
+            Distances along the unit directions [m] and triangles.
+
+        Raises:
+            InputError: the last axis is not 3, a value is not finite, or a direction has no length.
+        """
+        starts, rays, batch = _checked_rays(origins, directions)
+        if not len(starts):
+            return RayHits(np.zeros(batch), np.zeros(batch, dtype=np.int64))
+        scene, centre, radius = self._embree()
+        # Single precision needs small numbers: start each ray just outside the bounding sphere, in units of it.
+        local = starts - centre
+        ahead = np.maximum(0.0, -np.einsum("ni,ni->n", local, rays) - 1.01 * radius)
+        local = (local + ahead[:, None] * rays) / radius
+        with np.errstate(all="ignore"):
+            triangles = np.asarray(scene.run(local.astype(np.float32), rays.astype(np.float32)), dtype=np.int64)
+        distances = self._refined(starts, rays, triangles)
+        return RayHits(distances.reshape(batch), triangles.reshape(batch))
+
+    def _embree(self) -> tuple[Any, FloatArray, float]:
+        if not self._scene:
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+
+            low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+            centre = (low + high) / 2.0
+            radius = float(np.linalg.norm(self.vertices - centre, axis=1).max())
+            scene = EmbreeScene()
+            scaled = ((self.vertices - centre) / radius).astype(np.float32)
+            TriangleMesh(scene, scaled, self.triangles.astype(np.int32))
+            self._scene.append((scene, centre, radius))
+        scene, centre, radius = self._scene[0]
+        return scene, centre, radius
+
+    def _refined(self, starts: FloatArray, rays: FloatArray, triangles: IntArray) -> FloatArray:
+        """Intersect each ray with the plane of the triangle it hit, in double precision."""
+        hit = triangles >= 0
+        distances = np.full(len(starts), np.inf)
+        normals = self._normals[triangles[hit]]
+        corners = self.vertices[self.triangles[triangles[hit], 0]]
+        approach = np.einsum("ni,ni->n", normals, rays[hit])
+        offsets = np.einsum("ni,ni->n", normals, corners - starts[hit])
+        # A ray within its rounding of the triangle's plane cannot be told from one beside it: a miss.
+        steep = np.abs(approach) > 1e-9
+        exact = np.divide(offsets, approach, out=np.full(len(offsets), np.inf), where=steep)
+        distances[hit] = np.where(steep, np.maximum(exact, 0.0), np.inf)
+        triangles[~np.isfinite(distances)] = -1
+        return distances
+
+
+def _checked_mesh(vertices: npt.ArrayLike, triangles: npt.ArrayLike) -> tuple[FloatArray, IntArray]:
+    points = np.array(vertices, dtype=np.float64, order="C")
+    if points.ndim != 2 or points.shape[-1] != 3 or len(points) < 3:
+        raise InputError(f"vertices: expected shape (V, 3) with V >= 3, got {points.shape}. Pass metres.")
+    if not np.isfinite(points).all():
+        raise InputError("vertices: expected finite coordinates, got NaN or infinity. Repair the mesh first.")
+    given = np.asarray(triangles)
+    if given.ndim != 2 or given.shape[-1] != 3 or not len(given) or given.dtype.kind not in "iu":
+        got = f"shape {given.shape} of {given.dtype}"
+        raise InputError(f"triangles: expected integers of shape (T, 3) with T >= 1, got {got}.")
+    corners = np.array(given, dtype=np.int64, order="C")
+    if corners.min() < 0 or corners.max() >= len(points):
+        got = f"{corners.min()} to {corners.max()}"
+        raise InputError(f"triangles: expected indices from 0 to {len(points) - 1}, got {got}.")
+    return points, corners
+
+
+def _checked_points(name: str, values: npt.ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
+    points = np.asarray(values, dtype=np.float64)
+    if points.ndim < 1 or points.shape[-1] != 3:
+        raise InputError(f"{name}: expected shape (*batch, 3), got {points.shape}. Put x, y, z on the last axis.")
+    if not np.isfinite(points).all():
+        raise InputError(f"{name}: expected finite coordinates, got NaN or infinity. Drop those rows first.")
+    return np.ascontiguousarray(points.reshape(-1, 3)), points.shape[:-1]
+
+
+def _checked_rays(origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+    _checked_points("origins", origins)
+    _checked_points("directions", directions)
+    try:
+        starts, rays = np.broadcast_arrays(np.asarray(origins, float), np.asarray(directions, float))
+    except ValueError:
+        got = f"{np.shape(origins)} and {np.shape(directions)}"
+        raise InputError(f"directions: expected a shape that broadcasts with origins, got {got}.") from None
+    lengths = np.linalg.norm(rays, axis=-1, keepdims=True)
+    if (lengths <= 0.0).any():
+        raise InputError("directions: expected vectors with a length, got zero. Drop those rays first.")
+    batch = starts.shape[:-1]
+    unit = np.ascontiguousarray((rays / lengths).reshape(-1, 3))
+    return np.ascontiguousarray(starts.reshape(-1, 3)), unit, batch
