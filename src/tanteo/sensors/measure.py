@@ -198,9 +198,7 @@ def _device_errors(
         ranged = aimed & ~np.isnan(placed.ranges)
         if device.bias_sd > 0 and aimed.any():
             J = np.where(aimed[:, None], aims, 0.0)[..., None]
-            out.append(
-                (SharedError(f"bias of {device.name}", np.array([[device.bias_sd**2]]), "along the beam [m]"), J)
-            )
+            out.append((_one(f"bias of {device.name}", device.bias_sd, "along the beam [m]"), J))
         if device.scale_sd > 0 and ranged.any():
             J = np.where(ranged[:, None], aims * placed.ranges[:, None], 0.0)[..., None]
             out.append((_one(f"scale of {device.name}", device.scale_sd, "along the beam, per range [1]"), J))

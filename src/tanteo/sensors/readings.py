@@ -128,9 +128,7 @@ class Readings:
         """The readings at these row numbers or where a boolean mask is true, in that order."""
         index = np.arange(len(self))[np.asarray(rows)]
         arrays = {k: getattr(self, k)[index] for k in _COLUMNS}
-        names: dict[str, Any] = {
-            k: tuple(getattr(self, k)[i] for i in index) for k in ("ids", "features", "kinds", "sensors")
-        }
+        names: dict[str, Any] = {k: tuple(getattr(self, k)[i] for i in index) for k in _NAMES}
         return Readings(**names, **arrays, is_free=self.is_free[index], source=self.source)
 
     @property

@@ -1,0 +1,174 @@
+"""Poses as robot brands and ROS write them. Inside tanteo a pose is a matrix in metres; these are the border.
+
+Each convention is a row of :data:`BRANDS`. ``verified`` says whether the brand's own or an integrator's
+documentation was read; the others are from memory and must be confirmed on the controller before use.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.lie import SE3, SO3
+from tanteo.typing import FloatArray, Rotations, Transforms
+
+Rule = Literal["euler", "rotation vector", "wxyz", "xyzw"]
+
+
+@dataclass(frozen=True, slots=True)
+class Brand:
+    """How a brand writes a pose.
+
+    Attributes:
+        name: Name for look-up.
+        fields: The fields in their order, position first.
+        metre: Metres per unit of position.
+        rule: What the fields after the position are.
+        axes: For Euler angles: the axes of the product, left to right, so ``"zyx"`` is ``Rz Ry Rx``.
+        order: For Euler angles: which angle field belongs to each of the axes.
+        radian: Radians per unit of angle.
+        verified: The convention was read in documentation.
+        source: Where.
+    """
+
+    name: str
+    fields: tuple[str, ...]
+    metre: float
+    rule: Rule
+    axes: str
+    order: tuple[int, int, int]
+    radian: float
+    verified: bool
+    source: str
+
+
+_DEG = np.pi / 180
+_RC = "docs.baslerweb.com rc_cube, pose_format_"
+
+
+def _euler(name: str, fields: str, axes: str, order: tuple[int, int, int], source: str, verified: bool = True) -> Brand:
+    return Brand(name, tuple(fields.split()), 1e-3, "euler", axes, order, _DEG, verified, source)
+
+
+_BACK, _FORTH = (2, 1, 0), (0, 1, 2)
+_ROWS = (
+    Brand("paper", ("px", "py", "pz", "psi", "theta", "phi"), 1.0, "euler", "zyx", _BACK, 1.0, True,
+          "Montano and Sagues 1991, appendix 1"),
+    _euler("fanuc", "X Y Z W P R", "zyx", _BACK, _RC + "fanuc"),
+    _euler("kuka", "X Y Z A B C", "zyx", _FORTH, _RC + "kuka"),
+    _euler("yaskawa", "X Y Z Rx Ry Rz", "zyx", _BACK, _RC + "yaskawa"),
+    _euler("mitsubishi", "X Y Z A B C", "zyx", _BACK, _RC + "mitsubishi"),
+    _euler("kawasaki", "X Y Z O A T", "zyz", _FORTH, _RC + "kawasaki"),
+    Brand("abb", ("X", "Y", "Z", "Q1", "Q2", "Q3", "Q4"), 1e-3, "wxyz", "", _FORTH, 1.0, True, _RC + "abb"),
+    Brand("ur", ("x", "y", "z", "rx", "ry", "rz"), 1.0, "rotation vector", "", _FORTH, 1.0, True,
+          _RC + "ur (metres as in URScript and RTDE; PolyScope shows mm)"),
+    Brand("ros", ("x", "y", "z", "qx", "qy", "qz", "qw"), 1.0, "xyzw", "", _FORTH, 1.0, True,
+          "geometry_msgs; REP-103"),
+    _euler("staubli", "X Y Z Rx Ry Rz", "xyz", _FORTH, "from memory: confirm", verified=False),
+    _euler("comau", "X Y Z A E R", "zyz", _FORTH, "from memory: confirm", verified=False),
+    _euler("doosan", "X Y Z A B C", "zyz", _FORTH, "from memory: confirm", verified=False),
+)  # fmt: skip
+
+BRANDS: Mapping[str, Brand] = MappingProxyType({b.name: b for b in _ROWS})
+"""All conventions by name."""
+
+
+def brand(name: str) -> Brand:
+    """The convention of this name.
+
+    Raises:
+        InputError: No such brand; the message lists the nearest.
+    """
+    if name not in BRANDS:
+        near = difflib.get_close_matches(name.lower(), BRANDS, n=1, cutoff=0.5)
+        hint = f" Did you mean '{near[0]}'?" if near else ""
+        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{name}'.{hint}")
+    return BRANDS[name]
+
+
+def pose_from_brand(name: str, values: FloatArray) -> Transforms:
+    """The pose ``(*batch, 4, 4)`` [m] of the fields ``(*batch, k)`` as the brand writes them.
+
+    Args:
+        name: A key of :data:`BRANDS`.
+        values: The fields in the brand's order and units.
+
+    Raises:
+        InputError: Unknown brand, a wrong number of fields, numbers that are not finite, a quaternion of length zero.
+    """
+    b = brand(name)
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim < 1 or values.shape[-1] != len(b.fields) or not np.isfinite(values).all():
+        raise InputError(
+            f"pose of {name}: expected {len(b.fields)} finite numbers ({' '.join(b.fields)}), got shape {values.shape} "
+            "or a number that is not finite. Give all the fields."
+        )
+    return SE3.from_parts(_rotation(b, values[..., 3:]), values[..., :3] * b.metre)
+
+
+def pose_as_brand(name: str, T: Transforms) -> FloatArray:
+    """The fields ``(*batch, k)`` that the brand writes for the pose ``(*batch, 4, 4)`` [m].
+
+    Where two Euler angles turn about one axis the first of the product is set to zero. Quaternions have ``w >= 0``.
+
+    Raises:
+        InputError: Unknown brand.
+    """
+    b = brand(name)
+    T = np.asarray(T, dtype=np.float64)
+    return np.concatenate([T[..., :3, 3] / b.metre, _fields(b, T[..., :3, :3])], axis=-1)
+
+
+def _rotation(b: Brand, values: FloatArray) -> Rotations:
+    if b.rule == "euler":
+        angles = values * b.radian
+        first, second, third = (
+            SO3.axis_rotation("xyz".index(axis), angles[..., k]) for axis, k in zip(b.axes, b.order, strict=True)
+        )
+        return first @ second @ third
+    if b.rule == "rotation vector":
+        return SO3.exp(values)
+    return SO3.from_quaternion(values if b.rule == "wxyz" else np.roll(values, 1, axis=-1))
+
+
+def _fields(b: Brand, R: Rotations) -> FloatArray:
+    if b.rule == "rotation vector":
+        return SO3.log(R)
+    if b.rule != "euler":
+        q = SO3.as_quaternion(R)
+        return q if b.rule == "wxyz" else np.roll(q, -1, axis=-1)
+    i, j, k = ("xyz".index(axis) for axis in b.axes)
+    angles = _two_axes(R, i, j) if i == k else _three_axes(R, i, j, k)
+    out = np.empty(angles.shape)
+    out[..., list(b.order)] = angles / b.radian
+    return out
+
+
+def _three_axes(R: Rotations, i: int, j: int, k: int) -> FloatArray:
+    """Angles of ``Ri(a) Rj(b) Rk(c)`` with three different axes; ``b`` within a quarter turn."""
+    sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+    level = np.hypot(R[..., i, i], R[..., i, j])
+    b = np.arctan2(sign * R[..., i, k], level)
+    locked = level < 1e-9
+    a = np.where(locked, 0.0, np.arctan2(-sign * R[..., j, k], R[..., k, k]))
+    free = np.arctan2(-sign * R[..., i, j], R[..., i, i])
+    # with the first angle zero the last one is read from the middle row
+    return np.stack([a, b, np.where(locked, np.arctan2(sign * R[..., j, i], R[..., j, j]), free)], axis=-1)
+
+
+def _two_axes(R: Rotations, i: int, j: int) -> FloatArray:
+    """Angles of ``Ri(a) Rj(b) Ri(c)``; ``b`` from 0 to pi."""
+    k = 3 - i - j
+    sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+    tilt = np.hypot(R[..., i, j], R[..., i, k])
+    b = np.arctan2(tilt, R[..., i, i])
+    locked = tilt < 1e-9
+    a = np.where(locked, 0.0, np.arctan2(R[..., j, i], -sign * R[..., k, i]))
+    free = np.arctan2(R[..., i, j], sign * R[..., i, k])
+    return np.stack([a, b, np.where(locked, np.arctan2(-sign * R[..., j, k], R[..., j, j]), free)], axis=-1)

@@ -1,0 +1,87 @@
+"""The result document ``tanteo.recognition/1``: strict JSON, one document (``docs/formats.md``)."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tanteo import __version__
+from tanteo.lie import SO3
+from tanteo.typing import FloatArray
+
+if TYPE_CHECKING:
+    from tanteo.matching import Hypothesis, Recognition
+
+SCHEMA = "tanteo.recognition/1"
+
+
+def recognition_document(recognition: Recognition) -> dict[str, Any]:
+    """The result as plain dictionaries, lists, strings and numbers.
+
+    JSON has no infinity: a number that is not finite (a direction that nothing observes) becomes ``null``.
+    """
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "seed": int(recognition.seed),
+        "status": recognition.status,
+        "message": recognition.message,
+        "hypotheses": [_hypothesis(h) for h in recognition.hypotheses],
+        "unknown_probability": _number(recognition.unknown_probability),
+        "elapsed_s": {stage: _number(seconds) for stage, seconds in recognition.elapsed.items()},
+    }
+
+
+def recognition_json(recognition: Recognition) -> str:
+    """The result as one JSON document, indented, ending in a newline."""
+    return json.dumps(recognition_document(recognition), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _hypothesis(h: Hypothesis) -> dict[str, Any]:
+    T = np.asarray(h.T_world_part)
+    return {
+        "part": h.part,
+        "file": h.file,
+        "probability": _number(h.probability),
+        "pose": {
+            "frame": "world",
+            "position_m": _numbers(T[:3, 3]),
+            "quaternion_wxyz": _numbers(SO3.as_quaternion(T[:3, :3])),
+            "matrix": _numbers(T),
+        },
+        "covariance": {
+            "order": "x y z rx ry rz",
+            "frame": "part",
+            "perturbation": "right",
+            "units": "m rad",
+            "matrix": _numbers(h.covariance),
+        },
+        "worst_corner_sd_m": _number(h.worst_corner_sd),
+        "unobserved": list(h.unobserved),
+        "symmetry": {
+            "order": int(h.symmetry_order),
+            "poses": [{"matrix": _numbers(pose)} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
+        },
+        "fit": {
+            "chi2": _number(h.chi2),
+            "dof": int(h.dof),
+            "p_value": _number(h.p_value),
+            "rms_m": _number(h.rms),
+        },
+        "outliers": list(h.outliers),
+        "pairings": [{"reading": reading, "feature": feature} for reading, feature in h.pairings],
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _numbers(array: FloatArray) -> Any:
+    array = np.asarray(array, dtype=np.float64)
+    if array.ndim == 0:
+        return _number(float(array))
+    return [_numbers(row) for row in array]

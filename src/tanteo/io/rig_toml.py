@@ -1,0 +1,177 @@
+"""Rig files: where the range sensors sit on the hand (TOML, ``docs/formats.md``)."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import InputError, UnitError
+from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
+from tanteo.lie import SE3, SO3
+from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
+from tanteo.typing import FloatArray, Rotations
+
+_LENGTHS = ("position", "sd", "max", "bias_sd", "mount_sd")
+_ANGLES = ("beam_half_angle", "mount_turn_sd")
+_PLAIN = ("preset", "direction", "quaternion_wxyz", "axis")
+
+
+def read_rig(path: str | Path) -> Rig:
+    """Read a rig file: one table ``[sensors.NAME]`` a sensor.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: The file cannot be read, is not TOML, or a key or value is not one of a rig; the message names
+            file, sensor, key and value.
+        UnitError: A unit in a key is missing, unknown or contradictory.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as binary:
+            document = tomllib.load(binary)
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise InputError(f"{path}: expected a rig file, got: {why}. Check the path.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: expected TOML, got: {error}. Correct the file.") from None
+    _only(document, ("sensors",), str(path))
+    tables = document.get("sensors")
+    if not isinstance(tables, dict) or not tables:
+        raise InputError(f"{path}: expected tables [sensors.NAME], one a sensor, got none. Add one.")
+    return Rig(tuple(_sensor(name, table, f"{path}, sensor '{name}'") for name, table in tables.items()), str(path))
+
+
+def _sensor(name: str, table: Any, place: str) -> RigSensor:
+    if not isinstance(table, dict):
+        raise InputError(f"{place}: expected a table [sensors.{name}], got {table!r}. Write it so.")
+    values = _in_si(table, place)
+    preset = _preset(values.get("preset"), place)
+    if preset is None and not {"sd", "beam_half_angle"} <= values.keys():
+        raise InputError(f"{place}: expected a preset, or sd_mm and beam_half_angle_deg, got neither. Add them.")
+    R = _rotation(values, place)
+    mount = np.concatenate([_per_axis(values, "mount_sd", place), _per_axis(values, "mount_turn_sd", place)])
+    return RigSensor(
+        name=name,
+        T_hand_sensor=SE3.from_parts(R, _numbers(values, "position", 3, place)),
+        preset=preset,
+        sd=_positive(values, "sd", math.nan, place),
+        beam_half_angle=_positive(values, "beam_half_angle", preset.beam_half_angle if preset else 0.0, place),
+        max_range=_positive(values, "max", preset.max_range if preset else math.nan, place),
+        bias_sd=_positive(values, "bias_sd", preset.bias_std if preset else 0.0, place),
+        cov_mount=np.diag(mount**2),
+        axis_cosine=_axis_cosine(values, R, place),
+    )
+
+
+def _in_si(table: Mapping[str, Any], place: str) -> dict[str, Any]:
+    """Values by key without unit, in metres and radians."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        base, factor = _key(key, place)
+        if base in out:
+            raise UnitError(f"{place}, {key}: expected '{base}' once, got it in two units. Keep one.")
+        out[base] = value if factor is None else np.asarray(_numeric(value, key, place)) * factor
+    return out
+
+
+def _key(key: str, place: str) -> tuple[str, float | None]:
+    if key in _PLAIN:
+        return key, None
+    base, _, unit = key.rpartition("_")
+    for bases, units in ((_LENGTHS, LENGTH_UNITS), (_ANGLES, ANGLE_UNITS)):
+        if base in bases and unit in units:
+            return base, units[unit]
+        if key in bases or base in bases:
+            listed = ", ".join(f"{base if base in bases else key}_{u}" for u in units)
+            raise UnitError(f"{place}, {key}: expected one of {listed}, got '{key}'. Say the unit in the name.")
+    known = [*_PLAIN, *(f"{name}_mm" for name in _LENGTHS), *(f"{name}_deg" for name in _ANGLES)]
+    _only({key: None}, known, place)
+    raise AssertionError(key)
+
+
+def _only(table: Mapping[str, Any], known: tuple[str, ...] | list[str], place: str) -> None:
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+            hint = f" Did you mean '{near[0]}'?" if near else ""
+            raise InputError(f"{place}: expected one of {', '.join(known)}, got '{key}'.{hint}")
+
+
+def _numeric(value: Any, key: str, place: str) -> float | list[float]:
+    items = value if isinstance(value, list) else [value]
+    good = all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in items)
+    if not good or not items:
+        raise InputError(f"{place}, {key}: expected finite numbers, got {value!r}. Correct it.")
+    return [float(v) for v in items] if isinstance(value, list) else float(value)
+
+
+def _numbers(values: Mapping[str, Any], key: str, n: int, place: str) -> FloatArray:
+    if key not in values:
+        raise InputError(f"{place}: expected '{key}' ({n} numbers), got nothing. Add it.")
+    array = np.asarray(_numeric(values[key], key, place) if key in _PLAIN else values[key], dtype=np.float64)
+    if array.shape != (n,):
+        raise InputError(f"{place}, {key}: expected {n} numbers, got {array.size}. Correct it.")
+    return array
+
+
+def _positive(values: Mapping[str, Any], key: str, default: float, place: str) -> float:
+    if key not in values:
+        return default
+    array = np.asarray(values[key])
+    if array.ndim or not array > 0:
+        raise InputError(f"{place}, {key}: expected one positive number, got {array.tolist()}. Correct it.")
+    return float(array)
+
+
+def _per_axis(values: Mapping[str, Any], key: str, place: str) -> FloatArray:
+    """One standard deviation for all three axes, or three; zero when the key is absent."""
+    array = np.asarray(values.get(key, 0.0), dtype=np.float64)
+    if array.shape not in ((), (3,)) or (array < 0).any():
+        raise InputError(f"{place}, {key}: expected one or three numbers of zero or more, got {array.tolist()}.")
+    return np.array(np.broadcast_to(array, 3))
+
+
+def _preset(name: Any, place: str) -> SensorPreset | None:
+    if name is None:
+        return None
+    if not isinstance(name, str):
+        raise InputError(f"{place}, preset: expected a name, got {name!r}. Write it in quotes.")
+    preset = sensor_preset(name)
+    if preset.is_contact:
+        raise InputError(f"{place}, preset: expected a range sensor, got '{name}', which touches. Use --sensor for it.")
+    return preset
+
+
+def _rotation(values: Mapping[str, Any], place: str) -> Rotations:
+    """Sensor axes on the hand, from a quaternion or from the direction of the beam (turn about it arbitrary)."""
+    if ("quaternion_wxyz" in values) == ("direction" in values):
+        raise InputError(f"{place}: expected direction or quaternion_wxyz, got both or neither. Give one.")
+    if "direction" in values:
+        return SO3.frame_from_axis(_direction(values, "direction", place), 2)
+    q = _numbers(values, "quaternion_wxyz", 4, place)
+    if abs(np.linalg.norm(q) - 1) > 1e-3:
+        raise InputError(f"{place}, quaternion_wxyz: expected unit length, got {np.linalg.norm(q):.6g}. Normalise it.")
+    return SO3.from_quaternion(q)
+
+
+def _direction(values: Mapping[str, Any], key: str, place: str) -> FloatArray:
+    d = _numbers(values, key, 3, place)
+    length = float(np.linalg.norm(d))
+    if length < 1e-9:
+        raise InputError(f"{place}, {key}: expected a direction that is not zero, got {d.tolist()}. Correct it.")
+    return d / length
+
+
+def _axis_cosine(values: Mapping[str, Any], R: Rotations, place: str) -> float:
+    """Between beam and optical axis: some devices report the distance along the axis."""
+    if "axis" not in values:
+        return 1.0
+    return min(1.0, float(_direction(values, "axis", place) @ R[:, 2]))

@@ -1,0 +1,102 @@
+"""Quantities as people write them: a number and its unit, which is required. Out come metres and radians."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+
+from tanteo.errors import UnitError
+
+LENGTH_UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
+"""Metres per unit."""
+
+ANGLE_UNITS = {"deg": math.pi / 180, "rad": 1.0}
+"""Radians per unit."""
+
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_WRITTEN = {"µm": "um", "μm": "um", "°": "deg", '"': "in"}
+
+
+def parse_length(text: str, name: str = "length") -> float:
+    """``'0.3mm'``, ``'200um'``, ``'0.01in'`` -> metres.
+
+    Args:
+        text: Number and unit, with or without a space between.
+        name: What it is called in messages.
+
+    Raises:
+        UnitError: No number, no unit, an unknown unit or more than one number.
+    """
+    values = parse_lengths(text, name)
+    if len(values) != 1:
+        raise UnitError(f"{name}: expected one length such as 0.3mm, got '{text}'. Give one number.")
+    return values[0]
+
+
+def parse_lengths(text: str, name: str = "lengths") -> tuple[float, ...]:
+    """``'1.5,1.5,0.3mm'`` -> metres; the unit after the last number holds for all that have none.
+
+    Raises:
+        UnitError: As for :func:`parse_length`.
+    """
+    return _parse(text, name, LENGTH_UNITS, "0.3mm")
+
+
+def parse_angle(text: str, name: str = "angle") -> float:
+    """``'2deg'``, ``'0.01 rad'`` -> radians.
+
+    Raises:
+        UnitError: As for :func:`parse_length`.
+    """
+    values = _parse(text, name, ANGLE_UNITS, "2deg")
+    if len(values) != 1:
+        raise UnitError(f"{name}: expected one angle such as 2deg, got '{text}'. Give one number.")
+    return values[0]
+
+
+def length_unit(unit: str, name: str = "unit") -> float:
+    """Metres per unit.
+
+    Raises:
+        UnitError: Not one of mm, m, um, in.
+    """
+    return _factor(unit, name, LENGTH_UNITS)
+
+
+def angle_unit(unit: str, name: str = "unit") -> float:
+    """Radians per unit.
+
+    Raises:
+        UnitError: Not one of deg, rad.
+    """
+    return _factor(unit, name, ANGLE_UNITS)
+
+
+def _parse(text: str, name: str, units: dict[str, float], example: str) -> tuple[float, ...]:
+    pairs = [_split(part, text, name, example) for part in text.split(",")]
+    last = pairs[-1][1]
+    if not last:
+        listed = ", ".join(units)
+        raise UnitError(f"{name}: expected a unit ({listed}) as in {example}, got '{text}'. Say which unit it is.")
+    return tuple(number * _factor(unit or last, name, units) for number, unit in pairs)
+
+
+def _split(part: str, text: str, name: str, example: str) -> tuple[float, str]:
+    part = part.strip()
+    match = _NUMBER.match(part)
+    if match is None:
+        raise UnitError(f"{name}: expected a number and its unit such as {example}, got '{text}'. Write it so.")
+    value = float(match[0])
+    if not math.isfinite(value):
+        raise UnitError(f"{name}: expected a finite number, got '{text}'. Write a smaller one.")
+    return value, part[match.end() :].strip()
+
+
+def _factor(unit: str, name: str, units: dict[str, float]) -> float:
+    unit = _WRITTEN.get(unit, unit)
+    if unit not in units:
+        near = difflib.get_close_matches(unit.lower(), units, n=1, cutoff=0.5)
+        hint = f" Did you mean '{near[0]}'?" if near else ""
+        raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{hint}")
+    return units[unit]

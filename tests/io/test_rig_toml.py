@@ -1,0 +1,92 @@
+"""Rig files: poses, presets and mounting errors in; everything else named and refused."""
+
+import numpy as np
+import pytest
+
+from tanteo.errors import InputError, UnitError
+from tanteo.io import read_rig
+
+RIG = """
+[sensors.left]
+preset = "vl53l0x"
+position_mm = [0, 12.5, 48]
+direction = [0, 0, 2]
+mount_sd_mm = 1
+mount_turn_sd_deg = [0.5, 0.5, 0]
+
+[sensors.zone]
+preset = "vl53l5cx_zone8x8"
+position_m = [0, 0, 0.05]
+quaternion_wxyz = [0.7071068, 0.7071068, 0, 0]
+axis = [0, -1, 1]
+sd_mm = 4
+beam_half_angle_deg = 2
+max_m = 1.5
+bias_sd_um = 500
+"""
+
+
+def rig_file(tmp_path, text):
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    return path
+
+
+def test_reading(tmp_path):
+    rig = read_rig(rig_file(tmp_path, RIG))
+    left, zone = rig.sensors
+    assert (left.name, zone.name) == ("left", "zone")
+    np.testing.assert_allclose(left.T_hand_sensor[:3, 2], [0, 0, 1])
+    np.testing.assert_allclose(left.T_hand_sensor[:3, 3], [0, 0.0125, 0.048])
+    np.testing.assert_allclose(np.sqrt(np.diag(left.cov_mount)), [*[1e-3] * 3, *np.deg2rad([0.5, 0.5, 0])])
+    assert (left.max_range, left.bias_sd, left.axis_cosine) == (1.2, 0.005, 1.0)
+    assert np.isnan(left.sd)
+    np.testing.assert_allclose(zone.T_hand_sensor[:3, 2], [0, -1, 0], atol=1e-7)
+    assert zone.axis_cosine == pytest.approx(np.sqrt(0.5))
+    assert (zone.sd, zone.max_range) == (4e-3, 1.5)
+    assert zone.bias_sd == pytest.approx(5e-4)
+    assert zone.beam_half_angle == pytest.approx(np.deg2rad(2))
+
+
+GOOD = '[sensors.a]\npreset = "vl53l0x"\nposition_mm = [0, 0, 0]\ndirection = [0, 0, 1]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("", InputError, "expected tables [sensors.NAME]"),
+        ("sensors = 3", InputError, "expected tables [sensors.NAME]"),
+        ("[sensors]\na = 3", InputError, "expected a table [sensors.a], got 3"),
+        ("[sensors", InputError, "expected TOML, got"),
+        ("[sensor.a]", InputError, "got 'sensor'. Did you mean 'sensors'"),
+        (GOOD + "postion_mm = 3", InputError, "Did you mean 'position_mm'"),
+        (GOOD.replace("position_mm", "position"), UnitError, "position_mm, position_m"),
+        (GOOD.replace("position_mm", "position_cm"), UnitError, "got 'position_cm'"),
+        (GOOD + "position_m = [0, 0, 0]", UnitError, "got it in two units"),
+        (GOOD + "max_mm = -1", InputError, "max: expected one positive number"),
+        (GOOD + "sd_mm = nan", InputError, "sd_mm: expected finite numbers, got nan"),
+        (GOOD + "sd_mm = true", InputError, "got True"),
+        (GOOD + "mount_sd_mm = [1, 2]", InputError, "expected one or three numbers"),
+        (GOOD + "quaternion_wxyz = [1, 0, 0, 0]", InputError, "got both or neither"),
+        (GOOD.replace("direction = [0, 0, 1]", "quaternion_wxyz = [1, 1, 0, 0]"), InputError, "expected unit length"),
+        (GOOD.replace("[0, 0, 1]", "[0, 0, 0]"), InputError, "expected a direction that is not zero"),
+        (GOOD.replace("[0, 0, 1]", "[0, 1]"), InputError, "direction: expected 3 numbers, got 2"),
+        (GOOD.replace("[0, 0, 1]", '"z"'), InputError, "expected finite numbers, got 'z'"),
+        (GOOD.replace("position_mm = [0, 0, 0]\n", ""), InputError, "expected 'position'"),
+        (GOOD.replace("vl53l0x", "vl53"), InputError, "sensor: expected one of"),
+        (GOOD.replace("vl53l0x", "touch_probe_hobby"), InputError, "which touches"),
+        (GOOD.replace('"vl53l0x"', "7"), InputError, "expected a name, got 7"),
+        (GOOD.replace('preset = "vl53l0x"\n', ""), InputError, "expected a preset, or sd_mm"),
+        (GOOD + "axis = [0, 0, -1]", InputError, "within 90 degrees of the beam"),
+    ],
+)
+def test_refusals(tmp_path, text, error, message):
+    with pytest.raises(InputError) as caught:
+        read_rig(rig_file(tmp_path, text))
+    assert type(caught.value) is error
+    assert message in str(caught.value)
+
+
+def test_a_missing_rig(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        read_rig(tmp_path / "none.toml")
