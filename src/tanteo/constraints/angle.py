@@ -1,0 +1,138 @@
+"""Angles: between edges (16)-(18), between planes (19), between an edge and a plane; ``math.md`` section 4.4.
+
+The paper's ``arccos`` has an unbounded slope at 0 and pi and its ``F*`` divides by ``cos(theta)``; here the angle is
+``atan2(|u1 x u2|, u1 . u2)`` and its gradient the unit covector of the turn.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.constraints.relative import X_AXIS, Z_AXIS, Relative, ScalarEstimate, relative, scalar_estimate
+from tanteo.errors import DegenerateError
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
+
+
+def angle_partials(b: Vectors, axis: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Angle [0, pi] between coordinate axis ``axis`` and unit ``b``, its sine and ``d angle / d b``.
+
+    Where the sine is zero the gradient does not exist; it is then finite but meaningless, for the caller to refuse.
+    """
+    along = b[..., axis]
+    others = [k for k in range(3) if k != axis]
+    sine = np.sqrt(b[..., others[0]] ** 2 + b[..., others[1]] ** 2)
+    r = b * (along / np.where(sine > 0, sine, 1.0))[..., None]
+    r[..., axis] = -sine
+    return np.arctan2(sine, along), sine, r
+
+
+def _angle(
+    T1: Transforms, T2: Transforms, axis: int, covariances: tuple[Covariances, Covariances, FloatArray | None]
+) -> ScalarEstimate:
+    pair = relative(T1, T2)
+    value, sine, r = angle_partials(pair.R[..., :, axis], axis)
+    if np.any(sine == 0):
+        raise DegenerateError(
+            "angle: expected directions that are not parallel, got an angle of exactly 0 or pi, where its variance "
+            "does not exist. Test parallelism (2 degrees of freedom) instead."
+        )
+    return scalar_estimate(pair, axis, value, (None, r), covariances)
+
+
+def angle_edges(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> ScalarEstimate:
+    """Angle between the x axes of two edges, (16)-(18) [rad].
+
+    Args:
+        T1: frames ``T_world_edge`` ``(*batch, 4, 4)``; turn the x axes away from the corner first
+            (:func:`away_from_corner`), since an undirected edge turns alpha into pi - alpha.
+        C1: body covariances ``(*batch, 6, 6)``, zero in the free rows.
+        T2: of the second edge.
+        C2: of the second edge.
+        C12: ``E[e1 e2']`` if the errors are correlated.
+
+    Raises:
+        DegenerateError: if a pair is exactly parallel. Below ``sin(alpha) = 5 sigma`` the value is Rayleigh-like and
+            its 5 % gate rejects 14.6 %: use :func:`tanteo.constraints.parallel_edges` there (section 12).
+    """
+    return _angle(T1, T2, X_AXIS, (C1, C2, C12))
+
+
+def angle_planes(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> ScalarEstimate:
+    """Angle between the outward normals of two planes, (19) [rad]; the interior angle is ``pi - value`` if convex.
+
+    Arguments and limits as :func:`angle_edges`.
+    """
+    return _angle(T1, T2, Z_AXIS, (C1, C2, C12))
+
+
+def edge_plane_partials(n: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rise of the direction ``n`` over the plane z = 0, its cosine and ``d rise / d n``."""
+    cosine = np.sqrt(n[..., 0] ** 2 + n[..., 1] ** 2)
+    r = np.zeros_like(n)
+    r[..., 2] = 1.0 / np.where(cosine > 0, cosine, 1.0)
+    return np.arctan2(n[..., 2], cosine), cosine, r
+
+
+def angle_edge_plane(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> ScalarEstimate:
+    """Angle of an edge (second) over a plane (first), positive towards the outward normal [rad].
+
+    An addition to the paper (``math.md`` section 4.4).
+
+    Raises:
+        DegenerateError: if the edge is exactly normal to the plane.
+    """
+    pair = relative(T1, T2)
+    value, cosine, r = edge_plane_partials(pair.R[..., :, X_AXIS])
+    if np.any(cosine == 0):
+        raise DegenerateError(
+            "edge over plane: expected an edge that is not normal to the plane, got one at exactly pi/2. "
+            "Test the edge's direction against the normal (2 degrees of freedom) instead."
+        )
+    return scalar_estimate(pair, X_AXIS, value, (None, r), (C1, C2, C12))
+
+
+def signed_angle(d1: Vectors, d2: Vectors, normal: Vectors) -> FloatArray:
+    """Angle from ``d1`` to ``d2`` counted positive about ``normal``, in (-pi, pi] [rad].
+
+    With the outward normal of the face it tells a convex from a concave corner, which (16) cannot.
+    """
+    turn = np.sum(normal * np.cross(d1, d2), axis=-1)
+    return np.arctan2(turn, np.sum(d1 * d2, axis=-1))
+
+
+def angle_bias(
+    pair: Relative, axis: int, covariances: tuple[Covariances, Covariances, FloatArray | None]
+) -> FloatArray:
+    """Second-order mean error of the angle [rad]: ``(s1^2 + s2^2)/2 cot(alpha) - c12 / sin(alpha)``.
+
+    ``s_i`` are the tilts out of the common plane and ``c12`` their covariance (``math.md`` sections 4.4 and 12).
+    """
+    b = pair.R[..., :, axis]
+    e = np.eye(3)[axis]
+    sine = np.linalg.norm(np.cross(e, b), axis=-1)
+    w = np.cross(e, b) / np.where(sine > 0, sine, 1.0)[..., None]
+    t1 = np.cross(e, w)
+    t2 = np.cross(e, (w[..., None, :] @ pair.R)[..., 0, :])
+    C1, C2, C12 = covariances
+    both = _quadratic(t1, C1, t1) + _quadratic(t2, C2, t2)
+    common = 0.0 if C12 is None else _quadratic(t1, C12, t2)
+    safe = np.where(sine > 0, sine, np.inf)
+    return 0.5 * both * b[..., axis] / safe - common / safe
+
+
+def _quadratic(a: FloatArray, C: Covariances, b: FloatArray) -> FloatArray:
+    return np.sum(a * (C[..., 3:, 3:] @ b[..., None])[..., 0], axis=-1)
+
+
+def away_from_corner(direction: Vectors, centroid: Vectors, corner: Vectors) -> BoolArray:
+    """Whether ``direction`` points from the corner to the edge's own points; turn it over where it does not.
+
+    All in the world; ``(*batch, 3)`` -> ``(*batch,)`` (section 4.2 of the paper: "both going away the intersection").
+    """
+    return np.sum(direction * (centroid - corner), axis=-1) >= 0

@@ -1,0 +1,198 @@
+"""What one constraint says, and the table of all that a set of features says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.constraints.gates import chi2_p_value, chi2_statistic
+from tanteo.errors import InputError
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class ConstraintKind:
+    """One row of the table of kinds.
+
+    Attributes:
+        name: lower case.
+        units: of each value, ``m`` or ``rad``.
+        meaning: what the value is, in words.
+        null: whether the truth is zero when the condition that it states holds (coplanar, parallel).
+    """
+
+    name: str
+    units: tuple[str, ...]
+    meaning: str
+    null: bool = False
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of its chi-square test."""
+        return len(self.units)
+
+
+EDGE_ANGLE = ConstraintKind("edge_angle", ("rad",), "angle of two edges, both pointing away from their corner")
+EDGE_GAP = ConstraintKind("edge_gap", ("m",), "distance by which two edges miss each other, signed", null=True)
+EDGE_PARALLELISM = ConstraintKind("edge_parallelism", ("rad", "rad"), "tilts of the second edge", null=True)
+EDGE_DISTANCE = ConstraintKind("edge_distance", ("m",), "distance of two parallel edges")
+EDGE_COLLINEARITY = ConstraintKind(
+    "edge_collinearity", ("rad", "rad", "m", "m"), "tilts and offsets of the second edge", null=True
+)
+EDGE_LENGTH = ConstraintKind("edge_length", ("m",), "length of an edge between its two corners")
+PLANE_ANGLE = ConstraintKind("plane_angle", ("rad",), "angle of two outward normals")
+PLANE_PARALLELISM = ConstraintKind("plane_parallelism", ("rad", "rad"), "tilts of the second plane", null=True)
+PLANE_OFFSET = ConstraintKind(
+    "plane_offset", ("m",), "offset of a parallel plane along the first normal: a step, or minus a thickness"
+)
+EDGE_PLANE_ANGLE = ConstraintKind("edge_plane_angle", ("rad",), "rise of an undirected edge over a plane, 0 to pi/2")
+EDGE_PLANE_COPLANARITY = ConstraintKind(
+    "edge_plane_coplanarity", ("m", "rad"), "height and rise of an edge over a plane", null=True
+)
+POINT_PLANE_HEIGHT = ConstraintKind("point_plane_height", ("m",), "height of a vertex over a plane, signed")
+POINT_EDGE_DISTANCE = ConstraintKind("point_edge_distance", ("m",), "distance of a vertex from an edge")
+POINT_DISTANCE = ConstraintKind("point_distance", ("m",), "distance of two vertices")
+
+CONSTRAINT_KINDS: dict[str, ConstraintKind] = {
+    kind.name: kind
+    for kind in (
+        EDGE_ANGLE,
+        EDGE_GAP,
+        EDGE_PARALLELISM,
+        EDGE_DISTANCE,
+        EDGE_COLLINEARITY,
+        EDGE_LENGTH,
+        PLANE_ANGLE,
+        PLANE_PARALLELISM,
+        PLANE_OFFSET,
+        EDGE_PLANE_ANGLE,
+        EDGE_PLANE_COPLANARITY,
+        POINT_PLANE_HEIGHT,
+        POINT_EDGE_DISTANCE,
+        POINT_DISTANCE,
+    )
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Constraint:
+    """What two (or, for a length, three) features say together.
+
+    Attributes:
+        kind: what it measures.
+        labels: of the features, the first one first.
+        value: ``(m,)`` in the units of the kind.
+        covariance: ``(m, m)``, first order, shared errors included exactly.
+        bias: second-order mean error of the value ``(m,)``; subtract it if it matters (``math.md`` section 12).
+        caution: a sentence if the value needs care, else empty.
+    """
+
+    kind: ConstraintKind
+    labels: tuple[str, ...]
+    value: FloatArray
+    covariance: Covariances
+    bias: FloatArray
+    caution: str = ""
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of its chi-square test."""
+        return self.kind.dof
+
+    def distance2(self, model: FloatArray | float = 0.0) -> FloatArray:
+        """Squared Mahalanobis distance to values in the model ``(*batch, m)``, (25) and its joint form."""
+        return chi2_statistic(np.asarray(model, dtype=np.float64) - self.value, self.covariance)
+
+    def p_value(self, model: FloatArray | float = 0.0) -> FloatArray:
+        """Probability of a larger distance if the model's value is the true one."""
+        return chi2_p_value(self.distance2(model), self.dof)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstraintColumn:
+    """All constraints of one kind in a set of features, as arrays.
+
+    Attributes:
+        kind: what they measure.
+        pairs: indices of the features ``(N, 2)``, the first (a plane before an edge before a vertex) first.
+        value: ``(N, m)``.
+        covariance: ``(N, m, m)``.
+        bias: ``(N, m)``.
+        present: whether the pair has the constraint at all ``(N,)``; rows without are not to be read.
+        caution: whether ``cautions[0]`` applies ``(N,)``.
+        cautions: what a raised flag means, and why a pair is not present.
+    """
+
+    kind: ConstraintKind
+    pairs: IntArray
+    value: FloatArray
+    covariance: Covariances
+    bias: FloatArray
+    present: BoolArray
+    caution: BoolArray
+    cautions: tuple[str, str]
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AbsentConstraint:
+    """A constraint that a pair does not have, and why."""
+
+    kind: ConstraintKind
+    labels: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstraintTable:
+    """All pairwise constraints of a set of features; iterate for :class:`Constraint` values.
+
+    Attributes:
+        labels: of the features.
+        columns: one for each kind that some pair could have.
+    """
+
+    labels: tuple[str, ...]
+    columns: tuple[ConstraintColumn, ...]
+
+    def column(self, kind: str) -> ConstraintColumn:
+        """The column of that kind.
+
+        Raises:
+            InputError: if no pair of these features could have it; the message lists the kinds there are.
+        """
+        for column in self.columns:
+            if column.kind.name == kind:
+                return column
+        known = ", ".join(column.kind.name for column in self.columns) or "none"
+        raise InputError(f"kind: expected one of those in the table ({known}), got {kind!r}.")
+
+    def __len__(self) -> int:
+        return sum(int(np.count_nonzero(column.present)) for column in self.columns)
+
+    def __iter__(self) -> Iterator[Constraint]:
+        for column in self.columns:
+            for k in np.flatnonzero(column.present):
+                yield Constraint(
+                    column.kind,
+                    self._names(column, k),
+                    column.value[k],
+                    column.covariance[k],
+                    column.bias[k],
+                    column.cautions[0] if column.caution[k] else "",
+                )
+
+    def absent(self) -> tuple[AbsentConstraint, ...]:
+        """What pairs do not say, with the reason: parallel where an angle was wanted, coincident, and so on."""
+        return tuple(
+            AbsentConstraint(column.kind, self._names(column, k), column.cautions[1])
+            for column in self.columns
+            for k in np.flatnonzero(~column.present)
+        )
+
+    def _names(self, column: ConstraintColumn, k: int) -> tuple[str, ...]:
+        return tuple(self.labels[i] for i in column.pairs[k])

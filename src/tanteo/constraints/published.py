@@ -1,0 +1,181 @@
+"""The constraints of section 4 exactly as the paper prints them, for comparison and for ``--as-published``.
+
+Everything goes through the location vector ``x12`` and ``F* J2(+){x12, 0}``. The paper assumes independent features;
+``C12 = E[e1 e2']``, where given, enters as in :func:`tanteo.frames.relate_arrays`, so that only the printed constraint
+is on trial. Where these differ from the rest of the room, these are wrong: ``docs/paper.md`` says how and by how much.
+They also fail where the print fails: at theta = +-pi/2 of the relative location, and in (9) when the edges lie in
+the x-y plane of the first frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import DegenerateError
+from tanteo.frames import J2_at_zero, matrix_to_loc, relate_arrays
+from tanteo.lie import SE3
+from tanteo.typing import Covariances, FloatArray, LocationVectors, Transforms
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Published:
+    """A printed value and its printed variance.
+
+    Attributes:
+        value: ``(*batch,)`` [m, rad or a cosine].
+        variance: ``(*batch,)``.
+    """
+
+    value: FloatArray
+    variance: FloatArray
+
+
+def _relate(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None
+) -> tuple[LocationVectors, Covariances]:
+    """``x12`` and ``Cov(F2 e F1)``, (26)."""
+    T12, S = relate_arrays(T1, C1, T2, C2, C12)
+    return matrix_to_loc(T12), S
+
+
+def _scalar(value: FloatArray, F: FloatArray, x: LocationVectors, S: Covariances) -> Published:
+    """``F* J2{x12, 0} Cov(e12) J2' F*'``, the recipe of (12), (15) and (17)."""
+    g = (F[..., None, :] @ J2_at_zero(x))[..., 0, :]
+    return Published(value, np.sum(g * (S @ g[..., None])[..., 0], axis=-1))
+
+
+def _rows(like: FloatArray, **entries: FloatArray) -> FloatArray:
+    """``F*`` with the named entries of ``(px, py, pz, psi, theta, phi)``, the others zero."""
+    F = np.zeros_like(like)
+    for name, entry in entries.items():
+        F[..., ("px", "py", "pz", "psi", "theta", "phi").index(name)] = entry
+    return F
+
+
+def coplanarity(
+    T_plane: Transforms, C_plane: Covariances, T_edge: Transforms, C_edge: Covariances, C12: FloatArray | None = None
+) -> tuple[FloatArray, Covariances]:
+    """``(p_z, theta)`` (5), with the third and fifth entries of ``Cov(Ee^S)``: right only for psi = theta = 0."""
+    x, S = _relate(T_plane, C_plane, T_edge, C_edge, C12)
+    return x[..., [2, 4]], S[..., [2, 4], :][..., [2, 4]]
+
+
+def abscissa_z(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> Published:
+    """Intersection on the second edge by (9), ``p_z / sin(theta)``, with the variance of (12)."""
+    x, S = _relate(T1, C1, T2, C2, C12)
+    sine, cosine = np.sin(x[..., 4]), np.cos(x[..., 4])
+    if np.any(sine == 0):
+        raise DegenerateError(
+            "edge intersection as published: expected n_z other than 0 (equation 9), got 0: both edges lie in the "
+            "x-y plane of the first. Turn that frame about its x axis, or use tanteo.constraints.intersect."
+        )
+    F = _rows(x, pz=1 / sine, theta=-x[..., 2] * cosine / sine**2)  # (11)
+    return _scalar(x[..., 2] / sine, F, x, S)
+
+
+def abscissa_y(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> Published:
+    """Intersection on the second edge by the first form of (8), ``-p_y / (sin(phi) cos(theta))``."""
+    x, S = _relate(T1, C1, T2, C2, C12)
+    n_y = np.sin(x[..., 5]) * np.cos(x[..., 4])
+    if np.any(n_y == 0):
+        raise DegenerateError(
+            "edge intersection as published: expected n_y other than 0 (equation 8), got 0: both edges lie in the "
+            "x-z plane of the first. Turn that frame about its x axis, or use tanteo.constraints.intersect."
+        )
+    d_theta, d_phi = -np.sin(x[..., 5]) * np.sin(x[..., 4]), np.cos(x[..., 5]) * np.cos(x[..., 4])
+    slope = x[..., 1] / n_y**2
+    return _scalar(-x[..., 1] / n_y, _rows(x, py=-1 / n_y, theta=slope * d_theta, phi=slope * d_phi), x, S)
+
+
+def edge_length(
+    T_A: Transforms, C_A: Covariances, T_E: Transforms, C_E: Covariances, T_B: Transforms, C_B: Covariances
+) -> Published:
+    """Length (13) of ``E``, with (15): the variances of both ends are added as if they were independent."""
+    start, end = abscissa_z(T_A, C_A, T_E, C_E), abscissa_z(T_B, C_B, T_E, C_E)
+    # P and P' lie on the x axis of E: F* of (13) is (+-1, 0, ..., 0) and picks their one variance each
+    return Published(np.abs(end.value - start.value), start.variance + end.variance)
+
+
+def edge_length_shared(
+    T_A: Transforms, C_A: Covariances, T_E: Transforms, C_E: Covariances, T_B: Transforms, C_B: Covariances
+) -> Published:
+    """The same length by (9) with the error of the common edge counted once: isolates the mistake of (15)."""
+    start, end = abscissa_z(T_A, C_A, T_E, C_E), abscissa_z(T_B, C_B, T_E, C_E)
+    g_a, g_b = _gradient_z(T_A, T_E), _gradient_z(T_B, T_E)
+    common = np.sum(g_a * (C_E @ g_b[..., None])[..., 0], axis=-1)
+    return Published(np.abs(end.value - start.value), start.variance + end.variance - 2 * common)
+
+
+def _gradient_z(T1: Transforms, T2: Transforms) -> FloatArray:
+    """``F* J2`` of (11), over the error of the second edge."""
+    x = matrix_to_loc(SE3.inverse(T1) @ T2)
+    sine, cosine = np.sin(x[..., 4]), np.cos(x[..., 4])
+    F = _rows(x, pz=1 / sine, theta=-x[..., 2] * cosine / sine**2)
+    return (F[..., None, :] @ J2_at_zero(x))[..., 0, :]
+
+
+def angle_edges(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> Published:
+    """``arccos(cos(phi) cos(theta))`` (16), with (17), (18)."""
+    return _arccos(T1, C1, T2, C2, C12, "phi")
+
+
+def angle_planes(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> Published:
+    """``arccos(cos(psi) cos(theta))`` (19), with (17), (18)."""
+    return _arccos(T1, C1, T2, C2, C12, "psi")
+
+
+def _arccos(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None, turn: str
+) -> Published:
+    x, S = _relate(T1, C1, T2, C2, C12)
+    k = 5 if turn == "phi" else 3
+    cosine = np.cos(x[..., k]) * np.cos(x[..., 4])
+    delta = np.sqrt(1 - cosine**2)
+    if np.any(delta == 0):
+        raise DegenerateError("angle as published: expected directions that are not parallel, got Delta = 0 in (17).")
+    F = _rows(
+        x,
+        theta=np.cos(x[..., k]) * np.sin(x[..., 4]) / delta,
+        **{turn: np.cos(x[..., 4]) * np.sin(x[..., k]) / delta},
+    )
+    return _scalar(np.arccos(np.clip(cosine, -1, 1)), F, x, S)
+
+
+def parallel_edges(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> tuple[Published, Published]:
+    """``cos`` of the parallelism condition (21) and the distance of section 4.4, both at the given origins."""
+    x, S = _relate(T1, C1, T2, C2, C12)
+    d = np.hypot(x[..., 1], x[..., 2])
+    safe = np.where(d > 0, d, np.nan)
+    distance = _scalar(d, _rows(x, py=x[..., 1] / safe, pz=x[..., 2] / safe), x, S)
+    return _cosine(x, S, "phi"), distance
+
+
+def parallel_planes(
+    T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
+) -> tuple[Published, Published]:
+    """``cos`` of the parallelism condition (23) and ``|p_z|`` (24) with ``F* = (0, 0, 1, 0, 0, 0)``."""
+    x, S = _relate(T1, C1, T2, C2, C12)
+    distance = _scalar(np.abs(x[..., 2]), _rows(x, pz=np.ones_like(x[..., 2])), x, S)
+    return _cosine(x, S, "psi"), distance
+
+
+def _cosine(x: LocationVectors, S: Covariances, turn: str) -> Published:
+    k = 5 if turn == "phi" else 3
+    F = _rows(
+        x,
+        theta=-np.cos(x[..., k]) * np.sin(x[..., 4]),
+        **{turn: -np.cos(x[..., 4]) * np.sin(x[..., k])},
+    )
+    return _scalar(np.cos(x[..., k]) * np.cos(x[..., 4]), F, x, S)
