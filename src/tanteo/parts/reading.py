@@ -31,7 +31,7 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     Args:
         path: STEP (``.step``, ``.stp``) or a mesh (``.stl``, ``.obj``, ``.ply``, ``.off``, ``.glb``, ``.3mf``).
         unit: what one step of a coordinate means in formats that carry no unit (STL, OBJ, PLY, OFF): ``mm``,
-            ``m``, ``in``, ``um``, ``cm`` or ``ft``; required there. Other formats state their own, which wins.
+            ``m``, ``in``, ``um``, ``cm`` or ``ft``; required there. Other formats state their own, and it is not used there.
         name: of the part; the file's stem where left out.
 
     Returns:
@@ -61,8 +61,6 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
             check_size(_diagonal(vertices[triangles.reshape(-1)]) * METRES[own], own, label)
         points, faces, repairs = closed_mesh(vertices, triangles, label)
         draft = sort_faces(points * METRES[own], faces)
-    if unit is not None and unit_name(unit) != own:
-        repairs.append(f"The file states its own unit {own!r}; unit={unit!r} was not used.")
     check_size(_diagonal(draft.vertices), own, label)
     return build_part(draft, name=name or file.stem, source=os.fspath(path), unit=own, repairs=tuple(repairs))
 

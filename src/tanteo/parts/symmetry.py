@@ -21,6 +21,9 @@ TOLERANCE = 2e-4
 LOOSE = 5e-3
 """How far labels of equal vectors may differ, relative to the part's size."""
 
+FREEFORM_SLACK = 1e-3
+"""Most that the mesh of a free form may lie off the part it stands for, relative to the diagonal."""
+
 MOST_CANDIDATES = 4000
 PROBES = 4000
 
@@ -70,11 +73,13 @@ class _Probe:
     surface: Surface
     points: FloatArray
     slack: FloatArray
+    face_slack: FloatArray
     base: float
 
     @staticmethod
     def of(part: Part) -> _Probe:
-        sagitta = np.array([face.sagitta for face in part.faces])[part.triangle_face]
+        slacks = _slacks(part)
+        sagitta = slacks[part.triangle_face]
         centres = part.vertices[part.triangles].mean(axis=1)
         at_vertex = np.zeros(len(part.vertices))
         np.maximum.at(at_vertex, part.triangles.reshape(-1), sagitta.repeat(3))
@@ -84,7 +89,7 @@ class _Probe:
             chosen = np.random.default_rng(0).choice(len(points), PROBES, replace=False)
             points, slack = points[chosen], slack[chosen]
         surface = Surface(part.vertices, part.triangles)
-        return _Probe(part, surface, points, slack, TOLERANCE * part.diagonal)
+        return _Probe(part, surface, points, slack, slacks, TOLERANCE * part.diagonal)
 
     def accepts(self, T: FloatArray) -> bool:
         """Whether the motion maps planes to planes and the surface to itself."""
@@ -96,7 +101,7 @@ class _Probe:
     def _on_surface(self, T: FloatArray, chosen: slice) -> bool:
         moved = self.points[chosen] @ T[:3, :3].T + T[:3, 3]
         hits = self.surface.closest(moved)
-        there = np.array([face.sagitta for face in self.part.faces])[self.part.triangle_face[hits.triangles]]
+        there = self.face_slack[self.part.triangle_face[hits.triangles]]
         return bool((hits.distances <= self.base + 2.0 * np.maximum(self.slack[chosen], there)).all())
 
     def _planes_match(self, T: FloatArray) -> bool:
@@ -106,7 +111,7 @@ class _Probe:
         size = self.part.diagonal
         normals = planes.normals @ T[:3, :3].T
         centroids = planes.centroids @ T[:3, :3].T + T[:3, 3]
-        sagitta = 2.0 * max(face.sagitta for face in self.part.faces)
+        sagitta = 2.0 * float(self.face_slack.max())
         far = np.linalg.norm(centroids[:, None] - planes.centroids[None], axis=2)
         offsets = np.abs(np.einsum("ijk,jk->ij", centroids[:, None] - planes.centroids[None], planes.normals))
         aligned = normals @ planes.normals.T > 1.0 - 1e-5
@@ -114,6 +119,12 @@ class _Probe:
         near = (far < 10.0 * self.base + sagitta) & (offsets < self.base) & (spread < 3.0 * self.base + sagitta)
         areas = np.abs(planes.areas[:, None] - planes.areas[None]) <= (3.0 * self.base + sagitta) * size
         return bool((aligned & near & areas).any(axis=1).all())
+
+
+def _slacks(part: Part) -> FloatArray:
+    """How far the mesh of each face may lie off the true surface; a free form is taken at its mesh's word."""
+    most = np.array([np.inf if face.surface != "freeform" else FREEFORM_SLACK for face in part.faces])
+    return np.minimum([face.sagitta for face in part.faces], most * part.diagonal)
 
 
 def _about(centre: FloatArray, R: FloatArray) -> FloatArray:

@@ -1,0 +1,148 @@
+"""Worker processes that may crash or hang without taking the program with them.
+
+Each worker has a thread here that hands it one file at a time. A worker that dies or exceeds the time limit is
+replaced, and its file becomes a sentence. Workers are plain ``python -c`` processes and not ``multiprocessing``
+ones, so a script that calls this needs no ``if __name__ == "__main__"``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from tanteo.catalogue.archive import part_from_bytes
+from tanteo.errors import InputError
+from tanteo.parts import Part
+
+_COMMAND = "from tanteo.catalogue.worker import main; main()"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One file to read: the arguments of ``read_part``."""
+
+    path: str
+    unit: str | None
+    name: str
+
+
+def read_in_processes(
+    requests: Mapping[int, Request],
+    settle: Callable[[int, Part | str], None],
+    *,
+    workers: int,
+    time_limit: float,
+    command: str = _COMMAND,
+) -> None:
+    """Read files in worker processes.
+
+    Args:
+        requests: files to read, by any number.
+        settle: called in this thread with the number and the part, or the sentence that says why there is none.
+        workers: how many processes.
+        time_limit: for one file [s].
+        command: what a worker runs; tests put a worse one here.
+    """
+    waiting: queue.SimpleQueue[tuple[int, Request]] = queue.SimpleQueue()
+    done: queue.SimpleQueue[tuple[int, Part | str]] = queue.SimpleQueue()
+    for item in requests.items():
+        waiting.put(item)
+    stopped = threading.Event()
+    threads = [
+        threading.Thread(target=_serve, args=(waiting, done, stopped, time_limit, command), daemon=True)
+        for _ in range(workers)
+    ]
+    for thread in threads:
+        thread.start()
+    try:
+        for _ in range(len(requests)):
+            settle(*done.get())
+    finally:
+        stopped.set()
+        for thread in threads:
+            thread.join()
+
+
+def _serve(
+    waiting: queue.SimpleQueue[tuple[int, Request]],
+    done: queue.SimpleQueue[tuple[int, Part | str]],
+    stopped: threading.Event,
+    time_limit: float,
+    command: str,
+) -> None:
+    worker: subprocess.Popen[bytes] | None = None
+    while not stopped.is_set():
+        try:
+            index, request = waiting.get_nowait()
+        except queue.Empty:
+            break
+        if worker is None:
+            worker = _started(command)
+        result, alive = _ask(worker, request, time_limit)
+        if not alive:
+            _end(worker)
+            worker = None
+        done.put((index, result))
+    if worker is not None:
+        _end(worker)
+
+
+def _started(command: str) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    return subprocess.Popen(
+        [sys.executable, "-c", command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    )
+
+
+def _end(worker: subprocess.Popen[bytes]) -> None:
+    worker.kill()
+    worker.wait()
+    for pipe in (worker.stdin, worker.stdout):
+        if pipe is not None:
+            pipe.close()
+
+
+def _ask(worker: subprocess.Popen[bytes], request: Request, time_limit: float) -> tuple[Part | str, bool]:
+    """Send one request and wait for its reply; say whether the worker can be used again."""
+    label = Path(request.path).name
+    assert worker.stdin is not None
+    assert worker.stdout is not None
+    late = threading.Event()
+
+    def stop() -> None:
+        late.set()
+        worker.kill()
+
+    timer = threading.Timer(time_limit, stop)
+    timer.start()
+    try:
+        worker.stdin.write(json.dumps(asdict(request)).encode() + b"\n")
+        worker.stdin.flush()
+        head = worker.stdout.read(9)
+        size = int.from_bytes(head[1:], "big")
+        reply = worker.stdout.read(size) if len(head) == 9 else b""
+    except OSError:
+        head, size, reply = b"", 0, b""
+    finally:
+        timer.cancel()
+    if late.is_set():
+        return f"{label}: expected to be read within {time_limit:g} s, got no end. Simplify the part.", False
+    if len(head) < 9 or len(reply) < size:
+        return f"{label}: expected a part, got a crash of the CAD reader. Export the part again.", False
+    if head[:1] == b"E":
+        return reply.decode(), True
+    try:
+        return part_from_bytes(reply, name=request.name, source=request.path), True
+    except InputError as error:
+        return f"{label}: {error}", True

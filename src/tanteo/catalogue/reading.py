@@ -1,0 +1,181 @@
+"""Files and folders -> parts, in parallel, with a sentence for every file that could not be read."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tanteo.catalogue import cache as remembered
+from tanteo.catalogue.pool import Request, read_in_processes
+from tanteo.errors import InputError, TanteoError, UnitError
+from tanteo.parts import READABLE, Part, read_part
+from tanteo.parts.files import UNITLESS
+from tanteo.parts.units import unit_name
+
+TIME_LIMIT = 120.0
+"""Seconds that one file may take."""
+
+FEW_MESHES, SMALL_FILE = 16, 2_000_000
+"""Up to this many mesh files of up to this many bytes are read in this process."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Failure:
+    """A file that could not be read.
+
+    Attributes:
+        path: as it was given or found.
+        reason: one sentence for a person.
+    """
+
+    path: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """What was read.
+
+    Attributes:
+        parts: in the order of the files; names are unique.
+        failures: files that could not be read, in the same order.
+    """
+
+    parts: tuple[Part, ...]
+    failures: tuple[Failure, ...]
+
+    def __len__(self) -> int:
+        return len(self.parts)
+
+    def __iter__(self) -> Iterator[Part]:
+        return iter(self.parts)
+
+    def __getitem__(self, name: str) -> Part:
+        """Return the part of that name.
+
+        Raises:
+            InputError: there is none.
+        """
+        for part in self.parts:
+            if part.name == name:
+                return part
+        known = ", ".join(part.name for part in self.parts[:10])
+        raise InputError(f"name: expected one of {known}, got {name!r}. Look at the names of the parts.")
+
+
+def read_parts(
+    paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str],
+    *,
+    unit: str | None = None,
+    workers: int | None = None,
+    cache: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+    time_limit: float = TIME_LIMIT,
+) -> Parts:
+    """Read CAD files and folders of them.
+
+    STEP files and large sets are read in worker processes, so that a crash of the CAD kernel or a file that never
+    ends costs that file only.
+
+    Args:
+        paths: files, and folders whose readable files are taken in alphabetical order (subfolders are not).
+        unit: of files that carry none (STL, OBJ, PLY, OFF); required where there are such files.
+        workers: processes to read with; as many as processors where left out; 0 reads everything in this process.
+        cache: whether to remember parts on disk and use what is remembered.
+        progress: called with (files done, files in all) after each file.
+        time_limit: for one file [s]; not enforced with ``workers=0``.
+
+    Returns:
+        Parts and failures. Parts whose files have the same stem are named by more of their path.
+
+    Raises:
+        UnitError: the unit is unknown, or missing while some file needs one.
+    """
+    files, failures = _collect([paths] if isinstance(paths, (str, os.PathLike)) else paths)
+    short = None if unit is None else unit_name(unit)
+    needy = [file for file in files if file.suffix.lower() in UNITLESS]
+    if needy and short is None:
+        raise UnitError(
+            f"unit: expected the length unit of {needy[0].name} ({len(needy)} files carry none), got none. "
+            "Pass unit='mm' (or um, cm, m, in, ft)."
+        )
+    requests = [Request(str(file), short, name) for file, name in zip(files, _names(files), strict=True)]
+    results: dict[int, Part | str] = {}
+
+    def settle(index: int, result: Part | str) -> None:
+        results[index] = result
+        if progress is not None:
+            progress(len(results), len(files))
+
+    keys = [remembered.cache_key(file, short) if cache else None for file in files]
+    for index, (request, key) in enumerate(zip(requests, keys, strict=True)):
+        found = remembered.load(key, name=request.name, source=request.path) if key else None
+        if found is not None:
+            settle(index, found)
+    todo = {index: request for index, request in enumerate(requests) if index not in results}
+
+    def fresh(index: int, result: Part | str) -> None:
+        key = keys[index]
+        if key and isinstance(result, Part):
+            remembered.store(key, result)
+        settle(index, result)
+
+    for index in _inline(todo, workers):
+        fresh(index, _read_here(todo.pop(index)))
+    if todo:
+        count = min(len(todo), workers or os.cpu_count() or 1)
+        read_in_processes(todo, fresh, workers=count, time_limit=time_limit)
+    parts = [result for _, result in sorted(results.items()) if isinstance(result, Part)]
+    failed = [Failure(str(files[i]), result) for i, result in sorted(results.items()) if isinstance(result, str)]
+    return Parts(tuple(parts), (*failures, *failed))
+
+
+def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[Failure]]:
+    """List the files to read, each once, and what is wrong with the given paths."""
+    files: dict[Path, Path] = {}
+    failures = []
+    for given in map(Path, paths):
+        if given.is_dir():
+            inside = sorted(file for file in given.iterdir() if file.suffix.lower() in READABLE and file.is_file())
+            files.update({file.resolve(): file for file in inside if file.resolve() not in files})
+            if not inside:
+                reason = f"{given}: expected CAD files ({', '.join(READABLE)}), got none in this folder."
+                failures.append(Failure(str(given), reason))
+        elif given.is_file():
+            files.setdefault(given.resolve(), given)
+        else:
+            reason = f"{given}: expected a file or a folder, got nothing there. Check the path."
+            failures.append(Failure(str(given), reason))
+    return list(files.values()), failures
+
+
+def _names(files: list[Path]) -> list[str]:
+    """Name each file by its stem, and by as much more of its path as it takes to be the only one."""
+    longer: list[Callable[[Path], str]] = [lambda file: file.stem, lambda file: file.name]
+    longer += [lambda file: f"{file.resolve().parent.name}/{file.name}", lambda file: str(file.resolve())]
+    names: dict[Path, str] = {}
+    for naming in longer:
+        waiting = [file for file in files if file not in names]
+        counts = Counter(naming(file) for file in waiting)
+        taken = set(names.values())
+        names.update({f: naming(f) for f in waiting if counts[naming(f)] == 1 and naming(f) not in taken})
+    return [names.get(file, str(file.resolve())) for file in files]
+
+
+def _inline(todo: dict[int, Request], workers: int | None) -> list[int]:
+    """Choose what to read in this process: everything with ``workers=0``, else a few small meshes."""
+    if workers == 0:
+        return list(todo)
+    meshes = [index for index, request in todo.items() if not request.path.lower().endswith((".step", ".stp"))]
+    small = [index for index in meshes if Path(todo[index].path).stat().st_size <= SMALL_FILE]
+    return small if len(meshes) <= FEW_MESHES else []
+
+
+def _read_here(request: Request) -> Part | str:
+    try:
+        return read_part(request.path, unit=request.unit, name=request.name)
+    except (TanteoError, OSError, RuntimeError, MemoryError) as error:
+        return str(error)
