@@ -1,0 +1,190 @@
+"""What is still possible: poses of parts with their probabilities, and "none of these"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from tanteo.lie import SE3, SO3
+from tanteo.localization.solve import pose_information
+from tanteo.matching.evidence import Priors, clutter_densities, log_evidence, perfect_evidence
+from tanteo.matching.model import PartModel, right_angled_family
+from tanteo.matching.sensed import Sensed
+from tanteo.matching.tree import TURNS, interpret
+from tanteo.matching.verify import within_extent
+from tanteo.parts import Part
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+
+NEGLIGIBLE = 10.0
+"""Log odds below which an explanation by a part is not looked for: less than one in ten thousand."""
+
+SMALL = 5.0
+"""The same for the parts of the evidence of an unknown part, which need no more than a percent."""
+
+_SAME_POSE = 22.5
+"""Squared Mahalanobis distance within which two poses are one mode (one in a thousand, six degrees of freedom)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mode:
+    """One pose of one part: interpretations that imply it, symmetric ones included, are summed.
+
+    Attributes:
+        model: the part.
+        choices: of the most probable interpretation ``(n,)``.
+        T_world_part: its pose.
+        probability: posterior.
+        information: on the pose ``(6, 6)``.
+    """
+
+    model: PartModel
+    choices: IntArray
+    T_world_part: Transforms
+    probability: float
+    information: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """The posterior over parts and poses.
+
+    Attributes:
+        modes: best first.
+        unknown: probability of none of the parts.
+        cut: whether the search had to drop partial interpretations.
+    """
+
+    modes: tuple[Mode, ...]
+    unknown: float
+    cut: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Explained:
+    """Interpretations of one part with their log weights (prior included)."""
+
+    model: PartModel
+    choices: IntArray
+    Ts: Transforms
+    information: FloatArray
+    log_weights: FloatArray
+
+
+def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, tolerance: float = 0.0) -> Belief:
+    """Posterior over the parts, their poses and "none of these".
+
+    Parts are searched with no feature left out, then one, then two, as long as some part could still reach a weight
+    that matters beside the best explanation so far.
+    """
+    unknown = _log_unknown(sensed, priors) + np.log(priors.unknown)
+    prior = np.log1p(-priors.unknown) - np.log(max(len(models), 1))
+    bounds = {model.name: perfect_evidence(sensed, model, priors) + prior for model in models}
+    best, found, cut = unknown, [], False
+    for left_out in range(len(sensed) + 1):
+        for model in models:
+            if bounds[model.name][left_out] < best - NEGLIGIBLE:
+                continue
+            explained, dropped = _explain(sensed, model, left_out, priors, tolerance, prior)
+            cut |= dropped
+            if len(explained.log_weights):
+                found.append(explained)
+                best = max(best, float(explained.log_weights.max()))
+    return _weigh(found, unknown, best, cut)
+
+
+def _explain(
+    sensed: Sensed, model: PartModel, left_out: int, priors: Priors, tolerance: float, prior: float
+) -> tuple[_Explained, bool]:
+    interpretations = interpret(sensed, model, left_out, tolerance)
+    weights = log_evidence(sensed, model, interpretations, priors) + prior
+    keep, poses = within_extent(sensed, model, interpretations, tolerance)
+    solution = interpretations.solution
+    explained = _Explained(
+        model,
+        interpretations.choices[keep],
+        poses[keep],
+        pose_information(solution.information[keep]),
+        weights[keep],
+    )
+    return explained, interpretations.cut
+
+
+def _log_unknown(sensed: Sensed, priors: Priors) -> float:
+    """Evidence of a part that nobody modelled: right-angled in the main, its offsets anywhere."""
+    n = len(sensed)
+    anywhere = clutter_densities(sensed, priors.radius)
+    if not n:
+        return 0.0
+    family = right_angled_family(priors.radius)
+    stray = Priors(priors.unknown, 1 - priors.right_angled, priors.radius, priors.right_angled)
+    terms = [float(anywhere.sum()) + n * np.log(1 - priors.right_angled)]
+    bounds = perfect_evidence(sensed, family, stray)
+    for left_out in range(n):
+        if bounds[left_out] < max(terms) - SMALL:
+            continue
+        weights = log_evidence(sensed, family, interpret(sensed, family, left_out), stray)
+        if len(weights):
+            terms.append(float(logsumexp(weights)) + np.log(TURNS))
+    return float(logsumexp(terms))
+
+
+def _weigh(found: Sequence[_Explained], unknown: float, best: float, cut: bool) -> Belief:
+    total = float(logsumexp(np.concatenate([[unknown], *(e.log_weights for e in found)])))
+    modes: list[Mode] = []
+    by_part: dict[str, list[_Explained]] = {}
+    for explained in found:
+        by_part.setdefault(explained.model.name, []).append(explained)
+    for group in by_part.values():
+        modes += _merge(group, total, best)
+    modes.sort(key=lambda mode: -mode.probability)
+    return Belief(tuple(modes), float(np.exp(unknown - total)), cut)
+
+
+def _merge(group: Sequence[_Explained], total: float, best: float) -> list[Mode]:
+    """Interpretations of one part as distinct poses, symmetric ones together."""
+    model = group[0].model
+    log = np.concatenate([e.log_weights for e in group])
+    choices = np.concatenate([e.choices for e in group])
+    Ts = np.concatenate([e.Ts for e in group])
+    information = np.concatenate([e.information for e in group])
+    assert model.part is not None
+    left = np.flatnonzero(log > best - NEGLIGIBLE - 6)
+    left = left[np.argsort(-log[left], kind="stable")]
+    modes = []
+    while len(left):
+        top = left[0]
+        same = equivalent(model.part, Ts[top], Ts[left], information[left])
+        same[0] = True
+        weight = float(np.exp(logsumexp(log[left[same]]) - total))
+        modes.append(Mode(model, choices[top], Ts[top], weight, information[top]))
+        left = left[~same]
+    return modes
+
+
+def equivalent(part: Part, T: Transforms, others: Transforms, information: FloatArray) -> BoolArray:
+    """Which of the poses ``others`` ``(F, 4, 4)`` put the part where ``T`` does, up to its symmetry and their noise."""
+    images = T @ part.symmetry.Ts
+    gaps = SE3.inverse(images)[:, None] @ others
+    if part.symmetry.continuous:
+        gaps = _without_spin(part, gaps)
+    xi = SE3.log(gaps)
+    distance = np.einsum("sfi,fij,sfj->sf", xi, information, xi)
+    return np.asarray(distance.min(axis=0) <= _SAME_POSE, dtype=np.bool_)
+
+
+def _without_spin(part: Part, gaps: Transforms) -> Transforms:
+    """Relative poses with the rotation that the part's continuous symmetry absorbs taken out."""
+    if part.symmetry.spherical:
+        centre = part.centroid
+        shift = SE3.apply(gaps, centre) - centre
+        return SE3.from_parts(np.broadcast_to(np.eye(3), gaps[..., :3, :3].shape), shift)
+    assert part.symmetry.axis is not None
+    point, axis = part.symmetry.axis
+    q = SO3.as_quaternion(gaps[..., :3, :3])
+    angle = 2 * np.arctan2(q[..., 1:] @ axis, q[..., 0])
+    R = SO3.exp(-angle[..., None] * axis)
+    spin = SE3.from_parts(R, point - SE3.apply(R, point))
+    return np.asarray(gaps @ spin)

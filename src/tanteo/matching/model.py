@@ -1,0 +1,203 @@
+"""A part prepared for matching: its candidates by kind, and what pairs of them look like from outside.
+
+The pair tables are the classical constraints of the interpretation tree (Grimson and Lozano-Perez 1984): the angle
+between two directions, the range of one feature's points along the other's normal, and the range of their distance.
+They hold for every placement, so a sensed pair can be gated before any pose is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.features import EDGE
+from tanteo.lie import SE3, SO3
+from tanteo.parts import Part
+from tanteo.shapes import Surface
+from tanteo.typing import FloatArray, IntArray, Transforms
+
+_KEEP_ENTRIES = 1_000_000
+"""Pair tables with more entries than this are computed when asked for and not kept."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """The model features that a sensed feature of one kind may be.
+
+    Attributes:
+        Ts_part_feature: frames ``(N, 4, 4)``; an edge appears twice, once in each direction.
+        directions: normal or direction ``(N, 3)``; zero for vertices.
+        weights: probability that a sensed feature of the kind is this one, by area or length ``(N,)``.
+        measures: area [m2] or length [m] of the candidate, 1 for vertices ``(N,)``.
+        tolerance_scale: sd of each perturbation row for a unit sd of the made surface ``(N, size)`` [1, 1/m].
+        radii: of a sphere about the frame's origin that holds the feature ``(N,)`` [m].
+        points: its extreme points ``(sum, 3)`` [m].
+        starts: where the points of each begin ``(N,)``.
+        names: for reports, ``plane 12``.
+    """
+
+    Ts_part_feature: Transforms
+    directions: FloatArray
+    weights: FloatArray
+    measures: FloatArray
+    tolerance_scale: FloatArray
+    radii: FloatArray
+    points: FloatArray
+    starts: IntArray
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairTable:
+    """What candidates ``a`` (rows) and ``b`` (columns) look like to each other.
+
+    Attributes:
+        angle: between the directions ``(Na, Nb)`` [rad], in 0..pi.
+        low: least of ``n_a . (q - c_a)`` over the points ``q`` of ``b`` ``(Na, Nb)`` [m]; only where ``a`` is a plane.
+        high: greatest of the same.
+        near: least possible distance between a point of ``a`` and one of ``b`` (bound) [m].
+        far: greatest.
+    """
+
+    angle: FloatArray | None
+    low: FloatArray | None
+    high: FloatArray | None
+    near: FloatArray
+    far: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartModel:
+    """A part, or a family of parts, as the tree sees it.
+
+    Attributes:
+        name: of the part.
+        part: the part; none for a family that is known only by its directions.
+        candidates: by kind name.
+        radius: of the sphere that holds the part [m].
+    """
+
+    name: str
+    part: Part | None
+    candidates: dict[str, Candidates]
+    radius: float
+    _tables: dict[tuple[str, str], PairTable] = field(default_factory=dict)
+    _surface: list[Surface] = field(default_factory=list)
+
+    @property
+    def has_extent(self) -> bool:
+        """Whether candidates have a place, not only a direction."""
+        return self.part is not None
+
+    @property
+    def surface(self) -> Surface:
+        """The part's surface for distance queries, built once."""
+        assert self.part is not None
+        if not self._surface:
+            self._surface.append(Surface(self.part.vertices, self.part.triangles))
+        return self._surface[0]
+
+    def table(self, a: str, b: str) -> PairTable:
+        """The whole pair table of two kinds; small ones are kept."""
+        if (a, b) in self._tables:
+            return self._tables[a, b]
+        A, B = self.candidates[a], self.candidates[b]
+        table = pair_table(A, B, a == "plane")
+        if len(A) * len(B) <= _KEEP_ENTRIES:
+            self._tables[a, b] = table
+        return table
+
+
+def pair_table(A: Candidates, B: Candidates, a_is_plane: bool) -> PairTable:
+    """The pair table of two sets of candidates."""
+    directed = bool(np.any(A.directions)) and bool(np.any(B.directions))
+    u, c = A.directions, A.Ts_part_feature[:, :3, 3]
+    angle = np.arccos(np.clip(u @ B.directions.T, -1.0, 1.0)) if directed else None
+    gap = np.linalg.norm(c[:, None] - B.Ts_part_feature[None, :, :3, 3], axis=-1)
+    reach = A.radii[:, None] + B.radii
+    low = high = None
+    if a_is_plane:
+        along = u @ B.points.T - np.sum(u * c, axis=-1)[:, None]
+        low = np.minimum.reduceat(along, B.starts, axis=1)
+        high = np.maximum.reduceat(along, B.starts, axis=1)
+    return PairTable(angle, low, high, np.maximum(gap - reach, 0.0), gap + reach)
+
+
+def prepare(part: Part) -> PartModel:
+    """Candidates of a part; tables follow when they are asked for."""
+    candidates = {"plane": _planes(part), "edge": _edges(part), "vertex": _vertices(part)}
+    return PartModel(part.name, part, {k: c for k, c in candidates.items() if len(c)}, part.radius)
+
+
+def _planes(part: Part) -> Candidates:
+    planes = part.planes
+    starts = planes.boundary_start[:-1]
+    spans = np.repeat(np.arange(len(planes)), np.diff(planes.boundary_start))
+    away = np.linalg.norm(planes.boundary - planes.centroids[spans], axis=1)
+    tilt = 1 / np.maximum(planes.gyration, 1e-9)
+    return Candidates(
+        planes.Ts_part_feature,
+        planes.normals,
+        planes.areas / max(part.area, planes.areas.sum()),
+        planes.areas,
+        np.column_stack([np.ones(len(planes)), tilt[:, 1], tilt[:, 0]]),
+        np.maximum.reduceat(away, starts) if len(planes) else np.zeros(0),
+        planes.boundary,
+        starts,
+        tuple(part.faces[i].name.replace("face", "plane") for i in planes.faces),
+    )
+
+
+def _edges(part: Part) -> Candidates:
+    edges = part.edges
+    n = len(edges)
+    Ts = np.concatenate([edges.Ts_part_feature, edges.Ts_part_feature @ EDGE.symmetries[1]])
+    lengths = np.tile(edges.lengths, 2)
+    tilt = np.sqrt(12.0) / np.maximum(lengths, 1e-9)
+    return Candidates(
+        Ts,
+        Ts[:, :3, 0],
+        lengths / max(edges.lengths.sum(), 1e-300),
+        lengths,
+        np.column_stack([np.ones(2 * n), np.ones(2 * n), tilt, tilt]),
+        lengths / 2,
+        np.tile(edges.ends.reshape(-1, 3), (2, 1)),
+        np.arange(0, 4 * n, 2),
+        tuple(f"edge {i}" for i in range(n)) * 2,
+    )
+
+
+def _vertices(part: Part) -> Candidates:
+    n = len(part.corners)
+    Ts = np.tile(np.eye(4), (n, 1, 1))
+    Ts[:, :3, 3] = part.corners.points
+    ones = np.ones(n)
+    names = tuple(f"corner {i}" for i in range(n))
+    points = part.corners.points
+    return Candidates(
+        Ts, np.zeros((n, 3)), ones / max(n, 1), ones, np.ones((n, 3)), np.zeros(n), points, np.arange(n), names
+    )
+
+
+def _directions_only(directions: FloatArray, axis: int, size: int, name: str) -> Candidates:
+    n = len(directions)
+    Ts = SE3.from_parts(SO3.frame_from_axis(directions, axis), np.zeros((n, 3)))
+    weights = np.full(n, 1 / len(np.unique(np.abs(directions), axis=0)) / (2 if axis == 2 else 1))
+    names = tuple(f"{name} {i}" for i in range(n))
+    return Candidates(
+        Ts, directions, weights, np.ones(n), np.zeros((n, size)), np.zeros(n), np.zeros((n, 3)), np.arange(n), names
+    )
+
+
+def right_angled_family(radius: float) -> PartModel:
+    """Any part whose faces and edges run along three perpendicular axes: what most unknown parts look like."""
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    candidates = {
+        "plane": _directions_only(axes, 2, 3, "side"),
+        "edge": _directions_only(axes, 0, 4, "side"),
+    }
+    return PartModel("any right-angled part", None, candidates, radius)

@@ -1,0 +1,95 @@
+"""The sensed features as arrays, with the scalar bounds that the gates of the tree use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.features import Feature, collect_shared, feature_covariance
+from tanteo.typing import BoolArray, FloatArray
+
+KINDS_IN_TREE = ("plane", "edge", "vertex")
+_AXIS = {"plane": 2, "edge": 0}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """``n`` sensed features.
+
+    Attributes:
+        features: as given.
+        kinds: name of each kind.
+        directions: normals and edge directions in the world ``(n, 3)``; zero for vertices.
+        points: a point of each that lies within the model feature's extent ``(n, 3)`` [m].
+        placed: whether that is known (it was sensed at points, or is a vertex) ``(n,)``.
+        tilt: largest sd of the direction ``(n,)`` [rad].
+        shift: largest sd of the position across the feature ``(n,)`` [m].
+        gains: whitened shared errors of each feature ``(size, D)``.
+        angle: between directions ``(n, n)`` [rad].
+        along: ``n_i . (x_j - x_i)`` ``(n, n)`` [m].
+        along_sd: a bound on its sd, model tolerance excluded ``(n, n)`` [m].
+        distance: between points ``(n, n)`` [m].
+    """
+
+    features: tuple[Feature, ...]
+    kinds: tuple[str, ...]
+    directions: FloatArray
+    points: FloatArray
+    placed: BoolArray
+    tilt: FloatArray
+    shift: FloatArray
+    gains: tuple[FloatArray, ...]
+    angle: FloatArray
+    along: FloatArray
+    along_sd: FloatArray
+    distance: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+
+def sense(features: Sequence[Feature]) -> Sensed:
+    """Prepare sensed features for the tree.
+
+    Raises:
+        InputError: for a kind other than plane, edge or vertex.
+    """
+    for feature in features:
+        if feature.kind.name not in KINDS_IN_TREE:
+            raise InputError(
+                f"feature {feature.label!r}: expected a plane, edge or vertex, got a {feature.kind.name}. "
+                "Curved features are not matched yet; sense planes, edges or vertices."
+            )
+    n = len(features)
+    kinds = tuple(feature.kind.name for feature in features)
+    Ts = np.array([feature.T_world_feature for feature in features]).reshape(n, 4, 4)
+    directions = np.array(
+        [T[:3, _AXIS[k]] if k in _AXIS else np.zeros(3) for T, k in zip(Ts, kinds, strict=True)]
+    ).reshape(n, 3)
+    points = np.array([f.support.mean(axis=0) if len(f.support) else f.T_world_feature[:3, 3] for f in features])
+    points = points.reshape(n, 3)
+    C = np.array([feature_covariance(feature) for feature in features]).reshape(n, 6, 6)
+    tilt, shift = (np.sqrt(np.linalg.eigvalsh(C[:, s, s])[:, -1].clip(0)) for s in (slice(3, 6), slice(0, 3)))
+    tilt = np.where([k == "vertex" for k in kinds], 0.0, tilt)
+    gap = points[None] - points[:, None]
+    distance = np.linalg.norm(gap, axis=-1)
+    errors, covariance, gains = collect_shared(features)
+    values, vectors = np.linalg.eigh(covariance) if errors else (np.zeros(0), np.zeros((0, 0)))
+    L = vectors * np.sqrt(values.clip(0))
+    return Sensed(
+        tuple(features),
+        kinds,
+        directions,
+        points,
+        np.array([len(f.support) > 0 or k == "vertex" for f, k in zip(features, kinds, strict=True)], dtype=bool),
+        tilt,
+        shift,
+        tuple(A @ L for A in gains),
+        np.arccos(np.clip(directions @ directions.T, -1.0, 1.0)),
+        np.einsum("ik,ijk->ij", directions, gap),
+        np.sqrt(shift[:, None] ** 2 + shift**2 + (tilt[:, None] * distance) ** 2),
+        distance,
+    )

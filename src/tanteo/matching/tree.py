@@ -1,0 +1,241 @@
+"""The interpretation tree as an array program: all partial interpretations of a level at once.
+
+An interpretation gives every sensed feature a model feature or nothing. A level adds one sensed feature to all
+partial interpretations together; pairs are gated by tables, and as soon as three features are paired the joint
+chi-square of the pose they imply prunes what no single pose explains (``math.md`` section 9).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from tanteo.features import EDGE, PLANE, VERTEX
+from tanteo.localization.relations import EDGE_DIRECTIONS, PLANE_DIRECTIONS, Relation, relation_between
+from tanteo.localization.solve import Block, Solution, gauss_newton
+from tanteo.localization.start import first_pose
+from tanteo.matching.gates import compatible
+from tanteo.matching.model import PartModel
+from tanteo.matching.sensed import KINDS_IN_TREE, Sensed
+from tanteo.typing import BoolArray, FloatArray, IntArray
+
+NOTHING = -1
+"""In an interpretation: the sensed feature is clutter."""
+
+ALPHA_JOINT = 1e-4
+"""A true interpretation is lost by one joint prefix test with this probability."""
+
+TURNS = 6
+"""Directions of a right-angled family that the first paired feature may have, all alike: one is searched."""
+
+MAX_PARTIAL = 40_000
+"""More partial interpretations than this on one level are cut: the answer says so."""
+
+_TEST_ABOVE = 64
+"""Levels with more partial interpretations than this are pruned by the joint test before they grow."""
+
+_CHUNK = 2_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Interpretations:
+    """Complete interpretations of the sensed features by one part, with the pose that each implies.
+
+    Attributes:
+        choices: candidate of each sensed feature, or :data:`NOTHING` ``(F, n)``.
+        solution: the joint estimate of each.
+        cut: whether the search dropped partial interpretations because there were too many.
+    """
+
+    choices: IntArray
+    solution: Solution
+    cut: bool
+
+
+def relation_of(kind: str, model: PartModel) -> Relation:
+    """How a sensed feature of that kind is compared with its candidate."""
+    if model.has_extent:
+        k = {"plane": PLANE, "edge": EDGE, "vertex": VERTEX}[kind]
+        return relation_between(k, k)
+    return {"plane": PLANE_DIRECTIONS, "edge": EDGE_DIRECTIONS}[kind]
+
+
+def interpret(sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float = 0.0) -> Interpretations:
+    """All interpretations with exactly ``n_nothing`` features left out that pairs and poses allow.
+
+    Args:
+        sensed: the sensed features.
+        model: the part, or a family known by its directions.
+        n_nothing: how many sensed features are clutter.
+        tolerance: sd of the made surface against its CAD [m].
+
+    Returns:
+        The interpretations; of a family known by its directions one in :data:`TURNS` that are alike.
+    """
+    members = [i for i in range(len(sensed)) if sensed.kinds[i] in model.candidates]
+    missing = len(sensed) - len(members)  # features of kinds that the part does not have are clutter already
+    choices, cut = np.full((1, len(sensed)), NOTHING), False
+    if missing > n_nothing:
+        choices = choices[:0]
+        members = []
+    gates = {(i, j): compatible(sensed, i, j, model, tolerance) for i in members for j in members if i < j}
+    done: list[int] = []
+    for i in _order(members, gates):
+        if len(choices) > _TEST_ABOVE and len(done) > 2:
+            choices, _ = prune(sensed, model, choices, tolerance)
+        choices = _expand(choices, done, i, len(model.candidates[sensed.kinds[i]]), gates, n_nothing - missing)
+        if not model.has_extent:  # all six directions look alike: the first one chosen may as well be the first
+            choices = choices[~((choices[:, i] > 0) & np.all(choices[:, done] == NOTHING, axis=1))]
+        done.append(i)
+        if len(choices) > MAX_PARTIAL:
+            choices, cut = choices[np.linspace(0, len(choices) - 1, MAX_PARTIAL).astype(np.int64)], True
+    left_out = (choices == NOTHING).sum(axis=1)
+    choices, solution = prune(sensed, model, choices[left_out == n_nothing], tolerance, iterations=20)
+    return Interpretations(choices, solution, cut)
+
+
+def _order(members: Sequence[int], gates: dict[tuple[int, int], BoolArray]) -> list[int]:
+    """Sensed features, the one that leaves fewest partial interpretations next."""
+    if len(members) < 3:
+        return list(members)
+    share = {pair: np.log(max(float(ok.mean()), 1e-12)) for pair, ok in gates.items()}
+    sizes = {}
+    for (i, j), ok in gates.items():
+        sizes[i], sizes[j] = np.log(ok.shape[0]), np.log(ok.shape[1])
+
+    def pair_share(i: int, j: int) -> float:
+        return share[min(i, j), max(i, j)]
+
+    first = min(gates, key=lambda pair: sizes[pair[0]] + sizes[pair[1]] + share[pair])
+    order = [*first]
+    while len(order) < len(members):
+        rest = [i for i in members if i not in order]
+        order.append(min(rest, key=lambda i: sizes[i] + sum(pair_share(i, j) for j in order)))
+    return order
+
+
+def _expand(
+    choices: IntArray, done: list[int], i: int, n: int, gates: dict[tuple[int, int], BoolArray], allowed: int
+) -> IntArray:
+    """Every partial interpretation with every candidate of feature ``i`` that its choices so far allow, or nothing."""
+    grown = []
+    step = max(1, _CHUNK // max(n, 1))
+    for rows in (choices[k : k + step] for k in range(0, len(choices), step)):
+        ok = np.ones((len(rows), n), dtype=bool)
+        for j in done:
+            gate = gates[j, i] if (j, i) in gates else gates[i, j].T
+            chosen = rows[:, j]
+            ok &= gate[chosen] | (chosen == NOTHING)[:, None]
+        which, candidate = np.nonzero(ok)
+        new = rows[which]
+        new[:, i] = candidate
+        grown.append(new)
+        if allowed > 0:
+            grown.append(rows[(rows[:, done] == NOTHING).sum(axis=1) < allowed])
+    return np.concatenate(grown) if grown else choices
+
+
+def build(sensed: Sensed, model: PartModel, choices: IntArray, tolerance: float) -> list[Block]:
+    """The pairings of a batch of interpretations as solver blocks."""
+    blocks = []
+    for kind in KINDS_IN_TREE:
+        members = [i for i in range(len(sensed)) if sensed.kinds[i] == kind]
+        if not members or kind not in model.candidates:
+            continue
+        candidates, chosen = model.candidates[kind], choices[:, members]
+        features = [sensed.features[i] for i in members]
+        relation = relation_of(kind, model)
+        sd = tolerance * candidates.tolerance_scale[chosen]
+        blocks.append(
+            Block(
+                relation,
+                np.stack([f.T_world_feature for f in features]),
+                np.stack([f.P for f in features]),
+                candidates.Ts_part_feature[chosen],
+                sd[..., None] * sd[..., None, :] * np.eye(sd.shape[-1]) if tolerance else np.zeros((1, 1, 1)),
+                np.stack([sensed.gains[i] for i in members]),
+                np.zeros(len(members)),
+                chosen != NOTHING,
+            )
+        )
+    return blocks
+
+
+def self_pairings(sensed: Sensed, model: PartModel, kept: BoolArray) -> list[Block]:
+    """Every kept sensed feature ``(F, n)`` paired with itself: the geometry of a perfect match at the identity."""
+    blocks = []
+    for kind in KINDS_IN_TREE:
+        members = [i for i in range(len(sensed)) if sensed.kinds[i] == kind]
+        if not members or kind not in model.candidates:
+            continue
+        features = [sensed.features[i] for i in members]
+        Ts = np.stack([f.T_world_feature for f in features])
+        blocks.append(
+            Block(
+                relation_of(kind, model),
+                Ts,
+                np.stack([f.P for f in features]),
+                np.broadcast_to(Ts, (len(kept), *Ts.shape)),
+                np.zeros((1, 1, 1)),
+                np.stack([sensed.gains[i] for i in members]),
+                np.zeros(len(members)),
+                kept[:, members],
+            )
+        )
+    return blocks
+
+
+def prune(
+    sensed: Sensed, model: PartModel, choices: IntArray, tolerance: float, iterations: int = 4
+) -> tuple[IntArray, Solution]:
+    """Drop interpretations that no single pose explains: joint chi-square, and normals the right way round."""
+    blocks = build(sensed, model, choices, tolerance)
+    n_shared = sensed.gains[0].shape[1] if sensed.gains else 0
+    start = first_pose(blocks) if blocks else np.tile(np.eye(4), (len(choices), 1, 1))
+    start = np.broadcast_to(start, (len(choices), 4, 4))
+    solution = gauss_newton(blocks, start, n_shared, hold=_HOLD, iterations=iterations, tolerance=1e-12)
+    dof = np.maximum(solution.equations - _rank(solution), 1.0)
+    ok = solution.chi2 <= chdtri(dof, ALPHA_JOINT)
+    ok &= _same_side(blocks, solution.T_world_part)
+    return choices[ok], _take(solution, ok)
+
+
+_HOLD = np.diag([1e-2] * 3 + [1e-4] * 3)
+"""Keeps steps small along motions that nothing resists; far below any real information."""
+
+
+def _rank(solution: Solution) -> FloatArray:
+    """How many directions of the pose each interpretation resists."""
+    scale = np.sqrt(np.diagonal(solution.information[..., :6, :6], axis1=-2, axis2=-1))
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = solution.information[..., :6, :6] / (scale[..., :, None] * scale[..., None, :])
+    return np.asarray((np.linalg.eigvalsh(unit) > 1e-7).sum(axis=-1), dtype=np.float64)
+
+
+def _same_side(blocks: Sequence[Block], T_world_part: FloatArray) -> BoolArray:
+    """Paired normals and edge directions agree in sign (``math.md`` section 5, side conditions)."""
+    ok = np.ones(len(T_world_part), dtype=bool)
+    for block in blocks:
+        axis = {"plane": 2, "edge": 0}.get(block.relation.sensed.name)
+        if axis is None:
+            continue
+        model = np.einsum("fij,fnj->fni", T_world_part[:, :3, :3], block.Ts_part_model[..., :3, axis])
+        cosine = np.sum(model * block.Ts_world_feature[..., :3, axis], axis=-1)
+        ok &= np.all((cosine > 0) | ~block.active, axis=-1)
+    return ok
+
+
+def _take(solution: Solution, ok: BoolArray) -> Solution:
+    return Solution(
+        solution.T_world_part[ok],
+        solution.z[ok],
+        solution.information[ok],
+        solution.gradient[ok],
+        solution.chi2[ok],
+        solution.equations[ok],
+        solution.log_det[ok],
+        solution.steps[ok],
+    )

@@ -1,0 +1,68 @@
+"""Scenes for the tests: sensed features of a part at a pose, drawn from exactly the model that the estimators assume."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.features import EDGE, PLANE, VERTEX, Feature
+from tanteo.lie import SE3, SO3
+
+
+def random_pose(rng, spread=0.3):
+    q = rng.normal(size=4)
+    return SE3.from_parts(SO3.from_quaternion(q), rng.uniform(-spread, spread, 3))
+
+
+def points_on_plane(part, plane, n, rng):
+    """Uniform surface points of one planar face, in the part frame."""
+    triangles = part.vertices[part.triangles[part.triangle_face == part.planes.faces[plane]]]
+    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    chosen = triangles[rng.choice(len(triangles), size=n, p=areas / areas.sum())]
+    u, v = rng.uniform(size=(2, n, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    return chosen[:, 0] + u * (chosen[:, 1] - chosen[:, 0]) + v * (chosen[:, 2] - chosen[:, 0])
+
+
+def plane_feature(points, normal, sd, rng, label=""):
+    """A sensed plane from exact world points: covariance of the fit, frame perturbed by a draw from it."""
+    centre = points.mean(axis=0)
+    R = SO3.frame_from_axis(normal, 2)
+    local = (points - centre) @ R
+    h = np.column_stack([-np.ones(len(points)), -local[:, 1], local[:, 0]])
+    P = np.linalg.inv(h.T @ h / sd**2)
+    T = SE3.from_parts(R, centre) @ SE3.exp(PLANE.B.T @ np.linalg.cholesky(P) @ rng.normal(size=3))
+    ids = tuple(f"{label}.{i}" for i in range(len(points)))
+    return Feature(PLANE, T, P, label=label, support=points + sd * rng.normal(size=points.shape), readings=ids)
+
+
+def sensed_planes(part, T_world_part, planes, sd, rng, n_points=5):
+    out = []
+    for k, plane in enumerate(planes):
+        while True:  # nobody calls three points in a row a plane
+            points = SE3.apply(T_world_part, points_on_plane(part, plane, n_points, rng))
+            if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] > 8 * sd:
+                break
+        out.append(plane_feature(points, T_world_part[:3, :3] @ part.planes.normals[plane], sd, rng, f"s{k}"))
+    return out
+
+
+def sensed_edge(part, T_world_part, edge, sd, rng, label=""):
+    length = part.edges.lengths[edge]
+    cov = np.array([sd**2 / 5, sd**2 / 5, sd**2 / (length**2 / 2), sd**2 / (length**2 / 2)])
+    T = T_world_part @ part.edges.Ts_part_feature[edge] @ SE3.exp(EDGE.B.T @ (np.sqrt(cov) * rng.normal(size=4)))
+    T = T @ EDGE.symmetries[rng.integers(2)]
+    s = np.linspace(-0.4, 0.4, 5)[:, None] * length
+    return Feature(EDGE, T, np.diag(cov), label=label, support=T[:3, 3] + s * T[:3, 0])
+
+
+def sensed_vertex(part, T_world_part, corner, sd, rng, label=""):
+    T = np.eye(4)
+    T[:3, 3] = SE3.apply(T_world_part, part.corners.points[corner]) + sd * rng.normal(size=3)
+    return Feature(VERTEX, T, sd**2 * np.eye(3), label=label)
+
+
+def random_planes(part, n, rng, least_gyration=1e-3):
+    """Distinct planar faces, by area, none thinner than a probe can feel."""
+    usable = np.flatnonzero(part.planes.gyration[:, 1] > least_gyration)
+    w = part.planes.areas[usable]
+    return rng.choice(usable, size=min(n, len(usable)), replace=False, p=w / w.sum())
