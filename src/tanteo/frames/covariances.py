@@ -10,9 +10,9 @@ from tanteo.typing import Covariances, FloatArray
 _ASYMMETRY = 1e-8
 """Largest tolerated difference from the transpose, relative to the largest entry."""
 _NEGATIVE = 1e-9
-"""Most negative eigenvalue tolerated, after scaling to a unit diagonal."""
+"""Fraction of the variances by which a covariance may miss being positive semidefinite."""
 _ROUNDING = 1e-13
-"""Variances below this fraction of the largest entry are rounding errors of zero."""
+"""Fraction of the largest entry that passes for a rounding error of zero."""
 
 
 def frozen_array(value: FloatArray) -> FloatArray:
@@ -37,7 +37,7 @@ def check_covariances(name: str, C: Covariances, size: int) -> Covariances:
     """A read-only, symmetrised copy of covariances ``(*batch, size, size)``.
 
     Variances may differ by any factor (metres beside radians): each matrix is judged after scaling to a unit
-    diagonal. Rounding errors around zero are no fault.
+    diagonal. Rounding errors around zero are no fault; variances that came out negative by one are set to zero.
 
     Raises:
         CovarianceError: if one has another shape, is not finite, not symmetric or not positive semidefinite.
@@ -52,7 +52,7 @@ def check_covariances(name: str, C: Covariances, size: int) -> Covariances:
     if np.any(np.abs(C - np.swapaxes(C, -1, -2)) > _ASYMMETRY * largest):
         raise CovarianceError(f"{name}: expected a symmetric matrix, got one that differs from its transpose.")
     C = symmetrised(C)
-    if not _is_semidefinite(C, _ROUNDING * largest[..., 0]):
+    if not _is_semidefinite(C, largest[..., 0]):
         raise CovarianceError(f"{name}: expected a positive semidefinite matrix, got a negative variance in it.")
     diagonal = np.arange(size)
     C[..., diagonal, diagonal] = np.maximum(C[..., diagonal, diagonal], 0.0)
@@ -65,14 +65,16 @@ def symmetrised(C: Covariances) -> Covariances:
     return 0.5 * (C + np.swapaxes(C, -1, -2))
 
 
-def _is_semidefinite(C: Covariances, floor: FloatArray) -> bool:
-    """Whether no eigenvalue of the scaled matrices is below ``-_NEGATIVE``, by Cholesky of the shifted ones."""
+def _is_semidefinite(C: Covariances, largest: FloatArray) -> bool:
+    """Whether ``C`` with its variances raised by the tolerances, and scaled, has a Cholesky factor."""
     variances = np.diagonal(C, axis1=-2, axis2=-1)
-    if np.any(variances < -floor):
+    raised = (1 + _NEGATIVE) * variances + _ROUNDING * largest
+    if np.any(raised < 0):
         return False
-    d = np.sqrt(np.maximum(variances, floor))
-    d = np.where(d > 0, d, 1.0)
-    unit = C / (d[..., :, None] * d[..., None, :]) + _NEGATIVE * np.eye(C.shape[-1])
+    d = np.sqrt(np.where(raised > 0, raised, 1.0))  # all zero, the certain ones, become the identity below
+    unit = C / (d[..., :, None] * d[..., None, :])
+    diagonal = np.arange(C.shape[-1])
+    unit[..., diagonal, diagonal] = 1.0
     try:
         np.linalg.cholesky(unit)
     except np.linalg.LinAlgError:
