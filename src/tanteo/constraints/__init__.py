@@ -1,1 +1,83 @@
-"""What two features say together, with variance: section 4 of the paper, and the gates of section 5."""
+"""What two features say together, with variance: section 4 of the paper, and the gates of section 5.
+
+``relate`` and ``relate_all`` make the constraints of features; the functions named after a constraint are their array
+cores, over batches of frames and covariances. ``published`` has the paper's formulas as printed.
+"""
+
+from tanteo.constraints import published
+from tanteo.constraints.angle import (
+    angle_bias,
+    angle_edge_plane,
+    angle_edges,
+    angle_planes,
+    away_from_corner,
+    signed_angle,
+)
+from tanteo.constraints.constraint import (
+    CONSTRAINT_KINDS,
+    AbsentConstraint,
+    Constraint,
+    ConstraintColumn,
+    ConstraintKind,
+    ConstraintTable,
+)
+from tanteo.constraints.coplanarity import coplanarity, height_and_pitch
+from tanteo.constraints.edge_length import LengthEstimate, edge_length
+from tanteo.constraints.gates import (
+    Gate,
+    chi2_limit,
+    chi2_p_value,
+    chi2_statistic,
+    gate,
+    joint_gate,
+    sidak,
+)
+from tanteo.constraints.intersection import gap_edges, intersect
+from tanteo.constraints.parallel import ParallelEstimate, collinearity, parallel_edges, parallel_planes
+from tanteo.constraints.point import DistanceEstimate, point_distance, point_edge_distance, point_plane_distance
+from tanteo.constraints.relate import relate, relate_all, relate_length
+from tanteo.constraints.relative import Relative, ScalarEstimate, VectorEstimate, relative
+
+__all__ = [
+    "CONSTRAINT_KINDS",
+    "AbsentConstraint",
+    "Constraint",
+    "ConstraintColumn",
+    "ConstraintKind",
+    "ConstraintTable",
+    "DistanceEstimate",
+    "Gate",
+    "LengthEstimate",
+    "ParallelEstimate",
+    "Relative",
+    "ScalarEstimate",
+    "VectorEstimate",
+    "angle_bias",
+    "angle_edge_plane",
+    "angle_edges",
+    "angle_planes",
+    "away_from_corner",
+    "chi2_limit",
+    "chi2_p_value",
+    "chi2_statistic",
+    "collinearity",
+    "coplanarity",
+    "edge_length",
+    "gap_edges",
+    "gate",
+    "height_and_pitch",
+    "intersect",
+    "joint_gate",
+    "parallel_edges",
+    "parallel_planes",
+    "point_distance",
+    "point_edge_distance",
+    "point_plane_distance",
+    "published",
+    "relate",
+    "relate_all",
+    "relate_length",
+    "relative",
+    "sidak",
+    "signed_angle",
+]

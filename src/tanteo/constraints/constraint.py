@@ -176,7 +176,7 @@ class ConstraintTable:
 
     def __iter__(self) -> Iterator[Constraint]:
         for column in self.columns:
-            for k in np.flatnonzero(column.present):
+            for k in np.flatnonzero(column.present).tolist():
                 yield Constraint(
                     column.kind,
                     self._names(column, k),
@@ -191,7 +191,7 @@ class ConstraintTable:
         return tuple(
             AbsentConstraint(column.kind, self._names(column, k), column.cautions[1])
             for column in self.columns
-            for k in np.flatnonzero(~column.present)
+            for k in np.flatnonzero(~column.present).tolist()
         )
 
     def _names(self, column: ConstraintColumn, k: int) -> tuple[str, ...]:

@@ -1,0 +1,163 @@
+"""A set of features as arrays, and which pairs of them have which constraints; what :mod:`relate` works on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from tanteo.constraints.relative import AXIS_HATS
+from tanteo.features import Feature, collect_shared
+from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
+
+PLANE_LIKE, LINE_LIKE, POINT_LIKE = 0, 1, 2
+_SHAPES = {
+    "plane": PLANE_LIKE,
+    "edge": LINE_LIKE,
+    "half_edge": LINE_LIKE,
+    "cylinder": LINE_LIKE,
+    "vertex": POINT_LIKE,
+    "sphere": POINT_LIKE,
+}
+_AXIS = {PLANE_LIKE: 2, LINE_LIKE: 0, POINT_LIKE: 0}
+_FREE = {PLANE_LIKE: (1.0, 1.0, 0.0), LINE_LIKE: (1.0, 0.0, 0.0)}
+ROWS = {(0, 0): 4, (0, 1): 3, (1, 1): 6, (0, 2): 1, (1, 2): 2, (2, 2): 3}
+"""Values computed for a pair of two shapes, in the order in which :mod:`relate` fills them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairPlan:
+    """Which features meet, sorted by the shapes of both; depends on the kinds only, so it is kept.
+
+    Attributes:
+        first: index of the first feature of each pair ``(N,)``; planes come before lines before points.
+        second: of the second.
+        pairs: both ``(N, 2)``.
+        groups: for each pair of shapes, its slice of the pairs.
+        axis_hats: ``[e]x`` of the second feature's axis ``(N, 3, 3)``.
+        axis: that axis as a unit vector of its own frame ``(N, 3, 1)``.
+        free: directions along which the second origin may slide to the middle ``(N, 3)``.
+        rows: greatest number of values of any pair.
+    """
+
+    first: IntArray
+    second: IntArray
+    pairs: IntArray
+    groups: dict[tuple[int, int], slice]
+    axis_hats: FloatArray
+    axis: FloatArray
+    free: FloatArray
+    rows: int
+
+
+@lru_cache(maxsize=256)
+def pair_plan(shapes: tuple[int, ...]) -> PairPlan:
+    """The pairs of features of those shapes; -1 for a shape that no constraint knows."""
+    meetings: dict[tuple[int, int], list[tuple[int, int]]] = {key: [] for key in ROWS}
+    for i in range(len(shapes)):
+        for j in range(i + 1, len(shapes)):
+            a, b = (i, j) if shapes[i] <= shapes[j] else (j, i)
+            if shapes[a] >= 0:
+                meetings[shapes[a], shapes[b]].append((a, b))
+    groups: dict[tuple[int, int], slice] = {}
+    pairs: list[tuple[int, int]] = []
+    keys: list[tuple[int, int]] = []
+    for key, members in meetings.items():
+        if members:
+            groups[key] = slice(len(pairs), len(pairs) + len(members))
+            pairs += members
+            keys += [key] * len(members)
+    index = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    axes = np.array([_AXIS[b] for _, b in keys], dtype=np.int64)
+    free = np.array([_FREE[a] if a == b and a in _FREE else (0.0, 0.0, 0.0) for a, b in keys]).reshape(-1, 3)
+    return PairPlan(
+        np.ascontiguousarray(index[:, 0]),
+        np.ascontiguousarray(index[:, 1]),
+        index,
+        groups,
+        AXIS_HATS[axes],
+        np.eye(3)[axes][..., None],
+        free,
+        max((ROWS[key] for key in groups), default=0),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeatureArrays:
+    """Some features, stacked.
+
+    Attributes:
+        R: rotations ``(n, 3, 3)``.
+        c: origins in the world ``(n, 3)`` [m].
+        C: independent body covariances ``(n, 6, 6)``.
+        gains: ``B' A`` of each feature on all shared errors ``(n, 6, D)``; none if nothing is shared.
+        shared: covariance of the shared errors ``(D, D)``.
+        extent: for lines, least, mean and greatest abscissa of the sensed points ``(n, 3)`` [m].
+    """
+
+    R: FloatArray
+    c: Vectors
+    C: Covariances
+    gains: FloatArray | None
+    shared: Covariances
+    extent: FloatArray
+
+
+def shapes_of(features: Sequence[Feature]) -> tuple[int, ...]:
+    """Plane, line or point: the code of each feature's shape, -1 for the others (cone, circle)."""
+    return tuple([_SHAPES.get(feature.kind.name, -1) for feature in features])
+
+
+def stack_features(features: Sequence[Feature], shapes: tuple[int, ...]) -> FeatureArrays:
+    """Copy frames, covariances and shared errors of some features into arrays."""
+    n = len(features)
+    T = np.array([feature.T_world_feature for feature in features]).reshape(n, 4, 4)
+    C = np.zeros((n, 6, 6))
+    for k, feature in enumerate(features):
+        C[k][_block(feature.kind.rows)] = feature.P
+    gains, shared = None, np.zeros((0, 0))
+    if any(feature.shared for feature in features):
+        _, shared, rows = collect_shared(features)
+        gains = np.zeros((n, 6, len(shared)))
+        for k, (feature, A) in enumerate(zip(features, rows, strict=True)):
+            gains[k, feature.kind.rows] = A
+    R, c = T[:, :3, :3], T[:, :3, 3]
+    return FeatureArrays(R, c, C, gains, shared, _extents(features, shapes, R, c))
+
+
+@lru_cache(maxsize=64)
+def _block(rows: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+    """Index of the square block of those rows, kept: building it costs as much as using it."""
+    index = np.array(rows, dtype=np.int64)
+    return index[:, None], index
+
+
+def _extents(features: Sequence[Feature], shapes: tuple[int, ...], R: FloatArray, c: Vectors) -> FloatArray:
+    extent = np.zeros((len(features), 3))
+    lines = [k for k, shape in enumerate(shapes) if shape == LINE_LIKE and len(features[k].support)]
+    if not lines:
+        return extent  # origins are the centroids, as fitting leaves them
+    supports = [features[k].support for k in lines]
+    counts = np.array([len(s) for s in supports])
+    starts = np.cumsum(counts) - counts
+    owner = np.repeat(lines, counts)
+    t = np.einsum("ij,ij->i", np.concatenate(supports) - c[owner], R[owner, :, 0])
+    extent[lines, 0] = np.minimum.reduceat(t, starts)
+    extent[lines, 1] = np.add.reduceat(t, starts) / counts
+    extent[lines, 2] = np.maximum.reduceat(t, starts)
+    return extent
+
+
+def propagate_pairs(arrays: FeatureArrays, plan: PairPlan, g1: FloatArray, g2: FloatArray) -> Covariances:
+    """Covariance ``(N, m, m)`` of the values of each pair.
+
+    The gains of shared errors are added before squaring, so that what is common cancels to the last digit.
+    """
+    S = g1 @ arrays.C[plan.first] @ g1.swapaxes(1, 2)
+    S += g2 @ arrays.C[plan.second] @ g2.swapaxes(1, 2)
+    if arrays.gains is not None:
+        W = g1 @ arrays.gains[plan.first] + g2 @ arrays.gains[plan.second]
+        S += W @ arrays.shared @ W.swapaxes(1, 2)
+    return S
