@@ -21,8 +21,8 @@ def touches(rng, **extra):
 
 def rig_sensor(name="eye", **changes):
     values = {
-        "name": name, "T_hand_sensor": SE3.exp(np.array([0.01, 0.02, 0.05, 0.1, -0.2, 0.3])), "preset": None, "sd": 1e-3,
-        "beam_half_angle": 0.05, "max_range": 1.0, "bias_sd": 0.0, "cov_mount": np.zeros((6, 6)),
+        "name": name, "T_hand_sensor": SE3.exp(np.array([0.01, 0.02, 0.05, 0.1, -0.2, 0.3])), "preset": None,
+        "sd": 1e-3, "beam_half_angle": 0.05, "max_range": 1.0, "bias_sd": 0.0, "cov_mount": np.zeros((6, 6)),
     }  # fmt: skip
     return RigSensor(**(values | changes))
 

@@ -98,8 +98,10 @@ def test_unknown_presets_name_the_nearest():
 
 
 def test_rig_refuses_what_it_cannot_use():
-    good = {"name": "a", "T_hand_sensor": np.eye(4), "preset": None, "sd": 1e-3, "beam_half_angle": 0.0, "max_range": 1.0,
-                "bias_sd": 0.0, "cov_mount": np.zeros((6, 6))}  # fmt: skip
+    good = {
+        "name": "a", "T_hand_sensor": np.eye(4), "preset": None, "sd": 1e-3, "beam_half_angle": 0.0,
+        "max_range": 1.0, "bias_sd": 0.0, "cov_mount": np.zeros((6, 6)),
+    }  # fmt: skip
     with pytest.raises(InputError, match="expected a preset or a positive sd"):
         RigSensor(**(good | {"sd": np.nan}))
     with pytest.raises(InputError, match="T_hand_sensor of sensor 'a'"):

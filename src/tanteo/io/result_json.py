@@ -37,7 +37,7 @@ def recognition_document(recognition: Recognition) -> dict[str, Any]:
 
 def recognition_json(recognition: Recognition) -> str:
     """The result as one JSON document, indented, ending in a newline."""
-    return json.dumps(recognition_document(recognition), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    return json.dumps(recognition_document(recognition), indent=2, allow_nan=False) + "\n"
 
 
 def _hypothesis(h: Hypothesis) -> dict[str, Any]:

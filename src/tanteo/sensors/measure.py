@@ -10,6 +10,7 @@ offset (in the hand's frame), each sensor's bias and scale (along its beam) and 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
@@ -34,7 +35,7 @@ def measure(
     sensor: SensorPreset | str | None = None,
     robot: RobotPreset | str | None = None,
     sd: float | None = None,
-    tip_sd: Vectors | None = None,
+    tip_sd: npt.ArrayLike | None = None,
     rig: Rig | None = None,
 ) -> PointMeasurements:
     """Points in the world with covariance and shared errors, from what the devices said.
@@ -160,7 +161,7 @@ def _base(points: Vectors, robot: RobotPreset) -> Shared:
     return [(error, J)]
 
 
-def _tip(readings: Readings, placed: Placed, hit: BoolArray, tip_sd: Vectors) -> Shared:
+def _tip(readings: Readings, placed: Placed, hit: BoolArray, tip_sd: npt.ArrayLike) -> Shared:
     """Tip offset in the hand's frame: moves a touch by ``R_world_hand c``; ranges of the rig have no tip."""
     tip_sd = np.asarray(tip_sd, dtype=np.float64)
     if tip_sd.shape != (3,) or not np.isfinite(tip_sd).all() or (tip_sd < 0).any() or not tip_sd.any():

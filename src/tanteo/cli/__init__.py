@@ -1,0 +1,28 @@
+"""The command line: read arguments, call the public functions, print. ``tanteo.cli:main`` is the entry point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with 0 answered, 1 failed, 2 misused, 3 ambiguous, unknown or insufficient.
+
+    Args:
+        argv: Arguments without the program's name; those of the process if not given.
+
+    Raises:
+        SystemExit: Always; 130 after an interruption.
+    """
+    import sys
+
+    try:
+        from tanteo.cli.app import app
+        from tanteo.cli.options import spread_values
+
+        app(args=spread_values(sys.argv[1:] if argv is None else argv), prog_name="tanteo")
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+__all__ = ["main"]

@@ -1,0 +1,108 @@
+"""A recognition in words: the answer first, then what else it could be, what is in doubt, and what to do next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.cli.printing import bold, printable, table
+from tanteo.io.poses import pose_as_brand
+from tanteo.lie import SO3
+
+if TYPE_CHECKING:
+    from tanteo.matching import Hypothesis, Recognition
+
+_MOST_NAMES = 12
+
+
+def answer_lines(recognition: Recognition, *, verbose: bool = False) -> list[str]:
+    """The lines for a person.
+
+    Args:
+        recognition: What was found.
+        verbose: Also the matrix, the pairings and the time each stage took.
+    """
+    lines = [bold(printable(_headline(recognition)))]
+    best = recognition.hypotheses[0] if recognition.hypotheses else None
+    if best is not None:
+        lines += _details(best, verbose=verbose)
+    if len(recognition.hypotheses) > 1:
+        lines += ["", "It could also be:", *_others(recognition.hypotheses[1:])]
+    lines += ["", f"None of these parts: {_percent(recognition.unknown_probability)}."]
+    if best is not None and best.outliers:
+        lines.append(f"Readings that do not fit: {_names(best.outliers)}.")
+    if best is not None and best.unobserved:
+        lines.append(f"Not observed: {printable('; '.join(best.unobserved))}.")
+    if verbose:
+        lines.append("Time: " + ", ".join(f"{stage} {s:.3f} s" for stage, s in recognition.elapsed.items()) + ".")
+    return [*lines, "", printable(recognition.message)]
+
+
+def _headline(recognition: Recognition) -> str:
+    if not recognition.hypotheses:
+        return f"{recognition.status}: no part fits these readings"
+    best = recognition.hypotheses[0]
+    where = (
+        f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the world; "
+        f"probability {_percent(best.probability)}, worst corner sd {_millimetres(best.worst_corner_sd)}"
+    )
+    return {
+        "recognized": where,
+        "ambiguous": f"ambiguous, best guess {where}",
+        "insufficient": f"insufficient, best guess {where}",
+        "unknown": f"unknown, nearest {where}",
+    }[recognition.status]
+
+
+def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
+    q = SO3.as_quaternion(best.T_world_part[:3, :3])
+    sds = np.sqrt(np.diag(best.covariance))
+    lines = [
+        f"  file        {printable(best.file)}",
+        f"  quaternion  w {q[0]:.6f}  x {q[1]:.6f}  y {q[2]:.6f}  z {q[3]:.6f}",
+        f"  sd          x {sds[0] * 1e3:.3g}  y {sds[1] * 1e3:.3g}  z {sds[2] * 1e3:.3g} mm, "
+        f"rx {np.degrees(sds[3]):.3g}  ry {np.degrees(sds[4]):.3g}  rz {np.degrees(sds[5]):.3g} deg, part frame",
+        f"  fit         rms {_millimetres(best.rms)}, chi2 {best.chi2:.3g} with {best.dof} dof, p {best.p_value:.3g}",
+    ]
+    if best.symmetry_order > 1:
+        lines.append(f"  symmetry    {best.symmetry_order} equivalent poses, reported as one")
+    if verbose:
+        lines.append("  T_world_part (metres):")
+        lines += ["    " + "  ".join(f"{value: .9f}" for value in row) for row in best.T_world_part]
+        lines += [f"  {printable(reading)} on {printable(feature)}" for reading, feature in best.pairings]
+    return lines
+
+
+def _others(hypotheses: tuple[Hypothesis, ...]) -> list[str]:
+    headers = ["part", "probability", "x mm", "y mm", "z mm", "roll", "pitch", "yaw deg", "corner sd mm"]
+    rows = []
+    for h in hypotheses:
+        x = pose_as_brand("paper", h.T_world_part)
+        numbers = [f"{v * 1e3:.2f}" for v in x[:3]] + [f"{np.degrees(v):.2f}" for v in x[3:]]
+        rows.append([h.part, _percent(h.probability), *numbers, f"{h.worst_corner_sd * 1e3:.3g}"])
+    return ["  " + line for line in table(headers, rows)]
+
+
+def _position(T: np.ndarray) -> str:
+    return "x {:.2f} y {:.2f} z {:.2f}".format(*T[:3, 3] * 1e3)
+
+
+def _turn(T: np.ndarray) -> str:
+    return "roll {:.2f} pitch {:.2f} yaw {:.2f}".format(*np.degrees(pose_as_brand("paper", T)[3:]))
+
+
+def _millimetres(metres: float) -> str:
+    return f"{metres * 1e3:.3g} mm"
+
+
+def _percent(p: float) -> str:
+    # never "100 %" or "0 %" of what is only nearly so
+    if 0.9995 <= p < 1:
+        return "> 99.9 %"
+    return "< 0.1 %" if 0 < p < 0.0005 else f"{100 * p:.1f} %"
+
+
+def _names(names: tuple[str, ...]) -> str:
+    shown = ", ".join(printable(name) for name in names[:_MOST_NAMES])
+    return shown + (f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else "")

@@ -1,0 +1,154 @@
+"""The commands and their options. Only the parser is imported here: everything else waits for its command."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    help="Which part is it, where is it, and how sure are we: from touches and ranges against CAD files.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+    epilog="Exit codes: 0 answered, 1 failed, 2 misused, 3 ambiguous, unknown or insufficient.",
+)
+part_app = typer.Typer(help="Look at CAD files.", rich_markup_mode=None, no_args_is_help=True)
+app.add_typer(part_app, name="part")
+
+ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="Readings file (CSV).")]
+PartPaths = Annotated[
+    list[str],
+    typer.Option("--parts", metavar="FILE_OR_FOLDER...", help="CAD files (STEP, STL) or folders of them."),
+]
+PartPath = Annotated[str, typer.Option("--part", metavar="FILE", help="CAD file of the part (STEP, STL, ...).")]
+Units = Annotated[
+    str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none (STL): mm, m, um, in.")
+]
+Sensor = Annotated[str | None, typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.")]
+Sd = Annotated[
+    str | None,
+    typer.Option("--sd", metavar="LENGTH", help="One standard deviation of readings without their own, as 0.3mm."),
+]
+Tolerance = Annotated[
+    str,
+    typer.Option("--tolerance", metavar="LENGTH", help="Standard deviation of the made part from its CAD, as 0.1mm."),
+]
+Robot = Annotated[str | None, typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.")]
+TipSd = Annotated[
+    str | None,
+    typer.Option("--tip-sd", metavar="X,Y,Z", help="Tip offset's standard deviations in the hand, as 1.5,1.5,0.3mm."),
+]
+RigPath = Annotated[
+    str | None, typer.Option("--rig", metavar="FILE", help="Where the range sensors sit on the hand (TOML).")
+]
+Alpha = Annotated[float, typer.Option("--alpha", help="Share of true answers that the tests may lose.")]
+Top = Annotated[int, typer.Option("--top", help="How many hypotheses to report.")]
+AsPublished = Annotated[bool, typer.Option("--as-published", help="Use the equations as the paper prints them.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+Seed = Annotated[int, typer.Option("--seed", help="Of the search: the same seed gives the same answer.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from tanteo import __version__
+
+        typer.echo(f"tanteo {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Which part is it, where is it, and how sure are we: from touches and ranges against CAD files."""
+
+
+@app.command()
+def identify(
+    readings: ReadingsPath,
+    parts: PartPaths,
+    units: Units = None,
+    sensor: Sensor = None,
+    sd: Sd = None,
+    tolerance: Tolerance = "0mm",
+    robot: Robot = None,
+    tip_sd: TipSd = None,
+    rig: RigPath = None,
+    alpha: Alpha = 0.01,
+    top: Top = 5,
+    as_published: AsPublished = False,
+    json: Json = False,
+    seed: Seed = 0,
+    verbose: Verbose = False,
+) -> None:
+    """Say which of the parts was sensed, where it is and how sure that is."""
+    from tanteo.cli.options import misuse, read_options
+    from tanteo.cli.running import guarded, recognize
+
+    with guarded():
+        with misuse():
+            options = read_options(
+                units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd, alpha=alpha,
+                top=top, as_published=as_published, seed=seed,
+            )  # fmt: skip
+        recognize(readings, parts, rig, options, as_json=json, verbose=verbose)
+
+
+@app.command()
+def locate(
+    readings: ReadingsPath,
+    part: PartPath,
+    units: Units = None,
+    sensor: Sensor = None,
+    sd: Sd = None,
+    tolerance: Tolerance = "0mm",
+    robot: Robot = None,
+    tip_sd: TipSd = None,
+    rig: RigPath = None,
+    alpha: Alpha = 0.01,
+    top: Top = 5,
+    as_published: AsPublished = False,
+    json: Json = False,
+    seed: Seed = 0,
+    verbose: Verbose = False,
+) -> None:
+    """Say where a known part is and how sure that is."""
+    from tanteo.cli.running import guarded, require_file
+
+    with guarded():
+        require_file("--part", part)
+    identify(
+        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, rig, alpha, top, as_published, json, seed,
+        verbose,
+    )  # fmt: skip
+
+
+@part_app.command("show")
+def show(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="CAD file (STEP, STL, ...).")],
+    units: Units = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Show what was read: planes, edges, vertices, curved faces, symmetry, box and repairs."""
+    from tanteo.cli.options import misuse, read_unit
+    from tanteo.cli.running import guarded, show_part
+
+    with guarded():
+        with misuse():
+            unit = None if units is None else read_unit(units)
+        show_part(file, unit, as_json=json, verbose=verbose)
+
+
+@app.command()
+def presets(json: Json = False) -> None:
+    """List the sensor and robot presets with how far their figures were verified."""
+    from tanteo.cli.running import guarded, show_presets
+
+    with guarded():
+        show_presets(as_json=json)

@@ -1,0 +1,150 @@
+"""What the options say, checked and in SI units before any file is touched."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from tanteo.errors import InputError, TanteoError
+
+_MANY = ("--parts",)
+_READINGS_SUFFIXES = (".csv", ".txt")
+
+
+class MisuseError(TanteoError):
+    """The command was called wrongly: exit code 2."""
+
+
+@contextmanager
+def misuse() -> Iterator[None]:
+    """Errors inside are the caller's options, not the files."""
+    try:
+        yield
+    except TanteoError as error:
+        raise MisuseError(str(error)) from None
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """Options of ``identify`` and ``locate``, lengths in metres.
+
+    Attributes:
+        units: Of part files that carry none.
+        sensor: Name of a sensor preset.
+        robot: Name of a robot preset.
+        sd: One standard deviation of readings without their own.
+        tolerance: Standard deviation of the made part against its CAD.
+        tip_sd: Of the tip's offset in the hand's frame.
+        alpha: Share of true hypotheses that the tests may lose.
+        top: How many hypotheses to report.
+        as_published: Use the paper's equations as printed.
+        seed: Of the search.
+    """
+
+    units: str | None
+    sensor: str | None
+    robot: str | None
+    sd: float | None
+    tolerance: float
+    tip_sd: tuple[float, ...] | None
+    alpha: float
+    top: int
+    as_published: bool
+    seed: int
+
+
+def read_options(
+    *,
+    units: str | None,
+    sensor: str | None,
+    robot: str | None,
+    sd: str | None,
+    tolerance: str,
+    tip_sd: str | None,
+    alpha: float,
+    top: int,
+    as_published: bool,
+    seed: int,
+) -> RunOptions:
+    """The options from what was typed.
+
+    Raises:
+        InputError: The first one that cannot be meant, named as on the command line.
+    """
+    from tanteo.io.units import parse_length, parse_lengths
+    from tanteo.sensors.presets import robot_preset, sensor_preset
+
+    if sensor is not None:
+        sensor_preset(sensor)
+    if robot is not None:
+        robot_preset(robot)
+    if not 0 < alpha < 1:
+        raise InputError(f"--alpha: expected a number between 0 and 1, got {alpha:g}. Use 0.01.")
+    if top < 1:
+        raise InputError(f"--top: expected 1 or more, got {top}. Use 5.")
+    if seed < 0:
+        raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
+    return RunOptions(
+        units=None if units is None else read_unit(units),
+        sensor=sensor,
+        robot=robot,
+        sd=None if sd is None else _require("--sd", parse_length(sd, "--sd"), sd, positive=True),
+        tolerance=_require("--tolerance", parse_length(tolerance, "--tolerance"), tolerance, positive=False),
+        tip_sd=None if tip_sd is None else _three("--tip-sd", parse_lengths(tip_sd, "--tip-sd"), tip_sd),
+        alpha=alpha,
+        top=top,
+        as_published=as_published,
+        seed=seed,
+    )
+
+
+def read_unit(units: str) -> str:
+    """The unit of ``--units``.
+
+    Raises:
+        UnitError: Not a unit that part files can have.
+    """
+    from tanteo.parts.units import unit_name
+
+    return unit_name(units)
+
+
+def spread_values(argv: Sequence[str]) -> list[str]:
+    """``--parts A B C`` as ``--parts A --parts B --parts C``, which is what the parser understands.
+
+    The values end at the next option, or at a readings file (``.csv``), which is never a part: so the readings may
+    come after the parts, too.
+    """
+    out: list[str] = []
+    many = ""
+    for k, word in enumerate(argv):
+        if word == "--":
+            return out + list(argv[k:])
+        fresh = bool(out) and out[-1] in _MANY
+        if word.startswith("-") and len(word) > 1:
+            many = word if word in _MANY else ""
+        elif many and not fresh:
+            if word.lower().endswith(_READINGS_SUFFIXES):
+                many = ""
+            else:
+                out.append(many)
+        out.append(word)
+    return out
+
+
+def _require(name: str, value: float, text: str, *, positive: bool) -> float:
+    if not math.isfinite(value) or value < 0 or (positive and value == 0):
+        expected = "a positive length" if positive else "a length of zero or more"
+        raise InputError(f"{name}: expected {expected}, got '{text}'. Write it as 0.3mm.")
+    return value
+
+
+def _three(name: str, values: tuple[float, ...], text: str) -> tuple[float, ...]:
+    if len(values) != 3 or min(values) < 0 or max(values) == 0:
+        raise InputError(
+            f"{name}: expected three lengths of zero or more (x, y, z of the hand), got '{text}'. "
+            "Write it as 1.5,1.5,0.3mm."
+        )
+    return values

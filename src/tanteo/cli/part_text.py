@@ -1,0 +1,96 @@
+"""A part in words and tables: what was read from its file and what can be felt on it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.cli.printing import bold, printable, table
+
+if TYPE_CHECKING:
+    from tanteo.parts import Part
+
+_MOST_ROWS = 20
+
+
+def part_lines(part: Part, *, verbose: bool = False) -> list[str]:
+    """The lines for a person; all rows of every table if ``verbose``, else the first of each."""
+    sides = " x ".join(f"{1e3 * side:.4g}" for side in part.box[1] - part.box[0])
+    low = ", ".join(f"{1e3 * v:.4g}" for v in part.box[0])
+    curved = [f for f in part.faces if f.surface != "plane"]
+    lines = [
+        bold(
+            f"{printable(part.name)}: {sides} mm, {len(part.planes)} planes, {len(part.edges)} edges, "
+            f"{len(part.corners)} vertices, {len(curved)} curved faces"
+        ),
+        f"  file      {printable(part.source)} (read in {part.unit})",
+        f"  box       from ({low}) mm in the part's frame",
+        f"  volume    {part.volume * 1e6:.6g} cm3, area {part.area * 1e4:.6g} cm2, {len(part.triangles)} triangles",
+        f"  symmetry  {_symmetry(part)}",
+        f"  repairs   {printable(' '.join(part.repairs)) or 'none'}",
+    ]
+    for title, headers, rows in _tables(part):
+        if rows:
+            shown = rows if verbose else rows[:_MOST_ROWS]
+            lines += ["", *table([title, *headers], shown)]
+            if len(shown) < len(rows):
+                lines.append(f"... and {len(rows) - len(shown)} more (-v shows all)")
+    return lines
+
+
+def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
+    planes, edges = part.planes, part.edges
+    return [
+        (
+            "plane",
+            ["area cm2", "normal x", "y", "z", "centre x mm", "y", "z"],
+            [
+                [str(i), f"{area * 1e4:.4g}", *_unit(n), *_mm(c)]
+                for i, (area, n, c) in enumerate(zip(planes.areas, planes.normals, planes.centroids, strict=True))
+            ],
+        ),
+        (
+            "edge",
+            ["length mm", "interior deg", "from x mm", "y", "z", "to x mm", "y", "z"],
+            [
+                [str(i), f"{1e3 * length:.4g}", f"{np.degrees(angle):.1f}", *_mm(ends[0]), *_mm(ends[1])]
+                for i, (length, angle, ends) in enumerate(zip(edges.lengths, edges.dihedrals, edges.ends, strict=True))
+            ],
+        ),
+        ("vertex", ["x mm", "y", "z"], [[str(i), *_mm(p)] for i, p in enumerate(part.corners.points)]),
+        (
+            "curved face",
+            ["surface", "area cm2", "radius mm", "side"],
+            [
+                [
+                    f.name,
+                    f.surface,
+                    f"{f.area * 1e4:.4g}",
+                    "" if f.radius is None else f"{1e3 * f.radius:.4g}",
+                    {True: "outer", False: "inner", None: ""}[f.convex],
+                ]
+                for f in part.faces
+                if f.surface != "plane"
+            ],
+        ),
+    ]
+
+
+def _symmetry(part: Part) -> str:
+    group = part.symmetry
+    if group.spherical:
+        return "every turn about the centre maps it onto itself"
+    if group.axis is not None:
+        direction = ", ".join(_unit(group.axis[1]))
+        return f"solid of revolution about ({direction})" + (", ends alike" if group.order > 1 else "")
+    return "none" if group.order == 1 else f"{group.order} rotations map it onto itself"
+
+
+def _mm(p: np.ndarray) -> list[str]:
+    return [f"{1e3 * v:.2f}" for v in p]
+
+
+def _unit(v: np.ndarray) -> list[str]:
+    # adding zero turns -0.000 into 0.000
+    return [f"{x + 0.0:.3f}" for x in np.round(v, 3)]

@@ -1,0 +1,147 @@
+"""What the commands do, and how they fail: one line on standard error and an exit code, never a traceback."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from tanteo.cli.options import MisuseError, RunOptions, misuse
+from tanteo.cli.printing import complain, emit, printable, progress
+from tanteo.errors import PartError, TanteoError, UnitError
+
+if TYPE_CHECKING:
+    from tanteo.parts import Part
+    from tanteo.sensors import Readings, Rig
+
+_FAILED, _MISUSED, _UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Turn what tanteo raises on purpose into a message and an exit code."""
+    try:
+        yield
+    except MisuseError as error:
+        complain("error", str(error))
+        raise typer.Exit(_MISUSED) from None
+    except TanteoError as error:
+        complain("error", str(error))
+        raise typer.Exit(_FAILED) from None
+    except KeyboardInterrupt:
+        complain("error", "interrupted.")
+        raise typer.Exit(_INTERRUPTED) from None
+
+
+def recognize(
+    readings_path: str,
+    part_paths: Sequence[str],
+    rig_path: str | None,
+    options: RunOptions,
+    *,
+    as_json: bool,
+    verbose: bool,
+) -> None:
+    """Read everything, identify, print; exits with 3 when it is not decided."""
+    start = time.perf_counter()
+    from tanteo.io import read_readings, read_rig, recognition_json
+
+    rig = None if rig_path is None else read_rig(rig_path)
+    readings = read_readings(readings_path)
+    _check_fit(readings, options, rig)
+    parts = _read_parts(part_paths, options.units, quiet=as_json)
+    from tanteo.matching import identify
+
+    loaded = time.perf_counter() - start
+    result = identify(
+        readings, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
+        tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
+        seed=options.seed,
+    )  # fmt: skip
+    elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
+    result = replace(result, elapsed=elapsed)
+    if as_json:
+        sys.stdout.write(recognition_json(result))
+        if result.status != "recognized":
+            emit([f"{result.status}: {printable(result.message)}"], sys.stderr)
+    else:
+        from tanteo.cli.answer import answer_lines
+
+        emit(answer_lines(result, verbose=verbose))
+    if result.status != "recognized":
+        raise typer.Exit(_UNDECIDED)
+
+
+def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> None:
+    """Do options and readings fit each other? Asked before the parts are read, which may take long."""
+    from tanteo.sensors import measure
+
+    with misuse():
+        measure(readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig)
+
+
+def _read_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
+    """The parts; those that cannot be read are warnings as long as one can."""
+    from tanteo.catalogue import read_parts
+
+    try:
+        with progress("reading parts", quiet=quiet) as tick:
+            parts = read_parts(paths, unit=units, progress=tick)
+    except UnitError as error:
+        raise MisuseError(f"{error} Here that is --units.") from None
+    if len(parts.failures) == 1 and not parts.parts:
+        raise PartError(parts.failures[0].reason)
+    for failure in parts.failures:
+        complain("warning", failure.reason)
+    if not parts.parts:
+        raise PartError("--parts: expected at least one part that can be read, got none. See the warnings.")
+    return parts.parts
+
+
+def require_file(name: str, path: str) -> None:
+    """One part is one file.
+
+    Raises:
+        PartError: It is a folder.
+    """
+    if Path(path).is_dir():
+        raise PartError(f"{name}: expected one CAD file, got the folder '{path}'. Name a file in it.")
+
+
+def show_part(file: str, unit: str | None, *, as_json: bool, verbose: bool) -> None:
+    """Print what was read from one CAD file."""
+    from tanteo.io.part_json import part_json
+
+    require_file("FILE", file)
+    (part,) = _read_parts([file], unit, quiet=as_json)
+    if as_json:
+        sys.stdout.write(part_json(part))
+    else:
+        from tanteo.cli.part_text import part_lines
+
+        emit(part_lines(part, verbose=verbose))
+
+
+def show_presets(*, as_json: bool) -> None:
+    """Print the presets of sensors and robots."""
+    import json
+    from dataclasses import asdict
+
+    from tanteo.sensors.presets import robot_presets, sensor_presets
+
+    if as_json:
+        both = {
+            "sensors": [asdict(p) for p in sensor_presets().values()],
+            "robots": [asdict(p) for p in robot_presets().values()],
+        }
+        finite = {k: [{f: v if v == v else None for f, v in row.items()} for row in rows] for k, rows in both.items()}
+        sys.stdout.write(json.dumps(finite, indent=2, allow_nan=False) + "\n")
+        return
+    for title, presets in (("Sensors (--sensor)", sensor_presets()), ("Robots (--robot)", robot_presets())):
+        emit([title, *(f"  {name:28} {p.check}" for name, p in presets.items()), ""])

@@ -1,0 +1,274 @@
+"""What people get wrong. Every case: its exit code, a message that says so, no traceback, no answer on stdout."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+FAILED, MISUSED = 1, 2
+
+GOOD = "id,x_mm,y_mm,z_mm\na,0,0,10\nb,10,0,20\nc,20,0,5\n"
+HAND = "hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,hand_qz"
+RANGED = f"id,range_mm,sensor,{HAND}\na,100,eye,0,0,0,1,0,0,0\n"
+RIG = '[sensors.eye]\npreset = "vl53l0x"\nposition_mm = [0, 0, 50]\ndirection = [0, 0, 1]\n'
+
+
+class Case(NamedTuple):
+    """Readings, further arguments, exit code, part of the message; ``rig`` and ``parts`` replace the good ones."""
+
+    name: str
+    readings: str | bytes
+    args: str
+    code: int
+    message: str
+    rig: str | None = None
+
+
+def readings(name, content, message, code=FAILED):
+    return Case(name, content, "--sd 0.3mm", code, message)
+
+
+def options(name, args, message, code=MISUSED, content=GOOD, rig=None):
+    return Case(name, content, args, code, message, rig)
+
+
+def with_row(row):
+    return GOOD + row + "\n"
+
+
+def with_column(column, *cells):
+    head, *rows = GOOD.splitlines()
+    cells = cells or ("",) * len(rows)
+    return "\n".join([f"{head},{column}", *(f"{row},{cell}" for row, cell in zip(rows, cells, strict=True)), ""])
+
+
+READINGS = [
+    readings("empty file", "", "got an empty file"),
+    readings("only comments", "# nothing\n#\n", "got an empty file"),
+    readings("only blank lines", "\n\n  \n", "got an empty file"),
+    readings("header only", "id,x_mm,y_mm,z_mm\n", "expected at least one reading below the header"),
+    readings("binary", bytes(range(256)), "got a binary one"),
+    readings("zip", b"PK\x03\x04\x14\0\0\0", "got a binary one"),
+    readings("utf-16", GOOD.encode("utf-16"), "got a binary one"),
+    readings("latin-1", GOOD.replace("a,", "ä,").encode("latin-1"), "expected UTF-8 text, got byte 0xe4"),
+    readings("no header", "1,2,3\n4,5,6\n", "expected a header that names the columns"),
+    readings("semicolons", GOOD.replace(",", ";"), "expected commas between columns"),
+    readings("tabs", GOOD.replace(",", "\t"), "expected commas between columns"),
+    readings("json", '{"x": 1}', "line 1"),
+    readings("missing unit", GOOD.replace("_mm", ""), "expected a unit in the name (x_mm, x_m, x_um, x_in), got 'x'"),
+    readings("unknown unit", GOOD.replace("_mm", "_cm"), "expected one of the units x_mm, x_m, x_um, x_in, got 'x_cm'"),
+    readings("two units", with_column("x_m", "0", "1", "2"), "got it also as 'x_mm'"),
+    readings("column twice", with_column("x_mm", "0", "1", "2"), "expected 'x' once"),
+    readings(
+        "wrong unit", GOOD.replace("_mm", "_m").replace("10,0", "381,0"), "is the unit in the column's name right"
+    ),
+    readings("misspelt column", with_column("featrue"), "Did you mean 'feature'"),
+    readings("wrong column", with_column("temperature"), "expected one of id, feature, kind"),
+    readings("upper case column", GOOD.replace("x_mm", "X_MM"), "Did you mean 'x_mm'"),
+    readings("nameless column", with_column(""), "column 5: expected a name"),
+    readings("missing z", "x_mm,y_mm\n1,2\n", "got only x_mm, y_mm. Add z"),
+    readings("half a direction", with_column("dx", "1", "1", "1"), "Add dy, dz"),
+    readings("half a hand", with_column("hand_qw", "1", "1", "1"), "Add hand_x, hand_y"),
+    readings("no place at all", "id,sd_mm\na,1\n", "Add where the points are"),
+    readings("text in a number", with_row("d,1,2,abc"), "line 5, column 'z_mm': expected a finite number, got 'abc'"),
+    readings("unit in a number", with_row("d,1mm,2,3"), "line 5, column 'x_mm': expected a finite number, got '1mm'"),
+    readings("nan", with_row("d,nan,2,3"), "line 5, column 'x_mm': expected a finite number, got 'nan'"),
+    readings("infinity", with_row("d,1,-inf,3"), "column 'y_mm': expected a finite number, got '-inf'"),
+    readings("overflow", with_row("d,1,2,1e999"), "got '1e999'"),
+    readings("underscore", with_row("d,1_0,2,3"), "got '1_0'"),
+    readings("hexadecimal", with_row("d,0x1F,2,3"), "got '0x1F'"),
+    readings("spreadsheet error", with_row("d,#REF!,2,3"), "got '#REF!'"),
+    readings("escape sequence", with_row("d,\x1b[2J,2,3"), "got '\\x1b[2J'"),
+    readings("decimal comma", with_row("d,1,5,2,5,3,5"), "Mind decimal commas"),
+    readings("ragged row", with_row("d,1,2"), "line 5: expected 4 cells as in the header, got 3"),
+    readings("row of commas", with_row("d,,,"), "expected a point"),
+    readings("hole in a point", with_row("d,1,,3"), "line 5, column 'y_mm': expected all of x, y, z or none"),
+    readings("duplicate id", with_row("a,1,2,3"), "line 5, column 'id': expected every reading to have"),
+    readings("empty id", with_row(",1,2,3"), "line 5, column 'id': expected a name"),
+    readings("open quote", with_row('d,1,2,"3'), "unexpected end of data"),
+    readings("giant cell", with_row("d,1,2," + "1" * 200_000), "field larger than field limit"),
+    readings("negative sd", with_column("sd_mm", "1", "-1", "1"), "line 3, column 'sd_mm': expected a positive number"),
+    readings("zero sd", with_column("sd_mm", "1", "1", "0"), "column 'sd_mm': expected a positive number, got '0'"),
+    readings("infinite sd", with_column("sd_mm", "1", "inf", "1"), "'sd_mm': expected a finite number, got 'inf'"),
+    readings("negative radius", with_column("radius_mm", "1", "-1", "1"), "column 'radius_mm': expected zero or more"),
+    readings("zero direction", with_column("dx,dy,dz", *["0,0,0"] * 3), "expected a direction that is not zero"),
+    readings("zero normal", with_column("nx,ny,nz", *["0,0,0"] * 3), "column 'nx': expected a direction"),
+    readings("normal sd alone", with_column("normal_sd_deg", "1", "1", "1"), "expected a normal beside it"),
+    readings("quaternion not unit", with_column(HAND, *["0,0,0,1,1,0,0"] * 3), "expected a unit quaternion"),
+    readings("quaternion zero", with_column(HAND, *["0,0,0,0,0,0,0"] * 3), "got 'length 0'"),
+    readings("hole in a hand", with_column(HAND, *["0,0,0,1,0,0,"] * 3), "expected all of hand_x"),
+    readings("unknown kind", with_column("kind", "point", "corner", ""), "column 'kind': expected one of plane, edge"),
+    readings("kind without label", with_column("kind", "plane", "", ""), "expected a label for kind 'plane'"),
+    readings("mixed kinds", with_column("feature,kind", "A,plane", "A,edge", "A,plane"), "Give one label one kind"),
+    readings("plane of two", with_column("feature,kind", "A,plane", "A,plane", ","), "at least 3 readings of kind"),
+    readings("edge of one", with_column("feature,kind", "A,edge", ",", ","), "at least 2 readings of kind edge, got 1"),
+    readings("unknown status", with_column("status", "ok", "lost", "ok"), "column 'status': expected one of ok, none"),
+    readings("free without beam", with_column("status", "ok", "none", "ok"), "expected where the beam was"),
+    readings("zero range", RANGED.replace("100", "0"), "column 'range_mm': expected a positive number"),
+]
+
+OPTIONS = [
+    options("sd without unit", "--sd 0.3", "--sd: expected a unit (mm, m, um, in) as in 0.3mm, got '0.3'"),
+    options("sd in an unknown unit", "--sd 0.3cm", "--sd: expected a unit of mm, m, um, in, got 'cm'"),
+    options("sd without number", "--sd mm", "--sd: expected a number and its unit"),
+    options("negative sd option", "--sd -0.3mm", "--sd: expected a positive length, got '-0.3mm'"),
+    options("zero sd option", "--sd 0mm", "--sd: expected a positive length"),
+    options("infinite sd option", "--sd infmm", "--sd: expected a number and its unit"),
+    options("overflowing sd option", "--sd 1e999mm", "--sd: expected a finite number"),
+    options("two sds", "--sd 1,2mm", "--sd: expected one length"),
+    options("no sd anywhere", "", "no column sd, no --sd and no sensor preset"),
+    options("unknown sensor", "--sensor vl53l0", "Did you mean 'vl53l0x'"),
+    options("sensor needs the range", "--sensor hc_sr04", "the noise of 'hc_sr04' depends on the range"),
+    options("unknown robot", "--sd 1mm --robot xam", "Did you mean 'xarm'"),
+    options("alpha zero", "--sd 1mm --alpha 0", "--alpha: expected a number between 0 and 1, got 0"),
+    options("alpha one", "--sd 1mm --alpha 1", "--alpha: expected a number between 0 and 1, got 1"),
+    options("alpha nan", "--sd 1mm --alpha nan", "--alpha: expected a number between 0 and 1, got nan"),
+    options("alpha text", "--sd 1mm --alpha small", "--alpha"),
+    options("top zero", "--sd 1mm --top 0", "--top: expected 1 or more, got 0"),
+    options("top fraction", "--sd 1mm --top 1.5", "--top"),
+    options("negative seed", "--sd 1mm --seed -1", "--seed: expected 0 or more"),
+    options("negative tolerance", "--sd 1mm --tolerance -1mm", "--tolerance: expected a length of zero or more"),
+    options("tolerance without unit", "--sd 1mm --tolerance 0.1", "--tolerance: expected a unit"),
+    options("tip sd of two", "--sd 1mm --tip-sd 1,1mm", "--tip-sd: expected three lengths"),
+    options("negative tip sd", "--sd 1mm --tip-sd 1,-1,1mm", "--tip-sd: expected three lengths"),
+    options("tip sd without unit", "--sd 1mm --tip-sd 1,1,1", "--tip-sd: expected a unit"),
+    options("tip sd without hand", "--sd 1mm --tip-sd 1,1,1mm", "Add the columns hand_x_mm"),
+    options("unknown part unit", "--sd 1mm --units furlong", "unit: expected one of"),
+    options("unknown option", "--sd 1mm --tolerence 1mm", "--tolerence"),
+    options("option without value", "--sd", "--sd"),
+    options("two readings files", "--sd 1mm more.csv", "more.csv"),
+    options("range without rig", "--sd 1mm", "Give one (--rig rig.toml)", content=RANGED),
+    options("range too far", "", "got 5 m", content=RANGED.replace("100", "5000"), rig=RIG),
+    options("sensor not on the rig", "", "Did you mean 'eye'", content=RANGED.replace("eye", "eey"), rig=RIG),
+    options("rig is not toml", "", "expected TOML", FAILED, RANGED, "[sensors"),
+    options("rig misspelt", "", "Did you mean 'position_mm'", FAILED, RANGED, RIG.replace("position", "postion")),
+    options("rig without unit", "", "Say the unit in the name", FAILED, RANGED, RIG.replace("position_mm", "position")),
+    options("empty rig", "", "expected tables [sensors.NAME]", FAILED, RANGED, ""),
+]
+
+
+def refused(result, code, message):
+    assert "Traceback" not in result.err
+    assert message in result.err.replace("\n", " ")
+    assert result.code == code
+    assert result.out == ""
+
+
+@pytest.mark.parametrize("json", [[], ["--json"]], ids=["plain", "json"])
+@pytest.mark.parametrize("case", READINGS + OPTIONS, ids=lambda c: c.name)
+def test_refused(run, tmp_path, parts, case, json):
+    path = tmp_path / "r.csv"
+    path.write_bytes(case.readings if isinstance(case.readings, bytes) else case.readings.encode())
+    args = ["--units", "mm", "--parts", parts]
+    if case.rig is not None:
+        (tmp_path / "rig.toml").write_text(case.rig)
+        args += ["--rig", tmp_path / "rig.toml"]
+    # what is typed last wins, so the case may replace --units
+    refused(run("identify", path, *args, *case.args.split(), *json), case.code, case.message)
+
+
+def binary_stl(triangles, claimed=None):
+    out = b"\0" * 80 + struct.pack("<I", len(triangles) if claimed is None else claimed)
+    return out + b"".join(struct.pack("<12fH", 0, 0, 0, *map(float, t.ravel()), 0) for t in triangles)
+
+
+def nan_corner(triangles):
+    out = np.array(triangles)
+    out[0, 0, 0] = np.nan
+    return out
+
+
+PARTS = [
+    ("missing part", "none.stl", None, "none.stl"),
+    ("empty part", "p.stl", lambda t: b"", "p.stl"),
+    ("text as a part", "p.stl", lambda t: b"hello", "p.stl"),
+    ("readings as a part", "p.csv", lambda t: GOOD.encode(), "Export it as STEP"),
+    ("picture as a part", "p.png", lambda t: b"\x89PNG\r\n", "Export it as STEP"),
+    ("no suffix", "p", lambda t: b"x", "Export it as STEP"),
+    ("broken step", "p.step", lambda t: b"ISO-10303-21;\nHEADER;\n", "p.step"),
+    ("stl called step", "p.step", binary_stl, "p.step"),
+    ("truncated stl", "p.stl", lambda t: binary_stl(t)[:-70], "p.stl"),
+    ("stl that promises more", "p.stl", lambda t: binary_stl(t, 10_000_000), "p.stl"),
+    ("stl without triangles", "p.stl", lambda t: binary_stl(t[:0]), "p.stl"),
+    ("nan corner", "p.stl", lambda t: binary_stl(nan_corner(t)), "p.stl"),
+    ("zero-area faces only", "p.stl", lambda t: binary_stl(np.repeat(t[:, :1], 3, axis=1)), "p.stl"),
+    ("open mesh", "p.stl", lambda t: binary_stl(t[:-1]), "p.stl"),
+    ("one triangle", "p.stl", lambda t: binary_stl(t[:1]), "p.stl"),
+    ("flat part", "p.stl", lambda t: binary_stl(t * [1, 1, 0]), "p.stl"),
+    ("part of kilometres", "p.stl", lambda t: binary_stl(t * 1e5), "too large"),
+    ("part of nanometres", "p.stl", lambda t: binary_stl(t * 1e-4), "too small"),
+    ("empty off", "p.off", lambda t: b"OFF\n", "p.off"),
+    ("obj of nothing", "p.obj", lambda t: b"# nothing\n", "p.obj"),
+]
+
+
+@pytest.mark.parametrize("command", ["identify", "locate", "show"])
+@pytest.mark.parametrize(("name", "content", "message"), [c[1:] for c in PARTS], ids=[c[0] for c in PARTS])
+def test_parts_refused(run, tmp_path, wedge, name, content, message, command):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content(wedge))
+    (tmp_path / "r.csv").write_text(GOOD)
+    before = {
+        "identify": ["identify", tmp_path / "r.csv", "--sd", "1mm", "--parts"],
+        "locate": ["locate", tmp_path / "r.csv", "--sd", "1mm", "--part"],
+        "show": ["part", "show"],
+    }[command]
+    refused(run(*before, path, "--units", "mm"), FAILED, message)
+
+
+@pytest.mark.parametrize(
+    "command", [["part", "show"], ["identify", "r.csv", "--sd", "1mm", "--parts"]], ids=["show", "identify"]
+)
+def test_stl_needs_units(run, tmp_path, parts, command, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "r.csv").write_text(GOOD)
+    refused(run(*command, parts / "wedge.stl"), MISUSED, "Here that is --units.")
+
+
+CALLS = [
+    ("readings missing", ["identify", "none.csv", "--parts", "parts"], FAILED, "none.csv: expected a readings file"),
+    ("readings a folder", ["identify", "parts", "--parts", "parts"], FAILED, "Is a directory"),
+    ("readings below a file", ["identify", "r.csv/x.csv", "--parts", "parts"], FAILED, "Not a directory"),
+    ("readings name too long", ["identify", "x" * 5000, "--parts", "parts"], FAILED, "File name too long"),
+    ("readings have no name", ["identify", "", "--parts", "parts"], FAILED, "expected a readings file"),
+    ("no readings", ["identify", "--parts", "parts"], MISUSED, "READINGS"),
+    ("no parts option", ["identify", "r.csv"], MISUSED, "--parts"),
+    ("parts without value", ["identify", "r.csv", "--parts"], MISUSED, "--parts"),
+    ("empty folder", ["identify", "r.csv", "--sd", "1mm", "--parts", "empty"], FAILED, "got none in this folder"),
+    ("missing folder", ["identify", "r.csv", "--sd", "1mm", "--parts", "nowhere"], FAILED, "nowhere"),
+    (
+        "two missing parts",
+        ["identify", "r.csv", "--sd", "1mm", "--parts", "a", "b"],
+        FAILED,
+        "got none. See the",
+    ),
+    ("locate a folder", ["locate", "r.csv", "--sd", "1mm", "--part", "parts"], FAILED, "expected one CAD file"),
+    ("locate nothing", ["locate", "r.csv"], MISUSED, "--part"),
+    ("show a folder", ["part", "show", "parts"], FAILED, "expected one CAD file"),
+    ("show nothing", ["part", "show"], MISUSED, "FILE"),
+    ("show in unknown units", ["part", "show", "parts/block.stl", "--units", "ell"], MISUSED, "unit: expected one of"),
+    (
+        "rig missing",
+        ["identify", "r.csv", "--rig", "none.toml", "--parts", "parts"],
+        FAILED,
+        "none.toml: expected a",
+    ),
+    ("unknown command", ["recognise", "r.csv"], MISUSED, "recognise"),
+    ("unknown part command", ["part", "sow", "x"], MISUSED, "sow"),
+]
+
+
+@pytest.mark.parametrize(("args", "code", "message"), [c[1:] for c in CALLS], ids=[c[0] for c in CALLS])
+def test_calls_refused(run, tmp_path, parts, args, code, message, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "r.csv").write_text(GOOD)
+    (tmp_path / "empty").mkdir()
+    refused(run(*args), code, message)
+
+
+def test_there_are_enough_cases():
+    assert len(READINGS) + len(OPTIONS) + len(PARTS) + len(CALLS) >= 80
