@@ -58,6 +58,8 @@ class Feature:
         shared: errors that it has in common with other features.
         support: surface points from which it was sensed, in the world ``(n, 3)`` [m]; none if unknown.
         readings: ids of those readings.
+        tip_radius: of the ball that touched there [m]: its centre was one radius off the surface, so nothing else of
+            the part is nearer to the centre than that; 0 for a beam or a point.
 
     Raises:
         InputError: if the frame is not a rigid motion.
@@ -71,6 +73,7 @@ class Feature:
     shared: tuple[SharedTerm, ...] = ()
     support: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     readings: tuple[str, ...] = ()
+    tip_radius: float = 0.0
 
     def __post_init__(self) -> None:
         name = f"feature {self.label!r}"

@@ -1,0 +1,19 @@
+"""Where the sensed side meets the model side: interpretation tree, evidence, belief, recognition."""
+
+from tanteo.matching.belief import Belief, Mode, believe
+from tanteo.matching.evidence import Priors
+from tanteo.matching.model import PartModel, prepare
+from tanteo.matching.recognition import identify_features
+from tanteo.matching.results import Hypothesis, Recognition
+
+__all__ = [
+    "Belief",
+    "Hypothesis",
+    "Mode",
+    "PartModel",
+    "Priors",
+    "Recognition",
+    "believe",
+    "identify_features",
+    "prepare",
+]

@@ -15,6 +15,14 @@ Bounds are scalar upper bounds of the true deviations, so a true pair is lost le
 """
 
 
+def large_enough(sensed: Sensed, i: int, model: PartModel, tolerance: float) -> BoolArray:
+    """Gate of one sensed feature: candidates that its points fit on ``(N,)``."""
+    candidates = model.candidates[sensed.kinds[i]]
+    noise = np.sqrt(max(len(sensed.features[i].support), 1) * sensed.shift[i] ** 2 + tolerance**2)
+    room = 2 * GATE_SDS * noise
+    return (candidates.spans + room >= sensed.span[i]) & (candidates.widths + room >= sensed.width[i])
+
+
 def compatible(sensed: Sensed, i: int, j: int, model: PartModel, tolerance: float) -> BoolArray:
     """Gate of the sensed pair ``(i, j)`` for all pairs of candidates ``(Ni, Nj)``.
 

@@ -32,6 +32,8 @@ class Candidates:
         measures: area [m2] or length [m] of the candidate, 1 for vertices ``(N,)``.
         tolerance_scale: sd of each perturbation row for a unit sd of the made surface ``(N, size)`` [1, 1/m].
         radii: of a sphere about the frame's origin that holds the feature ``(N,)`` [m].
+        spans: a bound on the distance of two of its points ``(N,)`` [m].
+        widths: a bound on the least width of a plane ``(N,)`` [m]; infinite for edges and vertices.
         points: its extreme points ``(sum, 3)`` [m].
         starts: where the points of each begin ``(N,)``.
         names: for reports, ``plane 12``.
@@ -43,6 +45,8 @@ class Candidates:
     measures: FloatArray
     tolerance_scale: FloatArray
     radii: FloatArray
+    spans: FloatArray
+    widths: FloatArray
     points: FloatArray
     starts: IntArray
     names: tuple[str, ...]
@@ -146,10 +150,21 @@ def _planes(part: Part) -> Candidates:
         planes.areas,
         np.column_stack([np.ones(len(planes)), tilt[:, 1], tilt[:, 0]]),
         np.maximum.reduceat(away, starts) if len(planes) else np.zeros(0),
+        *_plane_sizes(part, spans),
         planes.boundary,
         starts,
         tuple(part.faces[i].name.replace("face", "plane") for i in planes.faces),
     )
+
+
+def _plane_sizes(part: Part, spans: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Diagonal and shorter side of each face's rectangle along its principal axes."""
+    planes, starts = part.planes, part.planes.boundary_start[:-1]
+    if not len(planes):
+        return np.zeros(0), np.zeros(0)
+    local = np.einsum("ni,nij->nj", planes.boundary, planes.Ts_part_feature[spans, :3, :2])
+    sides = np.maximum.reduceat(local, starts) - np.minimum.reduceat(local, starts)
+    return np.linalg.norm(sides, axis=1), sides.min(axis=1)
 
 
 def _edges(part: Part) -> Candidates:
@@ -165,6 +180,8 @@ def _edges(part: Part) -> Candidates:
         lengths,
         np.column_stack([np.ones(2 * n), np.ones(2 * n), tilt, tilt]),
         lengths / 2,
+        lengths,
+        np.full(2 * n, np.inf),
         np.tile(edges.ends.reshape(-1, 3), (2, 1)),
         np.arange(0, 4 * n, 2),
         tuple(f"edge {i}" for i in range(n)) * 2,
@@ -178,8 +195,9 @@ def _vertices(part: Part) -> Candidates:
     ones = np.ones(n)
     names = tuple(f"corner {i}" for i in range(n))
     points = part.corners.points
+    sizes = (np.zeros(n), np.zeros(n), np.full(n, np.inf))
     return Candidates(
-        Ts, np.zeros((n, 3)), ones / max(n, 1), ones, np.ones((n, 3)), np.zeros(n), points, np.arange(n), names
+        Ts, np.zeros((n, 3)), ones / max(n, 1), ones, np.ones((n, 3)), *sizes, points, np.arange(n), names
     )
 
 
@@ -188,8 +206,9 @@ def _directions_only(directions: FloatArray, axis: int, size: int, name: str) ->
     Ts = SE3.from_parts(SO3.frame_from_axis(directions, axis), np.zeros((n, 3)))
     weights = np.full(n, 1 / len(np.unique(np.abs(directions), axis=0)) / (2 if axis == 2 else 1))
     names = tuple(f"{name} {i}" for i in range(n))
+    sizes = (np.zeros(n), np.full(n, np.inf), np.full(n, np.inf))
     return Candidates(
-        Ts, directions, weights, np.ones(n), np.zeros((n, size)), np.zeros(n), np.zeros((n, 3)), np.arange(n), names
+        Ts, directions, weights, np.ones(n), np.zeros((n, size)), *sizes, np.zeros((n, 3)), np.arange(n), names
     )
 
 

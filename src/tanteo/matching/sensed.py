@@ -27,6 +27,8 @@ class Sensed:
         placed: whether that is known (it was sensed at points, or is a vertex) ``(n,)``.
         tilt: largest sd of the direction ``(n,)`` [rad].
         shift: largest sd of the position across the feature ``(n,)`` [m].
+        span: largest distance between two of the feature's points ``(n,)`` [m].
+        width: least width of its points across any direction in the plane ``(n,)`` [m]; 0 for edges and vertices.
         gains: whitened shared errors of each feature ``(size, D)``.
         angle: between directions ``(n, n)`` [rad].
         along: ``n_i . (x_j - x_i)`` ``(n, n)`` [m].
@@ -41,6 +43,8 @@ class Sensed:
     placed: BoolArray
     tilt: FloatArray
     shift: FloatArray
+    span: FloatArray
+    width: FloatArray
     gains: tuple[FloatArray, ...]
     angle: FloatArray
     along: FloatArray
@@ -87,9 +91,26 @@ def sense(features: Sequence[Feature]) -> Sensed:
         np.array([len(f.support) > 0 or k == "vertex" for f, k in zip(features, kinds, strict=True)], dtype=bool),
         tilt,
         shift,
+        *_sizes(features),
         tuple(A @ L for A in gains),
         np.arccos(np.clip(directions @ directions.T, -1.0, 1.0)),
         np.einsum("ik,ijk->ij", directions, gap),
         np.sqrt(shift[:, None] ** 2 + shift**2 + (tilt[:, None] * distance) ** 2),
         distance,
     )
+
+
+def _sizes(features: Sequence[Feature]) -> tuple[FloatArray, FloatArray]:
+    """Largest and least width of each feature's points."""
+    span, width = np.zeros(len(features)), np.zeros(len(features))
+    turns = np.linspace(0, np.pi, 36, endpoint=False)
+    around = np.stack([np.cos(turns), np.sin(turns)])
+    for i, feature in enumerate(features):
+        if len(feature.support) < 2:
+            continue
+        gaps = feature.support[:, None] - feature.support[None]
+        span[i] = np.sqrt((gaps**2).sum(axis=-1).max())
+        if feature.kind.name == "plane":
+            local = (feature.support - feature.support.mean(axis=0)) @ feature.T_world_feature[:3, :2]
+            width[i] = np.ptp(local @ around, axis=0).min() * np.cos(turns[1] / 2)
+    return span, width

@@ -17,7 +17,7 @@ from tanteo.features import EDGE, PLANE, VERTEX
 from tanteo.localization.relations import EDGE_DIRECTIONS, PLANE_DIRECTIONS, Relation, relation_between
 from tanteo.localization.solve import Block, Solution, gauss_newton
 from tanteo.localization.start import first_pose
-from tanteo.matching.gates import compatible
+from tanteo.matching.gates import compatible, large_enough
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import KINDS_IN_TREE, Sensed
 from tanteo.typing import BoolArray, FloatArray, IntArray
@@ -82,11 +82,14 @@ def interpret(sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float
         choices = choices[:0]
         members = []
     gates = {(i, j): compatible(sensed, i, j, model, tolerance) for i in members for j in members if i < j}
+    fits = {i: large_enough(sensed, i, model, tolerance) for i in members}
+    for (i, j), gate in gates.items():
+        gate &= fits[i][:, None] & fits[j]
     done: list[int] = []
     for i in _order(members, gates):
         if len(choices) > _TEST_ABOVE and len(done) > 2:
             choices, _ = prune(sensed, model, choices, tolerance)
-        choices = _expand(choices, done, i, len(model.candidates[sensed.kinds[i]]), gates, n_nothing - missing)
+        choices = _expand(choices, done, i, fits[i], gates, n_nothing - missing)
         if not model.has_extent:  # all six directions look alike: the first one chosen may as well be the first
             choices = choices[~((choices[:, i] > 0) & np.all(choices[:, done] == NOTHING, axis=1))]
         done.append(i)
@@ -118,13 +121,13 @@ def _order(members: Sequence[int], gates: dict[tuple[int, int], BoolArray]) -> l
 
 
 def _expand(
-    choices: IntArray, done: list[int], i: int, n: int, gates: dict[tuple[int, int], BoolArray], allowed: int
+    choices: IntArray, done: list[int], i: int, fits: BoolArray, gates: dict[tuple[int, int], BoolArray], allowed: int
 ) -> IntArray:
     """Every partial interpretation with every candidate of feature ``i`` that its choices so far allow, or nothing."""
     grown = []
-    step = max(1, _CHUNK // max(n, 1))
+    step = max(1, _CHUNK // max(len(fits), 1))
     for rows in (choices[k : k + step] for k in range(0, len(choices), step)):
-        ok = np.ones((len(rows), n), dtype=bool)
+        ok = np.tile(fits, (len(rows), 1))
         for j in done:
             gate = gates[j, i] if (j, i) in gates else gates[i, j].T
             chosen = rows[:, j]

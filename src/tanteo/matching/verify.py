@@ -52,7 +52,7 @@ def _middle(tried: BoolArray, Ts: Transforms) -> tuple[BoolArray, Transforms]:
     """Whether any shift passes, and the pose in the middle of those that do."""
     order = np.cumsum(tried, axis=1)
     half = np.argmax(order >= (order[:, -1:] + 1) // 2, axis=1)
-    return tried.any(axis=1), Ts[np.arange(len(Ts)), half]
+    return np.asarray(tried.any(axis=1), dtype=np.bool_), Ts[np.arange(len(Ts)), half]
 
 
 def _slid(sensed: Sensed, model: PartModel, found: Interpretations, rows: IntArray, axes: FloatArray) -> Transforms:
@@ -80,7 +80,10 @@ def _slid(sensed: Sensed, model: PartModel, found: Interpretations, rows: IntArr
 def _on_surface(
     sensed: Sensed, model: PartModel, found: Interpretations, rows: IntArray, Ts: Transforms, tolerance: float
 ) -> BoolArray:
-    """Whether the points of every paired feature are on the surface, interpretation ``rows[f]`` at pose ``Ts[f]``."""
+    """Whether the points of every paired feature are on the surface, interpretation ``rows[f]`` at pose ``Ts[f]``.
+
+    Where a ball touched a plane, its centre must be one radius off the whole part: a ball does not fit into a corner.
+    """
     ok = np.ones(len(rows), dtype=bool)
     for i, feature in enumerate(sensed.features):
         if not len(feature.support):
@@ -92,6 +95,10 @@ def _on_surface(
             local = SE3.apply(SE3.inverse(Ts[some])[:, None], feature.support)
             room = slack + _pose_slack(found, rows[some])
             ok[some] &= np.all(model.surface.closest(local).distances <= room, axis=-1)
+            if feature.tip_radius > 0 and sensed.kinds[i] == "plane":
+                normal = SE3.inverse(Ts[some])[:, None, :3, :3] @ sensed.directions[i]
+                gap = model.surface.closest(local + feature.tip_radius * normal).distances - feature.tip_radius
+                ok[some] &= np.all(np.abs(gap) <= room, axis=-1)
     return ok
 
 
