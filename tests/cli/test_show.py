@@ -139,9 +139,8 @@ def test_colour_only_on_a_terminal_and_never_with_no_color(parts):
 
 
 def test_a_closed_pipe_is_quiet(parts):
-    command = " ".join(
-        [*(f"'{word}'" for word in TANTEO), "part show", f"'{parts / 'wedge.stl'}'", "--units mm | true"]
-    )
+    words = [*TANTEO, "part", "show", str(parts / "wedge.stl"), "--units", "mm"]
+    command = shlex.join(words) + " | true"
     result = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
     assert "Traceback" not in result.stderr
 

@@ -71,6 +71,16 @@ def test_take_keeps_rows_whole():
     assert r.take(np.array([False, True, False])).ids == ("b",)
 
 
+def test_free_by_kind_or_by_flag_is_the_same_and_the_caller_keeps_his_flags():
+    flags = np.array([False, False, True])
+    beams = {"directions": P + 1, "max_ranges": np.ones(3), "features": list("ABC")}
+    r = Readings.from_columns(P, is_free=flags, kinds=["", "free", "plane"], **beams)
+    assert r.kinds == ("point", "free", "free")
+    assert r.features == ("A", "", "")
+    np.testing.assert_array_equal(r.is_free, [False, True, True])
+    np.testing.assert_array_equal(flags, [False, False, True])
+
+
 def test_no_readings_are_allowed_as_a_value():
     assert len(Readings.from_columns(np.zeros((0, 3)))) == 0
 

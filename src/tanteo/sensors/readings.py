@@ -104,7 +104,7 @@ class Readings:
         """
         first = next((c for c in (points, ranges, ids) if c is not None), None)
         n = n if n is not None else (0 if first is None else len(first))
-        free = np.zeros(n, dtype=bool) if is_free is None else np.asarray(is_free, dtype=bool)
+        free = np.zeros(n, dtype=bool) if is_free is None else np.array(is_free, dtype=bool)
         kinds = _filled_kinds(kinds, free, n)
         labels = ("",) * n if features is None else tuple(features)
         columns = {
