@@ -96,6 +96,19 @@ def test_batches_are_independent_of_each_other():
             np.testing.assert_allclose(together.chi2[i, j], alone.chi2, rtol=1e-6)
 
 
+def test_an_empty_batch():
+    fused = fuse(UncertainFrame(np.zeros((0, 3, 4, 4)), np.eye(6)))
+    assert fused.frame.batch == (0,)
+    assert fused.chi2.shape == fused.converged.shape == (0,)
+
+
+def test_contradictions_are_not_averaged_in_silence():
+    # half a turn about three axes: no frame is near all of them
+    turns = SE3.exp(np.pi * 0.999 * np.eye(6)[3:])
+    fused = fuse(UncertainFrame(np.concatenate([np.eye(4)[None], turns]), 1e-4 * np.eye(6)))
+    assert not fused.converged or chi2.sf(fused.chi2, fused.dof) < 1e-6
+
+
 def test_order_of_the_estimates_does_not_matter():
     _, estimates = noisy_estimates(np.random.default_rng(7), sigma=0.05)
     a, b = fuse(estimates), fuse(UncertainFrame(estimates.T[:, ::-1], estimates.C[:, ::-1]))

@@ -190,6 +190,13 @@ class TestAgainstSampling:
         assert ratios[4] < 0.6 * ratios[2]
         assert ratios[4] < 0.05
 
+    def test_draws_keep_nanometres_beside_radians(self):
+        # a lateral error that is all correlated with a turn, over six orders of magnitude
+        C = np.diag([1e-18] * 3 + [1e-2] * 3)
+        C[0, 5] = C[5, 0] = 0.9e-10
+        frame, rng = UncertainFrame(np.eye(4), C), np.random.default_rng(25)
+        assert_consistent(SE3.log(frames.sample(frame, rng, (TRIALS,))), C)
+
 
 class TestDegenerate:
     def test_certain_frames_stay_certain(self):

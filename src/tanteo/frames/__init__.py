@@ -5,7 +5,7 @@ those names, over batches. Location vectors (the paper's six numbers) and covari
 are for the border.
 """
 
-from tanteo.frames.covariances import check_covariance, check_covariances, frozen_array, symmetrised
+from tanteo.frames.covariances import check_covariance, check_covariances, frozen_array, symmetrised, unit_diagonal
 from tanteo.frames.fusion import Fusion, fuse
 from tanteo.frames.location import (
     compose_locations,
@@ -94,4 +94,5 @@ __all__ = [
     "sample",
     "symmetrised",
     "uncertain_frame",
+    "unit_diagonal",
 ]

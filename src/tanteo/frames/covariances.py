@@ -65,6 +65,16 @@ def symmetrised(C: Covariances) -> Covariances:
     return 0.5 * (C + np.swapaxes(C, -1, -2))
 
 
+def unit_diagonal(C: Covariances) -> tuple[FloatArray, FloatArray]:
+    """``C`` scaled to a unit diagonal, and the standard deviations ``d`` with ``C = unit d d'``; zeros stay zero.
+
+    Metres and radians then weigh alike in what follows: eigenvalues, inverses, ranks.
+    """
+    d = np.sqrt(np.maximum(np.diagonal(C, axis1=-2, axis2=-1), 0.0))
+    scale = np.where(d > 0, d, 1.0)
+    return C / (scale[..., :, None] * scale[..., None, :]), d
+
+
 def _is_semidefinite(C: Covariances, largest: FloatArray) -> bool:
     """Whether ``C`` with its variances raised by the tolerances, and scaled, has a Cholesky factor."""
     variances = np.diagonal(C, axis1=-2, axis2=-1)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import CovarianceError, InputError
+from tanteo.frames.covariances import symmetrised, unit_diagonal
 from tanteo.frames.uncertain import UncertainFrame
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
@@ -75,14 +76,8 @@ def _normal_equations(Ts: Transforms, W: FloatArray, T: Transforms) -> tuple[Flo
     return np.sum(JW @ J, axis=-3), gradient, np.einsum("...ni,...ni->...", r, Wr)
 
 
-def _scaled(A: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``A`` with a unit diagonal and the scale that made it so: metres and radians then weigh alike."""
-    d = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
-    return A / (d[..., :, None] * d[..., None, :]), d
-
-
 def _solve(H: FloatArray, b: FloatArray) -> FloatArray:
-    unit, d = _scaled(H)
+    unit, d = unit_diagonal(H)
     return np.linalg.solve(unit, (b / d)[..., None])[..., 0] / d
 
 
@@ -92,12 +87,9 @@ def _information(name: str, C: Covariances) -> FloatArray:
     Raises:
         CovarianceError: if one is singular to rounding.
     """
-    variances = np.diagonal(C, axis1=-2, axis2=-1)
-    if np.all(variances > 0):
-        unit, d = _scaled(C)
-        if np.linalg.eigvalsh(unit).min(initial=1.0) > _SINGULAR:
-            inverse = np.linalg.inv(unit) / (d[..., :, None] * d[..., None, :])
-            return 0.5 * (inverse + np.swapaxes(inverse, -1, -2))
+    unit, d = unit_diagonal(C)
+    if np.all(d > 0) and np.linalg.eigvalsh(unit).min(initial=1.0) > _SINGULAR:
+        return symmetrised(np.linalg.inv(unit) / (d[..., :, None] * d[..., None, :]))
     raise CovarianceError(
         f"{name}: expected positive definite covariances, got a singular one. Give every direction a variance, or"
         " locate from features, which may leave directions free."

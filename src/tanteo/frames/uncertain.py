@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames.covariances import check_covariances, symmetrised
+from tanteo.frames.covariances import check_covariances, symmetrised, unit_diagonal
 from tanteo.frames.propagation import compose_arrays, compose_fourth_order, invert_arrays, relate_arrays
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Transforms
@@ -133,7 +133,8 @@ def sample(frame: UncertainFrame, rng: np.random.Generator, size: tuple[int, ...
     Returns:
         ``(*size, *batch, 4, 4)``.
     """
-    values, vectors = np.linalg.eigh(frame.C)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    unit, d = unit_diagonal(frame.C)
+    values, vectors = np.linalg.eigh(unit)
+    root = d[..., None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
     e = np.einsum("...ij,...j->...i", root, rng.standard_normal((*size, *frame.batch, 6)))
     return frame.T @ SE3.exp(e)
