@@ -32,6 +32,7 @@ class _Segments:
 
     ends: IntArray
     faces: IntArray
+    triangles: IntArray
     normals: FloatArray
     directions: FloatArray
     lengths: FloatArray
@@ -40,6 +41,7 @@ class _Segments:
         return _Segments(
             self.ends[chosen],
             self.faces[chosen],
+            self.triangles[chosen],
             self.normals[chosen],
             self.directions[chosen],
             self.lengths[chosen],
@@ -82,7 +84,8 @@ def _segments(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> _Segme
     vectors = draft.vertices[ends[:, 1]] - draft.vertices[ends[:, 0]]
     lengths = np.linalg.norm(vectors, axis=1)
     normals = np.stack([_normals_at(draft, faces, pair[:, k], ends) for k in range(2)], axis=1)
-    return _Segments(ends, pair, normals, vectors / lengths[:, None], lengths)
+    beside = np.where(swap, edges.right[between], edges.left[between])
+    return _Segments(ends, pair, beside, normals, vectors / lengths[:, None], lengths)
 
 
 def _normals_at(draft: Draft, faces: tuple[Face, ...], owners: IntArray, ends: IntArray) -> FloatArray:
@@ -188,6 +191,11 @@ def _edges(
     shortest = np.where(freeform[faces].any(axis=1), SHORTEST_FREEFORM_EDGE, SHORTEST_EDGE) * diagonal
     # A chain that is longer than its span is bent after all.
     kept = (lengths > shortest) & (weights < 1.001 * lengths)
+    # Numbered by faces, then by the file's triangles: the order does not depend on the part's pose in its file.
+    earliest = np.full(count, len(draft.triangles))
+    np.minimum.at(earliest, chains, segments.triangles)
+    kept = np.flatnonzero(kept)
+    kept = kept[np.lexsort((earliest[kept], faces[kept, 1], faces[kept, 0]))]
     normals = normals[kept] / np.maximum(np.linalg.norm(normals[kept], axis=2, keepdims=True), 1e-300)
     edges = _framed(ends[kept], lengths[kept], faces[kept], normals)
     return edges, _corners(draft, edges, vertex_ends[kept])
@@ -219,13 +227,15 @@ def _corners(draft: Draft, edges: ModelEdges, vertex_ends: IntArray) -> ModelVer
     for name, start, number in zip(names, begin, counts, strict=True):
         if number < 3:
             continue
-        mine = owners[order[start : start + number]]
+        mine = np.sort(owners[order[start : start + number]])
         sines = np.linalg.norm(np.cross(directions[mine][:, None], directions[mine][None]), axis=2)
         # Count directions: an edge counts when no earlier one is parallel to it.
         fresh = ~np.tril(sines < np.sin(PARALLEL), -1).any(axis=1)
         if fresh.sum() >= 3:
             points.append(draft.vertices[name])
             groups.append(mine)
+    ranks = sorted(range(len(groups)), key=lambda i: tuple(groups[i]))
+    points, groups = [points[i] for i in ranks], [groups[i] for i in ranks]
     starts = np.concatenate([[0], np.cumsum([len(group) for group in groups])]).astype(np.int64)
     flat = np.concatenate(groups) if groups else np.zeros(0, dtype=np.int64)
     return ModelVertices(np.array(points).reshape(-1, 3), flat, starts)

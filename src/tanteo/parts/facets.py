@@ -25,7 +25,7 @@ from tanteo.typing import BoolArray, FloatArray, IntArray
 SMOOTH_ANGLE = np.deg2rad(30.0) - 1e-4
 """Facets that meet at less than this belong to one curved surface [rad]."""
 
-SHORTEST_RUN, SHORTEST_PIECE = 3, 8
+SHORTEST_RUN, SHORTEST_PIECE, PIECE_SHARE = 3, 8, 0.2
 BROAD = 4.0
 FEW_FACETS, LARGE_FACET = 6, 0.01
 SCAN_FACETS = 32
@@ -223,7 +223,8 @@ def _named(
         fitted[int(run)] = "freeform", {}
         for piece in _pieces(facets, members):
             found = _fit(vertices, triangles, facets, piece)
-            if found[0] != "freeform":
+            # A ring of any free form fits a cone or a sphere: only bores and rods are worth taking out.
+            if found[0] == "cylinder":
                 groups[piece] = following
                 fitted[following] = found
                 following += 1
@@ -251,7 +252,8 @@ def _pieces(facets: _Facets, members: IntArray) -> list[IntArray]:
         links = links[(ratio > 0.25) & (ratio < 4.0)]
         labels = components(len(facets.areas), links[:, 0], links[:, 1])
         mine, sizes = np.unique(labels[members], return_counts=True)
-        pieces.extend(members[labels[members] == label] for label in mine[sizes >= SHORTEST_PIECE])
+        enough = (sizes >= SHORTEST_PIECE) & (sizes >= PIECE_SHARE * len(members))
+        pieces.extend(members[labels[members] == label] for label in mine[enough])
     return pieces
 
 

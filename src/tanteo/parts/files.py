@@ -57,7 +57,7 @@ def _read_with_trimesh(path: Path, label: str) -> tuple[FloatArray, IntArray, st
         mesh = scene.to_mesh()
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, EOFError, UnicodeError) as error:
         raise _unreadable(path, label, error) from error
-    except (struct.error, zipfile.BadZipFile, RuntimeError, OSError, NotImplementedError) as error:
+    except (struct.error, zipfile.BadZipFile, RuntimeError, OSError, ImportError) as error:
         raise _unreadable(path, label, error) from error
     vertices = np.asarray(getattr(mesh, "vertices", np.zeros((0, 3))), dtype=np.float64).reshape(-1, 3)
     triangles = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3)

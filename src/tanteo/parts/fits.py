@@ -12,8 +12,8 @@ from tanteo.typing import FloatArray
 NORMAL_TOLERANCE = 0.02
 """How far facet normals may lie off the ruling condition of a cylinder or cone [rad]."""
 
-RADIUS_TOLERANCE = 3e-3
-"""How far corners may lie off the fitted surface, relative to its radius."""
+CORNER_TOLERANCE = 0.1
+"""How far corners may lie off the fitted surface, relative to how far the facets' centres lie off it (the sagitta)."""
 
 
 def fit_curved(
@@ -46,10 +46,12 @@ def _cylinder(
     axis = vectors[:, 0]
     if np.abs(normals @ axis).max() > NORMAL_TOLERANCE or values[1] < 1e-4:
         return None
-    circle = _circle(corners, axis, precision)
+    circle = _circle(corners, axis)
     if circle is None:
         return None
     centre, radius = circle
+    if not _passes(_across(corners - centre, axis) - radius, _across(centres - centre, axis) - radius, precision):
+        return None
     outward = _outward(centres - centre, normals, axis)
     middle = centre + axis * ((centres - centre) @ axis).mean()
     return "cylinder", {
@@ -72,14 +74,16 @@ def _cone(
         return None
     # Every facet's plane passes through the apex.
     apex, *_ = np.linalg.lstsq(normals, np.einsum("ni,ni->n", normals, centres), rcond=1e-9)
-    along = (corners - apex) @ axis
-    if along.mean() < 0.0:
-        axis, along = -axis, -along
-    across = np.linalg.norm(corners - apex - along[:, None] * axis, axis=1)
+    if ((corners - apex) @ axis).mean() < 0.0:
+        axis = -axis
+    along, across = (corners - apex) @ axis, _across(corners - apex, axis)
     half_angle = float(np.arctan2(across.sum(), along.sum()))
-    off = np.abs(across * np.cos(half_angle) - along * np.sin(half_angle))
-    # The apex comes from chords, which lie inside the cone: allow for the width of a facet at the wide end.
-    if off.max() > RADIUS_TOLERANCE * across.max() + precision or along.min() < -precision:
+
+    def off(points: FloatArray) -> FloatArray:
+        reach = _across(points - apex, axis) * np.cos(half_angle)
+        return np.asarray(reach - (points - apex) @ axis * np.sin(half_angle))
+
+    if along.min() < -precision or not _passes(off(corners), off(centres), precision):
         return None
     return "cone", {
         "axis_point": apex,
@@ -102,16 +106,20 @@ def _sphere(
         return None
     centre = origin + solution[:3]
     radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
-    off = np.abs(np.linalg.norm(corners - centre, axis=1) - radius).max()
+    spread = normals - (normals * areas[:, None]).sum(axis=0) / areas.sum()
+    if np.linalg.eigvalsh(spread.T @ spread / len(spread))[0] < 1e-4:
+        return None  # Strips side by side: two rings of corners lie on a sphere, their surface does not.
     radial = centres - centre
-    cosines = np.einsum("ni,ni->n", radial, normals) / np.linalg.norm(radial, axis=1)
-    if off > RADIUS_TOLERANCE * radius + precision or np.abs(cosines).min() < 0.9:
+    reach = np.linalg.norm(radial, axis=1)
+    cosines = np.einsum("ni,ni->n", radial, normals) / reach
+    fits = _passes(np.linalg.norm(corners - centre, axis=1) - radius, reach - radius, precision)
+    if not fits or np.abs(cosines).min() < 0.9:
         return None
     return "sphere", {"axis_point": centre, "radius": radius, "convex": bool(cosines.mean() > 0.0)}
 
 
-def _circle(corners: FloatArray, axis: FloatArray, precision: float) -> tuple[FloatArray, float] | None:
-    """Fit a circle to the corners seen along the axis; None where they do not lie on one."""
+def _circle(corners: FloatArray, axis: FloatArray) -> tuple[FloatArray, float] | None:
+    """Fit a circle to the corners seen along the axis; None where they are collinear."""
     _, _, frame = np.linalg.svd(axis[None, :])
     plane = frame[1:]
     origin = corners.mean(axis=0)
@@ -122,10 +130,18 @@ def _circle(corners: FloatArray, axis: FloatArray, precision: float) -> tuple[Fl
     if rank < 3:
         return None
     radius = float(np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 0.0)))
-    off = np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max()
-    if off > RADIUS_TOLERANCE * radius + precision:
-        return None
     return origin + solution[:2] @ plane, radius
+
+
+def _across(radial: FloatArray, axis: FloatArray) -> FloatArray:
+    """Distances from an axis through the origin."""
+    return np.asarray(np.linalg.norm(radial - (radial @ axis)[:, None] * axis, axis=1))
+
+
+def _passes(corners_off: FloatArray, centres_off: FloatArray, precision: float) -> bool:
+    """Whether corners lie on the surface, judged by how far the centres of the facets, chords of it, lie off."""
+    sagitta = float(np.abs(centres_off).max())
+    return bool(np.abs(corners_off).max() <= CORNER_TOLERANCE * sagitta + precision)
 
 
 def _outward(radial: FloatArray, normals: FloatArray, axis: FloatArray) -> bool:

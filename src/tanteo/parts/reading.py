@@ -31,7 +31,8 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     Args:
         path: STEP (``.step``, ``.stp``) or a mesh (``.stl``, ``.obj``, ``.ply``, ``.off``, ``.glb``, ``.3mf``).
         unit: what one step of a coordinate means in formats that carry no unit (STL, OBJ, PLY, OFF): ``mm``,
-            ``m``, ``in``, ``um``, ``cm`` or ``ft``; required there. Other formats state their own, and it is not used there.
+            ``m``, ``in``, ``um``, ``cm`` or ``ft``; required there. Other formats state
+            their own, and ``unit`` is not used.
         name: of the part; the file's stem where left out.
 
     Returns:
