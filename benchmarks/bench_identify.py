@@ -9,8 +9,7 @@ from common import Table, seconds
 
 from tanteo.features import PLANE, Feature
 from tanteo.lie import SE3
-from tanteo.matching.model import prepare
-from tanteo.matching.recognition import identify_features
+from tanteo.matching import identify_features, prepare
 from tanteo.parts import Part, read_part
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
