@@ -1,0 +1,43 @@
+"""From points to sensed features: vertices, edges and planes with covariance (paper section 3).
+
+``fit_*`` turn labelled points into a :class:`~tanteo.features.Feature` and a :class:`FitReport`; ``*_ml`` are their
+array cores over batches. This room has never heard of parts.
+"""
+
+from tanteo.fitting.derived import (
+    edge_from_planes,
+    edge_from_two_points,
+    intersect_planes,
+    plane_from_two_directions,
+)
+from tanteo.fitting.edge import edge_ml, fit_edge
+from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
+from tanteo.fitting.plane import fit_plane, plane_ml
+from tanteo.fitting.spread import (
+    edge_direction_covariance,
+    plane_displacement_covariance,
+    plane_normal_covariance,
+)
+from tanteo.fitting.vertex import Corner, fit_vertex, intersect_edges, intersect_lines, vertex_ml
+
+__all__ = [
+    "Corner",
+    "Estimate",
+    "FitReport",
+    "SharedReadings",
+    "edge_direction_covariance",
+    "edge_from_planes",
+    "edge_from_two_points",
+    "edge_ml",
+    "fit_edge",
+    "fit_plane",
+    "fit_vertex",
+    "intersect_edges",
+    "intersect_lines",
+    "intersect_planes",
+    "plane_displacement_covariance",
+    "plane_from_two_directions",
+    "plane_ml",
+    "plane_normal_covariance",
+    "vertex_ml",
+]

@@ -1,0 +1,169 @@
+"""What every estimator of this room returns, and how errors that readings share move the fitted feature."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from tanteo.errors import DegenerateError, InputError
+from tanteo.features import SharedError, SharedTerm
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+
+SharedReadings = Sequence[tuple[SharedError, FloatArray]]
+"""Shared errors with their Jacobians ``(n, 3, d)``: true point = measured point + ``J c``, in the world."""
+
+_RIGID = 1e-9
+"""Largest relative misfit of a common motion that still counts as rigid."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """Fitted frames over batches: ``T = T_mean exp(B' p)``, ``p ~ N(0, P)`` over the rows of the kind.
+
+    Attributes:
+        T: ``T_world_feature`` ``(*batch, 4, 4)``.
+        P: from the independent errors of the points ``(*batch, size, size)``.
+        chi2: weighted sum of squares of the residuals ``(*batch,)``.
+        dof: its degrees of freedom.
+        residuals: of each point across the feature ``(*batch, n, k)`` [m].
+        standardised: each point's residual in its own standard deviations ``(*batch, n)``.
+        gains: ``K`` ``(*batch, n, size, 3)``: if the true points are ``dq`` from the measured ones, ``p = sum K dq``.
+    """
+
+    T: Transforms
+    P: Covariances
+    chi2: FloatArray
+    dof: int
+    residuals: FloatArray
+    standardised: FloatArray
+    gains: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitReport:
+    """How well the points agree with the fitted feature.
+
+    Attributes:
+        chi2: weighted sum of squares.
+        dof: its degrees of freedom; 0 if there are only as many points as it takes.
+        p_value: probability of a larger ``chi2`` if the model is right; 1 without degrees of freedom.
+        rms: root mean square distance of the points from the feature [m].
+        worst: id (or number from 1) of the reading that agrees least.
+        worst_sds: its residual in standard deviations.
+    """
+
+    chi2: float
+    dof: int
+    p_value: float
+    rms: float
+    worst: str
+    worst_sds: float
+
+
+def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
+    """Report of one fit (no batch axes)."""
+    chi2, dof = float(estimate.chi2), estimate.dof
+    k = int(np.argmax(np.abs(estimate.standardised)))
+    return FitReport(
+        chi2,
+        dof,
+        float(special.chdtrc(dof, chi2)) if dof else 1.0,
+        float(np.sqrt(np.mean(np.sum(estimate.residuals**2, axis=-1)))),
+        readings[k] if readings else str(k + 1),
+        float(np.abs(estimate.standardised[k])),
+    )
+
+
+def check_points(points: Vectors, covs: Covariances, least: int, what: str) -> tuple[Vectors, Covariances]:
+    """Points ``(*batch, n, 3)`` and covariances ``(*batch, n, 3, 3)`` of the same shape, as float64.
+
+    Raises:
+        InputError: for other shapes, numbers that are not finite, or fewer than ``least`` points.
+    """
+    points, covs = np.asarray(points, dtype=np.float64), np.asarray(covs, dtype=np.float64)
+    if points.ndim < 2 or points.shape[-1] != 3:
+        raise InputError(f"{what}, points: expected shape (n, 3), got {points.shape}.")
+    if covs.ndim < 2 or covs.shape[-2:] != (3, 3):
+        raise InputError(f"{what}, covs: expected shape (n, 3, 3), got {covs.shape}.")
+    if points.shape[-2] < least:
+        raise InputError(f"{what}: expected at least {least} points, got {points.shape[-2]}. Sense more of them.")
+    if not (np.isfinite(points).all() and np.isfinite(covs).all()):
+        raise InputError(f"{what}: expected finite points and covariances, got some that are not.")
+    return points, np.broadcast_to(covs, (*points.shape, 3))
+
+
+def check_settled(turn: FloatArray, what: str) -> None:
+    """Refuse a fit whose last step still turned it.
+
+    Raises:
+        DegenerateError: if it did, by more than 1e-9 rad.
+    """
+    if not np.abs(turn).max(initial=0.0) < 1e-9:
+        raise DegenerateError(
+            f"{what}: expected points that determine it, got a fit that does not settle: the noise is as large as the "
+            "spread of the points. Add points further apart, or check the covariances."
+        )
+
+
+def inverse_spd(A: FloatArray) -> FloatArray:
+    """Inverse of symmetric positive definite matrices that mix units: scaled to unit diagonal first, symmetric."""
+    d = 1 / np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    scale = d[..., :, None] * d[..., None, :]
+    inverse = np.asarray(np.linalg.inv(A * scale), dtype=np.float64) * scale
+    return 0.5 * (inverse + np.swapaxes(inverse, -1, -2))
+
+
+def rigid_motion(rows: FloatArray, moved: FloatArray) -> FloatArray | None:
+    """The rigid motions ``M`` ``(6, d)`` of the world with ``rows @ M = moved``, or None if there are none.
+
+    Args:
+        rows: ``(m, 6)``, what a left error ``[v, w]`` of the world does to the quantities.
+        moved: ``(m, d)``, what the shared error does to them.
+    """
+    scale = np.abs(moved).max(initial=0.0)
+    if scale == 0:
+        return np.zeros((6, moved.shape[1]))
+    arms = np.abs(rows).max(axis=0)
+    unit = rows / np.where(arms > 0, arms, 1.0)
+    M = np.linalg.lstsq(unit, moved, rcond=1e-13)[0] / np.where(arms > 0, arms, 1.0)[:, None]
+    return M if np.abs(rows @ M - moved).max() <= _RIGID * scale else None
+
+
+def shared_terms(
+    points: Vectors, estimate: Estimate, rows_of_feature: FloatArray, shared: SharedReadings
+) -> tuple[SharedTerm, ...]:
+    """Gains of shared errors on one fitted feature (``math.md`` section 6).
+
+    An error that moves all readings like one rigid body moves the feature with them: the gain is then
+    ``B Ad(T^-1)`` exactly, so that constraints between such features do not feel it. Others go through the
+    estimator's own gain.
+
+    Args:
+        points: measured points ``(n, 3)``.
+        estimate: the fit.
+        rows_of_feature: ``B Ad(T^-1)`` ``(size, 6)``.
+        shared: errors and Jacobians.
+    """
+    n = len(points)
+    world = np.zeros((n, 3, 6))
+    world[..., :3] = np.eye(3)
+    x, y, z = points.T
+    world[:, 0, 4], world[:, 0, 5] = z, -y
+    world[:, 1, 3], world[:, 1, 5] = -z, x
+    world[:, 2, 3], world[:, 2, 4] = y, -x
+    terms = []
+    for error, jacobian in shared:
+        J = np.asarray(jacobian, dtype=np.float64)
+        d = len(error.covariance)
+        if J.shape != (n, 3, d):
+            raise InputError(
+                f"shared error {error.name!r}: expected a Jacobian of shape {(n, 3, d)}, got {J.shape}. "
+                "Give one 3 x d block for each point."
+            )
+        M = rigid_motion(world.reshape(3 * n, 6), J.reshape(3 * n, d))
+        gain = rows_of_feature @ M if M is not None else np.sum(estimate.gains @ J, axis=0)
+        terms.append(SharedTerm(error, gain))
+    return tuple(terms)
