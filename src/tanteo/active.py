@@ -24,23 +24,25 @@ _STEP = 0.125
 
 def kl_divergence(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
     """Kullback-Leibler divergence of the normal ``(m1, S1)`` from ``(m2, S2)`` ``(*batch,)`` [nats]."""
+    S1, S2 = np.asarray(S1, dtype=np.float64), np.asarray(S2, dtype=np.float64)
     L1, L2 = np.linalg.cholesky(S1), np.linalg.cholesky(S2)
     A = np.linalg.solve(L2, L1)
     trace = np.sum(A * A, axis=(-1, -2))
     d = np.linalg.solve(L2, np.asarray(m2 - m1)[..., None])[..., 0]
-    return 0.5 * (trace - d.shape[-1] + np.sum(d * d, axis=-1)) + _half_log_det(L2) - _half_log_det(L1)
+    return 0.5 * (trace - d.shape[-1] + np.sum(d * d, axis=-1)) + _half_log_det(S2) - _half_log_det(S1)
 
 
 def bhattacharyya(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
     """Bhattacharyya distance of two normals ``(*batch,)`` [nats]; ``exp(-B)`` bounds their overlap."""
-    S1, S2 = np.asarray(S1), np.asarray(S2)
-    L = np.linalg.cholesky(0.5 * (S1 + S2))
-    d = np.linalg.solve(L, np.asarray(m2 - m1)[..., None])[..., 0]
-    own = _half_log_det(np.linalg.cholesky(S1)) + _half_log_det(np.linalg.cholesky(S2))
-    return np.sum(d * d, axis=-1) / 8 + _half_log_det(L) - 0.5 * own
+    S1, S2 = np.asarray(S1, dtype=np.float64), np.asarray(S2, dtype=np.float64)
+    mean = 0.5 * (S1 + S2)
+    d = np.linalg.solve(np.linalg.cholesky(mean), np.asarray(m2 - m1)[..., None])[..., 0]
+    own = 0.5 * (_half_log_det(S1) + _half_log_det(S2))
+    return np.sum(d * d, axis=-1) / 8 + _half_log_det(mean) - own
 
 
-def _half_log_det(L: FloatArray) -> FloatArray:
+def _half_log_det(S: Covariances) -> FloatArray:
+    L = np.linalg.cholesky(S)
     return np.sum(np.log(np.diagonal(L, axis1=-2, axis2=-1)), axis=-1)
 
 

@@ -18,6 +18,7 @@ from tanteo.fitting.estimate import (
     FitReport,
     SharedReadings,
     check_points,
+    check_settled,
     inverse_spd,
     make_report,
     shared_terms,
