@@ -141,7 +141,7 @@ OPTIONS = [
     options("option without value", "--sd", "--sd"),
     options("two readings files", "--sd 1mm more.csv", "more.csv"),
     options("range without rig", "--sd 1mm", "Give one (--rig rig.toml)", content=RANGED),
-    options("range too far", "", "got 5 m", content=RANGED.replace("100", "5000"), rig=RIG),
+    options("range too far", "", "got 5 m", FAILED, RANGED.replace("100", "5000"), RIG),
     options("sensor not on the rig", "", "Did you mean 'eye'", content=RANGED.replace("eye", "eey"), rig=RIG),
     options("rig is not toml", "", "expected TOML", FAILED, RANGED, "[sensors"),
     options("rig misspelt", "", "Did you mean 'position_mm'", FAILED, RANGED, RIG.replace("position", "postion")),

@@ -1,5 +1,6 @@
 """Readings files: what is read, what is refused and where, and that writing reads back."""
 
+import os
 import time
 from pathlib import Path
 
@@ -145,6 +146,12 @@ def test_paths_that_cannot_be_read(tmp_path, name, message):
     with pytest.raises(ReadingsError) as caught:
         read_readings(tmp_path / name)
     assert message in str(caught.value)
+
+
+def test_pipes_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ReadingsError, match="got a pipe or device"):
+        read_readings(tmp_path / "pipe")
 
 
 def test_the_line_is_right_in_a_later_chunk(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from tanteo.errors import InputError, TanteoError
+from tanteo.errors import InputError, ReadingsError, TanteoError
 
 _MANY = ("--parts",)
 _READINGS_SUFFIXES = (".csv", ".txt")
@@ -19,9 +19,11 @@ class MisuseError(TanteoError):
 
 @contextmanager
 def misuse() -> Iterator[None]:
-    """Errors inside are the caller's options, not the files."""
+    """Errors inside are the caller's options, unless they are the readings'."""
     try:
         yield
+    except ReadingsError:
+        raise
     except TanteoError as error:
         raise MisuseError(str(error)) from None
 

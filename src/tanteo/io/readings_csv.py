@@ -42,6 +42,9 @@ def read_readings(path: str | Path, progress: Callable[[int], None] | None = Non
     """
     path = Path(path)
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            # complaints read the file again to find their line, which a pipe cannot
+            raise ReadingsError(f"{path}: expected a file, got a pipe or device. Save the readings to a file first.")
         with path.open("rb") as binary:
             start = binary.read(4096)
         if b"\0" in start:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, ReadingsError
 from tanteo.sensors.noise import preset_sigma
 from tanteo.sensors.presets import SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
@@ -105,8 +105,8 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
     """Where the beams start, where they go and where they end.
 
     Raises:
-        InputError: A row has a range only and there is no rig that says where its sensor sits, or a range is
-            outside what its device can give.
+        InputError: A row has a range only and there is no rig that says where its sensor sits.
+        ReadingsError: A range is outside what its device can give.
     """
     mounted = np.array([d.mount is not None for d in devices])[numbers]
     by_rig = ~(readings.has_point) & mounted & readings.has_hand
@@ -144,7 +144,7 @@ def _check_ranges(readings: Readings, devices: Sequence[Device], numbers: IntArr
     bad = np.flatnonzero(~readings.is_free & ((readings.ranges < nearest) | (readings.ranges > farthest)))
     if len(bad):
         i = bad[0]
-        raise InputError(
+        raise ReadingsError(
             f"range of reading '{readings.ids[i]}': expected {nearest[i]:g} to {farthest[i]:g} m from "
             f"'{devices[numbers[i]].name}', got {readings.ranges[i]:g} m. Drop the row, or give it status none."
         )

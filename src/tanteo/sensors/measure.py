@@ -54,6 +54,7 @@ def measure(
     Raises:
         InputError: The spread of a reading is unknown (no column, no ``sd``, no preset, or a preset that needs the
             range), the tip's error is asked for without hand poses, a range without a rig, or a name is unknown.
+        ReadingsError: A range is outside what its device can give.
     """
     sensor = sensor_preset(sensor) if isinstance(sensor, str) else sensor
     robot = robot_preset(robot) if isinstance(robot, str) else robot
