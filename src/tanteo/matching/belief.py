@@ -10,19 +10,17 @@ from scipy.special import logsumexp
 
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import pose_information
-from tanteo.matching.evidence import Priors, clutter_densities, log_evidence, perfect_evidence
-from tanteo.matching.model import PartModel, right_angled_family
+from tanteo.matching.evidence import Priors, log_evidence, perfect_evidence
+from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import TURNS, interpret
+from tanteo.matching.tree import interpret
+from tanteo.matching.unknown import log_unknown
 from tanteo.matching.verify import within_extent
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 NEGLIGIBLE = 10.0
 """Log odds below which an explanation by a part is not looked for: less than one in ten thousand."""
-
-SMALL = 5.0
-"""The same for the parts of the evidence of an unknown part, which need no more than a percent."""
 
 _SAME_POSE = 22.5
 """Squared Mahalanobis distance within which two poses are one mode (one in a thousand, six degrees of freedom)."""
@@ -79,7 +77,7 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
     Parts are searched with no feature left out, then one, then two, as long as some part could still reach a weight
     that matters beside the best explanation so far.
     """
-    unknown = _log_unknown(sensed, priors) + np.log(priors.unknown)
+    unknown = log_unknown(sensed, models, priors) + np.log(priors.unknown)
     prior = np.log1p(-priors.unknown) - np.log(max(len(models), 1))
     bounds = {model.name: perfect_evidence(sensed, model, priors) + prior for model in models}
     best, found, cut = unknown, [], False
@@ -110,25 +108,6 @@ def _explain(
         weights[keep],
     )
     return explained, interpretations.cut
-
-
-def _log_unknown(sensed: Sensed, priors: Priors) -> float:
-    """Evidence of a part that nobody modelled: right-angled in the main, its offsets anywhere."""
-    n = len(sensed)
-    anywhere = clutter_densities(sensed, priors.radius)
-    if not n:
-        return 0.0
-    family = right_angled_family(priors.radius)
-    stray = Priors(priors.unknown, 1 - priors.right_angled, priors.radius, priors.right_angled)
-    terms = [float(anywhere.sum()) + n * np.log(1 - priors.right_angled)]
-    bounds = perfect_evidence(sensed, family, stray)
-    for left_out in range(n):
-        if bounds[left_out] < max(terms) - SMALL:
-            continue
-        weights = log_evidence(sensed, family, interpret(sensed, family, left_out), stray)
-        if len(weights):
-            terms.append(float(logsumexp(weights)) + np.log(TURNS))
-    return float(logsumexp(terms))
 
 
 def _weigh(found: Sequence[_Explained], unknown: float, best: float, cut: bool) -> Belief:

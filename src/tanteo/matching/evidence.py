@@ -26,12 +26,15 @@ class Priors:
         clutter: probability that a sensed feature does not belong to the part.
         radius: of the ball in which the part lies [m]: the largest part of the catalogue.
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
+        common_sizes: of the distances between its parallel faces, the share that the catalogue's parts have too: one
+            workshop uses the same stock and the same round numbers again and again.
     """
 
     unknown: float = 0.05
     clutter: float = 0.02
     radius: float = 0.1
     right_angled: float = 0.8
+    common_sizes: float = 0.5
 
 
 def clutter_densities(sensed: Sensed, radius: float) -> FloatArray:

@@ -12,13 +12,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.features import EDGE
-from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
 from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 _KEEP_ENTRIES = 1_000_000
 """Pair tables with more entries than this are computed when asked for and not kept."""
+
+
+_PARALLEL = 1e-6
+"""Model faces whose normals differ by less than this are parallel [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +78,23 @@ class PairTable:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sizes:
+    """Signed distances between parallel faces, ``n_a . (q_b - q_a)`` [m], with the probability of meeting each.
+
+    Attributes:
+        step: between faces that look the same way ``(k,)``.
+        step_weights: probabilities, summing to one ``(k,)``.
+        thickness: between faces that look opposite ways ``(m,)``; negative where material lies between.
+        thickness_weights: probabilities, summing to one ``(m,)``.
+    """
+
+    step: FloatArray
+    step_weights: FloatArray
+    thickness: FloatArray
+    thickness_weights: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PartModel:
     """A part, or a family of parts, as the tree sees it.
 
@@ -91,6 +111,7 @@ class PartModel:
     radius: float
     _tables: dict[tuple[str, str], PairTable] = field(default_factory=dict)
     _surface: list[Surface] = field(default_factory=list)
+    _sizes: list[Sizes] = field(default_factory=list)
 
     @property
     def has_extent(self) -> bool:
@@ -104,6 +125,13 @@ class PartModel:
         if not self._surface:
             self._surface.append(Surface(self.part.vertices, self.part.triangles))
         return self._surface[0]
+
+    @property
+    def sizes(self) -> Sizes:
+        """Distances between its parallel faces, found once."""
+        if not self._sizes:
+            self._sizes.append(parallel_sizes(self))
+        return self._sizes[0]
 
     def table(self, a: str, b: str) -> PairTable:
         """The whole pair table of two kinds; small ones are kept."""
@@ -129,6 +157,22 @@ def pair_table(A: Candidates, B: Candidates, a_is_plane: bool) -> PairTable:
         low = np.minimum.reduceat(along, B.starts, axis=1)
         high = np.maximum.reduceat(along, B.starts, axis=1)
     return PairTable(angle, low, high, np.maximum(gap - reach, 0.0), gap + reach)
+
+
+def parallel_sizes(model: PartModel) -> Sizes:
+    """What distances between parallel faces a part has, by the areas of the faces."""
+    if "plane" not in model.candidates:
+        return Sizes(*(np.zeros(0) for _ in range(4)))
+    planes, table = model.candidates["plane"], model.table("plane", "plane")
+    assert table.angle is not None
+    assert table.low is not None
+    weights = planes.weights[:, None] * planes.weights * ~np.eye(len(planes), dtype=bool)
+    out = []
+    for parallel in (table.angle < _PARALLEL, table.angle > np.pi - _PARALLEL):
+        values, index = np.unique(np.round(table.low[parallel], 6), return_inverse=True)
+        w = np.bincount(index, weights[parallel], minlength=len(values))
+        out += [values, w / max(w.sum(), 1e-300)]
+    return Sizes(*out)
 
 
 def prepare(part: Part) -> PartModel:
@@ -199,24 +243,3 @@ def _vertices(part: Part) -> Candidates:
     return Candidates(
         Ts, np.zeros((n, 3)), ones / max(n, 1), ones, np.ones((n, 3)), *sizes, points, np.arange(n), names
     )
-
-
-def _directions_only(directions: FloatArray, axis: int, size: int, name: str) -> Candidates:
-    n = len(directions)
-    Ts = SE3.from_parts(SO3.frame_from_axis(directions, axis), np.zeros((n, 3)))
-    weights = np.full(n, 1 / len(np.unique(np.abs(directions), axis=0)) / (2 if axis == 2 else 1))
-    names = tuple(f"{name} {i}" for i in range(n))
-    sizes = (np.zeros(n), np.full(n, np.inf), np.full(n, np.inf))
-    return Candidates(
-        Ts, directions, weights, np.ones(n), np.zeros((n, size)), *sizes, np.zeros((n, 3)), np.arange(n), names
-    )
-
-
-def right_angled_family(radius: float) -> PartModel:
-    """Any part whose faces and edges run along three perpendicular axes: what most unknown parts look like."""
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    candidates = {
-        "plane": _directions_only(axes, 2, 3, "side"),
-        "edge": _directions_only(axes, 0, 4, "side"),
-    }
-    return PartModel("any right-angled part", None, candidates, radius)
