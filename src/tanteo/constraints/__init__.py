@@ -33,6 +33,7 @@ from tanteo.constraints.gates import (
     sidak,
 )
 from tanteo.constraints.intersection import gap_edges, intersect
+from tanteo.constraints.joint import JointTest, joint_test, joint_update, laplace_log_evidence
 from tanteo.constraints.parallel import ParallelEstimate, collinearity, parallel_edges, parallel_planes
 from tanteo.constraints.point import DistanceEstimate, point_distance, point_edge_distance, point_plane_distance
 from tanteo.constraints.relate import relate, relate_all, relate_length
@@ -47,6 +48,7 @@ __all__ = [
     "ConstraintTable",
     "DistanceEstimate",
     "Gate",
+    "JointTest",
     "LengthEstimate",
     "ParallelEstimate",
     "Relative",
@@ -68,6 +70,9 @@ __all__ = [
     "height_and_pitch",
     "intersect",
     "joint_gate",
+    "joint_test",
+    "joint_update",
+    "laplace_log_evidence",
     "parallel_edges",
     "parallel_planes",
     "point_distance",
