@@ -80,12 +80,12 @@ def test_undecided_headlines(status, start):
 def test_no_hypothesis_at_all():
     lines = answer_lines(recognition(status="unknown", unknown=1.0, message="Touch again."))
     assert lines[0] == "unknown: no part fits these readings"
-    assert "None of these parts: 100.0 %." in lines
+    assert "None of these parts: > 99.9 %." in lines
     assert lines[-1] == "Touch again."
 
 
 @pytest.mark.parametrize(
-    ("p", "text"), [(0.99999, "> 99.9 %"), (1.0, "100.0 %"), (0.0, "0.0 %"), (1e-9, "< 0.1 %"), (0.5, "50.0 %")]
+    ("p", "text"), [(0.99999, "> 99.9 %"), (1.0, "> 99.9 %"), (0.0, "< 0.1 %"), (1e-9, "< 0.1 %"), (0.5, "50.0 %")]
 )
 def test_probabilities_never_round_to_certainty(p, text):
     assert f"probability {text}" in answer_lines(recognition(hypothesis(probability=p)))[0]

@@ -97,10 +97,10 @@ def _millimetres(metres: float) -> str:
 
 
 def _percent(p: float) -> str:
-    # never "100 %" or "0 %" of what is only nearly so
-    if 0.9995 <= p < 1:
+    # never "100 %" or "0 %": a posterior is not certain, even where float says 1
+    if p >= 0.9995:
         return "> 99.9 %"
-    return "< 0.1 %" if 0 < p < 0.0005 else f"{100 * p:.1f} %"
+    return "< 0.1 %" if p < 0.0005 else f"{100 * p:.1f} %"
 
 
 def _names(names: tuple[str, ...]) -> str:
