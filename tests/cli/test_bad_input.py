@@ -65,6 +65,7 @@ READINGS = [
     readings(
         "wrong unit", GOOD.replace("_mm", "_m").replace("10,0", "381,0"), "is the unit in the column's name right"
     ),
+    readings("metres for millimetres", GOOD.replace("_mm", "_m"), "Check the units in the names of the columns"),
     readings("misspelt column", with_column("featrue"), "Did you mean 'feature'"),
     readings("wrong column", with_column("temperature"), "expected one of id, feature, kind"),
     readings("upper case column", GOOD.replace("x_mm", "X_MM"), "Did you mean 'x_mm'"),

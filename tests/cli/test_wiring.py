@@ -118,3 +118,11 @@ def test_a_rig_arrives(run, tmp_path, parts, identified):
     readings, _, options = calls[0]
     assert [s.name for s in options["rig"].sensors] == ["eye"]
     assert readings.is_free.tolist() == [False, True]
+
+
+def test_readings_much_smaller_than_the_parts_are_a_warning(run, tmp_path, readings, parts, identified):
+    identified()
+    readings.write_text(READINGS.replace("x_mm,y_mm,z_mm,", "x_um,y_um,z_um,", 1))
+    result = run("identify", readings, "--parts", parts, "--units", "mm", "--sd", "1um")
+    assert result.code == 0
+    assert result.err.startswith("warning: all readings lie within 0.0")

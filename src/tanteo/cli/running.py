@@ -14,11 +14,18 @@ import typer
 
 from tanteo.cli.options import MisuseError, RunOptions, misuse
 from tanteo.cli.printing import complain, emit, printable, progress
-from tanteo.errors import PartError, TanteoError, UnitError
+from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
     from tanteo.sensors import Readings, Rig
+    from tanteo.typing import Vectors
+
+_FEW = 3
+"""Fewer readings than this say nothing about the size of what was sensed."""
+
+_TOO_WIDE, _TOO_NARROW = 3.0, 0.01
+"""Readings farther from their middle than this many diagonals, or all nearer, suggest a wrong unit."""
 
 _FAILED, _MISUSED, _UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
 
@@ -54,8 +61,9 @@ def recognize(
 
     rig = None if rig_path is None else read_rig(rig_path)
     readings = read_readings(readings_path)
-    _check_fit(readings, options, rig)
+    points = _check_fit(readings, options, rig)
     parts = _read_parts(part_paths, options.units, quiet=as_json)
+    _check_scale(points, parts)
     from tanteo.matching import identify
 
     loaded = time.perf_counter() - start
@@ -78,12 +86,33 @@ def recognize(
         raise typer.Exit(_UNDECIDED)
 
 
-def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> None:
-    """Do options and readings fit each other? Asked before the parts are read, which may take long."""
+def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> Vectors:
+    """The points, if options and readings fit each other; asked before the parts are read, which may take long."""
     from tanteo.sensors import measure
 
     with misuse():
-        measure(readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig)
+        return measure(
+            readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig
+        ).points
+
+
+def _check_scale(points: Vectors, parts: Sequence[Part]) -> None:
+    """Are readings and parts of one size? If not, a unit is wrong on one side."""
+    import numpy as np
+
+    if len(points) < _FEW:
+        return
+    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    largest, smallest = max(p.diagonal for p in parts), min(p.diagonal for p in parts)
+    advice = "Check the units in the names of the columns and of the parts (--units)."
+    if np.median(away) > _TOO_WIDE * largest:
+        raise ReadingsError(
+            f"readings: expected points around a part of {largest * 1e3:.4g} mm or less, got half of them more than "
+            f"{np.median(away) * 1e3:.4g} mm from their middle. {advice}"
+        )
+    if away.max() < _TOO_NARROW * smallest:
+        within, size = f"{away.max() * 1e3:.3g} mm", f"{smallest * 1e3:.4g} mm"
+        complain("warning", f"all readings lie within {within}, and the smallest part measures {size}. {advice}")
 
 
 def _read_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
