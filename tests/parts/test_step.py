@@ -213,6 +213,17 @@ def test_files_without_a_solid_are_refused(tmp_path):
         read_part(tmp_path / "cut.step")
 
 
+def test_a_file_that_contradicts_itself_is_refused(tmp_path):
+    text = (EXAMPLES / "block.step").read_text()
+    points = re.findall(r"#\d+ = CARTESIAN_POINT\('',\(120\.,80\.,50\.\)\);", text)
+    assert points
+    for point in points:
+        text = text.replace(point, point.replace("50.", "57."))
+    (tmp_path / "bent.step").write_text(text)
+    with pytest.raises(PartError, match=r"bent\.step: expected flat faces .* leaves it by"):
+        read_part(tmp_path / "bent.step")
+
+
 def test_without_the_kernel_the_pip_command_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "OCP.STEPControl", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'tanteo\[step\]'"):

@@ -12,7 +12,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.parts import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SymmetryGroup
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Of the bytes and of the rules that made the part: raise it whenever a reader gives another answer."""
 
 _GROUPS: dict[str, tuple[type[Any], tuple[str, ...]]] = {

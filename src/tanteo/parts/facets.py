@@ -7,7 +7,8 @@ A mesh holds no surfaces, so this is a rule, written down in ``docs/reading_cad.
    gently is *broad*: a plane that a rounding runs into, which ends the run.
 3. A run of three or more facets is a curved face. It is a cylinder, cone or sphere where all its corners lie on one,
    else a free form; but a run of fewer than six large facets that fits nothing stays planes.
-4. Thirty-two or more connected facets of one triangle each are a scan: one free form, whatever their angles.
+4. Facets smaller than a millionth of the diagonal squared go to the curved face they touch.
+5. Thirty-two or more connected facets of one triangle each are a scan: one free form, whatever their angles.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ SHORTEST_RUN, SHORTEST_PIECE, PIECE_SHARE = 3, 8, 0.2
 BROAD = 4.0
 FEW_FACETS, LARGE_FACET = 6, 0.01
 SCAN_FACETS = 32
+CRUMB = 1e-6
 
 _FLAT_ANGLE = 2e-3
 _FLOAT32 = 1.2e-7
@@ -81,7 +83,7 @@ def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
     """
     edges = mesh_edges(triangles)
     facets = _facets(vertices, triangles, edges)
-    runs = _scans(facets, _runs(facets))
+    runs = _crumbs(facets, _scans(facets, _runs(facets)), float(np.linalg.norm(np.ptp(vertices, axis=0))))
     faces, kinds = _named(vertices, triangles, facets, runs)
     return Draft(vertices, triangles, faces[facets.of_triangle], kinds, None)
 
@@ -128,7 +130,13 @@ def _flat_components(
     allowed = _FLAT_ANGLE + 2.0 * np.maximum(blur[edges.left], blur[edges.right])
     flat = (np.arctan2(sines, cosines) < allowed) & ~sliver[edges.left] & ~sliver[edges.right]
     labels = components(len(triangles), edges.left[flat], edges.right[flat])
-    waiting = sliver.copy()
+    # A chain of tiny angles can lead round a rounding: what is not flat as a whole goes back to single triangles.
+    mean = np.stack([np.bincount(labels, areas * normals[:, k]) for k in range(3)], axis=1)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    off = np.linalg.norm(normals - mean[labels], axis=1) > 2.0 * _FLAT_ANGLE + 4.0 * blur
+    bent = np.isin(labels, labels[off & ~sliver])
+    labels = np.where(bent, len(triangles) + np.arange(len(triangles)), labels)
+    waiting = sliver & ~bent
     while waiting.any():
         labels, left_over = _attach(vertices, triangles, edges, normals, labels, waiting)
         if left_over.sum() == waiting.sum():
@@ -201,6 +209,19 @@ def _scans(facets: _Facets, runs: IntArray) -> IntArray:
     labels = components(len(runs), a[joined], b[joined])
     touched = np.isin(labels, labels[scanned]) & rough
     return np.where(touched, labels + runs.max() + 1, runs)
+
+
+def _crumbs(facets: _Facets, runs: IntArray, diagonal: float) -> IntArray:
+    """Give facets too small to be felt to the run that they share the longest border with."""
+    tiny = (facets.areas < CRUMB * diagonal**2) & (runs < 0)
+    first = np.concatenate([facets.links[:, 0], facets.links[:, 1]])
+    second = np.concatenate([facets.links[:, 1], facets.links[:, 0]])
+    lengths = np.concatenate([facets.lengths, facets.lengths])
+    usable = tiny[first] & (runs[second] >= 0)
+    order = np.lexsort((lengths[usable], first[usable]))
+    runs = runs.copy()
+    runs[first[usable][order]] = runs[second[usable][order]]
+    return runs
 
 
 def _named(

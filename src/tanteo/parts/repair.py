@@ -143,6 +143,8 @@ def _flip_needles(faces: IntArray, needles: IntArray, sides: FloatArray) -> int:
 
 def _filled(points: FloatArray, faces: IntArray, diagonal: float, repairs: list[str]) -> tuple[FloatArray, IntArray]:
     """Close small holes with a fan of triangles about the middle of their rim."""
+    if not len(faces) or not open_edges(faces):
+        return points, faces
     edges, _ = directed_edges(faces)
     following = {(int(a), int(b)) for a, b in edges}
     rim = {b: a for a, b in following if (b, a) not in following}

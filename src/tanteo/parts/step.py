@@ -12,6 +12,7 @@ from tanteo.errors import MissingExtraError, PartError, UnitError
 from tanteo.parts.brep import brep_faces
 from tanteo.parts.facets import Draft
 from tanteo.parts.merging import Kinds, merge_faces
+from tanteo.parts.planes import face_normals
 from tanteo.parts.repair import merge_vertices
 from tanteo.parts.topology import edge_counts, volume_and_centroid
 from tanteo.parts.units import unit_name
@@ -25,6 +26,9 @@ ANGULAR_DEFLECTION = 0.25
 
 WELDS = (1e-7, 1e-6, 1e-5, 1e-4)
 """Distances below which corners of neighbouring faces are one, tried in turn, relative to the diagonal."""
+
+FLATNESS = 2e-4
+"""How thick the mesh of a planar face may be, relative to the diagonal."""
 
 _MM = 1e-3
 
@@ -55,6 +59,17 @@ def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
         PartError: not a STEP file, no solid in it, or a solid that cannot be closed.
     """
     shape, unit = _read(path, label)
+    from OCP.Standard import Standard_Failure
+
+    try:
+        draft, repairs = _draft(shape, label)
+    except Standard_Failure as error:
+        raise PartError(f"{label}: expected a sound solid, got a failure of the CAD kernel ({error}).") from error
+    return draft, unit, repairs
+
+
+def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
+    """Mesh every solid of a shape and sort the triangles into the faces of the B-rep."""
     solids, repairs = _solids(shape, label)
     diagonal = _diagonal(solids)
     meshes = []
@@ -70,7 +85,25 @@ def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
     if volume_and_centroid(whole.vertices, whole.triangles)[0] < 1e-9 * diagonal**3:
         raise PartError(f"{label}: expected a solid, got one without volume. Export the part again.")
     labels, kinds = merge_faces(whole.vertices, whole.triangles, whole.owners, whole.kinds)
-    return Draft(whole.vertices * _MM, whole.triangles, labels, kinds, whole.chords), unit, repairs
+    draft = Draft(whole.vertices * _MM, whole.triangles, labels, kinds, whole.chords)
+    _check_flat(draft, diagonal * _MM, label)
+    return draft, repairs
+
+
+def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
+    """Refuse planes whose border is not in them: the file contradicts itself."""
+    normals, points = face_normals(draft)[draft.triangle_face], draft.vertices[draft.triangles]
+    offsets = np.einsum("tki,ti->tk", points, normals)
+    low, high = np.full(len(draft.kinds), np.inf), np.full(len(draft.kinds), -np.inf)
+    np.minimum.at(low, draft.triangle_face, offsets.min(axis=1))
+    np.maximum.at(high, draft.triangle_face, offsets.max(axis=1))
+    planar = np.array([kind == "plane" for kind, _ in draft.kinds])
+    worst = float(np.where(planar, high - low, 0.0).max())
+    if worst > FLATNESS * diagonal:
+        raise PartError(
+            f"{label}: expected flat faces where the file says plane, got one whose border leaves it by "
+            f"{worst * 1e3:.3g} mm. Export the part again."
+        )
 
 
 def _read(path: Path, label: str) -> tuple[Any, str]:
