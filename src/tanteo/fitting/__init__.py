@@ -12,6 +12,7 @@ from tanteo.fitting.derived import (
 )
 from tanteo.fitting.edge import edge_ml, fit_edge
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
+from tanteo.fitting.labelled import LabelledFeatures, Sides, fit_labelled
 from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.spread import (
     edge_direction_covariance,
@@ -24,12 +25,15 @@ __all__ = [
     "Corner",
     "Estimate",
     "FitReport",
+    "LabelledFeatures",
     "SharedReadings",
+    "Sides",
     "edge_direction_covariance",
     "edge_from_planes",
     "edge_from_two_points",
     "edge_ml",
     "fit_edge",
+    "fit_labelled",
     "fit_plane",
     "fit_vertex",
     "intersect_edges",

@@ -2,6 +2,7 @@
 
 from tanteo.matching.belief import Belief, Mode, believe
 from tanteo.matching.evidence import Priors
+from tanteo.matching.identify import identify, locate
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.recognition import identify_features
 from tanteo.matching.results import Hypothesis, Recognition
@@ -14,6 +15,8 @@ __all__ = [
     "Priors",
     "Recognition",
     "believe",
+    "identify",
     "identify_features",
+    "locate",
     "prepare",
 ]

@@ -13,7 +13,7 @@ import numpy as np
 from tanteo.localization.solve import assemble, pose_information
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import NOTHING, Interpretations, self_pairings
+from tanteo.matching.tree import NOTHING, Interpretations, decode, self_pairings
 from tanteo.typing import BoolArray, FloatArray
 
 
@@ -46,7 +46,8 @@ def clutter_densities(sensed: Sensed, radius: float) -> FloatArray:
         "vertex": -np.log(ball),
     }
     along = {"plane": -np.log(disc), "edge": -np.log(2 * radius), "vertex": 0.0}
-    return np.array([density[k] + p * along[k] for k, p in zip(sensed.kinds, sensed.placed, strict=True)])
+    kinds, placed = sensed.kinds[: len(sensed)], sensed.placed[: len(sensed)]
+    return np.array([density[k] + p * along[k] for k, p in zip(kinds, placed, strict=True)])
 
 
 def log_evidence(sensed: Sensed, model: PartModel, found: Interpretations, priors: Priors) -> FloatArray:
@@ -62,12 +63,12 @@ def log_evidence(sensed: Sensed, model: PartModel, found: Interpretations, prior
         log -= 0.5 * np.linalg.slogdet(solution.information[..., 6:, 6:])[1]
     log += _pose_volume(pose_information(solution.information), priors.radius)
     clutter = clutter_densities(sensed, priors.radius) + np.log(priors.clutter)
-    for i, kind in enumerate(sensed.kinds):
-        chosen = choices[:, i]
+    for i, views in enumerate(sensed.views):
+        kind, chosen = sensed.kinds[i], choices[:, i]
+        paired = np.zeros(len(chosen))
         if kind in model.candidates:
-            paired = _candidate_density(model, kind, bool(sensed.placed[i]), priors)[chosen] + np.log1p(-priors.clutter)
-        else:
-            paired = np.zeros(len(chosen))
+            density = _candidate_density(model, kind, bool(sensed.placed[i]), priors)
+            paired = density[decode(chosen, model, kind)[0]] + np.log1p(-priors.clutter) - np.log(len(views))
         log += np.where(chosen == NOTHING, clutter[i], paired)
     return log
 
@@ -99,7 +100,7 @@ def perfect_evidence(sensed: Sensed, model: PartModel, priors: Priors) -> FloatA
     n = len(sensed)
     clutter = clutter_densities(sensed, priors.radius) + np.log(priors.clutter)
     density = np.full(n, -np.inf)
-    for i, kind in enumerate(sensed.kinds):
+    for i, kind in enumerate(sensed.kinds[:n]):
         if kind in model.candidates:
             density[i] = _candidate_density(model, kind, bool(sensed.placed[i]), priors).max() + np.log1p(
                 -priors.clutter

@@ -9,15 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import Feature
+from tanteo.fitting import Sides
 from tanteo.lie import SE3
 from tanteo.localization import ModelFeature, Pairing, PoseEstimate, estimate_pose
 from tanteo.matching.belief import Belief, Mode, believe
 from tanteo.matching.evidence import Priors
 from tanteo.matching.model import PartModel, prepare
+from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition, Status
 from tanteo.matching.sensed import Sensed, sense
-from tanteo.matching.tree import NOTHING
+from tanteo.matching.tree import NOTHING, decode
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray
 
@@ -26,23 +27,26 @@ CONFIDENCE = 0.95
 
 
 def identify_features(
-    features: Sequence[Feature],
+    features: Sequence[Sides],
     parts: Sequence[Part] | Sequence[PartModel],
     *,
     tolerance: float = 0.0,
     alpha: float = 0.01,
     top: int = 5,
+    as_published: bool = False,
     priors: Priors | None = None,
     seed: int = 0,
 ) -> Recognition:
     """Which of the parts the sensed features belong to, and its pose.
 
     Args:
-        features: sensed planes, edges and vertices in the world.
+        features: sensed planes, edges and vertices in the world; a plane whose outward side is unknown as a pair of
+            both.
         parts: candidates, as parts or prepared (``prepare(part)``; do it once for many calls).
         tolerance: sd of the made part's surface against its CAD [m].
         alpha: an answer whose joint test has a smaller p-value than this is not accepted.
         top: number of hypotheses to report.
+        as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand; the radius is that of the largest part if not given.
         seed: recorded in the answer; this search draws nothing.
 
@@ -61,11 +65,11 @@ def identify_features(
     sensed = sense(features)
     priors = priors or Priors(radius=max(model.radius for model in models))
     clock.lap("prepare")
-    belief = believe(sensed, models, priors, tolerance)
+    belief = believe_as_published(sensed, models, alpha) if as_published else believe(sensed, models, priors, tolerance)
     clock.lap("search")
     hypotheses = tuple(_hypothesis(sensed, mode, tolerance) for mode in belief.modes[:top])
     clock.lap("locate")
-    status, message = _verdict(sensed, belief, hypotheses, alpha)
+    status, message = _verdict(belief, hypotheses, alpha, as_published)
     return Recognition(status, message, hypotheses, belief.unknown, clock.laps(), seed)
 
 
@@ -87,10 +91,12 @@ class _Clock:
 def pairings_of(sensed: Sensed, mode: Mode, tolerance: float) -> list[Pairing]:
     """The mode's interpretation as pairings of sensed with model features."""
     out = []
-    for feature, kind, chosen in zip(sensed.features, sensed.kinds, mode.choices, strict=True):
-        if chosen == NOTHING:
+    for i, choice in enumerate(mode.choices):
+        if choice == NOTHING:
             continue
-        candidates = mode.model.candidates[kind]
+        kind = sensed.kinds[i]
+        chosen, view = (int(k) for k in decode(choice, mode.model, kind))
+        feature, candidates = sensed.features[sensed.views[i][view]], mode.model.candidates[kind]
         P = np.diag((tolerance * candidates.tolerance_scale[chosen]) ** 2)
         T = candidates.Ts_part_feature[chosen]
         out.append(Pairing(feature, ModelFeature(feature.kind, T, P, 0.0, candidates.names[chosen])))
@@ -105,7 +111,7 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
     unexplained, covariance = _unexplained(part, estimate)
     outliers = tuple(
         reading
-        for feature, chosen in zip(sensed.features, mode.choices, strict=True)
+        for feature, chosen in zip(sensed.features, mode.choices, strict=False)
         if chosen == NOTHING
         for reading in feature.readings or (feature.label,)
     )
@@ -177,12 +183,14 @@ def _rms(model: PartModel, estimate: PoseEstimate, pairings: Sequence[Pairing]) 
     return float(np.sqrt(np.mean(model.surface.closest(local).distances ** 2)))
 
 
-def _verdict(sensed: Sensed, belief: Belief, hypotheses: tuple[Hypothesis, ...], alpha: float) -> tuple[Status, str]:
+def _verdict(
+    belief: Belief, hypotheses: tuple[Hypothesis, ...], alpha: float, as_published: bool
+) -> tuple[Status, str]:
     note = " The search was cut short: sense fewer, better spread features." if belief.cut else ""
     if not hypotheses or belief.unknown > max(h.probability for h in hypotheses):
         return "unknown", _unknown_message(belief, hypotheses) + note
     best = hypotheses[0]
-    if best.p_value < alpha:
+    if best.p_value < alpha and not as_published:
         return "unknown", (
             f"The closest part is {best.part}, but the features contradict it (p = {best.p_value:.2g}): "
             "check the sensor's standard deviation, the tolerance and the units." + note

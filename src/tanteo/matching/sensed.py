@@ -9,6 +9,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import Feature, collect_shared, feature_covariance
+from tanteo.fitting import Sides
 from tanteo.typing import BoolArray, FloatArray
 
 KINDS_IN_TREE = ("plane", "edge", "vertex")
@@ -17,11 +18,14 @@ _AXIS = {"plane": 2, "edge": 0}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensed:
-    """``n`` sensed features.
+    """``n`` sensed features, and the other views of those whose side is unknown.
+
+    Rows of all arrays are views: the first ``n`` are the features as given, the rest are second views of some.
 
     Attributes:
-        features: as given.
-        kinds: name of each kind.
+        features: one a view.
+        views: rows of each feature's views ``n`` tuples; two where the outward side is unknown.
+        kinds: name of each view's kind.
         directions: normals and edge directions in the world ``(n, 3)``; zero for vertices.
         points: a point of each that lies within the model feature's extent ``(n, 3)`` [m].
         placed: whether that is known (it was sensed at points, or is a vertex) ``(n,)``.
@@ -37,6 +41,7 @@ class Sensed:
     """
 
     features: tuple[Feature, ...]
+    views: tuple[tuple[int, ...], ...]
     kinds: tuple[str, ...]
     directions: FloatArray
     points: FloatArray
@@ -52,15 +57,20 @@ class Sensed:
     distance: FloatArray
 
     def __len__(self) -> int:
-        return len(self.features)
+        return len(self.views)
 
 
-def sense(features: Sequence[Feature]) -> Sensed:
-    """Prepare sensed features for the tree.
+def sense(given: Sequence[Sides]) -> Sensed:
+    """Prepare sensed features for the tree; a pair stands for one plane seen from either side.
 
     Raises:
         InputError: for a kind other than plane, edge or vertex.
     """
+    pairs = [f if isinstance(f, tuple) else (f,) for f in given]
+    second = [pair[1] for pair in pairs if len(pair) > 1]
+    features = [pair[0] for pair in pairs] + second
+    extra = iter(range(len(pairs), len(features)))
+    views = tuple((i, next(extra)) if len(pair) > 1 else (i,) for i, pair in enumerate(pairs))
     for feature in features:
         if feature.kind.name not in KINDS_IN_TREE:
             raise InputError(
@@ -85,6 +95,7 @@ def sense(features: Sequence[Feature]) -> Sensed:
     L = vectors * np.sqrt(values.clip(0))
     return Sensed(
         tuple(features),
+        views,
         kinds,
         directions,
         points,

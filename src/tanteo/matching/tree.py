@@ -81,8 +81,14 @@ def interpret(sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float
     if missing > n_nothing:
         choices = choices[:0]
         members = []
-    gates = {(i, j): compatible(sensed, i, j, model, tolerance) for i in members for j in members if i < j}
-    fits = {i: large_enough(sensed, i, model, tolerance) for i in members}
+    views = sensed.views
+    gates = {
+        (i, j): np.block([[compatible(sensed, a, b, model, tolerance) for b in views[j]] for a in views[i]])
+        for i in members
+        for j in members
+        if i < j
+    }
+    fits = {i: np.concatenate([large_enough(sensed, a, model, tolerance) for a in views[i]]) for i in members}
     for (i, j), gate in gates.items():
         gate &= fits[i][:, None] & fits[j]
     done: list[int] = []
@@ -91,7 +97,7 @@ def interpret(sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float
             choices, _ = prune(sensed, model, choices, tolerance)
         choices = _expand(choices, done, i, fits[i], gates, n_nothing - missing)
         if not model.has_extent:  # all six directions look alike: the first one chosen may as well be the first
-            choices = choices[~((choices[:, i] > 0) & np.all(choices[:, done] == NOTHING, axis=1))]
+            choices = choices[~((choices[:, i] % TURNS > 0) & np.all(choices[:, done] == NOTHING, axis=1))]
         done.append(i)
         if len(choices) > MAX_PARTIAL:
             choices, cut = choices[np.linspace(0, len(choices) - 1, MAX_PARTIAL).astype(np.int64)], True
@@ -141,6 +147,13 @@ def _expand(
     return np.concatenate(grown) if grown else choices
 
 
+def decode(choices: IntArray, model: PartModel, kind: str) -> tuple[IntArray, IntArray]:
+    """Candidate and view of each choice; :data:`NOTHING` is candidate ``NOTHING`` in view 0."""
+    n = len(model.candidates[kind])
+    nothing = choices == NOTHING
+    return np.where(nothing, NOTHING, choices % n), np.where(nothing, 0, choices // n)
+
+
 def build(sensed: Sensed, model: PartModel, choices: IntArray, tolerance: float) -> list[Block]:
     """The pairings of a batch of interpretations as solver blocks."""
     blocks = []
@@ -148,23 +161,35 @@ def build(sensed: Sensed, model: PartModel, choices: IntArray, tolerance: float)
         members = [i for i in range(len(sensed)) if sensed.kinds[i] == kind]
         if not members or kind not in model.candidates:
             continue
-        candidates, chosen = model.candidates[kind], choices[:, members]
-        features = [sensed.features[i] for i in members]
-        relation = relation_of(kind, model)
+        candidates = model.candidates[kind]
+        chosen, view = decode(choices[:, members], model, kind)
+        rows = np.array([(*sensed.views[i], i)[:2] for i in members])
+        seen = rows[:, 0] if not view.any() else rows[np.arange(len(members)), view]
+        Ts, Ps, gains = _stacked(sensed, kind)
         sd = tolerance * candidates.tolerance_scale[chosen]
         blocks.append(
             Block(
-                relation,
-                np.stack([f.T_world_feature for f in features]),
-                np.stack([f.P for f in features]),
+                relation_of(kind, model),
+                Ts[seen],
+                Ps[seen],
                 candidates.Ts_part_feature[chosen],
                 sd[..., None] * sd[..., None, :] * np.eye(sd.shape[-1]) if tolerance else np.zeros((1, 1, 1)),
-                np.stack([sensed.gains[i] for i in members]),
+                gains[seen],
                 np.zeros(len(members)),
                 chosen != NOTHING,
             )
         )
     return blocks
+
+
+def _stacked(sensed: Sensed, kind: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frames, covariances and gains of all views of one kind, at their rows (others are zero)."""
+    rows = [i for i, k in enumerate(sensed.kinds) if k == kind]
+    size, D = sensed.gains[rows[0]].shape
+    Ts, Ps, gains = (np.zeros((len(sensed.kinds), *shape)) for shape in ((4, 4), (size, size), (size, D)))
+    for i in rows:
+        Ts[i], Ps[i], gains[i] = sensed.features[i].T_world_feature, sensed.features[i].P, sensed.gains[i]
+    return Ts, Ps, gains
 
 
 def self_pairings(sensed: Sensed, model: PartModel, kept: BoolArray) -> list[Block]:
@@ -174,16 +199,15 @@ def self_pairings(sensed: Sensed, model: PartModel, kept: BoolArray) -> list[Blo
         members = [i for i in range(len(sensed)) if sensed.kinds[i] == kind]
         if not members or kind not in model.candidates:
             continue
-        features = [sensed.features[i] for i in members]
-        Ts = np.stack([f.T_world_feature for f in features])
+        Ts, Ps, gains = (array[members] for array in _stacked(sensed, kind))
         blocks.append(
             Block(
                 relation_of(kind, model),
                 Ts,
-                np.stack([f.P for f in features]),
+                Ps,
                 np.broadcast_to(Ts, (len(kept), *Ts.shape)),
                 np.zeros((1, 1, 1)),
-                np.stack([sensed.gains[i] for i in members]),
+                gains,
                 np.zeros(len(members)),
                 kept[:, members],
             )

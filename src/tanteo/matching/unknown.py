@@ -15,7 +15,7 @@ from tanteo.lie import SE3, SO3
 from tanteo.matching.evidence import Priors, clutter_densities, log_evidence, perfect_evidence
 from tanteo.matching.model import Candidates, PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import NOTHING, TURNS, interpret
+from tanteo.matching.tree import NOTHING, TURNS, decode, interpret
 from tanteo.typing import FloatArray, IntArray
 
 SMALL = 5.0
@@ -63,20 +63,21 @@ def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> 
         if bounds[left_out] < max(terms) - SMALL:
             continue
         found = interpret(sensed, family, left_out)
-        weights = log_evidence(sensed, family, found, stray) + _common(sensed, found.choices, gains)
+        weights = log_evidence(sensed, family, found, stray) + _common(sensed, family, found.choices, gains)
         if len(weights):
             terms.append(float(logsumexp(weights)) + np.log(TURNS))
     return float(logsumexp(terms))
 
 
 def _size_gains(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> FloatArray:
-    """Log of how much more likely each sensed pair's distance is for common sizes than for any size ``(n, n)``."""
-    n, gains = len(sensed), np.zeros((len(sensed), len(sensed)))
+    """Log of how much more likely each pair's distance is for common sizes than for any size ``(rows, rows)``."""
+    n = len(sensed.kinds)
+    gains = np.zeros((n, n))
     for i in range(n):
         for j in range(n):
             if i == j or sensed.kinds[i] != "plane" or sensed.kinds[j] != "plane":
                 continue
-            same = sensed.directions[i] @ sensed.directions[j] > 0
+            same = bool(sensed.directions[i] @ sensed.directions[j] > 0)
             density = np.mean([_density(model, same, sensed.along[i, j], sensed.along_sd[i, j]) for model in models])
             gains[i, j] = np.log1p(priors.common_sizes * (2 * priors.radius * float(density) - 1))
     return gains
@@ -90,14 +91,16 @@ def _density(model: PartModel, same: bool, distance: float, sd: float) -> float:
     return float(weights @ np.exp(-0.5 * z * z)) / (sd * np.sqrt(2 * np.pi))
 
 
-def _common(sensed: Sensed, choices: IntArray, gains: FloatArray) -> FloatArray:
+def _common(sensed: Sensed, family: PartModel, choices: IntArray, gains: FloatArray) -> FloatArray:
     """Sum of the gains over each interpretation's parallel planes, each against the first on its axis ``(F,)``."""
-    planes = [i for i, kind in enumerate(sensed.kinds) if kind == "plane"]
     total = np.zeros(len(choices))
+    planes = [i for i in range(len(sensed)) if sensed.kinds[i] == "plane"]
     for axis in range(3):
         first = np.full(len(choices), NOTHING)
         for i in planes:
-            here = (choices[:, i] != NOTHING) & (choices[:, i] % 3 == axis)
-            total += np.where(here & (first != NOTHING), gains[first, i], 0.0)
-            first = np.where(here & (first == NOTHING), i, first)
+            side, view = decode(choices[:, i], family, "plane")
+            row = np.array(sensed.views[i])[view]
+            here = (side != NOTHING) & (side % 3 == axis)
+            total += np.where(here & (first != NOTHING), gains[first, row], 0.0)
+            first = np.where(here & (first == NOTHING), row, first)
     return total

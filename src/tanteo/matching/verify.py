@@ -8,7 +8,7 @@ from tanteo.lie import SE3
 from tanteo.matching.gates import GATE_SDS
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import NOTHING, Interpretations
+from tanteo.matching.tree import NOTHING, Interpretations, decode
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 _CHUNK_POINTS = 200_000
@@ -59,10 +59,11 @@ def _slid(sensed: Sensed, model: PartModel, found: Interpretations, rows: IntArr
     """Poses ``(F, shifts, 4, 4)`` along the free axis (part frame), where all points can lie on their faces."""
     T_part_world = SE3.inverse(found.solution.T_world_part[rows])
     low, high = np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
-    for i, (feature, kind) in enumerate(zip(sensed.features, sensed.kinds, strict=True)):
-        chosen = found.choices[rows, i]
+    for i, kind in enumerate(sensed.kinds[: len(sensed)]):
+        feature = sensed.features[i]
         if not len(feature.support) or kind not in model.candidates:
             continue
+        chosen, _ = decode(found.choices[rows, i], model, kind)
         candidates = model.candidates[kind]
         at = np.einsum("fni,fi->fn", SE3.apply(T_part_world[:, None], feature.support), axes)
         middle = np.einsum("fi,fi->f", candidates.Ts_part_feature[chosen, :3, 3], axes)
@@ -85,24 +86,35 @@ def _on_surface(
     Where a ball touched a plane, its centre must be one radius off the whole part: a ball does not fit into a corner.
     """
     ok = np.ones(len(rows), dtype=bool)
-    for i, feature in enumerate(sensed.features):
-        if not len(feature.support):
-            continue
-        paired = np.flatnonzero(ok & (found.choices[rows, i] != NOTHING))
-        slack = GATE_SDS * np.sqrt(len(feature.support) * sensed.shift[i] ** 2 + tolerance**2)
-        step = max(1, _CHUNK_POINTS // len(feature.support))
-        for some in (paired[k : k + step] for k in range(0, len(paired), step)):
-            local = SE3.apply(SE3.inverse(Ts[some])[:, None], feature.support)
-            room = slack + _pose_slack(found, rows[some])
-            ok[some] &= np.all(model.surface.closest(local).distances <= room, axis=-1)
-            if feature.tip_radius > 0 and sensed.kinds[i] == "plane":
-                normal = SE3.inverse(Ts[some])[:, None, :3, :3] @ sensed.directions[i]
-                gap = model.surface.closest(local + feature.tip_radius * normal).distances - feature.tip_radius
-                ok[some] &= np.all(np.abs(gap) <= room, axis=-1)
+    for i, views in enumerate(sensed.views):
+        for view, row in enumerate(views):
+            if not len(sensed.features[row].support) or sensed.kinds[row] not in model.candidates:
+                continue
+            chosen, seen = decode(found.choices[rows, i], model, sensed.kinds[row])
+            paired = np.flatnonzero(ok & (chosen != NOTHING) & (seen == view))
+            step = max(1, _CHUNK_POINTS // len(sensed.features[row].support))
+            for some in (paired[k : k + step] for k in range(0, len(paired), step)):
+                ok[some] &= _touches(sensed, row, model, Ts[some], _pose_sd(found, rows[some]), tolerance)
     return ok
 
 
-def _pose_slack(found: Interpretations, rows: IntArray) -> FloatArray:
-    """Standard deviations of the position that the pose itself leaves ``(F, 1)`` [m]; free directions are skipped."""
+def _touches(
+    sensed: Sensed, row: int, model: PartModel, Ts: Transforms, pose_sd: FloatArray, tolerance: float
+) -> BoolArray:
+    """Whether the points of one view are on the surface, and the ball that touched there clear of the rest ``(F,)``."""
+    feature = sensed.features[row]
+    T_part_world = SE3.inverse(Ts)[:, None]
+    local = SE3.apply(T_part_world, feature.support)
+    room = GATE_SDS * np.sqrt(len(feature.support) * sensed.shift[row] ** 2 + tolerance**2 + pose_sd**2)
+    ok = np.all(model.surface.closest(local).distances <= room, axis=-1)
+    if feature.tip_radius > 0 and sensed.kinds[row] == "plane":
+        centres = local + feature.tip_radius * (T_part_world[..., :3, :3] @ sensed.directions[row])
+        gap = model.surface.closest(centres).distances - feature.tip_radius
+        ok &= np.all(np.abs(gap) <= room, axis=-1)
+    return np.asarray(ok, dtype=np.bool_)
+
+
+def _pose_sd(found: Interpretations, rows: IntArray) -> FloatArray:
+    """Standard deviation of the position that the pose itself leaves ``(F, 1)`` [m]; free directions are skipped."""
     values = np.linalg.eigvalsh(found.solution.information[rows, :3, :3])
-    return np.asarray(GATE_SDS / np.sqrt(np.maximum(values[:, 0], 1e-2 * values[:, -1]))[:, None])
+    return np.asarray(1 / np.sqrt(np.maximum(values[:, 0], 1e-2 * values[:, -1]))[:, None])

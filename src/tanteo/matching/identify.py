@@ -1,0 +1,99 @@
+"""From readings to the answer: measure, fit what the labels say, recognise."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy.typing as npt
+
+from tanteo.errors import InputError
+from tanteo.fitting import LabelledFeatures, fit_labelled
+from tanteo.matching.evidence import Priors
+from tanteo.matching.recognition import identify_features, with_elapsed
+from tanteo.matching.results import Recognition
+from tanteo.parts import Part
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+
+
+def identify(
+    readings: Readings,
+    parts: Sequence[Part],
+    *,
+    sensor: SensorPreset | str | None = None,
+    sd: float | None = None,
+    tolerance: float = 0.0,
+    robot: RobotPreset | str | None = None,
+    tip_sd: npt.ArrayLike | None = None,
+    rig: Rig | None = None,
+    alpha: float = 0.01,
+    top: int = 5,
+    as_published: bool = False,
+    priors: Priors | None = None,
+    seed: int = 0,
+) -> Recognition:
+    """Which of the parts was sensed, and where it is.
+
+    Args:
+        readings: what the devices said; see ``tanteo.io.read_readings``.
+        parts: candidates; see ``tanteo.catalogue.read_parts``.
+        sensor: preset for readings without an sd of their own.
+        sd: one standard deviation of a point along beam or normal [m], for the same.
+        tolerance: sd of the made part's surface against its CAD [m].
+        robot: preset of robot errors; its absolute error is shared by all readings.
+        tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run.
+        rig: where range sensors sit on the hand.
+        alpha: an answer whose joint test has a smaller p-value is not accepted.
+        top: number of hypotheses to report.
+        as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
+        priors: what is assumed beforehand.
+        seed: of the search.
+
+    Returns:
+        The answer with its status; an unkind world is not an exception.
+
+    Raises:
+        InputError: if an argument or the readings cannot be what was meant.
+    """
+    start = time.perf_counter()
+    measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
+    sensed = fit_labelled(measured, tolerance)
+    if len(sensed.bare):
+        raise InputError(_bare_message(measured, sensed))
+    if not sensed.features:
+        reasons = "; ".join(sensed.notes) or "there is no reading that met anything"
+        return Recognition("insufficient", f"No feature could be made of the readings: {reasons}.", (), 1.0, {}, seed)
+    elapsed = time.perf_counter() - start
+    answer = identify_features(
+        sensed.features,
+        parts,
+        tolerance=tolerance,
+        alpha=alpha,
+        top=top,
+        as_published=as_published,
+        priors=priors,
+        seed=seed,
+    )
+    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
+
+
+def locate(readings: Readings, part: Part, **options: object) -> Recognition:
+    """Where the part is, given that it is this one (or none): :func:`identify` with one part."""
+    return identify(readings, [part], **options)  # type: ignore[arg-type]
+
+
+def _bare_message(measured: PointMeasurements, sensed: LabelledFeatures) -> str:
+    names = ", ".join(measured.ids[row] for row in sensed.bare[:5]) + (", ..." if len(sensed.bare) > 5 else "")
+    return (
+        f"readings {names}: expected a feature label or a sensed normal, got neither. Give rows taken on one face the "
+        "same `feature`, or add nx, ny, nz and normal_sd_deg."
+    )
+
+
+def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:
+    """Add readings thrown out of their label to the outliers, and the notes to the message."""
+    hypotheses = tuple(replace(h, outliers=sensed.rejected + h.outliers) for h in answer.hypotheses)
+    notes = [f"Left out of its label: {', '.join(sensed.rejected)}"] if sensed.rejected else []
+    message = " ".join([answer.message, *(f"{note[0].upper()}{note[1:]}." for note in (*notes, *sensed.notes))])
+    return replace(answer, hypotheses=hypotheses, message=message)
