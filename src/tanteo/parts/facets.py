@@ -132,7 +132,7 @@ def _flat_components(
     labels = components(len(triangles), edges.left[flat], edges.right[flat])
     # A chain of tiny angles can lead round a rounding: what is not flat as a whole goes back to single triangles.
     mean = np.stack([np.bincount(labels, areas * normals[:, k]) for k in range(3)], axis=1)
-    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
     off = np.linalg.norm(normals - mean[labels], axis=1) > 2.0 * _FLAT_ANGLE + 4.0 * blur
     bent = np.isin(labels, labels[off & ~sliver])
     labels = np.where(bent, len(triangles) + np.arange(len(triangles)), labels)

@@ -142,7 +142,7 @@ class ModelEdges:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelVertices:
-    """The C corners: points where three or more straight edges end, no two of them parallel.
+    """The C corners: points where three or more straight edges end that have three different directions.
 
     Attributes:
         points: ``(C, 3)``, in the part frame [m].
