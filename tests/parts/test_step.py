@@ -11,6 +11,7 @@ import pytest
 
 from tanteo.errors import MissingExtraError, PartError
 from tanteo.parts import mirror_part, read_part
+from tanteo.parts.analytic import surface_offsets
 from tanteo.parts.topology import edge_counts
 
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
@@ -308,6 +309,38 @@ def test_real_files_agree_with_the_kernel(pattern):
         volume, area = kernel_numbers(file)
         assert part.volume == pytest.approx(volume, rel=2e-3), file.name
         assert part.area == pytest.approx(area, rel=2e-3), file.name
+
+
+@needs_data
+def test_curved_faces_of_real_parts_lie_on_the_surface_they_name():
+    checked = 0
+    for file in [
+        *sorted((DATA / "step_parts").glob("*.st*p"))[::3],
+        *sorted((DATA / "step_nist").glob("*_0[37]_*.stp")),
+    ]:
+        part = read_part(file)
+        for index, face in enumerate(part.faces):
+            if face.surface in ("plane", "freeform"):
+                continue
+            fields = {name: getattr(face, name) for name in ("axis_point", "axis_direction", "radius")}
+            fields |= {"half_angle": face.half_angle, "minor_radius": face.minor_radius}
+            mine = part.triangles[part.triangle_face == index]
+            assert np.abs(surface_offsets(face.surface, fields, part.vertices[np.unique(mine)])).max() < (
+                2e-4 * part.diagonal
+            )
+            # Chords lie inside a boss and outside the wall of a bore: the side that `convex` names.
+            if face.surface in ("cylinder", "sphere"):
+                middle = part.vertices[mine].mean(axis=1)
+                inward = surface_offsets(face.surface, fields, middle) @ np.ones(len(middle))
+                assert inward < 1e-6
+                corners = part.vertices[mine]
+                normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+                radial = middle - face.axis_point
+                if face.axis_direction is not None:
+                    radial = radial - np.outer(radial @ face.axis_direction, face.axis_direction)
+                assert (np.einsum("ni,ni->n", radial, normals).sum() > 0) == face.convex
+            checked += 1
+    assert checked > 150
 
 
 @needs_data

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import MissingExtraError, PartError, UnitError
+from tanteo.parts.analytic import surface_offsets
 from tanteo.parts.brep import brep_faces
 from tanteo.parts.facets import Draft
 from tanteo.parts.merging import Kinds, merge_faces
@@ -29,6 +30,9 @@ WELDS = (1e-7, 1e-6, 1e-5, 1e-4)
 
 FLATNESS = 2e-4
 """How thick the mesh of a planar face may be, relative to the diagonal."""
+
+ROUNDNESS = 1e-3
+"""How far the mesh of a cylinder, cone, sphere or torus may lie off it, relative to the diagonal."""
 
 _MM = 1e-3
 
@@ -87,6 +91,7 @@ def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
     labels, kinds = merge_faces(whole.vertices, whole.triangles, whole.owners, whole.kinds)
     draft = Draft(whole.vertices * _MM, whole.triangles, labels, kinds, whole.chords)
     _check_flat(draft, diagonal * _MM, label)
+    _check_curved(draft, diagonal * _MM, label)
     return draft, repairs
 
 
@@ -104,6 +109,20 @@ def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
             f"{label}: expected flat faces where the file says plane, got one whose border leaves it by "
             f"{worst * 1e3:.3g} mm. Export the part again."
         )
+
+
+def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
+    """Refuse cylinders, cones, spheres and tori whose mesh is elsewhere: the file contradicts itself."""
+    order = np.argsort(draft.triangle_face, kind="stable")
+    starts = np.searchsorted(draft.triangle_face[order], np.arange(len(draft.kinds) + 1))
+    for face, (kind, fields) in enumerate(draft.kinds):
+        mine = np.unique(draft.triangles[order[starts[face] : starts[face + 1]]])
+        worst = float(np.abs(surface_offsets(kind, fields, draft.vertices[mine])).max())
+        if worst > ROUNDNESS * diagonal:
+            raise PartError(
+                f"{label}: expected a {kind} where the file says so, got a face that leaves it by "
+                f"{worst * 1e3:.3g} mm. Export the part again."
+            )
 
 
 def _read(path: Path, label: str) -> tuple[Any, str]:
