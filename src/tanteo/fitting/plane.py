@@ -67,7 +67,9 @@ def plane_ml(points: Vectors, covs: Covariances) -> Estimate:
 
 def _first_frames(points: Vectors, covs: Covariances) -> FloatArray:
     """Frames with z along the direction of least scatter, after checking that there is a plane to find."""
-    w = 1 / np.maximum(np.trace(covs, axis1=-2, axis2=-1), np.finfo(float).tiny)
+    total = np.trace(covs, axis1=-2, axis2=-1)
+    _refuse_exact(total)
+    w = 1 / total
     w = w / w.sum(axis=-1, keepdims=True)
     centred = points - np.sum(w[..., None] * points, axis=-2, keepdims=True)
     scatter = np.swapaxes(centred, -1, -2) @ (w[..., None] * centred)
@@ -80,6 +82,13 @@ def _first_frames(points: Vectors, covs: Covariances) -> FloatArray:
     if np.any(size[..., 1] <= 1e-6 * size[..., 2]):
         _refuse_collinear(vectors[..., 2], size)
     return SO3.frame_from_axis(vectors[..., 0], 2)
+
+
+def _refuse_exact(variance: FloatArray) -> None:
+    if not np.all(variance > 0):
+        raise InputError(
+            "plane, covs: expected a positive variance along the normal, got zero or less. Give the noise."
+        )
 
 
 def _refuse_collinear(along: Vectors, size: FloatArray) -> None:

@@ -24,7 +24,7 @@ from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PASSES = 200
-_SETTLED = 1e-15
+_SETTLED = 1e-13
 
 
 def vertex_ml(points: Vectors, covs: Covariances) -> Estimate:
