@@ -20,6 +20,8 @@ _REACH = 12.0
 """Half width of the integral in standard deviations; the trapezoid rule is exact to rounding over it."""
 _STEP = 0.125
 """Step of the trapezoid rule in the smallest standard deviation."""
+_PANEL = 0.25
+"""Width of a panel in standard deviations, where hypotheses are too unlike for one step."""
 
 
 def kl_divergence(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
@@ -154,23 +156,36 @@ def _pairwise_bhattacharyya(mu: FloatArray, var: FloatArray) -> FloatArray:
 
 
 def mutual_information(weights: FloatArray, means: FloatArray, variances: FloatArray) -> float:
-    """Mutual information of hypothesis and reading [nats], by the trapezoid rule, exact to rounding.
+    """Mutual information of hypothesis and reading [nats], exact to rounding.
 
-    Each hypothesis' share is integrated over its own 12 standard deviations; no entropies of opposite sign cancel.
+    Each hypothesis' share is integrated over its own 12 standard deviations, by the trapezoid rule or, where others
+    are far sharper, panel by panel; no entropies of opposite sign cancel.
     """
     w, mu, var = _check(weights, means, variances)
     sd = np.sqrt(var)
     total = 0.0
     for k in np.flatnonzero(w > 0):
-        step = _STEP * min(1.0, float(sd.min() / sd[k]))
-        t = np.arange(-np.ceil(_REACH / step), np.ceil(_REACH / step) + 1) * step
-        y = mu[k] + sd[k] * t
-        # log of p(y | k) / p(y)
+        y, weight = _nodes(mu, sd, int(k))
         z = (y[:, None] - mu) / sd
         log_p = -0.5 * z * z - np.log(sd)
         log_mix = special.logsumexp(log_p, axis=1, b=w)
-        total += w[k] * step * np.sum(np.exp(-0.5 * t * t) * (log_p[:, k] - log_mix))
+        total += w[k] * float(weight @ (np.exp(-0.5 * z[:, k] ** 2) * (log_p[:, k] - log_mix)))
     return float(total / np.sqrt(2 * np.pi))
+
+
+def _nodes(mu: FloatArray, sd: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes ``y`` and weights, in units of ``sd_k``, for integrals over hypothesis ``k``."""
+    sharpest = float(sd.min() / sd[k])
+    if sharpest > 1 / 64:
+        step = _STEP * min(1.0, sharpest)
+        t = np.arange(-np.ceil(_REACH / step), np.ceil(_REACH / step) + 1) * step
+        return mu[k] + sd[k] * t, np.full(len(t), step)
+    edges = (mu[:, None] + sd[:, None] * np.arange(-_REACH, _REACH + _PANEL, _PANEL)).ravel()
+    low, high = mu[k] - _REACH * sd[k], mu[k] + _REACH * sd[k]
+    edges = np.unique(np.clip(edges, low, high))
+    x, weight = np.polynomial.legendre.leggauss(16)
+    half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+    return (middle[:, None] + half[:, None] * x).ravel(), (half[:, None] * weight / sd[k]).ravel()
 
 
 def _check(weights: FloatArray, means: FloatArray, variances: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -226,7 +241,7 @@ def predict_range(
     mean = np.sum(n_world * (T[..., :3, 3] - origin), axis=-1) / along
     hit = origin + mean[..., None] * direction
     X = SE3.apply(SE3.inverse(T_world_part), hit)
-    n = T_part_plane[..., :3, 2]
+    n = np.broadcast_to(T_part_plane[..., :3, 2], X.shape)
     g = np.concatenate([n, np.cross(X, n)], axis=-1) / along[..., None]
     spread = np.sum(g * (C @ g[..., None])[..., 0], axis=-1)
     return RangePrediction(mean, spread + variance, g)
