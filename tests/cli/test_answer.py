@@ -84,6 +84,11 @@ def test_no_hypothesis_at_all():
     assert lines[-1] == "Touch again."
 
 
+def test_nothing_sensed_says_nothing_about_the_parts():
+    lines = answer_lines(recognition(status="insufficient", unknown=1.0, message="Touch something."))
+    assert lines == ["insufficient: too little was sensed", "", "Touch something."]
+
+
 @pytest.mark.parametrize(
     ("p", "text"), [(0.99999, "> 99.9 %"), (1.0, "> 99.9 %"), (0.0, "< 0.1 %"), (1e-9, "< 0.1 %"), (0.5, "50.0 %")]
 )

@@ -106,6 +106,21 @@ READINGS = [
     readings("mixed kinds", with_column("feature,kind", "A,plane", "A,edge", "A,plane"), "Give one label one kind"),
     readings("plane of two", with_column("feature,kind", "A,plane", "A,plane", ","), "at least 3 readings of kind"),
     readings("edge of one", with_column("feature,kind", "A,edge", ",", ","), "at least 2 readings of kind edge, got 1"),
+    readings(
+        "plane from both sides",
+        with_column("feature,kind,dx,dy,dz", *(f"A,plane,0,0,{sign}" for sign in (1, -1, 1))),
+        "expected the readings to agree on which side is outside",
+    ),
+    readings(
+        "ball on an edge",
+        with_column("radius_mm,feature,kind", "1,A,edge", "1,A,edge", "1,A,edge"),
+        "whose contact on an edge is unknown",
+    ),
+    readings(
+        "plane with two balls",
+        with_column("radius_mm,feature,kind", "1,A,plane", "1,A,plane", "2,A,plane"),
+        "expected one tip radius",
+    ),
     readings("unknown status", with_column("status", "ok", "lost", "ok"), "column 'status': expected one of ok, none"),
     readings("free without beam", with_column("status", "ok", "none", "ok"), "expected where the beam was"),
     readings("zero range", RANGED.replace("100", "0"), "column 'range_mm': expected a positive number"),
@@ -269,6 +284,24 @@ def test_calls_refused(run, tmp_path, parts, args, code, message, monkeypatch):
     (tmp_path / "r.csv").write_text(GOOD)
     (tmp_path / "empty").mkdir()
     refused(run(*args), code, message)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,plane\n10,0,0,A,plane\n20,0,0,A,plane\n", "not on one line"),
+        ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,edge\n0,0,0,A,edge\n", "got coincident ones"),
+        ("x_mm,y_mm,z_mm,dx,dy,dz,status,max_mm\n0,0,0,0,0,1,none,400\n", "no reading that met anything"),
+        ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,vertex\n", "stays free"),
+    ],
+    ids=["collinear plane", "edge of one point", "free beams only", "one vertex"],
+)
+def test_too_little_is_an_answer_that_says_so(run, tmp_path, parts, content, message):
+    (tmp_path / "r.csv").write_text(content)
+    result = run("identify", tmp_path / "r.csv", "--parts", parts, "--units", "mm", "--sd", "0.1mm")
+    assert result.code == 3
+    assert result.out.startswith("insufficient")
+    assert message in result.out
 
 
 def test_there_are_enough_cases():

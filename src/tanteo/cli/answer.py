@@ -29,7 +29,8 @@ def answer_lines(recognition: Recognition, *, verbose: bool = False) -> list[str
         lines += _details(best, verbose=verbose)
     if len(recognition.hypotheses) > 1:
         lines += ["", "It could also be:", *_others(recognition.hypotheses[1:])]
-    lines += ["", f"None of these parts: {_percent(recognition.unknown_probability)}."]
+    if best is not None or recognition.status == "unknown":
+        lines += ["", f"None of these parts: {_percent(recognition.unknown_probability)}."]
     if best is not None and best.outliers:
         lines.append(f"Readings that do not fit: {_names(best.outliers)}.")
     if best is not None and best.unobserved:
@@ -41,7 +42,8 @@ def answer_lines(recognition: Recognition, *, verbose: bool = False) -> list[str
 
 def _headline(recognition: Recognition) -> str:
     if not recognition.hypotheses:
-        return f"{recognition.status}: no part fits these readings"
+        reason = "too little was sensed" if recognition.status == "insufficient" else "no part fits these readings"
+        return f"{recognition.status}: {reason}"
     best = recognition.hypotheses[0]
     where = (
         f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the world; "
