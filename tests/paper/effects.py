@@ -11,8 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo import constraints as cs
+from tanteo import fitting
 from tanteo.constraints import published
 from tanteo.features import EDGE, PLANE
+from tanteo.frames import matrix_to_loc
 from tanteo.lie import SE3, SO3
 
 N = 40_000
@@ -249,6 +251,32 @@ def directions_test(hats, model, sd):
     return out
 
 
+def plane_of_scan_lines(points):
+    """Worst corner of a 40 mm square known from two scan lines: end points only (section 3), and all points."""
+    sd, t = 0.3, np.linspace(0, 40, points)
+    scan = np.r_[np.c_[t, 0 * t, 0 * t], np.c_[0 * t[1:], t[1:], 0 * t[1:]]]
+    q = np.array([[0, 0, 0], [40, 0, 0], [0, 0, 0], [0, 40, 0]], dtype=float)
+    C = np.eye(12)
+    C[0:3, 6:9] = C[6:9, 0:3] = np.eye(3)
+    full, _ = fitting.fit_plane(scan, np.broadcast_to(sd**2 * np.eye(3), (len(scan), 3, 3)), outward=[0, 0, 1])
+    ends = fitting.plane_from_two_directions(*q, sd**2 * C, outward=[0, 0, 1])
+    corners = np.array([[0, 0, 0], [40, 0, 0], [0, 40, 0], [40, 40, 0]], dtype=float)
+    worst = [
+        np.sqrt(np.diag(fitting.plane_displacement_covariance(f.T_world_feature, f.P, corners)).max())
+        for f in (ends, full)
+    ]
+    return {"printed": float(worst[0]), "corrected": float(worst[1])}
+
+
+def gimbal_lock(seed=10):
+    """Standard deviations of psi, theta, phi of (27) at theta = 90 degrees, for 5 mrad of body noise."""
+    rng = np.random.default_rng(seed)
+    T = SE3.from_parts(SO3.axis_rotation(1, np.pi / 2), np.zeros(3))
+    e = np.c_[np.zeros((N, 3)), 0.005 * rng.normal(size=(N, 3))]
+    x = matrix_to_loc(T @ SE3.exp(e))
+    return {name: float(x[:, k].std()) for name, k in (("psi", 3), ("theta", 4), ("phi", 5))}
+
+
 def main():
     """Print every figure that ``docs/paper.md`` quotes."""
     show("(3)-(5) false rejection at 5 %", {f"psi {p} deg, origin {s} mm": coplanarity(np.radians(p), s)
@@ -267,7 +295,9 @@ def main():
     show("(16), section 4.4 at the edge of validity", {"rejection at 5 %": rayleigh()})
     show("section 4.4 sd of the distance [mm]", {f"origin at {s} mm": distance(s) for s in (0, 60, 150)})
     show("(24) mean error [sigma]", {f"offset {k} sigma": folded(k) for k in (0, 1, 2)})
+    show("section 3, worst corner of a plane [mm]", {f"{m} points a line": plane_of_scan_lines(m) for m in (5, 20)})
     show("(26) sd of a distance [mm]", {"": sign_of_26()})
+    show("(27), (28) sd at theta = 90 degrees [rad]", {"5 mrad of noise": gimbal_lock()})
     show("(25) families of angles", {f"{k} planes": families(k) for k in (3, 4, 5)})
 
 

@@ -85,3 +85,14 @@ def test_univariate_gates_multiply_and_do_not_see_mirror_images():
     assert 0.035 < found["rejected joint"] < 0.065
     assert found["mirror accepted univariate"] > 0.7
     assert found["mirror accepted joint"] < 0.01
+
+
+def test_end_points_alone_know_the_plane_half_as_well():
+    found = effects.plane_of_scan_lines(20)
+    assert found["printed"] > 2 * found["corrected"]
+
+
+def test_six_numbers_do_not_exist_in_gimbal_lock():
+    found = effects.gimbal_lock()
+    assert min(found["psi"], found["phi"]) > 1.5
+    assert found["theta"] < 0.01

@@ -12,7 +12,7 @@ from tanteo.constraints import constraint as kinds
 from tanteo.constraints.angle import angle_partials, edge_plane_partials
 from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
 from tanteo.constraints.gates import chi2_limit
-from tanteo.constraints.intersection import abscissa_partials, gap_partials
+from tanteo.constraints.intersection import gap_partials
 from tanteo.constraints.parallel import condition_on_parallel, sign_of
 from tanteo.constraints.relative import Relative
 from tanteo.constraints.stacking import FeatureArrays, PairPlan
@@ -32,7 +32,7 @@ _NO_CORNER = "the lines are parallel within 10 sigma, so they have no common per
 class Group:
     """Pairs of two shapes, with their geometry, values and covariances; makes columns."""
 
-    __slots__ = ("S", "arrays", "b", "n", "pair", "pairs", "part", "plan", "value", "zero")
+    __slots__ = ("S", "arrays", "b", "n", "no", "pair", "pairs", "part", "plan", "value", "yes", "zero")
 
     def __init__(
         self,
@@ -48,6 +48,7 @@ class Group:
         self.value, self.S, self.pairs = value, S, plan.pairs[part]
         self.n = len(value)
         self.zero = np.zeros((self.n, 6))
+        self.no, self.yes = np.zeros(self.n, dtype=bool), np.ones(self.n, dtype=bool)
 
     def column(
         self,
@@ -60,8 +61,8 @@ class Group:
         bias: FloatArray | None = None,
     ) -> ConstraintColumn:
         """A column of these pairs; without ``present`` every pair has the constraint."""
-        flags, sentence = caution or (np.zeros(self.n, dtype=bool), "")
-        present = np.ones(self.n, dtype=bool) if present is None else present
+        flags, sentence = caution or (self.no, "")
+        present = self.yes if present is None else present
         bias = self.zero[:, : kind.dof] if bias is None else bias
         return ConstraintColumn(kind, self.pairs, value, S, bias, present, flags, (sentence, reason))
 
@@ -127,7 +128,7 @@ def _fill_lines(p: FloatArray, n: FloatArray, value: FloatArray, q: FloatArray, 
 def _cut_lines(group: Group) -> list[ConstraintColumn]:
     value, S = group.value, group.S
     sd = np.sqrt(S[:, 0, 0])
-    sine = np.sqrt(np.sum(value[:, 1:3] ** 2, axis=1))
+    sine = np.sqrt(value[:, 1] ** 2 + value[:, 2] ** 2)
     corner = sine > 10 * sd + _RESOLUTION
     parallel = _parallel(group, 1)
     offset, offset_S = condition_on_parallel(value[:, 1:3], value[:, 3:5], S[:, 1:5, 1:5])
@@ -167,8 +168,9 @@ def _away(group: Group, sd: FloatArray, sine: FloatArray) -> tuple[FloatArray, B
     """The angle with both directions pointing away from the corner, and where a direction cannot be told."""
     plan, part = group.plan, group.part
     p, n, slide = group.pair.p[part], group.b[part], group.pair.slide[part, 0]
-    s2 = abscissa_partials(p, n)[0]
-    s = np.stack([p[:, 0] + s2 * n[:, 0], s2 + slide], axis=1)
+    s2 = -(p[:, 1] * n[:, 1] + p[:, 2] * n[:, 2]) / (sine * sine)  # abscissae of the feet, as in intersection.py
+    s = np.empty((group.n, 2))
+    s[:, 0], s[:, 1] = p[:, 0] + s2 * n[:, 0], s2 + slide
     extent = group.arrays.extent[plan.pairs[part]]
     margin = (3 * sd / sine)[:, None]
     inside = (s >= extent[..., 0] - margin) & (s <= extent[..., 2] + margin)
@@ -229,10 +231,10 @@ def _parallel(group: Group, row: int) -> BoolArray:
 
 def _length(v: FloatArray, S: Covariances) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Lengths of vectors ``(N, k)``, their variances, and the summed variance across them."""
-    d = np.sqrt(np.sum(v * v, axis=1))
+    d = np.sqrt((v * v).sum(axis=1))
     u = v / np.where(d > 0, d, 1.0)[:, None]
     variance = (u[:, None] @ S @ u[..., None])[:, 0, 0]
-    return d, variance, np.maximum(np.trace(S, axis1=1, axis2=2) - variance, 0.0)
+    return d, variance, np.maximum(S.trace(axis1=1, axis2=2) - variance, 0.0)
 
 
 FILL = {

@@ -27,10 +27,10 @@ def abscissa_partials(p: Vectors, n: Vectors) -> tuple[FloatArray, FloatArray, F
 
 def gap_partials(p: Vectors, n: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Signed length of the common perpendicular along ``u1 x u2``, with its partials."""
-    nn = np.maximum(np.sum((n * _PERP) ** 2, axis=-1), np.finfo(float).tiny)[..., None]
+    nn = np.maximum((n[..., 1] ** 2 + n[..., 2] ** 2), np.finfo(float).tiny)[..., None]
     sine = np.sqrt(nn)
     w = n[..., _SWAP] * _TURN / sine  # (0, -n_z, n_y) / sine
-    h = np.sum(w * p, axis=-1, keepdims=True)
+    h = (w * p).sum(axis=-1, keepdims=True)
     return h[..., 0], w, -p[..., _SWAP] * _TURN / sine - h * n * _PERP / nn
 
 

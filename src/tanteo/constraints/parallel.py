@@ -60,9 +60,11 @@ def condition_on_parallel(v: FloatArray, d: FloatArray, S: Covariances) -> tuple
     a, b, c = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
     det = a * c - b * b
     usable = det > 1e-14 * a * c  # rank one or none: no information to condition on
-    scale = np.where(usable, det, np.inf)
-    adjugate = np.stack([c, -b, -b, a], axis=-1).reshape(*det.shape, 2, 2)
-    K = S[..., 2:, :2] @ (adjugate / scale[..., None, None])
+    scale = 1 / np.where(usable, det, np.inf)
+    inverse = np.empty((*det.shape, 2, 2))
+    inverse[..., 0, 0], inverse[..., 1, 1] = c * scale, a * scale
+    inverse[..., 0, 1] = inverse[..., 1, 0] = -b * scale
+    K = S[..., 2:, :2] @ inverse
     conditioned = d - (K @ v[..., None])[..., 0]
     return conditioned, S[..., 2:, 2:] - K @ S[..., :2, 2:]
 
