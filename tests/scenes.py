@@ -66,3 +66,41 @@ def random_planes(part, n, rng, least_gyration=1e-3):
     usable = np.flatnonzero(part.planes.gyration[:, 1] > least_gyration)
     w = part.planes.areas[usable]
     return rng.choice(usable, size=min(n, len(usable)), replace=False, p=w / w.sum())
+
+
+def surface_point(part, rng):
+    """A point of the planar surface, even by area, and the face it is on."""
+    plane = rng.choice(len(part.planes), p=part.planes.areas / part.planes.areas.sum())
+    return points_on_plane(part, plane, 1, rng)[0], plane
+
+
+def touch(point, normal, rng, label="", sd=2e-4, tilt=5e-3):
+    """A point with its sensed normal, as a plane that small."""
+    P = np.diag([sd**2, tilt**2, tilt**2])
+    T = SE3.from_parts(SO3.frame_from_axis(normal, 2), point)
+    T = T @ SE3.exp(PLANE.B.T @ (np.sqrt(np.diag(P)) * rng.normal(size=3)))
+    return Feature(PLANE, T, P, label=label, support=T[None, :3, 3], readings=(label,))
+
+
+def surface_touches(part, T_world_part, n, rng, **sds):
+    """Touches that fall on the surface evenly, one face as often as chance has it."""
+    out = []
+    for k in range(n):
+        point, plane = surface_point(part, rng)
+        normal = T_world_part[:3, :3] @ part.planes.normals[plane]
+        out.append(touch(SE3.apply(T_world_part, point), normal, rng, f"t{k}", **sds))
+    return out
+
+
+def surface_planes(part, T_world_part, n, rng, sd=2e-4):
+    """Planes from five points each on faces drawn by area, one face as often as chance has it."""
+    return [sensed_planes(part, T_world_part, [surface_point(part, rng)[1]], sd, rng)[0] for _ in range(n)]
+
+
+def clutter_touch(radius, rng, label="", **sds):
+    """A touch of anything in a ball about the world's origin: direction, offset and place as ``Priors`` states them."""
+    normal = rng.normal(size=3)
+    R = SO3.frame_from_axis(normal / np.linalg.norm(normal), 2)
+    place, turn = radius * np.sqrt(rng.uniform()), rng.uniform(0, 2 * np.pi)
+    local = np.array([place * np.cos(turn), place * np.sin(turn), rng.uniform(-radius, radius)])
+    return touch(R @ local, R[:, 2], rng, label, **sds)
