@@ -94,7 +94,9 @@ def length(corners, sd_edge=1.0, sd_neighbour=1.0, seed=2):
     error = found.value - 40
     D2 = error**2 / (ends[0].variance + ends[1].variance)
     return {
-        "NEES printed (9), (15)": float(np.median((printed.value - 40) ** 2 / printed.variance) / 0.4549),
+        "median D2 printed (9), (15), 1 if right": float(
+            np.median((printed.value - 40) ** 2 / printed.variance) / 0.4549
+        ),
         "NEES independent ends": float(np.mean(D2)),
         "NEES corrected": float(np.mean(error**2 / found.variance)),
         "rejected independent ends": rejected(D2, 1),
@@ -281,10 +283,10 @@ def main():
     """Print every figure that ``docs/paper.md`` quotes."""
     show("(3)-(5) false rejection at 5 %", {f"psi {p} deg, origin {s} mm": coplanarity(np.radians(p), s)
                                             for p, s in ((0, 0), (45, 0), (90, 0), (90, 100))})  # fmt: skip
-    show("(9), (12) sd of the corner [mm]", {f"psi1 {p} deg": intersection(np.radians(p)) for p in (89, 45, 15, 5)})
+    show("(9), (12) sd of the corner [mm]", {f"psi1 {p} deg": intersection(np.radians(p)) for p in (90, 45, 15, 5)})
     shapes = {
         "rectangle": ((90, 90), 1, 1),
-        "parallelogram 60/60": ((60, 120), 1, 1),
+        "parallelogram 60/120": ((60, 120), 1, 1),
         "trapezoid 60/60": ((60, 60), 1, 1),
         "trapezoid 60/60, poor middle edge": ((60, 60), 2, 0.5),
         "parallelogram 60/120, poor middle edge": ((60, 120), 2, 0.5),

@@ -3,8 +3,9 @@
 Everything goes through the location vector ``x12`` and ``F* J2(+){x12, 0}``. The paper assumes independent features;
 ``C12 = E[e1 e2']``, where given, enters as in :func:`tanteo.frames.relate_arrays`, so that only the printed constraint
 is on trial. Where these differ from the rest of the room, these are wrong: ``docs/paper.md`` says how and by how much.
-They also fail where the print fails: at theta = +-pi/2 of the relative location, and in (9) when the edges lie in
-the x-y plane of the first frame.
+They also fail where the print fails, as (9) does when the edges lie in the x-y plane of the first frame. The one
+liberty taken: every ``F*`` has a factor ``cos(theta)`` where ``J2`` divides by it, and the two are cancelled by hand,
+because the print otherwise has no number at theta = +-pi/2, a right angle along z.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError
-from tanteo.frames import J2_at_zero, matrix_to_loc, relate_arrays
+from tanteo.frames import loc_to_matrix, matrix_to_loc, relate_arrays
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, LocationVectors, Transforms
 
@@ -42,12 +43,27 @@ def _relate(
 
 def _scalar(value: FloatArray, F: FloatArray, x: LocationVectors, S: Covariances) -> Published:
     """``F* J2{x12, 0} Cov(e12) J2' F*'``, the recipe of (12), (15) and (17)."""
-    g = (F[..., None, :] @ J2_at_zero(x))[..., 0, :]
+    g = _gradient(F, x)
     return Published(value, np.sum(g * (S @ g[..., None])[..., 0], axis=-1))
 
 
+def _gradient(F: FloatArray, x: LocationVectors) -> FloatArray:
+    """``F* J2(+){x12, 0}``, with ``J2 = diag(R, K)`` and the rows psi and phi of ``K`` times ``cos(theta)``."""
+    s_psi, c_psi, s_theta, c_theta = np.sin(x[..., 3]), np.cos(x[..., 3]), np.sin(x[..., 4]), np.cos(x[..., 4])
+    psi, theta, phi = F[..., 3], F[..., 4], F[..., 5]
+    g = np.empty_like(F)
+    g[..., :3] = (F[..., None, :3] @ loc_to_matrix(x)[..., :3, :3])[..., 0, :]
+    g[..., 3] = psi * c_theta
+    g[..., 4] = psi * s_psi * s_theta + theta * c_psi + phi * s_psi
+    g[..., 5] = psi * c_psi * s_theta - theta * s_psi + phi * c_psi
+    return g
+
+
 def _rows(like: FloatArray, **entries: FloatArray) -> FloatArray:
-    """``F*`` with the named entries of ``(px, py, pz, psi, theta, phi)``, the others zero."""
+    """``F*`` with the named entries of ``(px, py, pz, psi, theta, phi)``, the others zero.
+
+    Entries psi and phi are given without their factor ``cos(theta)``.
+    """
     F = np.zeros_like(like)
     for name, entry in entries.items():
         F[..., ("px", "py", "pz", "psi", "theta", "phi").index(name)] = entry
@@ -88,7 +104,7 @@ def abscissa_y(
             "edge intersection as published: expected n_y other than 0 (equation 8), got 0: both edges lie in the "
             "x-z plane of the first. Turn that frame about its x axis, or use tanteo.constraints.intersect."
         )
-    d_theta, d_phi = -np.sin(x[..., 5]) * np.sin(x[..., 4]), np.cos(x[..., 5]) * np.cos(x[..., 4])
+    d_theta, d_phi = -np.sin(x[..., 5]) * np.sin(x[..., 4]), np.cos(x[..., 5])
     slope = x[..., 1] / n_y**2
     return _scalar(-x[..., 1] / n_y, _rows(x, py=-1 / n_y, theta=slope * d_theta, phi=slope * d_phi), x, S)
 
@@ -117,7 +133,7 @@ def _gradient_z(T1: Transforms, T2: Transforms) -> FloatArray:
     x = matrix_to_loc(SE3.inverse(T1) @ T2)
     sine, cosine = np.sin(x[..., 4]), np.cos(x[..., 4])
     F = _rows(x, pz=1 / sine, theta=-x[..., 2] * cosine / sine**2)
-    return (F[..., None, :] @ J2_at_zero(x))[..., 0, :]
+    return _gradient(F, x)
 
 
 def angle_edges(
@@ -146,7 +162,7 @@ def _arccos(
     F = _rows(
         x,
         theta=np.cos(x[..., k]) * np.sin(x[..., 4]) / delta,
-        **{turn: np.cos(x[..., 4]) * np.sin(x[..., k]) / delta},
+        **{turn: np.sin(x[..., k]) / delta},
     )
     return _scalar(np.arccos(np.clip(cosine, -1, 1)), F, x, S)
 
@@ -176,6 +192,6 @@ def _cosine(x: LocationVectors, S: Covariances, turn: str) -> Published:
     F = _rows(
         x,
         theta=-np.cos(x[..., k]) * np.sin(x[..., 4]),
-        **{turn: -np.cos(x[..., 4]) * np.sin(x[..., k])},
+        **{turn: -np.sin(x[..., k])},
     )
     return _scalar(np.cos(x[..., k]) * np.cos(x[..., 4]), F, x, S)
