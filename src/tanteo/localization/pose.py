@@ -261,7 +261,7 @@ def _report(
         p_value=p_value,
         distances=_distances(blocks, order, T, solution.z[best], information),
         alternatives=_alternatives(solution, best, covariance),
-        shared=_shared_estimates(solution.z[best], information, L, errors),
+        shared=_shared_estimates(solution.z[best], information, N, L, errors, length),
         status="insufficient" if insufficient else "located",
         message=_message(unobserved, p_value),
     )
@@ -311,12 +311,21 @@ def _alternatives(solution: Solution, best: int, covariance: Covariances) -> Tra
 
 
 def _shared_estimates(
-    z: FloatArray, information: FloatArray, L: FloatArray, errors: tuple[SharedError, ...]
+    z: FloatArray,
+    information: FloatArray,
+    N: Tangents,
+    L: FloatArray,
+    errors: tuple[SharedError, ...],
+    length: float,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Posterior mean and sd of each shared error; the free motions ``N`` are held, as they say nothing about it."""
     if not errors:
         return {}
-    c = L @ z
-    sd = np.sqrt(np.diag(L @ np.linalg.inv(information)[6:, 6:] @ L.T))
+    held = np.array(information)
+    held[:6, :6] += _hold(N, length, float(np.abs(information).max()))
+    cross = np.linalg.solve(held[:6, :6], held[:6, 6:])
+    covariance = np.linalg.inv(held[6:, 6:] - held[6:, :6] @ cross)
+    c, sd = L @ z, np.sqrt(np.maximum(np.diag(L @ covariance @ L.T), 0.0))
     out, i = {}, 0
     for error in errors:
         n = len(error.covariance)

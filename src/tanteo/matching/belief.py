@@ -81,7 +81,7 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
     prior = np.log1p(-priors.unknown) - np.log(max(len(models), 1))
     bounds = {model.name: perfect_evidence(sensed, model, priors) + prior for model in models}
     best, found, cut = unknown, [], False
-    for left_out in range(len(sensed) + 1):
+    for left_out in range(len(sensed)):
         for model in models:
             if bounds[model.name][left_out] < best - NEGLIGIBLE:
                 continue

@@ -61,7 +61,7 @@ def log_evidence(sensed: Sensed, model: PartModel, found: Interpretations, prior
     D = solution.z.shape[-1]
     if D:
         log -= 0.5 * np.linalg.slogdet(solution.information[..., 6:, 6:])[1]
-    log += _pose_volume(pose_information(solution.information), priors.radius)
+    log += pose_volume(pose_information(solution.information), priors.radius)
     clutter = clutter_densities(sensed, priors.radius) + np.log(priors.clutter)
     for i, views in enumerate(sensed.views):
         kind, chosen = sensed.kinds[i], choices[:, i]
@@ -84,7 +84,7 @@ def _candidate_density(model: PartModel, kind: str, placed: bool, priors: Priors
     return log - offset - (along if placed else 0.0)
 
 
-def _pose_volume(information: FloatArray, radius: float) -> FloatArray:
+def pose_volume(information: FloatArray, radius: float) -> FloatArray:
     """``log(p(T) integral exp(-x' L x / 2))`` for a pose anywhere in a cube of ``2 radius`` and any attitude."""
     scale = np.r_[np.full(3, 2 * radius), np.full(3, (8 * np.pi**2) ** (1 / 3))]
     values = np.linalg.eigvalsh(information * np.outer(scale, scale))
@@ -126,4 +126,4 @@ def _perfect(sensed: Sensed, model: PartModel, kept: BoolArray, priors: Priors) 
     log = -0.5 * (at.equations * np.log(2 * np.pi) + at.log_det)
     if D:
         log -= 0.5 * np.linalg.slogdet(at.information[..., 6:, 6:])[1]
-    return log + _pose_volume(pose_information(at.information), priors.radius)
+    return log + pose_volume(pose_information(at.information), priors.radius)

@@ -62,8 +62,8 @@ def identify(
     if len(sensed.bare):
         raise InputError(_bare_message(measured, sensed))
     if not sensed.features:
-        reasons = "; ".join(sensed.notes) or "there is no reading that met anything"
-        return Recognition("insufficient", f"No feature could be made of the readings: {reasons}.", (), 1.0, {}, seed)
+        reasons = " ".join(map(_sentence, sensed.notes)) or "There is no reading that met anything."
+        return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
     elapsed = time.perf_counter() - start
     answer = identify_features(
         sensed.features,
@@ -95,5 +95,9 @@ def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:
     """Add readings thrown out of their label to the outliers, and the notes to the message."""
     hypotheses = tuple(replace(h, outliers=sensed.rejected + h.outliers) for h in answer.hypotheses)
     notes = [f"Left out of its label: {', '.join(sensed.rejected)}"] if sensed.rejected else []
-    message = " ".join([answer.message, *(f"{note[0].upper()}{note[1:]}." for note in (*notes, *sensed.notes))])
+    message = " ".join([answer.message, *(_sentence(note) for note in (*notes, *sensed.notes))])
     return replace(answer, hypotheses=hypotheses, message=message)
+
+
+def _sentence(note: str) -> str:
+    return f"{note[0].upper()}{note[1:].rstrip('.')}."

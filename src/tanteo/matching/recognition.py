@@ -128,7 +128,7 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
         chi2=estimate.chi2,
         dof=estimate.dof,
         p_value=estimate.p_value,
-        rms=_rms(mode.model, estimate, pairings),
+        rms=_rms(estimate, pairings),
         outliers=outliers,
         pairings=tuple((r, p.model.name) for p in pairings for r in p.sensed.readings or (p.sensed.label,)),
     )
@@ -175,12 +175,16 @@ def corner_sd(part: Part, covariance: Covariances) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max()))
 
 
-def _rms(model: PartModel, estimate: PoseEstimate, pairings: Sequence[Pairing]) -> float:
-    points = np.concatenate([np.zeros((0, 3)), *(pairing.sensed.support for pairing in pairings)])
-    if not len(points):
-        return 0.0
-    local = SE3.apply(SE3.inverse(estimate.T_world_part), points)
-    return float(np.sqrt(np.mean(model.surface.closest(local).distances ** 2)))
+def _rms(estimate: PoseEstimate, pairings: Sequence[Pairing]) -> float:
+    """Root mean square distance of the sensed points from the model features they are paired with [m]."""
+    squared = [np.zeros(0)]
+    for pairing in pairings:
+        T_world_model = estimate.T_world_part @ pairing.model.T_part_feature
+        local = SE3.apply(SE3.inverse(T_world_model), pairing.sensed.support)
+        across = [i for i in pairing.model.kind.rows if i < 3]
+        squared.append(np.sum(local[:, across] ** 2, axis=1))
+    total = np.concatenate(squared)
+    return float(np.sqrt(total.mean())) if len(total) else 0.0
 
 
 def _verdict(
@@ -217,7 +221,8 @@ def _unknown_message(belief: Belief, hypotheses: tuple[Hypothesis, ...]) -> str:
 
 
 def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], belief: Belief) -> str:
-    names = list(dict.fromkeys(h.part for h in hypotheses if h.probability > 0.01))
+    likely = [h for h in hypotheses if h.probability > 0.01] or hypotheses[:1]
+    names = list(dict.fromkeys(h.part for h in likely))
     if len(names) > 1:
         return f"It may be {', '.join(names[:-1])} or {names[-1]}: sense a face where they differ."
     if belief.unknown > 0.01 and hypotheses[0].probability + belief.unknown > 0.99:
