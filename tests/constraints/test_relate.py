@@ -63,12 +63,19 @@ def test_the_table_holds_what_the_cores_say(shared):
         if name in CORES:
             core = CORES[name](*pair, cross)
             np.testing.assert_allclose(found.value, np.atleast_1d(core.value), rtol=1e-9, atol=1e-14)
+            if name == "plane_angle":
+                pair_frames = cs.relative(pair[0], pair[2])
+                bias = cs.angle_bias(pair_frames, 2, (pair[1], pair[3], cross))
+                np.testing.assert_allclose(found.bias, [bias], rtol=1e-7)
             variance = core.covariance if hasattr(core, "covariance") else core.variance
             np.testing.assert_allclose(found.covariance, np.reshape(variance, (found.dof, -1)), rtol=1e-7)
         elif name == "edge_angle":
             core = cs.angle_edges(*pair, cross)
             assert min(abs(found.value[0] - core.value), abs(np.pi - found.value[0] - core.value)) < 1e-12
             np.testing.assert_allclose(found.covariance[0, 0], core.variance, rtol=1e-8)
+            bias = cs.angle_bias(cs.relative(pair[0], pair[2]), 0, (pair[1], pair[3], cross))
+            np.testing.assert_allclose(abs(found.bias[0]), abs(bias), rtol=1e-7)
+            assert np.sign(found.bias[0]) == np.sign(bias) * (1 if abs(found.value[0] - core.value) < 1e-12 else -1)
         elif name == "point_distance":
             S = pair[1][:3, :3], pair[3][:3, :3], cross[:3, :3]
             R1, R2 = pair[0][:3, :3], pair[2][:3, :3]

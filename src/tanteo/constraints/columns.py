@@ -6,65 +6,29 @@ values and covariances after it, and decides which constraints each pair has.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from tanteo.constraints import constraint as kinds
 from tanteo.constraints.angle import angle_partials, edge_plane_partials
 from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
-from tanteo.constraints.gates import chi2_limit
+from tanteo.constraints.group import (
+    PARALLEL_ALPHA,
+    RESOLUTION,
+    Group,
+    angle_bias_of,
+    bent_pairs,
+    length_of,
+    parallel_pairs,
+)
 from tanteo.constraints.intersection import gap_partials
 from tanteo.constraints.parallel import condition_on_parallel, sign_of
-from tanteo.constraints.relative import Relative
-from tanteo.constraints.stacking import FeatureArrays, PairPlan
-from tanteo.typing import BoolArray, Covariances, FloatArray
-
-PARALLEL_ALPHA = 1e-4
-"""Rejected share of truly parallel pairs: the pruning level of ``math.md`` section 9."""
-_PARALLEL_LIMIT = chi2_limit(PARALLEL_ALPHA, 2)
-_RESOLUTION = 1e-6
-"""Tilt [rad] below which directions count as equal even if both features are known exactly (model features)."""
+from tanteo.typing import BoolArray, FloatArray
 
 _NEARLY_PARALLEL = "the directions are parallel within 5 sigma, where the angle has no valid variance: see parallelism."
 _NOT_PARALLEL = f"the pair is not parallel (rejected at {PARALLEL_ALPHA:g}), so it has no one distance."
 _NO_CORNER = "the lines are parallel within 10 sigma, so they have no common perpendicular of their own."
-
-
-class Group:
-    """Pairs of two shapes, with their geometry, values and covariances; makes columns."""
-
-    __slots__ = ("S", "arrays", "b", "n", "no", "pair", "pairs", "part", "plan", "value", "yes", "zero")
-
-    def __init__(
-        self,
-        arrays: FeatureArrays,
-        plan: PairPlan,
-        part: slice,
-        pair: Relative,
-        b: FloatArray,
-        value: FloatArray,
-        S: Covariances,
-    ) -> None:
-        self.arrays, self.plan, self.part, self.pair, self.b = arrays, plan, part, pair, b
-        self.value, self.S, self.pairs = value, S, plan.pairs[part]
-        self.n = len(value)
-        self.zero = np.zeros((self.n, 6))
-        self.no, self.yes = np.zeros(self.n, dtype=bool), np.ones(self.n, dtype=bool)
-
-    def column(
-        self,
-        kind: ConstraintKind,
-        value: FloatArray,
-        S: Covariances,
-        present: BoolArray | None = None,
-        reason: str = "",
-        caution: tuple[BoolArray, str] | None = None,
-        bias: FloatArray | None = None,
-    ) -> ConstraintColumn:
-        """A column of these pairs; without ``present`` every pair has the constraint."""
-        flags, sentence = caution or (self.no, "")
-        present = self.yes if present is None else present
-        bias = self.zero[:, : kind.dof] if bias is None else bias
-        return ConstraintColumn(kind, self.pairs, value, S, bias, present, flags, (sentence, reason))
 
 
 def _fill_planes(p: FloatArray, a: FloatArray, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
@@ -79,10 +43,12 @@ def _fill_planes(p: FloatArray, a: FloatArray, value: FloatArray, q: FloatArray,
 
 def _cut_planes(group: Group) -> list[ConstraintColumn]:
     value, S = group.value, group.S
-    bent, parallel = _bent(group, 0), _parallel(group, 1)
+    bent, parallel = bent_pairs(group, 0), parallel_pairs(group, 1)
     offset, variance = condition_on_parallel(value[:, 1:3], value[:, 3:4], S[:, 1:4, 1:4])
     return [
-        group.column(kinds.PLANE_ANGLE, value[:, :1], S[:, :1, :1], bent, _NEARLY_PARALLEL),
+        group.column(
+            kinds.PLANE_ANGLE, value[:, :1], S[:, :1, :1], bent, _NEARLY_PARALLEL, bias=partial(angle_bias_of, group, 2)
+        ),
         group.column(kinds.PLANE_PARALLELISM, value[:, 1:3], S[:, 1:3, 1:3]),
         group.column(kinds.PLANE_OFFSET, offset, variance, parallel, _NOT_PARALLEL),
     ]
@@ -99,7 +65,7 @@ def _cut_plane_line(group: Group) -> list[ConstraintColumn]:
     value, S = group.value, group.S
     angle, variance = np.abs(value[:, 2:3]), S[:, 2:3, 2:3]
     sd = np.sqrt(variance[:, 0, 0])
-    upright = np.cos(angle[:, 0]) > 5 * sd + _RESOLUTION
+    upright = np.cos(angle[:, 0]) > 5 * sd + RESOLUTION
     folded = angle[:, 0] < 2 * sd
     return [
         group.column(kinds.EDGE_PLANE_COPLANARITY, value[:, :2], S[:, :2, :2]),
@@ -129,10 +95,10 @@ def _cut_lines(group: Group) -> list[ConstraintColumn]:
     value, S = group.value, group.S
     sd = np.sqrt(S[:, 0, 0])
     sine = np.sqrt(value[:, 1] ** 2 + value[:, 2] ** 2)
-    corner = sine > 10 * sd + _RESOLUTION
-    parallel = _parallel(group, 1)
+    corner = sine > 10 * sd + RESOLUTION
+    parallel = parallel_pairs(group, 1)
     offset, offset_S = condition_on_parallel(value[:, 1:3], value[:, 3:5], S[:, 1:5, 1:5])
-    distance, variance, across = _length(offset, offset_S)
+    distance, variance, across = length_of(offset, offset_S)
     apart = distance > 3 * np.sqrt(across)
     angle, unsure = _away(group, np.sqrt(S[:, 5, 5]) + 1e-12, np.where(sine > 0, sine, 1.0))
     return [
@@ -140,9 +106,10 @@ def _cut_lines(group: Group) -> list[ConstraintColumn]:
             kinds.EDGE_ANGLE,
             angle,
             S[:, :1, :1],
-            sine > 5 * sd + _RESOLUTION,
+            sine > 5 * sd + RESOLUTION,
             _NEARLY_PARALLEL,
             (unsure, "the corner lies among the sensed points of an edge: the angle may be its supplement."),
+            bias=lambda: np.where(angle != value[:, :1], -1.0, 1.0) * angle_bias_of(group, 0),
         ),
         group.column(kinds.EDGE_GAP, value[:, 5:6], S[:, 5:6, 5:6], corner, _NO_CORNER),
         group.column(kinds.EDGE_PARALLELISM, value[:, 1:3], S[:, 1:3, 1:3]),
@@ -201,7 +168,7 @@ def _fill_points(p: FloatArray, n: FloatArray, value: FloatArray, q: FloatArray,
 
 
 def _cut_offsets(kind: ConstraintKind, rows: int, sigmas: float, group: Group) -> list[ConstraintColumn]:
-    value, variance, across = _length(group.value[:, :rows], group.S[:, :rows, :rows])
+    value, variance, across = length_of(group.value[:, :rows], group.S[:, :rows, :rows])
     clear = value > sigmas * np.sqrt(across / (rows - 1))
     reason = f"the distance is below {sigmas:g} sigma, where it is not normal: the features touch, as far as is known."
     bias = across / (2 * np.where(clear, value, 1.0))
@@ -214,27 +181,6 @@ def _cut_line_point(group: Group) -> list[ConstraintColumn]:
 
 def _cut_points(group: Group) -> list[ConstraintColumn]:
     return _cut_offsets(kinds.POINT_DISTANCE, 3, 5.0, group)
-
-
-def _bent(group: Group, row: int) -> BoolArray:
-    """Whether the angle is a valid linear quantity: ``sin(alpha) > 5 sigma`` (``math.md`` section 12)."""
-    return np.sin(group.value[:, row]) > 5 * np.sqrt(group.S[:, row, row]) + _RESOLUTION
-
-
-def _parallel(group: Group, row: int) -> BoolArray:
-    """Whether the two tilts from ``row`` on pass the test of parallelism with 2 degrees of freedom."""
-    v1, v2 = group.value[:, row], group.value[:, row + 1]
-    S = group.S
-    a, b, c = S[:, row, row] + _RESOLUTION**2, S[:, row, row + 1], S[:, row + 1, row + 1] + _RESOLUTION**2
-    return c * v1 * v1 - 2 * b * v1 * v2 + a * v2 * v2 <= _PARALLEL_LIMIT * (a * c - b * b)
-
-
-def _length(v: FloatArray, S: Covariances) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lengths of vectors ``(N, k)``, their variances, and the summed variance across them."""
-    d = np.sqrt((v * v).sum(axis=1))
-    u = v / np.where(d > 0, d, 1.0)[:, None]
-    variance = (u[:, None] @ S @ u[..., None])[:, 0, 0]
-    return d, variance, np.maximum(S.trace(axis1=1, axis2=2) - variance, 0.0)
 
 
 FILL = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,7 +119,7 @@ class ConstraintColumn:
         pairs: indices of the features ``(N, 2)``, the first (a plane before an edge before a vertex) first.
         value: ``(N, m)``.
         covariance: ``(N, m, m)``.
-        bias: ``(N, m)``.
+        bias_source: the bias ``(N, m)``, or how to compute it: few need that of an angle.
         present: whether the pair has the constraint at all ``(N,)``; rows without are not to be read.
         caution: whether ``cautions[0]`` applies ``(N,)``.
         cautions: what a raised flag means, and why a pair is not present.
@@ -129,13 +129,18 @@ class ConstraintColumn:
     pairs: IntArray
     value: FloatArray
     covariance: Covariances
-    bias: FloatArray
+    bias_source: FloatArray | Callable[[], FloatArray]
     present: BoolArray
     caution: BoolArray
     cautions: tuple[str, str]
 
     def __len__(self) -> int:
         return len(self.pairs)
+
+    @property
+    def bias(self) -> FloatArray:
+        """Second-order mean error of the values ``(N, m)`` (``math.md`` section 12)."""
+        return self.bias_source() if callable(self.bias_source) else self.bias_source
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,13 +181,14 @@ class ConstraintTable:
 
     def __iter__(self) -> Iterator[Constraint]:
         for column in self.columns:
+            bias = column.bias
             for k in np.flatnonzero(column.present).tolist():
                 yield Constraint(
                     column.kind,
                     self._names(column, k),
                     column.value[k],
                     column.covariance[k],
-                    column.bias[k],
+                    bias[k],
                     column.cautions[0] if column.caution[k] else "",
                 )
 

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.constraints.columns import CUT, FILL, Group
+from tanteo.constraints.columns import CUT, FILL
 from tanteo.constraints.constraint import EDGE_LENGTH, Constraint, ConstraintColumn, ConstraintTable
 from tanteo.constraints.edge_length import edge_length
+from tanteo.constraints.group import Group
 from tanteo.constraints.relative import Relative, pull_back, slide_to_middle
 from tanteo.constraints.stacking import FeatureArrays, PairPlan, pair_plan, propagate_pairs, shapes_of, stack_features
 from tanteo.errors import InputError
