@@ -1,0 +1,253 @@
+"""Make the readings in ``examples/readings``: what a robot would say after feeling the parts in ``examples/parts``.
+
+``python examples/make_readings.py [folder]``. Every file has a fixed seed and comes out the same every time. The truth
+(part and pose) is in the comments at the head of each file, so that an answer can be checked by eye.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+from tanteo.shapes import Surface
+
+HERE = Path(__file__).parent
+MARGIN = 3.0
+"""Nobody touches nearer to the end of a face than this, nor nearer to what stands beside it [mm]."""
+
+
+class Thing:
+    """Something to be felt, at a pose on the table; lengths in mm."""
+
+    def __init__(self, name, position, yaw_deg):
+        part = read_part(HERE / "parts" / f"{name}.step")
+        self.name, self.part = name, part
+        self.surface = Surface(part.vertices * 1e3, part.triangles)
+        self.T = SE3.from_parts(SO3.exp(np.radians([0.0, 0.0, yaw_deg])), np.array(position, dtype=float))
+        self.yaw_deg = yaw_deg
+
+    def touches(self, normal, where, n, rng, low=(-1e3, -1e3, -1e3)):
+        """Spread-out points on one face of the part, and its outward normal; both in the world.
+
+        Args:
+            normal: of the face, in the part.
+            where: a point of the face's plane, in the part.
+            n: how many.
+            rng: source of chance.
+            low: no coordinate of a point (in the part) is smaller than these [mm].
+        """
+        normal = np.array(normal, dtype=float) / np.linalg.norm(normal)
+        planes = self.part.planes
+        level = abs((planes.centroids * 1e3 - np.array(where)) @ normal) < 0.01
+        face = np.flatnonzero(level & (planes.normals @ normal > 0.999999))[0]
+        R = SO3.frame_from_axis(normal, 2)
+        start, stop = planes.boundary_start[face : face + 2]
+        corners = planes.boundary[start:stop] * 1e3 @ R
+        tried = rng.uniform(corners.min(axis=0), corners.max(axis=0), (400, 3)) @ R.T
+        good = tried[self._clear(tried, R) & (tried >= low).all(axis=1)]
+        chosen = [good[0]]
+        while len(chosen) < n:  # the one farthest from those chosen, among a few: spread out, not on a grid
+            some = good[rng.integers(len(good), size=8)]
+            gaps = np.linalg.norm(some[:, None] - np.array(chosen), axis=-1).min(axis=1)
+            chosen.append(some[np.argmax(gaps)])
+        return SE3.apply(self.T, np.array(chosen)), self.T[:3, :3] @ normal
+
+    def _clear(self, points, R):
+        """Whether a coin of radius ``MARGIN`` lies flat on the face there, with nothing above its rim."""
+        turns = np.radians(np.arange(0, 360, 30))
+        rim = MARGIN * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1) @ R.T
+        on = points[:, None] + rim
+        above = on + MARGIN * R[:, 2]
+        flat = self.surface.closest(on).distances.max(axis=1) < 1e-3
+        return flat & (self.surface.closest(above).distances.min(axis=1) > MARGIN - 1e-3)
+
+
+class Sheet:
+    """A readings file in the making."""
+
+    def __init__(self, *story):
+        self.story, self.rows = story, []
+
+    def add(self, **columns):
+        """One reading; vectors are written over the columns that the names list."""
+        row = {"id": str(len(self.rows) + 1)}
+        for names, value in columns.items():
+            values = [value] if np.ndim(value) == 0 else value
+            keys = names.split("__") if "__" in names else [names]
+            row |= {k: v if isinstance(v, str) else _number(k, v) for k, v in zip(keys, values, strict=True)}
+        self.rows.append(row)
+
+    def write(self, path):
+        """Write comments, header and rows."""
+        header = list(self.rows[0])
+        lines = [f"# {line}" for line in self.story] + [",".join(header)]
+        lines += [",".join(row.get(name, "") for name in header) for row in self.rows]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def _number(column, value):
+    """A length to a micrometre, anything else to a millionth, and no minus before a zero."""
+    digits = 3 if column.endswith("_mm") else 6
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"
+
+
+POINT, WAY = "x_mm__y_mm__z_mm", "dx__dy__dz"
+HAND = "hand_x_mm__hand_y_mm__hand_z_mm__hand_qw__hand_qx__hand_qy__hand_qz"
+
+
+def probe(thing, faces, per_face, sd, seed, *story, wrong=None):
+    """Touches with a fine probe: surface points, the direction of the approach, one label a face.
+
+    Args:
+        thing: what is touched.
+        faces: label -> (normal, point) or (normal, point, low), as for ``touches``.
+        per_face: how many touches.
+        sd: of a touch [mm].
+        seed: of everything drawn.
+        story: comment lines.
+        wrong: label of the face on which the last touch is 2 mm off.
+    """
+    rng = np.random.default_rng(seed)
+    sheet = Sheet(*story, _truth(thing), f"touches with a standard deviation of {sd:g} mm")
+    for label, (normal, where, *low) in faces.items():
+        points, n = thing.touches(normal, where, per_face, rng, *low)
+        for k, point in enumerate(points):
+            off = 2.0 if label == wrong and k == per_face - 1 else 0.0
+            sensed = point + off * n + sd * rng.normal(size=3)
+            sheet.add(**{POINT: sensed, WAY: -n, "sd_mm": sd, "feature": label, "kind": "plane"})
+    return sheet
+
+
+def _truth(thing):
+    at = ", ".join(f"{c:g}" for c in thing.T[:3, 3])
+    return f"truth: {thing.name} at ({at}) mm, turned by {thing.yaw_deg:g} degrees about the vertical"
+
+
+def ball_tip(thing, faces, per_face, sd, tip, seed, *story):
+    """Touches of a robot with a ball on a stick: ball centres, and the flange's pose at each.
+
+    The controller believes that the ball is at ``tip`` in the hand; it is a little beside that, always the same.
+    """
+    rng = np.random.default_rng(seed)
+    radius, tip = 1.5, np.array(tip)
+    error = np.array([1.5, 1.5, 0.3]) * rng.normal(size=3)
+    sheet = Sheet(*story, _truth(thing), f"ball of {2 * radius:g} mm; touches repeat to {sd:g} mm")
+    off = ", ".join(f"{c:.2f}" for c in error)
+    sheet.story += (f"the ball is not where the controller believes it: off by ({off}) mm in the hand's frame",)
+    for label, (normal, where, *low) in faces.items():
+        points, n = thing.touches(normal, where, per_face, rng, *low)
+        R = _looking(-n, rng, tilt_deg=12.0)  # one way of holding the stick a face
+        for point in points:
+            centre = point + radius * n + sd * rng.normal(size=3)
+            flange = centre - R @ (tip + error)
+            believed = flange + R @ tip
+            sheet.add(
+                **{POINT: believed, "radius_mm": radius, WAY: -n, "sd_mm": sd, "feature": label, "kind": "plane"},
+                **{HAND: [*flange, *SO3.as_quaternion(R)]},
+            )
+    return sheet
+
+
+def ranges(thing, faces, per_face, seed, *story):
+    """Ranges of the laser in ``laser_rig.toml``: what it read, and the hand's pose. Lengths of the beam, no points."""
+    rng = np.random.default_rng(seed)
+    sheet = Sheet(*story, _truth(thing))
+    for label, (normal, where, *low) in faces.items():
+        points, n = thing.touches(normal, where, per_face, rng, *low)
+        for point in points:
+            R = _looking(-n, rng, tilt_deg=8.0)
+            length = rng.uniform(24.0, 40.0)
+            hand = point - length * R[:, 2] - R @ np.array([40.0, 0.0, 60.0])
+            read = length + 0.005 * rng.normal()
+            pose = [*hand, *SO3.as_quaternion(R)]
+            sheet.add(**{"range_mm": read, "sensor": "laser", HAND: pose, "feature": label, "kind": "plane"})
+    return sheet
+
+
+def _looking(direction, rng, tilt_deg):
+    """A rotation whose z axis is the direction, up to a random tilt, turned about it at random."""
+    tilt = np.append(rng.normal(scale=np.radians(tilt_deg) / 2, size=2), rng.uniform(-np.pi, np.pi))
+    return SO3.frame_from_axis(direction, 2) @ SO3.exp([0, 0, tilt[2]]) @ SO3.exp([tilt[0], tilt[1], 0])
+
+
+class Slab:
+    """A part that nobody modelled: a prism over a polygon (mm), felt on its sides and its top."""
+
+    name, yaw_deg = "a five-sided slab that no file describes", 25.0
+
+    def __init__(self, outline, height):
+        self.outline, self.height = np.array(outline, dtype=float), height
+        self.T = SE3.from_parts(SO3.exp(np.radians([0.0, 0.0, self.yaw_deg])), np.array([310.0, 80.0, 0.0]))
+
+    def touches(self, normal, side, n, rng):
+        """Points on side number ``side`` of the polygon, or on the top for -1; ``normal`` is not needed."""
+        if side < 0:
+            weights = rng.dirichlet(np.full(len(self.outline), 0.6), size=n)
+            points = np.column_stack([weights @ self.outline, np.full(n, self.height)])
+            normal = np.array([0.0, 0.0, 1.0])
+        else:
+            a, b = self.outline[side], self.outline[(side + 1) % len(self.outline)]
+            along = a + rng.uniform(0.1, 0.9, (n, 1)) * (b - a)
+            points = np.column_stack([along, rng.uniform(4, self.height - 4, n)])
+            normal = np.array([b[1] - a[1], a[0] - b[0], 0.0]) / np.linalg.norm(b - a)
+        return SE3.apply(self.T, points), self.T[:3, :3] @ normal
+
+
+RIGHT, BACK, UP, LEFT, FRONT = (1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0)
+ORIGIN = (0, 0, 0)
+BRACKET = {
+    "base top": (UP, (0, 0, 12)), "upright inside": (RIGHT, (12, 0, 0)), "upright outside": (LEFT, ORIGIN),
+    "front": (FRONT, ORIGIN), "rib slope": ((54, 0, 60), (72, 0, 12)), "bevel": ((1, 1, 0), (120, 50, 0)),
+}  # fmt: skip
+MIRRORED = {label: ((-n[0], n[1], n[2]), (-p[0], p[1], p[2])) for label, (n, p) in BRACKET.items()}
+STEPS = {
+    "top": (UP, (0, 0, 45)), "second step": (UP, (0, 0, 30)), "riser": (LEFT, (40, 0, 0), (-9, -9, 18)),
+    "front": (FRONT, ORIGIN, (40, -9, 18)), "right": (RIGHT, (100, 0, 0)), "back": (BACK, (0, 60, 0), (40, -9, 18)),
+}  # fmt: skip
+POST = {
+    "foot top": (UP, (0, 0, 20)), "top": (UP, (0, 0, 110)), "post east": (RIGHT, (25, 0, 0)),
+    "post north": (BACK, (0, 25, 0)), "post south": (FRONT, (0, -25, 0)), "foot west": (LEFT, (-45, 0, 0)),
+}  # fmt: skip
+RAIL = {"top": (UP, (0, 0, 50)), "front": (FRONT, ORIGIN), "back": (BACK, (0, 60, 0))}
+CLAMP = {
+    "top": (UP, (0, 0, 60)), "front": (FRONT, ORIGIN), "back": (BACK, (0, 50, 0)), "end": (RIGHT, (130, 0, 0)),
+    "nose": ((11, 0, 26), (105, 0, 61)), "throat": (RIGHT, (45, 0, 0)), "notch": (LEFT, (20, 0, 0)),
+}  # fmt: skip
+WEDGE = {
+    "ramp": ((45, 0, 110), (140, 0, 15)), "top": (UP, (0, 0, 60)), "front": (FRONT, ORIGIN), "end": (RIGHT, (140, 0, 0)),
+    "back": (BACK, (0, 50, 0)),
+}  # fmt: skip
+SLAB = {"top": (UP, -1), **{f"side {k}": (UP, k) for k in range(5)}}
+
+
+def make():
+    """All sheets by name."""
+    left, right = Thing("bracket_left", (420, -130, 35), 33), Thing("bracket_right", (455, 60, 35), -118)
+    step, post = Thing("step_15mm", (380, 140, 20), -28), Thing("square_post", (300, -60, 20), 71)
+    rail, clamp = Thing("t_slot", (350, 0, 20), 12), Thing("clamp", (520, -40, 15), 140)
+    wedge = Thing("wedge", (410, -90, 0), 57)
+    slab = Slab([(0, 0), (83, 0), (97, 41), (52, 74), (0, 58)], 37.0)
+    return {
+        "bracket_left": probe(left, BRACKET, 5, 0.05, 1, "six faces of an angle bracket; reading 20 is wrong by 2 mm",
+                              wrong="front"),
+        "bracket_right": probe(right, MIRRORED, 5, 0.05, 2, "the mirror image of the bracket"),
+        "step_15mm": probe(step, STEPS | {"first step": (UP, (0, 0, 15))}, 4, 0.05, 3,
+                           "stairs whose first step tells them from their twin"),
+        "step_not_felt": probe(step, STEPS, 4, 0.05, 4, "the same stairs; the step that differs was not touched"),
+        "square_post": probe(post, POST, 4, 0.05, 5, "a post that looks the same after every quarter turn"),
+        "unknown_part": probe(slab, SLAB, 4, 0.05, 6, "a part that is not among the files"),
+        "too_few": probe(rail, RAIL, 4, 0.05, 7, "three faces of a rail: nothing says where it is along its length"),
+        "clamp_ball_tip": ball_tip(clamp, CLAMP, 4, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stick; the stick is not as straight as believed"),
+        "wedge_ranges": ranges(wedge, WEDGE, 5, 9, "a laser on the wrist; see laser_rig.toml"),
+    }  # fmt: skip
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "readings"
+    folder.mkdir(parents=True, exist_ok=True)
+    sheets = make()
+    for name, sheet in sheets.items():
+        sheet.write(folder / f"{name}.csv")
+    print(f"{len(sheets)} files of readings in {folder}", file=sys.stderr)
