@@ -216,8 +216,8 @@ CLAMP = {
     "nose": ((11, 0, 26), (105, 0, 61)), "throat": (RIGHT, (45, 0, 0)), "notch": (LEFT, (20, 0, 0)),
 }  # fmt: skip
 WEDGE = {
-    "ramp": ((45, 0, 110), (140, 0, 15)), "top": (UP, (0, 0, 60)), "front": (FRONT, ORIGIN), "end": (RIGHT, (140, 0, 0)),
-    "back": (BACK, (0, 50, 0)),
+    "ramp": ((45, 0, 110), (140, 0, 15)), "top": (UP, (0, 0, 60)), "front": (FRONT, ORIGIN),
+    "end": (RIGHT, (140, 0, 0)), "back": (BACK, (0, 50, 0)),
 }  # fmt: skip
 SLAB = {"top": (UP, -1), **{f"side {k}": (UP, k) for k in range(5)}}
 
@@ -239,7 +239,7 @@ def make():
         "square_post": probe(post, POST, 4, 0.05, 5, "a post that looks the same after every quarter turn"),
         "unknown_part": probe(slab, SLAB, 4, 0.05, 6, "a part that is not among the files"),
         "too_few": probe(rail, RAIL, 4, 0.05, 7, "three faces of a rail: nothing says where it is along its length"),
-        "clamp_ball_tip": ball_tip(clamp, CLAMP, 4, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stick; the stick is not as straight as believed"),
+        "clamp_ball_tip": ball_tip(clamp, CLAMP, 5, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stick"),
         "wedge_ranges": ranges(wedge, WEDGE, 5, 9, "a laser on the wrist; see laser_rig.toml"),
     }  # fmt: skip
 
