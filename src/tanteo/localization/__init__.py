@@ -1,8 +1,15 @@
 """Pairings of sensed with model features -> the part's pose, its covariance, and what stays unobserved."""
 
 from tanteo.localization.fusion import fuse_features
-from tanteo.localization.observability import describe_motion, free_motions
-from tanteo.localization.pose import ModelFeature, Pairing, PoseEstimate, build_blocks, estimate_pose
+from tanteo.localization.observability import describe_motion, free_motions, weak_motions
+from tanteo.localization.pose import (
+    ModelFeature,
+    Pairing,
+    PoseEstimate,
+    build_blocks,
+    covariance_with_free,
+    estimate_pose,
+)
 from tanteo.localization.relations import RELATIONS, Relation, relation_between
 from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
 
@@ -16,6 +23,7 @@ __all__ = [
     "Solution",
     "assemble",
     "build_blocks",
+    "covariance_with_free",
     "describe_motion",
     "estimate_pose",
     "free_motions",
@@ -24,4 +32,5 @@ __all__ = [
     "linearise",
     "pose_information",
     "relation_between",
+    "weak_motions",
 ]

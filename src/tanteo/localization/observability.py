@@ -55,6 +55,22 @@ def free_motions(blocks: Sequence[Block], T_world_part: Transforms, n_shared: in
     return _translations_first(N) if len(N) else np.zeros((0, 6))
 
 
+def weak_motions(information: FloatArray, length: float, sd: float = 0.3) -> Tangents:
+    """Orthonormal basis ``(k, 6)`` of the motions known worse than ``sd``, in units of ``length`` and radians.
+
+    Beyond that a linearised covariance means nothing: the direction is called free.
+
+    Args:
+        information: of the pose ``(6, 6)``.
+        length: size of the part [m].
+        sd: limit of the standard deviation, relative to ``length`` or in radians.
+    """
+    scale = np.r_[np.full(3, length), np.ones(3)]
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    N = vectors[:, values < 1 / sd**2].T
+    return _translations_first(N) if len(N) else np.zeros((0, 6))
+
+
 def _translations_first(N: FloatArray) -> FloatArray:
     """Basis of the same space that begins with its pure translations and ends with screws orthogonal to them."""
     U, s, _ = np.linalg.svd(N[:, 3:], full_matrices=True)

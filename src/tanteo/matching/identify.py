@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy.typing as npt
 
-from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.matching.evidence import Priors
 from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
+from tanteo.matching.touch_recognition import identify_touches
+from tanteo.matching.touches import as_free_paths, as_touches
 from tanteo.parts import Part
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
 
 
 def identify(
@@ -34,6 +35,9 @@ def identify(
     seed: int = 0,
 ) -> Recognition:
     """Which of the parts was sensed, and where it is.
+
+    If every reading has a feature label, features are fitted and matched by the interpretation tree; if some have
+    none, all readings go against the whole surface of every part.
 
     Args:
         readings: what the devices said; see ``tanteo.io.read_readings``.
@@ -59,8 +63,14 @@ def identify(
     start = time.perf_counter()
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
-    if len(sensed.bare):
-        raise InputError(_bare_message(measured, sensed))
+    if len(sensed.bare) or _single_points(sensed):
+        elapsed = time.perf_counter() - start
+        reach = readings.ranges[measured.rows]
+        touches, free = as_touches(measured, tolerance, reach), as_free_paths(measured, tolerance)
+        answer = identify_touches(
+            touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
+        )
+        return with_elapsed(answer, measure=elapsed)
     if not sensed.features:
         reasons = " ".join(map(_sentence, sensed.notes)) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
@@ -83,12 +93,10 @@ def locate(readings: Readings, part: Part, **options: object) -> Recognition:
     return identify(readings, [part], **options)  # type: ignore[arg-type]
 
 
-def _bare_message(measured: PointMeasurements, sensed: LabelledFeatures) -> str:
-    names = ", ".join(measured.ids[row] for row in sensed.bare[:5]) + (", ..." if len(sensed.bare) > 5 else "")
-    return (
-        f"readings {names}: expected a feature label or a sensed normal, got neither. Give rows taken on one face the "
-        "same `feature`, or add nx, ny, nz and normal_sd_deg."
-    )
+def _single_points(sensed: LabelledFeatures) -> bool:
+    """Whether every feature is one point with its normal: then the surface, not the list of planes, is the model."""
+    features = [f[0] if isinstance(f, tuple) else f for f in sensed.features]
+    return bool(features) and all(f.kind.name == "plane" and len(f.readings) == 1 for f in features)
 
 
 def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:

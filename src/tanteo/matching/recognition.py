@@ -12,18 +12,16 @@ from tanteo.errors import InputError
 from tanteo.fitting import Sides
 from tanteo.lie import SE3
 from tanteo.localization import ModelFeature, Pairing, PoseEstimate, estimate_pose
-from tanteo.matching.belief import Belief, Mode, believe
+from tanteo.matching.belief import Mode, believe
 from tanteo.matching.evidence import Priors
+from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.published import believe_as_published
-from tanteo.matching.results import Hypothesis, Recognition, Status
+from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
-from tanteo.matching.tree import NOTHING, decode
+from tanteo.matching.tree import decode
+from tanteo.matching.verdict import corner_sd, excuse, verdict
 from tanteo.parts import Part
-from tanteo.typing import Covariances, FloatArray
-
-CONFIDENCE = 0.95
-"""Posterior from which one answer is given as the answer."""
 
 
 def identify_features(
@@ -60,7 +58,7 @@ def identify_features(
         raise InputError("parts: expected at least one part, got none.")
     if not 0 < alpha < 1:
         raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
-    clock = _Clock()
+    clock = Clock()
     models = [part if isinstance(part, PartModel) else prepare(part) for part in parts]
     sensed = sense(features)
     priors = priors or Priors(radius=max(model.radius for model in models))
@@ -69,11 +67,11 @@ def identify_features(
     clock.lap("search")
     hypotheses = tuple(_hypothesis(sensed, mode, tolerance) for mode in belief.modes[:top])
     clock.lap("locate")
-    status, message = _verdict(belief, hypotheses, alpha, as_published)
+    status, message = verdict(hypotheses, belief.unknown, alpha, cut=belief.cut, as_published=as_published)
     return Recognition(status, message, hypotheses, belief.unknown, clock.laps(), seed)
 
 
-class _Clock:
+class Clock:
     """Seconds by stage."""
 
     def __init__(self) -> None:
@@ -81,10 +79,12 @@ class _Clock:
         self._laps: dict[str, float] = {}
 
     def lap(self, name: str) -> None:
+        """Close a stage."""
         now = time.perf_counter()
         self._laps[name], self._last = now - self._last, now
 
     def laps(self) -> dict[str, float]:
+        """Seconds of every stage, and their total."""
         return {**self._laps, "total": time.perf_counter() - self._start}
 
 
@@ -108,7 +108,7 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
     assert part is not None
     pairings = pairings_of(sensed, mode, tolerance)
     estimate = estimate_pose(pairings, start=mode.T_world_part, length=part.diagonal)
-    unexplained, covariance = _unexplained(part, estimate)
+    unexplained, covariance = excuse(part, estimate.free, estimate.unobserved, estimate.covariance)
     outliers = tuple(
         reading
         for feature, chosen in zip(sensed.features, mode.choices, strict=False)
@@ -134,47 +134,6 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
     )
 
 
-def _unexplained(part: Part, estimate: PoseEstimate) -> tuple[tuple[str, ...], Covariances]:
-    """Free directions that the part's own symmetry does not excuse, and the covariance without the excused ones."""
-    spins = _spins(part)
-    words, covariance = [], np.array(estimate.covariance)
-    for xi, name in zip(estimate.free, estimate.unobserved, strict=True):
-        left = xi - spins.T @ (spins @ xi)
-        if np.linalg.norm(left) > 1e-3:
-            words.append(name)
-            continue
-        scaled = xi * np.r_[np.full(3, part.diagonal), np.ones(3)]
-        covariance -= (2 * np.pi) ** 2 / 12 * np.outer(scaled, scaled)
-    return tuple(words), covariance
-
-
-def _spins(part: Part) -> FloatArray:
-    """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, scaled by its diagonal."""
-    if not part.symmetry.continuous:
-        return np.zeros((0, 6))
-    if part.symmetry.spherical:
-        axes, point = np.eye(3), part.centroid
-    else:
-        assert part.symmetry.axis is not None
-        point, axis = part.symmetry.axis
-        axes = axis[None]
-    rows = np.concatenate([np.cross(point, axes) / part.diagonal, axes], axis=1)
-    return np.linalg.qr(rows.T)[0].T
-
-
-def corner_sd(part: Part, covariance: Covariances) -> float:
-    """Largest standard deviation of the position of a corner of the part's box, in any direction [m]."""
-    low, high = part.box
-    corners = np.array(
-        [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    )
-    J = np.zeros((8, 3, 6))
-    J[:, :, :3] = np.eye(3)
-    x, y, z = corners.T
-    J[:, 0, 4], J[:, 0, 5], J[:, 1, 3], J[:, 1, 5], J[:, 2, 3], J[:, 2, 4] = z, -y, -z, x, y, -x
-    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max()))
-
-
 def _rms(estimate: PoseEstimate, pairings: Sequence[Pairing]) -> float:
     """Root mean square distance of the sensed points from the model features they are paired with [m]."""
     squared = [np.zeros(0)]
@@ -185,49 +144,6 @@ def _rms(estimate: PoseEstimate, pairings: Sequence[Pairing]) -> float:
         squared.append(np.sum(local[:, across] ** 2, axis=1))
     total = np.concatenate(squared)
     return float(np.sqrt(total.mean())) if len(total) else 0.0
-
-
-def _verdict(
-    belief: Belief, hypotheses: tuple[Hypothesis, ...], alpha: float, as_published: bool
-) -> tuple[Status, str]:
-    note = " The search was cut short: sense fewer, better spread features." if belief.cut else ""
-    if not hypotheses or belief.unknown > max(h.probability for h in hypotheses):
-        return "unknown", _unknown_message(belief, hypotheses) + note
-    best = hypotheses[0]
-    if best.p_value < alpha and not as_published:
-        return "unknown", (
-            f"The closest part is {best.part}, but the features contradict it (p = {best.p_value:.2g}): "
-            "check the sensor's standard deviation, the tolerance and the units." + note
-        )
-    if best.unobserved:
-        return "insufficient", (
-            f"{best.part} fits, but {' and '.join(best.unobserved)} stays free: "
-            "sense a face or an edge that resists it." + note
-        )
-    if best.probability < CONFIDENCE:
-        return "ambiguous", _ambiguous_message(hypotheses, belief) + note
-    sd = 1e3 * best.worst_corner_sd
-    return "recognized", f"{best.part}, located to {sd:.2g} mm (1 sd, worst corner)." + note
-
-
-def _unknown_message(belief: Belief, hypotheses: tuple[Hypothesis, ...]) -> str:
-    if not hypotheses:
-        return "None of the parts explains the features: add the part's file, or check units and standard deviations."
-    best = hypotheses[0]
-    return (
-        f"None of the parts is the best explanation (P = {belief.unknown:.2f}); the closest is {best.part} "
-        f"(P = {best.probability:.2f}): sense more features, or add the part's file."
-    )
-
-
-def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], belief: Belief) -> str:
-    likely = [h for h in hypotheses if h.probability > 0.01] or hypotheses[:1]
-    names = list(dict.fromkeys(h.part for h in likely))
-    if len(names) > 1:
-        return f"It may be {', '.join(names[:-1])} or {names[-1]}: sense a face where they differ."
-    if belief.unknown > 0.01 and hypotheses[0].probability + belief.unknown > 0.99:
-        return f"{names[0]} fits, but so may an unknown part (P = {belief.unknown:.2f}): sense one more feature."
-    return f"It is {names[0]}, in one of several poses: sense a face that is not where its others would put it."
 
 
 def with_elapsed(recognition: Recognition, **seconds: float) -> Recognition:

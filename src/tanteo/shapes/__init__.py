@@ -4,6 +4,7 @@ Wraps libigl (double precision) and Embree (single precision, hits refined in do
 frame of the mesh and in metres; points carry leading batch axes.
 """
 
+from tanteo.shapes.field import DistanceField, distance_field, signed_distance
 from tanteo.shapes.surface import ClosestPoints, RayHits, Surface
 
-__all__ = ["ClosestPoints", "RayHits", "Surface"]
+__all__ = ["ClosestPoints", "DistanceField", "RayHits", "Surface", "distance_field", "signed_distance"]

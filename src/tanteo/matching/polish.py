@@ -1,0 +1,214 @@
+"""The likelihood of readings on a surface, and its maxima: mixture with clutter, shared errors as state.
+
+A reading without correspondence is either on the surface, with its noise along the normal, or clutter. If nobody
+knows how it was aimed, it may have met the surface anywhere, by area; if its direction is known, what it says is how
+far it went, and material in front of the hit speaks against it (``math.md`` sections 7 and 10).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.localization import pose_information
+from tanteo.matching.evidence import Priors, pose_volume
+from tanteo.matching.target import Target
+from tanteo.matching.touches import FreePaths, Touches
+from tanteo.shapes import signed_distance
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+
+_IN_FRONT = 4.0
+"""Material this many standard deviations before the hit contradicts a beam."""
+
+_GRAZING = 0.02
+"""Least cosine of incidence: a beam along a face does not measure it."""
+
+_SETTLED = 1e-4
+"""Gain in log likelihood below which a climb ends."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polished:
+    """Local maxima of the likelihood of one part.
+
+    Attributes:
+        Ts: poses ``(S, 4, 4)``.
+        z: whitened shared errors ``(S, D)``.
+        information: over pose and shared errors ``(S, 6 + D, 6 + D)``, priors included.
+        log_evidence: density of all readings, pose integrated out by Laplace's approximation ``(S,)``.
+        belongs: probability that each reading is on the surface ``(S, n)``.
+        residuals: distance from the surface in standard deviations ``(S, n)``.
+        distances: the same in metres ``(S, n)``.
+        rows: derivative of the standardised residuals by the pose ``(S, n, 6)``.
+    """
+
+    Ts: Transforms
+    z: FloatArray
+    information: FloatArray
+    log_evidence: FloatArray
+    belongs: FloatArray
+    residuals: FloatArray
+    distances: FloatArray
+    rows: FloatArray
+
+    def take(self, index: IntArray) -> Polished:
+        """Some of the maxima."""
+        return Polished(*(getattr(self, name)[index] for name in self.__slots__))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _At:
+    """Everything about the readings at some poses."""
+
+    r: FloatArray
+    J: FloatArray
+    log_hit: FloatArray
+    log_stray: FloatArray
+    distances: FloatArray
+
+
+def polish(
+    touches: Touches, free: FreePaths, Ts: Transforms, target: Target, priors: Priors, iterations: int = 8
+) -> Polished:
+    """Climb to the nearest maximum of the likelihood from every pose.
+
+    Args:
+        touches: the readings.
+        free: paths on which nothing was met.
+        Ts: poses near maxima ``(S, 4, 4)``.
+        target: the part.
+        priors: rate of clutter, and the size of the workspace.
+        iterations: of expectation and maximisation together.
+    """
+    Ts, z, at = _climb(touches, Ts, target, priors, iterations)
+    behind = _material_in_front(touches, Ts, z, target)
+    log_hit = np.where(behind, -np.inf, at.log_hit)
+    belongs = 1 / (1 + np.exp(np.clip(at.log_stray - log_hit, -700, 700)))
+    A, _ = _normal_equations(touches, at, belongs, z)
+    log = np.logaddexp(log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
+    log += _free_paths(free, Ts, target, priors)
+    if z.shape[1]:
+        log -= 0.5 * np.linalg.slogdet(A[:, 6:, 6:])[1]
+    log += pose_volume(pose_information(A), priors.radius)
+    n = len(touches)
+    return Polished(Ts, z, A, log, belongs, at.r[:, :n], at.distances, at.J[:, :n, :6])
+
+
+def _climb(
+    touches: Touches, Ts: Transforms, target: Target, priors: Priors, iterations: int
+) -> tuple[Transforms, FloatArray, _At]:
+    """Expectation and Gauss-Newton together; keeps the best state seen, as an edge of the part may make it swing."""
+    z = np.zeros((len(Ts), touches.gains.shape[-1]))
+    best, best_Ts, best_z = np.full(len(Ts), -np.inf), Ts, z
+    for k in range(iterations + 1):
+        at = _linearise(touches, Ts, z, target, priors)
+        log = np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
+        better = log > best
+        settled = not np.any(log > best + _SETTLED)
+        best = np.where(better, log, best)
+        best_Ts, best_z = np.where(better[:, None, None], Ts, best_Ts), np.where(better[:, None], z, best_z)
+        if k == iterations or settled:
+            break
+        A, b = _normal_equations(touches, at, _responsibility(at), z)
+        step = _solve(A, b)
+        Ts, z = Ts @ SE3.exp(step[:, :6]), z + step[:, 6:]
+    return best_Ts, best_z, _linearise(touches, best_Ts, best_z, target, priors)
+
+
+def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> _At:
+    """Residuals, derivatives over pose and shared errors, and log densities of both explanations."""
+    R = Ts[:, :3, :3]
+    points = touches.points + np.einsum("nid,sd->sni", touches.gains, z)
+    p = (points - Ts[:, None, :3, 3]) @ R
+    phi, g = signed_distance(target.surface, p)
+    normal = g @ np.swapaxes(R, 1, 2)
+    s = 1 / np.sqrt(((normal[:, :, None] @ touches.covs)[:, :, 0] * normal).sum(axis=-1))
+    distance = phi - touches.radii
+    r = distance * s
+    J = np.concatenate([-g, -np.cross(p, g), np.einsum("sni,nid->snd", normal, touches.gains)], axis=-1) * s[..., None]
+    log = -0.5 * (r * r + np.log(2 * np.pi)) + np.log(s)
+    cosine = -np.einsum("sni,ni->sn", normal, touches.directions)
+    directed = touches.directed
+    aimed = np.where(cosine > 0, np.log(np.maximum(cosine, _GRAZING)), np.log(1e-6))
+    log += np.where(directed, aimed, -np.log(target.part.area)) + np.log1p(-priors.clutter)
+    ball = np.log(4 / 3 * np.pi * priors.radius**3)
+    stray = np.log(priors.clutter) - np.where(directed, np.log(2 * priors.radius), ball)
+    stray = np.broadcast_to(stray, r.shape)
+    if not touches.oriented.any():
+        return _At(r, J, log, stray, distance)
+    return _with_normals(touches, R, g, _At(r, J, log, stray, distance))
+
+
+def _with_normals(touches: Touches, R: FloatArray, g: Vectors, at: _At) -> _At:
+    """Add the rows of sensed normals: their tilt against the surface's."""
+    rows = np.flatnonzero(touches.oriented)
+    sd = touches.normal_sds[rows]
+    m = np.einsum("sji,nj->sni", R, touches.normals[rows])
+    u = g[:, rows]
+    gap = np.cross(u, m) / sd[:, None]
+    W = (m[..., :, None] * u[..., None, :] - np.sum(m * u, axis=-1)[..., None, None] * np.eye(3)) / sd[:, None, None]
+    D = at.J.shape[-1] - 6
+    turn = np.concatenate([np.zeros_like(W), W, np.zeros((*W.shape[:-1], D))], axis=-1)
+    S = len(R)
+    same_side = np.where(np.sum(m * u, axis=-1) > 0, 0.0, -50.0)
+    log, stray = np.array(at.log_hit), np.array(at.log_stray)
+    log[:, rows] += -0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi * sd**2) + same_side
+    stray[:, rows] -= np.log(4 * np.pi)
+    r = np.concatenate([at.r, gap.reshape(S, -1)], axis=1)
+    J = np.concatenate([at.J, turn.reshape(S, -1, at.J.shape[-1])], axis=1)
+    return _At(r, J, log, stray, at.distances)
+
+
+def _responsibility(at: _At) -> FloatArray:
+    return np.asarray(1 / (1 + np.exp(np.clip(at.log_stray - at.log_hit, -700, 700))))
+
+
+def _normal_equations(touches: Touches, at: _At, belongs: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Information and gradient with every reading weighted by the probability that it belongs."""
+    rows = np.flatnonzero(touches.oriented)
+    w = belongs if not len(rows) else np.concatenate([belongs, np.repeat(belongs[:, rows], 3, axis=1)], axis=1)
+    JtW = np.swapaxes(at.J, 1, 2) * w[:, None, :]
+    A, b = JtW @ at.J, -(JtW @ at.r[..., None])[..., 0]
+    D = z.shape[1]
+    A[:, 6:, 6:] += np.eye(D)
+    b[:, 6:] -= z
+    return A, b
+
+
+def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
+    """Steps, hardly damped, that stay put along directions that nothing resists."""
+    d = np.einsum("sii->si", A)
+    scale = 1 / np.sqrt(np.where(d > 0, d, 1.0))
+    unit = A * scale[:, :, None] * scale[:, None, :] + 1e-6 * np.eye(A.shape[1])
+    step = scale * np.linalg.solve(unit, (scale * b)[..., None])[..., 0]
+    turn = np.linalg.norm(step[:, 3:6], axis=1)
+    return step * np.minimum(1.0, 0.2 / np.maximum(turn, 1e-12))[:, None]
+
+
+def _material_in_front(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> BoolArray:
+    """Readings whose free path runs through the part ``(S, n)``."""
+    out = np.zeros((len(Ts), len(touches)), dtype=bool)
+    rows = np.flatnonzero((touches.reach > 0) & touches.directed)
+    if not len(rows):
+        return out
+    points = touches.points[rows] + np.einsum("nid,sd->sni", touches.gains[rows], z)
+    start = points - touches.reach[rows, None] * touches.directions[rows]
+    local = (start - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
+    along = np.einsum("sji,nj->sni", Ts[:, :3, :3], touches.directions[rows])
+    hits = target.surface.cast(local, along).distances
+    margin = _IN_FRONT * touches.sd[rows] + 0.01 * target.part.diagonal
+    out[:, rows] = hits < touches.reach[rows] - margin
+    return out
+
+
+def _free_paths(free: FreePaths, Ts: Transforms, target: Target, priors: Priors) -> FloatArray:
+    """Log probability of the paths on which nothing was met ``(S,)``: clutter's, for each that the part blocks."""
+    if not len(free.origins):
+        return np.zeros(len(Ts))
+    local = (free.origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
+    along = np.einsum("sji,nj->sni", Ts[:, :3, :3], free.directions)
+    hits = target.surface.cast(local, along).distances
+    blocked: BoolArray = hits < free.lengths - free.margin - 0.01 * target.part.diagonal
+    return np.asarray(np.sum(np.where(blocked, np.log(priors.clutter), np.log1p(-priors.clutter)), axis=1))

@@ -1,0 +1,84 @@
+"""Polish poses of readings on a surface, hundreds at once: robust Gauss-Newton on point-to-surface distances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.matching.starts import to_part
+from tanteo.matching.touches import Touches
+from tanteo.typing import FloatArray, Transforms, Vectors
+
+Distance = Callable[[Vectors], tuple[FloatArray, Vectors]]
+"""Signed distance and gradient at points of the part frame."""
+
+
+def refine(
+    touches: Touches, Ts: Transforms, distance: Distance, scales: FloatArray, extra_sd: float = 0.0
+) -> tuple[Transforms, FloatArray]:
+    """Robust Gauss-Newton from every pose, one step a scale.
+
+    Args:
+        touches: the readings.
+        Ts: poses ``(S, 4, 4)``.
+        distance: exact, or from the grid.
+        scales: residuals beyond about this many standard deviations lose their weight, one for each step.
+        extra_sd: of the distance itself, for the grid [m].
+
+    Returns:
+        Poses, and the robust cost of each at the last step but one ``(S,)``.
+    """
+    cost = np.zeros(len(Ts))
+    for scale in scales:
+        r, J = residuals(touches, Ts, distance, extra_sd)
+        w = 1 / (1 + (r / scale) ** 2)
+        cost = np.log1p((r / scale) ** 2).mean(axis=1) * scale**2
+        JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
+        A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
+        step = _damped(A, b)
+        Ts = Ts @ SE3.exp(step)
+    return Ts, cost
+
+
+def residuals(
+    touches: Touches, Ts: Transforms, distance: Distance, extra_sd: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Distances in standard deviations ``(S, n)`` and derivatives by the pose ``(S, n, 6)``; normals add rows."""
+    p = to_part(Ts, touches.points)
+    phi, g = distance(p)
+    variance = _along(touches, Ts, g) + extra_sd**2
+    s = 1 / np.sqrt(variance)
+    r = (phi - touches.radii) * s
+    J = -np.concatenate([g, np.cross(p, g)], axis=-1) * s[..., None]
+    if not touches.oriented.any():
+        return r, J
+    rows = np.flatnonzero(touches.oriented)
+    m = np.einsum("sji,nj->sni", Ts[:, :3, :3], touches.normals[rows])
+    # the normal in the part turns by -w x m; compare across the gradient
+    gap = np.cross(g[:, rows], m) / touches.normal_sds[rows][:, None]
+    W = m[..., :, None] * g[:, rows][..., None, :] - np.sum(m * g[:, rows], axis=-1)[..., None, None] * np.eye(3)
+    turn = np.concatenate([np.zeros_like(W), W / touches.normal_sds[rows][:, None, None]], axis=-1)
+    k = 3 * len(rows)
+    return (
+        np.concatenate([r, gap.reshape(len(Ts), k)], axis=1),
+        np.concatenate([J, turn.reshape(len(Ts), k, 6)], axis=1),
+    )
+
+
+def _along(touches: Touches, Ts: Transforms, g: Vectors) -> FloatArray:
+    """Variance of each point along the gradient ``(S, n)``."""
+    if np.ptp(touches.covs, axis=0).max() == 0 and np.allclose(touches.covs[0], touches.covs[0, 0, 0] * np.eye(3)):
+        return np.full(g.shape[:2], touches.covs[0, 0, 0])
+    world = g @ np.swapaxes(Ts[:, :3, :3], 1, 2)
+    return np.asarray(np.sum((world[:, :, None] @ touches.covs)[:, :, 0] * world, axis=-1))
+
+
+def _damped(A: FloatArray, b: FloatArray) -> FloatArray:
+    """Levenberg-Marquardt steps with a little damping, at most a fifth of a radian each."""
+    d = np.einsum("sii->si", A)
+    A = A + 1e-3 * (d[..., None] * np.eye(6)) + 1e-9 * d.max(axis=1)[:, None, None] * np.eye(6) + 1e-12 * np.eye(6)
+    step = np.linalg.solve(A, b[..., None])[..., 0]
+    turn = np.linalg.norm(step[:, 3:], axis=1)
+    return step * np.minimum(1.0, 0.35 / np.maximum(turn, 1e-12))[:, None]

@@ -1,0 +1,114 @@
+"""Surface search: all poses of a part that explain readings without correspondences, from no first guess."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.localization import pose_information
+from tanteo.matching.belief import equivalent
+from tanteo.matching.evidence import Priors
+from tanteo.matching.polish import Polished, polish
+from tanteo.matching.refine import refine
+from tanteo.matching.starts import bases, distinct, oriented_bases, pair_poses, score, triple_poses
+from tanteo.matching.target import Target
+from tanteo.matching.touches import FreePaths, Touches
+from tanteo.shapes import signed_distance
+from tanteo.typing import FloatArray, Transforms, Vectors
+
+GRID_SD = 0.3
+"""Error of the distance grid, in cells."""
+
+_SAME_MAXIMUM = 6.0
+"""Squared Mahalanobis distance within which two polished poses are one maximum.
+
+Near an edge of the part a climb does not settle to a point.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How widely to search.
+
+    Attributes:
+        bases: groups of readings from which first poses are made; clutter spoils some of them.
+        poses: first poses of each base.
+        scored: readings that the first score uses.
+        rough: poses polished on the grid, first and second round.
+        fine: poses polished exactly.
+    """
+
+    bases: int
+    poses: int
+    scored: int
+    rough: tuple[int, int]
+    fine: int
+
+
+def effort_for(touches: Touches) -> Effort:
+    """The fewer readings, the more poses explain them, and the wider the search; normals narrow it."""
+    if touches.oriented.sum() >= 3:
+        return Effort(3, 150, 10, (24, 8), 4)
+    if len(touches) >= 20:
+        return Effort(2, 2000, 8, (60, 20), 6)
+    return Effort(2, 12000, 10, (300, 120), 40)
+
+
+def search(touches: Touches, free: FreePaths, target: Target, priors: Priors, effort: Effort | None = None) -> Polished:
+    """The distinct maxima of the likelihood of one part, best first.
+
+    Args:
+        touches: three readings or more that met something.
+        free: paths on which nothing was met.
+        target: the part.
+        priors: clutter and workspace.
+        effort: how widely to search; from the number of readings if not given.
+    """
+    effort = effort or effort_for(touches)
+    Ts = first_poses(touches, target, effort)
+    if not len(Ts):
+        return polish(touches, free, Ts, target, priors, 0)
+    Ts, _ = refine(touches, Ts, lambda p: _exact(target, p), np.array([5.0, 4.0, 3.0]))
+    found = polish(touches, free, Ts, target, priors)
+    return _distinct_maxima(found, target)
+
+
+def first_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:
+    """Poses worth an exact look: triples scored on the grid, then polished there in two rounds."""
+    sd, step = float(np.median(touches.sd)), GRID_SD * target.field.step
+    Ts = _raw_poses(touches, target, effort)
+    rows = np.linspace(0, len(touches) - 1, min(effort.scored, len(touches))).astype(np.int64)
+    wide = float(np.hypot(sd, target.spacing))
+    keep = distinct(touches, Ts, score(touches, Ts, target, wide, rows), target, effort.rough[0], 1.5 * target.spacing)
+    start = wide / np.hypot(sd, step)
+    Ts, cost = refine(touches, Ts[keep], target.field, start * np.array([1.0, 1.0, 0.7, 0.5]), step)
+    Ts = Ts[distinct(touches, Ts, cost, target, effort.rough[1], 0.3 * target.spacing)]
+    Ts, cost = refine(touches, Ts, target.field, np.array([0.4 * start, 3.0, 3.0, 3.0, 3.0]), step)
+    return Ts[distinct(touches, Ts, cost, target, effort.fine, max(2 * sd, 0.1 * target.spacing))]
+
+
+def _raw_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:
+    """Poses that put a few readings on samples; two with normals are enough, three without."""
+    if touches.oriented.sum() >= 3:
+        pairs = oriented_bases(touches, effort.bases)
+        return np.concatenate([pair_poses(touches, base, target, effort.poses) for base in pairs])
+    triples = bases(touches, effort.bases, target)
+    return np.concatenate([triple_poses(touches, base, target, effort.poses) for base in triples])
+
+
+def _exact(target: Target, points: Vectors) -> tuple[FloatArray, Vectors]:
+    return signed_distance(target.surface, points)
+
+
+def _distinct_maxima(found: Polished, target: Target) -> Polished:
+    """Each maximum once: starts that met at one pose, or at poses that symmetry makes one, are not more evidence."""
+    order = np.argsort(-found.log_evidence, kind="stable")
+    information = pose_information(found.information)
+    kept = []
+    while len(order):
+        kept.append(order[0])
+        same = equivalent(target.part, found.Ts[order[0]], found.Ts[order], information[order], _SAME_MAXIMUM)
+        same[0] = True
+        order = order[~same]
+    return found.take(np.array(kept, dtype=np.int64))

@@ -1,0 +1,72 @@
+"""A part prepared for readings without correspondences: its surface, distance grid and even surface samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.matching.model import PartModel
+from tanteo.parts import Part
+from tanteo.shapes import DistanceField, Surface, distance_field
+from tanteo.typing import FloatArray, IntArray, Vectors
+
+SAMPLES = 320
+"""Surface points among which places for readings are looked for."""
+
+_POOL = 12
+"""Random points drawn for every sample kept."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """What the surface search asks of a part.
+
+    Attributes:
+        part: the part.
+        surface: for exact distances and rays.
+        field: for many rough distances.
+        samples: evenly spread surface points ``(K, 3)`` in the part frame [m].
+        normals: their outward normals ``(K, 3)``.
+        gaps: distances between samples ``(K, K)`` [m].
+        spacing: typical distance from any surface point to the nearest sample [m].
+    """
+
+    part: Part
+    surface: Surface
+    field: DistanceField
+    samples: Vectors
+    normals: Vectors
+    gaps: FloatArray
+    spacing: float
+
+
+def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
+    """Prepare a part; takes some tenths of a second, once."""
+    model = part if isinstance(part, PartModel) else None
+    part = model.part if model is not None else part  # type: ignore[assignment]
+    assert isinstance(part, Part)
+    surface = model.surface if model is not None else Surface(part.vertices, part.triangles)
+    points, triangles = _spread(part, samples)
+    gaps = np.linalg.norm(points[:, None] - points, axis=-1)
+    spacing = float(np.sqrt(part.area / samples) * 0.6)
+    return Target(part, surface, distance_field(surface), points, surface.normals[triangles], gaps, spacing)
+
+
+def _spread(part: Part, count: int) -> tuple[Vectors, IntArray]:
+    """Evenly spread surface points: a random pool (fixed seed) thinned by farthest-point sampling."""
+    rng = np.random.default_rng(1991)
+    corners = part.vertices[part.triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    triangles = rng.choice(len(corners), size=_POOL * count, p=areas / areas.sum())
+    u, v = np.sort(rng.uniform(size=(2, len(triangles), 1)), axis=0)
+    a, b, c = corners[triangles].transpose(1, 0, 2)
+    pool = u * a + (v - u) * b + (1 - v) * c
+    chosen = np.empty(count, dtype=np.int64)
+    nearest = np.full(len(pool), np.inf)
+    chosen[0] = 0
+    for k in range(count):
+        if k:
+            chosen[k] = int(np.argmax(nearest))
+        np.minimum(nearest, np.sum((pool - pool[chosen[k]]) ** 2, axis=1), out=nearest)
+    return pool[chosen], triangles[chosen]

@@ -1,0 +1,105 @@
+"""Readings without correspondences as arrays: touches and beams on some surface, nobody knows where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.sensors import PointMeasurements
+from tanteo.typing import BoolArray, Covariances, FloatArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Touches:
+    """``n`` sensed points in the world [m].
+
+    Attributes:
+        ids: names of the readings.
+        points: surface points, or centres of the tip's ball where ``radii`` is positive ``(n, 3)``.
+        covs: independent covariances, part tolerance included ``(n, 3, 3)``.
+        radii: distance of the point from the surface ``(n,)``.
+        directions: into the material ``(n, 3)``; zero where unknown.
+        normals: sensed outward normals ``(n, 3)``; zero where not sensed.
+        normal_sds: sd of each tilt of the normal ``(n,)`` [rad].
+        reach: length of the straight path along ``direction`` that was free up to the point ``(n,)`` [m]; 0 if unknown.
+        gains: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
+        sd: largest standard deviation of each point ``(n,)`` [m].
+    """
+
+    ids: tuple[str, ...]
+    points: Vectors
+    covs: Covariances
+    radii: FloatArray
+    directions: Vectors
+    normals: Vectors
+    normal_sds: FloatArray
+    reach: FloatArray
+    gains: FloatArray
+    sd: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def directed(self) -> BoolArray:
+        """Whether the direction of approach is known ``(n,)``."""
+        return np.asarray(np.any(self.directions != 0, axis=1))
+
+    @property
+    def oriented(self) -> BoolArray:
+        """Whether the normal was sensed ``(n,)``."""
+        return np.asarray(np.any(self.normals != 0, axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreePaths:
+    """``m`` straight paths on which nothing was met, in the world [m].
+
+    Attributes:
+        origins: where they start ``(m, 3)``.
+        directions: unit ``(m, 3)``.
+        lengths: how far they were free ``(m,)``.
+        margin: how much of the end is not certain ``(m,)``.
+    """
+
+    origins: Vectors
+    directions: Vectors
+    lengths: FloatArray
+    margin: FloatArray
+
+    @classmethod
+    def none(cls) -> FreePaths:
+        """No such path."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+
+
+def as_free_paths(measured: PointMeasurements, margin: float) -> FreePaths:
+    """The free beams of some measurements."""
+    beams = measured.free
+    return FreePaths(beams.origins, beams.directions, beams.lengths, np.full(len(beams), margin))
+
+
+def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None) -> Touches:
+    """Measurements as touches; labels are not used.
+
+    Args:
+        measured: points in the world.
+        tolerance: sd of the made surface against its CAD, independent from point to point [m].
+        reach: known free path before each point ``(n,)`` [m]: the range of a beam.
+    """
+    J, C = measured.stacked()
+    values, vectors = np.linalg.eigh(C) if len(C) else (np.zeros(0), np.zeros((0, 0)))
+    covs = measured.covs + tolerance**2 * np.eye(3)
+    return Touches(
+        measured.ids,
+        np.array(measured.points),
+        covs,
+        np.array(measured.radii),
+        np.nan_to_num(measured.directions),
+        np.nan_to_num(measured.normals),
+        np.nan_to_num(measured.normal_sds, nan=np.pi),
+        np.zeros(len(measured)) if reach is None else np.nan_to_num(reach),
+        J @ (vectors * np.sqrt(values.clip(0))),
+        np.sqrt(np.linalg.eigvalsh(covs)[:, -1]),
+    )

@@ -1,0 +1,138 @@
+"""From hypotheses to a verdict: which status, in which words, and what a free direction or a symmetry excuses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.matching.results import Hypothesis, Status
+from tanteo.parts import Part
+from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+
+CONFIDENCE = 0.95
+"""Posterior from which one answer is given as the answer."""
+
+_RESISTS = 0.3
+"""A face resists a motion if the motion moves it along its normal by this share of the most it could."""
+
+
+def verdict(
+    hypotheses: tuple[Hypothesis, ...],
+    unknown: float,
+    alpha: float,
+    *,
+    cut: bool = False,
+    as_published: bool = False,
+    advice: str = "",
+) -> tuple[Status, str]:
+    """Status and sentence of an answer.
+
+    Args:
+        hypotheses: best first.
+        unknown: probability of "none of these".
+        alpha: least p-value of an answer.
+        cut: whether the search dropped something.
+        as_published: the paper has no joint test, so the p-value does not reject.
+        advice: what to sense for the directions that stay free.
+    """
+    note = " The search was cut short: sense fewer, better spread features." if cut else ""
+    if not hypotheses or unknown > max(h.probability for h in hypotheses):
+        return "unknown", _unknown_message(hypotheses, unknown) + note
+    best = hypotheses[0]
+    if best.p_value < alpha and not as_published:
+        return "unknown", (
+            f"The closest part is {best.part}, but the readings contradict it (p = {best.p_value:.2g}): "
+            "check the sensor's standard deviation, the tolerance and the units." + note
+        )
+    if best.unobserved:
+        help_ = advice or "sense a face or an edge that resists it"
+        return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} stays free: {help_}." + note
+    if best.probability < CONFIDENCE:
+        return "ambiguous", _ambiguous_message(hypotheses, unknown) + note
+    return "recognized", f"{best.part}, located to {1e3 * best.worst_corner_sd:.2g} mm (1 sd, worst corner)." + note
+
+
+def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
+    if not hypotheses:
+        return "None of the parts explains the readings: add the part's file, or check units and standard deviations."
+    best = hypotheses[0]
+    return (
+        f"None of the parts is the best explanation (P = {unknown:.2f}); the closest is {best.part} "
+        f"(P = {best.probability:.2f}): sense more of it, or add the part's file."
+    )
+
+
+def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
+    likely = [h for h in hypotheses if h.probability > 0.01] or hypotheses[:1]
+    names = list(dict.fromkeys(h.part for h in likely))
+    if len(names) > 1:
+        return f"It may be {', '.join(names[:-1])} or {names[-1]}: sense a face where they differ."
+    if unknown > 0.01 and hypotheses[0].probability + unknown > 0.99:
+        return f"{names[0]} fits, but so may an unknown part (P = {unknown:.2f}): sense one more place."
+    return f"It is {names[0]}, in one of several poses: sense a face that is not where its others would put it."
+
+
+def excuse(
+    part: Part, free: Tangents, words: tuple[str, ...], covariance: Covariances
+) -> tuple[tuple[str, ...], Covariances]:
+    """Free directions that the part's own symmetry does not excuse, and the covariance without the excused ones.
+
+    Args:
+        part: the part.
+        free: motions that nothing resists, ``[v / diagonal, w]`` ``(k, 6)``.
+        words: the same in words.
+        covariance: with the spread of a uniform draw along ``free``.
+    """
+    spins = _spins(part)
+    left, observed = [], np.array(covariance)
+    for xi, name in zip(free, words, strict=True):
+        if np.linalg.norm(xi - spins.T @ (spins @ xi)) > 1e-2:
+            left.append(name)
+            continue
+        scaled = xi * np.r_[np.full(3, part.diagonal), np.ones(3)]
+        observed -= (2 * np.pi) ** 2 / 12 * np.outer(scaled, scaled)
+    return tuple(left), observed
+
+
+def _spins(part: Part) -> FloatArray:
+    """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, scaled by its diagonal."""
+    if not part.symmetry.continuous:
+        return np.zeros((0, 6))
+    if part.symmetry.spherical:
+        axes, point = np.eye(3), part.centroid
+    else:
+        assert part.symmetry.axis is not None
+        point, axis = part.symmetry.axis
+        axes = axis[None]
+    rows = np.concatenate([np.cross(point, axes) / part.diagonal, axes], axis=1)
+    return np.linalg.qr(rows.T)[0].T
+
+
+def corner_sd(part: Part, covariance: Covariances) -> float:
+    """Largest standard deviation of the position of a corner of the part's box, in any direction [m]."""
+    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
+    J = np.zeros((8, 3, 6))
+    J[:, :, :3] = np.eye(3)
+    x, y, z = corners.T
+    J[:, 0, 4], J[:, 0, 5], J[:, 1, 3], J[:, 1, 5], J[:, 2, 3], J[:, 2, 4] = z, -y, -z, x, y, -x
+    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
+
+
+def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
+    """The face that resists a free motion best, in words; empty if no planar face does.
+
+    Args:
+        part: the part.
+        T_world_part: where it is, as far as known.
+        free: one motion ``[v / diagonal, w]``.
+    """
+    if not len(part.planes):
+        return ""
+    n, c = part.planes.normals, part.planes.centroids
+    moved = np.abs(n @ (free[:3] * part.diagonal) + np.cross(c, n) @ free[3:])
+    worth = np.where(moved > _RESISTS * moved.max(initial=0.0), moved * np.sqrt(part.planes.areas), 0.0)
+    if worth.max(initial=0.0) <= 1e-9:
+        return ""
+    k = int(np.argmax(worth))
+    at = T_world_part[:3, :3] @ c[k] + T_world_part[:3, 3]
+    name = part.faces[part.planes.faces[k]].name
+    return f"sense {name} of {part.name}, around ({', '.join(f'{1e3 * v:.0f}' for v in at)}) mm in the world"
