@@ -1,0 +1,263 @@
+"""Draw ``docs/pictures/from_readings_to_answer.svg`` from ``examples/readings/bracket_left.csv``.
+
+``python docs/pictures/make_pictures.py [folder]``. Everything in it is computed: the touches, the fitted planes, the
+constraints and the answer are those of the program.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import tanteo
+from tanteo.constraints import relate_all
+from tanteo.fitting import fit_labelled
+from tanteo.lie import SE3
+from tanteo.sensors import measure
+
+HERE = Path(__file__).resolve().parent
+EXAMPLES = HERE.parents[1] / "examples"
+INK, GREY, RED, BLUE, GREEN, PAPER = "#22303c", "#8a97a3", "#c8372d", "#2467a8", "#2e7d4f", "#ffffff"
+HUES = ("#2467a8", "#b4690e", "#2e7d4f", "#8e44ad", "#0e8a8a", "#a83258")
+WIDTH, HEIGHT, PANEL = 1280, 470, 300
+EYE = np.array([1.0, -0.82, 0.72]) / np.linalg.norm([1.0, -0.82, 0.72])
+RIGHT = np.cross([0, 0, 1], EYE) / np.linalg.norm(np.cross([0, 0, 1], EYE))
+UP = np.cross(EYE, RIGHT)
+SCALE = 1.55
+"""Pixels a millimetre."""
+
+MAGNIFIED = 150
+"""The ellipsoids of the answer are drawn this many times too large, at two standard deviations."""
+
+
+class Drawing:
+    """SVG elements, in the order in which they are painted."""
+
+    def __init__(self) -> None:
+        self.elements: list[str] = []
+
+    def add(self, tag: str, content: str = "", **attributes: object) -> None:
+        """One element; underscores in names of attributes become hyphens."""
+        text = " ".join(f'{k.replace("_", "-")}="{v}"' for k, v in attributes.items())
+        self.elements.append(f"<{tag} {text}>{content}</{tag}>" if content else f"<{tag} {text}/>")
+
+    def text(self, x: float, y: float, words: str, size: int = 15, fill: str = INK, **attributes: object) -> None:
+        """A line of words."""
+        words = words.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+        self.add("text", words, x=f"{x:.1f}", y=f"{y:.1f}", font_size=size, fill=fill, **attributes)
+
+    def line(self, a: np.ndarray, b: np.ndarray, stroke: str = INK, width: float = 1.4, **attributes: object) -> None:
+        """A line between two points of the page."""
+        ends = {"x1": a[0], "y1": a[1], "x2": b[0], "y2": b[1]}
+        self.add("line", **{k: f"{v:.1f}" for k, v in ends.items()}, stroke=stroke, stroke_width=width, **attributes)
+
+    def polygon(self, points: np.ndarray, **attributes: object) -> None:
+        """A closed outline."""
+        self.add("polygon", points=" ".join(f"{x:.1f},{y:.1f}" for x, y in points), **attributes)
+
+    def write(self, path: Path, title: str) -> None:
+        """Write the file."""
+        head = (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
+            f'font-family="DejaVu Sans, Helvetica, Arial, sans-serif">\n<title>{title}</title>'
+        )
+        path.write_text("\n".join([head, *self.elements, "</svg>\n"]), encoding="utf-8", newline="\n")
+
+
+def page(points: np.ndarray, panel: int) -> np.ndarray:
+    """Points of the part [m] on the page, in one of the four panels."""
+    centred = (np.asarray(points) * 1e3 - [54, 40, 36]) * SCALE
+    origin = np.array([20 + panel * (PANEL + 13) + PANEL / 2, 232.0])
+    return origin + np.stack([centred @ RIGHT, -(centred @ UP)], axis=-1)
+
+
+def draw_part(out: Drawing, part: tanteo.Part, panel: int, pale: float = 0.0) -> None:
+    """The faces that look at us, the far ones first; ``pale`` from 0 to 1."""
+    normals, faces = part.planes.normals, part.planes.faces
+    facing = [k for k in range(len(faces)) if normals[k] @ EYE > 1e-6]
+    ends = page(part.edges.ends, panel)
+    for k in sorted(facing, key=lambda k: float(part.planes.centroids[k] @ EYE)):
+        light = 0.80 + 0.18 * float(normals[k] @ np.array([0.25, -0.35, 0.90]))
+        shade = blend([232 * light, 238 * light, 244 * light], pale)
+        for triangle in part.vertices[part.triangles[part.triangle_face == faces[k]]]:
+            out.polygon(page(triangle, panel), fill=shade, stroke=shade, stroke_width=0.8)
+        for e in np.flatnonzero((part.edges.faces == faces[k]).any(axis=1)):
+            out.line(ends[e, 0], ends[e, 1], stroke=blend([91, 104, 115], pale), width=1.1)
+
+
+def blend(rgb: list[float], pale: float) -> str:
+    """A colour mixed with the white of the panel."""
+    return "#" + "".join(f"{int(c + pale * (252 - c)):02x}" for c in rgb)
+
+
+def draw_readings(
+    out: Drawing, points: np.ndarray, features: list[str], ids: list[str], wrong: tuple[str, ...]
+) -> None:
+    """Touches in the colour of their label; the wrong one crossed out."""
+    hue = dict(zip(dict.fromkeys(features), HUES, strict=True))
+    for p, label, name in zip(page(points, 0), features, ids, strict=True):
+        if name in wrong:
+            for slant in (1, -1):
+                arm = np.array([6, 6 * slant])
+                out.line(p - arm, p + arm, stroke=RED, width=2.6)
+        else:
+            hidden = label == "upright outside"
+            fill = PAPER if hidden else hue[label]
+            out.add("circle", cx=f"{p[0]:.1f}", cy=f"{p[1]:.1f}", r=4, fill=fill, stroke=hue[label], stroke_width=1.6)
+
+
+def draw_planes(out: Drawing, features: list[tanteo.Feature], T_part_world: np.ndarray) -> None:
+    """Each sensed plane as a patch over its points, with its normal and the cone of two standard deviations."""
+    order = sorted(
+        range(len(features)), key=lambda k: float(SE3.apply(T_part_world, features[k].support).mean(0) @ EYE)
+    )
+    for k in order:
+        f, hue = features[k], HUES[k]
+        T = T_part_world @ f.T_world_feature
+        local = SE3.apply(SE3.inverse(T), SE3.apply(T_part_world, f.support))
+        low, high = local[:, :2].min(axis=0) - 3e-3, local[:, :2].max(axis=0) + 3e-3
+        corners = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+        out.polygon(page(SE3.apply(T, corners), 1), fill=hue, fill_opacity=0.22, stroke=hue, stroke_width=1.3)
+        foot, tip = page(SE3.apply(T, np.array([[0, 0, 0], [0, 0, 0.024]])), 1)
+        arrow(out, foot, tip, hue)
+
+
+def arrow(out: Drawing, a: np.ndarray, b: np.ndarray, stroke: str, width: float = 2.0) -> None:
+    """A line with a head."""
+    along = (b - a) / np.linalg.norm(b - a)
+    across = np.array([-along[1], along[0]])
+    out.line(a, b - 5 * along, stroke=stroke, width=width)
+    out.polygon(np.array([b, b - 9 * along + 4 * across, b - 9 * along - 4 * across]), fill=stroke)
+
+
+def draw_pairs(out: Drawing, features: list[tanteo.Feature], hypotheses: list[tuple[str, str, bool]]) -> None:
+    """Some constraints with their variance, and what the tree makes of the candidates."""
+    x = 20 + 2 * (PANEL + 13)
+    table = {c.labels: c for c in relate_all(features) if c.kind.name in ("plane_angle", "plane_offset")}
+    chosen = [
+        ("upright inside", "upright outside"), ("upright inside", "rib slope"), ("base top", "front"),
+        ("upright inside", "bevel"),
+    ]  # fmt: skip
+    out.text(x + 12, 100, "pairs of features, with variance", 13, GREY)
+    for row, labels in enumerate(chosen):
+        c = table[labels]
+        length = c.kind.units == ("m",)
+        value, sd = (1e3 * c.value[0], 1e3 * c.covariance[0, 0] ** 0.5) if length else np.degrees(
+            [c.value[0], c.covariance[0, 0] ** 0.5]
+        )  # fmt: skip
+        words = f"{abs(value):.2f} ± {sd:.2f} {'mm' if length else '°'}"
+        y = 124 + 21 * row
+        for k, label in enumerate(labels):
+            hue = HUES[[f.label for f in features].index(label)]
+            out.add("rect", x=x + 14 + 22 * k, y=y - 11, width=17, height=12, fill=hue, fill_opacity=0.35, stroke=hue)
+        out.text(x + 66, y, words, 14)
+        out.text(x + 206, y, "thickness" if length else "angle", 13, GREY)
+    out.text(x + 12, 226, "tree of interpretations, per part", 13, GREY)
+    root = np.array([x + 24.0, 318.0])
+    for row, (name, words, possible) in enumerate(hypotheses):
+        y = 250 + 31 * row
+        colour = GREEN if possible else RED
+        out.line(root, np.array([x + 58.0, y]), stroke=GREY, width=1.3)
+        out.text(x + 62, y + 5, "✓" if possible else "✗", 17, colour, font_weight="bold")
+        out.text(x + 84, y + 5, name, 14, INK if possible else GREY)
+        out.text(x + 190, y + 5, words, 12, GREY)
+    out.add("circle", cx=root[0], cy=root[1], r=5, fill=INK)
+
+
+def draw_answer(out: Drawing, part: tanteo.Part, covariance: np.ndarray) -> None:
+    """The part where it is, with the error ellipses of its corners."""
+    draw_part(out, part, 3)
+    R = np.stack([RIGHT, -UP])
+    corners = part.corners.points
+    far = corners[
+        [np.argmin(np.linalg.norm(corners * 1e3 - c, axis=1)) for c in ([0, 0, 90], [120, 0, 0], [90, 80, 12])]
+    ]
+    for p in far:
+        J = np.hstack([np.eye(3), -np.cross(np.eye(3), p)])
+        J[:, 3:] = np.array([[0, p[2], -p[1]], [-p[2], 0, p[0]], [p[1], -p[0], 0]])
+        values, vectors = np.linalg.eigh(R @ J @ covariance @ J.T @ R.T)
+        rx, ry = 2 * MAGNIFIED * SCALE * 1e3 * np.sqrt(values[::-1])
+        turn = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
+        cx, cy = page(p, 3)
+        place = f"translate({cx:.1f} {cy:.1f}) rotate({turn:.1f})"
+        out.add("ellipse", rx=f"{rx:.1f}", ry=f"{ry:.1f}", transform=place, fill=RED, fill_opacity=0.28, stroke=RED)
+    origin = page(np.zeros(3), 3)
+    for axis, name in zip(np.eye(3) * 0.042, "xyz", strict=True):
+        end = page(axis, 3)
+        arrow(out, origin, end, BLUE, 2.6)
+        out.text(
+            *(end + 6 * (end - origin) / np.linalg.norm(end - origin) + [-4, 4]), name, 14, BLUE, font_weight="bold"
+        )
+
+
+def frame(out: Drawing) -> None:
+    """Panels, titles and the arrows between them."""
+    out.add("rect", width=WIDTH, height=HEIGHT, fill=PAPER, rx=10)
+    titles = [
+        ("1  Readings", "what the robot felt: points, noise, labels"),
+        ("2  Features", "planes with covariance, fitted to the points"),
+        ("3  Constraints and tree", "what fits which part, tested jointly"),
+        ("4  Answer", "which part, where, how sure"),
+    ]
+    for k, (title, words) in enumerate(titles):
+        x = 20 + k * (PANEL + 13)
+        out.add("rect", x=x, y=16, width=PANEL, height=HEIGHT - 32, rx=8, fill="#fbfcfd", stroke="#d5dbe0")
+        out.text(x + 12, 43, title, 18, font_weight="bold")
+        out.text(x + 12, 64, words, 12.5, GREY)
+        if k:
+            arrow(out, np.array([x - 15.0, 40.0]), np.array([x + 3.0, 40.0]), INK, 2.4)
+
+
+def make(path: Path) -> None:
+    """Compute and draw."""
+    parts = tanteo.read_parts(EXAMPLES / "parts").parts
+    readings = tanteo.read_readings(EXAMPLES / "readings" / "bracket_left.csv")
+    answer = tanteo.identify(readings, parts)
+    best = answer.hypotheses[0]
+    part = next(p for p in parts if p.name == best.part)
+    measured = measure(readings)
+    labelled = fit_labelled(measured)
+    features = [f for f in labelled.features if isinstance(f, tanteo.Feature)]
+    T_part_world = SE3.inverse(best.T_world_part)
+    out = Drawing()
+    frame(out)
+    draw_part(out, part, 0, pale=0.35)
+    draw_part(out, part, 1, pale=0.8)
+    points = SE3.apply(T_part_world, measured.points)
+    draw_readings(out, points, list(measured.features), list(measured.ids), labelled.rejected)
+    draw_planes(out, features, T_part_world)
+    draw_pairs(
+        out,
+        features,
+        [
+            ("bracket_left", "fits", True),
+            ("bracket_right", "mirror image", False),
+            ("step_15mm", "no such angle", False),
+            ("9 more", "", False),
+            ("none of these", "", False),
+        ],
+    )
+    draw_answer(out, part, best.covariance)
+    x0, x1, x3 = (20 + k * (PANEL + 13) + 12 for k in (0, 1, 3))
+    out.text(x0, 412, f"{len(readings)} touches of 6 faces, sd 0.05 mm", 13)
+    out.text(x0, 432, f"✗ reading {', '.join(labelled.rejected)} is 2 mm off: found, left out", 13, RED)
+    height = 1e3 * np.sqrt(features[0].P[0, 0])
+    tilt = 1e3 * np.sqrt(features[0].P[1, 1])
+    out.text(x0, 392, "hollow: on the far side", 12, GREY)
+    out.text(x1, 412, "one plane a label, outward normal", 13)
+    out.text(x1, 432, f"e.g. height ± {height:.3f} mm, tilt ± {tilt:.1f} mrad", 13)
+    at = "  ".join(f"{c:.2f}" for c in 1e3 * best.T_world_part[:3, 3])
+    out.text(x3, 378, f"{best.part}", 16, GREEN, font_weight="bold")
+    out.text(x3 + 130, 378, "probability > 99.9 %" if best.probability > 0.999 else f"{best.probability:.1%}", 13)
+    out.text(x3, 398, f"at  {at}  mm", 13)
+    out.text(x3, 416, f"worst corner ± {1e3 * best.worst_corner_sd:.3f} mm", 13)
+    out.text(x3, 436, f"red: 2 sd of corners, {MAGNIFIED} times enlarged", 12, GREY)
+    out.write(path, "From touches of a bracket to the part, its pose and the covariance of the pose")
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE
+    folder.mkdir(parents=True, exist_ok=True)
+    make(folder / "from_readings_to_answer.svg")
