@@ -11,9 +11,10 @@ from scipy.special import logsumexp
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import pose_information
 from tanteo.matching.evidence import Priors, log_evidence, perfect_evidence
+from tanteo.matching.freedom import free_projector, pose_scale
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import interpret
+from tanteo.matching.tree import Interpretations, interpret, take
 from tanteo.matching.unknown import log_unknown
 from tanteo.matching.verify import within_extent
 from tanteo.parts import Part
@@ -21,6 +22,9 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 NEGLIGIBLE = 10.0
 """Log odds below which an explanation by a part is not looked for: less than one in ten thousand."""
+
+_TAIL = 6.0
+"""Interpretations this much less likely still count towards their sum."""
 
 _SAME_POSE = 22.5
 """Squared Mahalanobis distance within which two poses are one mode (one in a thousand, six degrees of freedom)."""
@@ -85,7 +89,7 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
         for model in models:
             if bounds[model.name][left_out] < best - NEGLIGIBLE:
                 continue
-            explained, dropped = _explain(sensed, model, left_out, priors, tolerance, prior)
+            explained, dropped = _explain(sensed, model, left_out, priors, tolerance, prior, best)
             cut |= dropped
             if len(explained.log_weights):
                 found.append(explained)
@@ -94,19 +98,18 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
 
 
 def _explain(
-    sensed: Sensed, model: PartModel, left_out: int, priors: Priors, tolerance: float, prior: float
+    sensed: Sensed, model: PartModel, left_out: int, priors: Priors, tolerance: float, prior: float, best: float
 ) -> tuple[_Explained, bool]:
     interpretations = interpret(sensed, model, left_out, tolerance)
     weights = log_evidence(sensed, model, interpretations, priors) + prior
-    keep, poses = within_extent(sensed, model, interpretations, tolerance)
-    solution = interpretations.solution
-    explained = _Explained(
-        model,
-        interpretations.choices[keep],
-        poses[keep],
-        pose_information(solution.information[keep]),
-        weights[keep],
-    )
+    hopeful = weights > best - NEGLIGIBLE - _TAIL
+    some = Interpretations(interpretations.choices[hopeful], take(interpretations.solution, hopeful), False)
+    keep, poses, share = within_extent(sensed, model, some, tolerance, priors.radius)
+    free, _ = free_projector(sensed, model, some.choices[keep], priors.radius)
+    scale = pose_scale(priors.radius)
+    bound = np.eye(6) - free * scale[:, None] / scale  # motions that nothing resists are not told apart
+    information = np.swapaxes(bound, -1, -2) @ pose_information(some.solution.information[keep]) @ bound
+    explained = _Explained(model, some.choices[keep], poses[keep], information, (weights[hopeful] + share)[keep])
     return explained, interpretations.cut
 
 
@@ -130,7 +133,7 @@ def _merge(group: Sequence[_Explained], total: float, best: float) -> list[Mode]
     Ts = np.concatenate([e.Ts for e in group])
     information = np.concatenate([e.information for e in group])
     assert model.part is not None
-    left = np.flatnonzero(log > best - NEGLIGIBLE - 6)
+    left = np.flatnonzero(log > best - NEGLIGIBLE - _TAIL)
     left = left[np.argsort(-log[left], kind="stable")]
     modes = []
     while len(left):
@@ -143,7 +146,9 @@ def _merge(group: Sequence[_Explained], total: float, best: float) -> list[Mode]
     return modes
 
 
-def equivalent(part: Part, T: Transforms, others: Transforms, information: FloatArray) -> BoolArray:
+def equivalent(
+    part: Part, T: Transforms, others: Transforms, information: FloatArray, limit: float = _SAME_POSE
+) -> BoolArray:
     """Which of the poses ``others`` ``(F, 4, 4)`` put the part where ``T`` does, up to its symmetry and their noise."""
     images = T @ part.symmetry.Ts
     gaps = SE3.inverse(images)[:, None] @ others
@@ -151,7 +156,7 @@ def equivalent(part: Part, T: Transforms, others: Transforms, information: Float
         gaps = _without_spin(part, gaps)
     xi = SE3.log(gaps)
     distance = np.einsum("sfi,fij,sfj->sf", xi, information, xi)
-    return np.asarray(distance.min(axis=0) <= _SAME_POSE, dtype=np.bool_)
+    return np.asarray(distance.min(axis=0) <= limit, dtype=np.bool_)
 
 
 def _without_spin(part: Part, gaps: Transforms) -> Transforms:

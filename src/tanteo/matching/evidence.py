@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.localization.solve import assemble, pose_information
+from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import NOTHING, Interpretations, decode, self_pairings
+from tanteo.matching.tree import Interpretations, decode, self_pairings
 from tanteo.typing import BoolArray, FloatArray
 
 
@@ -37,6 +38,16 @@ class Priors:
     common_sizes: float = 0.5
 
 
+_FAINT = 25.0
+"""Information below this many tilts squared times the largest may be noise: the bound takes it for none."""
+
+
+def direction_densities(sensed: Sensed) -> FloatArray:
+    """Log density of each sensed direction if it is any ``(n,)``."""
+    density = {"plane": -np.log(4 * np.pi), "edge": -np.log(2 * np.pi), "vertex": 0.0}
+    return np.array([density[k] for k in sensed.kinds[: len(sensed)]])
+
+
 def clutter_densities(sensed: Sensed, radius: float) -> FloatArray:
     """Log density of each sensed feature if it is anywhere in a ball of that radius ``(n,)``."""
     disc, ball, sphere = np.pi * radius**2, 4 / 3 * np.pi * radius**3, 4 * np.pi
@@ -54,40 +65,50 @@ def log_evidence(sensed: Sensed, model: PartModel, found: Interpretations, prior
     """Log density of the sensed features under each interpretation, pose integrated out ``(F,)``.
 
     Laplace's approximation over the pose and the shared errors; directions of the pose that nothing resists
-    contribute their whole extent, so their prior cancels.
+    contribute their whole extent (what of it puts the readings on the surface is found in :mod:`verify`). Of a family
+    that is known by its directions, the density of the directions alone.
     """
     solution, choices = found.solution, found.choices
     log = -0.5 * (solution.equations * np.log(2 * np.pi) + solution.log_det + solution.chi2)
     D = solution.z.shape[-1]
     if D:
         log -= 0.5 * np.linalg.slogdet(solution.information[..., 6:, 6:])[1]
-    log += pose_volume(pose_information(solution.information), priors.radius)
-    clutter = clutter_densities(sensed, priors.radius) + np.log(priors.clutter)
+    free, _ = free_projector(sensed, model, choices, priors.radius)
+    log += pose_volume(pose_information(solution.information), priors.radius, free)
+    clutter = _nothing_densities(sensed, model, priors)
     for i, views in enumerate(sensed.views):
         kind, chosen = sensed.kinds[i], choices[:, i]
         paired = np.zeros(len(chosen))
         if kind in model.candidates:
-            density = _candidate_density(model, kind, bool(sensed.placed[i]), priors)
+            density = _candidate_density(model, kind, bool(sensed.placed[i]))
             paired = density[decode(chosen, model, kind)[0]] + np.log1p(-priors.clutter) - np.log(len(views))
         log += np.where(chosen == NOTHING, clutter[i], paired)
     return log
 
 
-def _candidate_density(model: PartModel, kind: str, placed: bool, priors: Priors) -> FloatArray:
+def _candidate_density(model: PartModel, kind: str, placed: bool) -> FloatArray:
     """Log probability of a candidate, and density of the place of the points on it ``(N,)``."""
     candidates = model.candidates[kind]
     log = np.log(candidates.weights)
-    if model.has_extent:
-        return log - np.log(candidates.measures) if placed else log
-    offset = {"plane": np.log(2 * priors.radius), "edge": np.log(np.pi * priors.radius**2)}[kind]
-    along = {"plane": np.log(np.pi * priors.radius**2), "edge": np.log(2 * priors.radius)}[kind]
-    return log - offset - (along if placed else 0.0)
+    return log - np.log(candidates.measures) if placed and model.has_extent else log
 
 
-def pose_volume(information: FloatArray, radius: float) -> FloatArray:
-    """``log(p(T) integral exp(-x' L x / 2))`` for a pose anywhere in a cube of ``2 radius`` and any attitude."""
-    scale = np.r_[np.full(3, 2 * radius), np.full(3, (8 * np.pi**2) ** (1 / 3))]
-    values = np.linalg.eigvalsh(information * np.outer(scale, scale))
+def _nothing_densities(sensed: Sensed, model: PartModel, priors: Priors) -> FloatArray:
+    """Log probability and density of each sensed feature if it is not one of the candidates ``(n,)``."""
+    densities = clutter_densities(sensed, priors.radius) if model.has_extent else direction_densities(sensed)
+    return densities + np.log(priors.clutter)
+
+
+def pose_volume(information: FloatArray, radius: float, free: FloatArray | None = None) -> FloatArray:
+    """``log(p(T) integral exp(-x' L x / 2))`` for a pose anywhere in a cube of ``2 radius`` and any attitude.
+
+    Along the motions that ``free`` ``(*batch, 6, 6)`` projects on, the integral is over the whole extent.
+    """
+    scale = pose_scale(radius)
+    information = information * np.outer(scale, scale)
+    if free is not None:
+        information = (np.eye(6) - free) @ information @ (np.eye(6) - free)
+    values = np.linalg.eigvalsh(information)
     return np.asarray(-0.5 * np.log(np.maximum(values / (2 * np.pi), 1.0)).sum(axis=-1))
 
 
@@ -98,13 +119,11 @@ def perfect_evidence(sensed: Sensed, model: PartModel, priors: Priors) -> FloatA
     depend on the sensed features alone; those that add least are left out first.
     """
     n = len(sensed)
-    clutter = clutter_densities(sensed, priors.radius) + np.log(priors.clutter)
+    clutter = _nothing_densities(sensed, model, priors)
     density = np.full(n, -np.inf)
     for i, kind in enumerate(sensed.kinds[:n]):
         if kind in model.candidates:
-            density[i] = _candidate_density(model, kind, bool(sensed.placed[i]), priors).max() + np.log1p(
-                -priors.clutter
-            )
+            density[i] = _candidate_density(model, kind, bool(sensed.placed[i])).max() + np.log1p(-priors.clutter)
     kept = np.isfinite(density)[None]
     out = np.full(n + 1, -np.inf)
     while True:
@@ -126,4 +145,9 @@ def _perfect(sensed: Sensed, model: PartModel, kept: BoolArray, priors: Priors) 
     log = -0.5 * (at.equations * np.log(2 * np.pi) + at.log_det)
     if D:
         log -= 0.5 * np.linalg.slogdet(at.information[..., 6:, 6:])[1]
-    return log + pose_volume(pose_information(at.information), priors.radius)
+    information = pose_information(at.information)
+    scale = pose_scale(priors.radius)
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    faint = values <= _FAINT * sensed.tilt.max(initial=0.0) ** 2 * values[:, -1:]
+    free = (vectors * faint[:, None]) @ np.swapaxes(vectors, -1, -2)
+    return log + pose_volume(information, priors.radius, free)

@@ -86,12 +86,20 @@ class Sizes:
         step_weights: probabilities, summing to one ``(k,)``.
         thickness: between faces that look opposite ways ``(m,)``; negative where material lies between.
         thickness_weights: probabilities, summing to one ``(m,)``.
+        again: of two touches of faces that look the same way, the probability that they met one and the same.
+        height: mean of ``n . (x - c)`` over the surface, ``c`` its centroid: three times volume by area [m].
+        height_sd: its standard deviation [m].
+        place_sd: standard deviation of a surface point's place along its face, each way [m].
     """
 
     step: FloatArray
     step_weights: FloatArray
     thickness: FloatArray
     thickness_weights: FloatArray
+    again: float
+    height: float
+    height_sd: float
+    place_sd: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +111,8 @@ class PartModel:
         part: the part; none for a family that is known only by its directions.
         candidates: by kind name.
         radius: of the sphere that holds the part [m].
+        resistances: by kind, kept by :mod:`tanteo.matching.freedom`.
+        levels: which faces lie in one plane, kept by :mod:`tanteo.matching.verify`.
     """
 
     name: str
@@ -112,6 +122,8 @@ class PartModel:
     _tables: dict[tuple[str, str], PairTable] = field(default_factory=dict)
     _surface: list[Surface] = field(default_factory=list)
     _sizes: list[Sizes] = field(default_factory=list)
+    resistances: dict[str, FloatArray] = field(default_factory=dict)
+    levels: list[IntArray] = field(default_factory=list)
 
     @property
     def has_extent(self) -> bool:
@@ -160,19 +172,35 @@ def pair_table(A: Candidates, B: Candidates, a_is_plane: bool) -> PairTable:
 
 
 def parallel_sizes(model: PartModel) -> Sizes:
-    """What distances between parallel faces a part has, by the areas of the faces."""
+    """What distances between parallel faces a part has, and how far out its surface is, by the areas of the faces."""
     if "plane" not in model.candidates:
-        return Sizes(*(np.zeros(0) for _ in range(4)))
+        none = np.zeros(0)
+        return Sizes(none, none, none, none, again=0.0, height=0.0, height_sd=model.radius, place_sd=model.radius)
     planes, table = model.candidates["plane"], model.table("plane", "plane")
     assert table.angle is not None
     assert table.low is not None
-    weights = planes.weights[:, None] * planes.weights * ~np.eye(len(planes), dtype=bool)
-    out = []
+    weights = planes.weights[:, None] * planes.weights
+    found: list[FloatArray] = []
     for parallel in (table.angle < _PARALLEL, table.angle > np.pi - _PARALLEL):
-        values, index = np.unique(np.round(table.low[parallel], 6), return_inverse=True)
-        w = np.bincount(index, weights[parallel], minlength=len(values))
-        out += [values, w / max(w.sum(), 1e-300)]
-    return Sizes(*out)
+        other = parallel & ~np.eye(len(planes), dtype=bool)
+        values, index = np.unique(np.round(table.low[other], 6), return_inverse=True)
+        w = np.bincount(index, weights[other], minlength=len(values))
+        found += [values, w / max(w.sum(), 1e-300)]
+    again = float(np.trace(weights) / weights[table.angle < _PARALLEL].sum())
+    step, step_weights, thickness, thickness_weights = found
+    return Sizes(step, step_weights, thickness, thickness_weights, again, *_surface_moments(model))
+
+
+def _surface_moments(model: PartModel) -> tuple[float, float, float]:
+    """Mean and sd of the height of the planar surface over its centroid, and sd of the place along it."""
+    assert model.part is not None
+    planes = model.part.planes
+    w = planes.areas / planes.areas.sum()
+    spokes = planes.centroids - w @ planes.centroids
+    heights = np.sum(planes.normals * spokes, axis=1)
+    mean = float(w @ heights)
+    across = (spokes**2).sum(axis=1) - heights**2 + (planes.gyration**2).sum(axis=1)
+    return mean, float(np.sqrt(w @ (heights - mean) ** 2)), float(np.sqrt(w @ across / 2))
 
 
 def prepare(part: Part) -> PartModel:

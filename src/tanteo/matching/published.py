@@ -16,9 +16,10 @@ from tanteo.features import feature_covariance
 from tanteo.localization import gauss_newton
 from tanteo.localization.start import first_pose
 from tanteo.matching.belief import Belief, Mode, equivalent
+from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import MAX_PARTIAL, NOTHING, build
+from tanteo.matching.tree import MAX_PARTIAL, build
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 _PARALLEL = 1e-6

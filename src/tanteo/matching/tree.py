@@ -17,13 +17,11 @@ from tanteo.features import EDGE, PLANE, VERTEX
 from tanteo.localization.relations import EDGE_DIRECTIONS, PLANE_DIRECTIONS, Relation, relation_between
 from tanteo.localization.solve import Block, Solution, gauss_newton
 from tanteo.localization.start import first_pose
+from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.gates import compatible, large_enough
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import KINDS_IN_TREE, Sensed
 from tanteo.typing import BoolArray, FloatArray, IntArray
-
-NOTHING = -1
-"""In an interpretation: the sensed feature is clutter."""
 
 ALPHA_JOINT = 1e-4
 """A true interpretation is lost by one joint prefix test with this probability."""
@@ -223,23 +221,21 @@ def prune(
     n_shared = sensed.gains[0].shape[1] if sensed.gains else 0
     start = first_pose(blocks) if blocks else np.tile(np.eye(4), (len(choices), 1, 1))
     start = np.broadcast_to(start, (len(choices), 4, 4))
-    solution = gauss_newton(blocks, start, n_shared, hold=_HOLD, iterations=iterations, tolerance=1e-12)
-    dof = np.maximum(solution.equations - _rank(solution), 1.0)
+    free, n_free = free_projector(sensed, model, choices, model.radius)
+    scale = pose_scale(model.radius)
+    hold = _HOLD + _STIFF * free / np.outer(scale, scale)
+    solution = gauss_newton(blocks, start, n_shared, hold=hold, iterations=iterations, tolerance=1e-12)
+    dof = np.maximum(solution.equations - (6 - n_free), 1.0)
     ok = solution.chi2 <= chdtri(dof, ALPHA_JOINT)
     ok &= _same_side(blocks, solution.T_world_part)
-    return choices[ok], _take(solution, ok)
+    return choices[ok], take(solution, ok)
 
 
 _HOLD = np.diag([1e-2] * 3 + [1e-4] * 3)
-"""Keeps steps small along motions that nothing resists; far below any real information."""
+"""Keeps steps small where little resists; far below any real information."""
 
-
-def _rank(solution: Solution) -> FloatArray:
-    """How many directions of the pose each interpretation resists."""
-    scale = np.sqrt(np.diagonal(solution.information[..., :6, :6], axis1=-2, axis2=-1))
-    scale = np.where(scale > 0, scale, 1.0)
-    unit = solution.information[..., :6, :6] / (scale[..., :, None] * scale[..., None, :])
-    return np.asarray((np.linalg.eigvalsh(unit) > 1e-7).sum(axis=-1), dtype=np.float64)
+_STIFF = 1e8
+"""Information, in units of the part, that keeps the pose where it is along motions that nothing resists."""
 
 
 def _same_side(blocks: Sequence[Block], T_world_part: FloatArray) -> BoolArray:
@@ -255,7 +251,8 @@ def _same_side(blocks: Sequence[Block], T_world_part: FloatArray) -> BoolArray:
     return ok
 
 
-def _take(solution: Solution, ok: BoolArray) -> Solution:
+def take(solution: Solution, ok: BoolArray) -> Solution:
+    """Some hypotheses of a batch."""
     return Solution(
         solution.T_world_part[ok],
         solution.z[ok],
