@@ -12,7 +12,7 @@ from tanteo.fitting.derived import (
 )
 from tanteo.fitting.edge import edge_ml, fit_edge
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
-from tanteo.fitting.labelled import LabelledFeatures, Sides, fit_labelled
+from tanteo.fitting.labelled import SUSPECT, LabelledFeatures, Sides, fit_labelled
 from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.spread import (
     edge_direction_covariance,
@@ -22,6 +22,7 @@ from tanteo.fitting.spread import (
 from tanteo.fitting.vertex import Corner, fit_vertex, intersect_edges, intersect_lines, vertex_ml
 
 __all__ = [
+    "SUSPECT",
     "Corner",
     "Estimate",
     "FitReport",

@@ -55,7 +55,7 @@ def free_motions(blocks: Sequence[Block], T_world_part: Transforms, n_shared: in
     return _translations_first(N) if len(N) else np.zeros((0, 6))
 
 
-def weak_motions(information: FloatArray, length: float, sd: float = 0.3) -> Tangents:
+def weak_motions(information: FloatArray, length: float, sd: float = 0.3, fixed: Tangents | None = None) -> Tangents:
     """Orthonormal basis ``(k, 6)`` of the motions known worse than ``sd``, in units of ``length`` and radians.
 
     Beyond that a linearised covariance means nothing: the direction is called free.
@@ -64,11 +64,15 @@ def weak_motions(information: FloatArray, length: float, sd: float = 0.3) -> Tan
         information: of the pose ``(6, 6)``.
         length: size of the part [m].
         sd: limit of the standard deviation, relative to ``length`` or in radians.
+        fixed: motions ``(m, 6)`` that are free by symmetry; they come first, and the others are orthogonal to them.
     """
+    known = np.zeros((0, 6)) if fixed is None else fixed
     scale = np.r_[np.full(3, length), np.ones(3)]
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    A = information * np.outer(scale, scale)
+    keep = np.eye(6) - known.T @ known
+    values, vectors = np.linalg.eigh(keep @ A @ keep + 1e3 / sd**2 * known.T @ known)
     N = vectors[:, values < 1 / sd**2].T
-    return _translations_first(N) if len(N) else np.zeros((0, 6))
+    return np.concatenate([known, _translations_first(N)]) if len(N) else known
 
 
 def _translations_first(N: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
 from tanteo.matching.target import Target
 from tanteo.matching.touches import FreePaths, Touches
+from tanteo.matching.verdict import without_spins
 from tanteo.shapes import signed_distance
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
@@ -91,7 +92,7 @@ def polish(
     log += _free_paths(free, Ts, target, priors)
     if z.shape[1]:
         log -= 0.5 * np.linalg.slogdet(A[:, 6:, 6:])[1]
-    log += pose_volume(pose_information(A), priors.radius)
+    log += pose_volume(without_spins(target.part, pose_information(A)), priors.radius)
     n = len(touches)
     return Polished(Ts, z, A, log, belongs, at.r[:, :n], at.distances, at.J[:, :n, :6])
 
@@ -156,8 +157,9 @@ def _with_normals(touches: Touches, R: FloatArray, g: Vectors, at: _At) -> _At:
     log, stray = np.array(at.log_hit), np.array(at.log_stray)
     log[:, rows] += -0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi * sd**2) + same_side
     stray[:, rows] -= np.log(4 * np.pi)
-    r = np.concatenate([at.r, gap.reshape(S, -1)], axis=1)
-    J = np.concatenate([at.J, turn.reshape(S, -1, at.J.shape[-1])], axis=1)
+    k = 3 * len(rows)
+    r = np.concatenate([at.r, gap.reshape(S, k)], axis=1)
+    J = np.concatenate([at.J, turn.reshape(S, k, at.J.shape[-1])], axis=1)
     return _At(r, J, log, stray, at.distances)
 
 

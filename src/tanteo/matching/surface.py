@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
@@ -19,6 +20,15 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 
 GRID_SD = 0.3
 """Error of the distance grid, in cells."""
+
+_ENOUGH = 40
+"""Readings used to find poses; all are used to polish them."""
+
+_NOISY = 0.01
+"""Noise above this share of the part's diagonal blurs the first scores."""
+
+_MOST, _PLAUSIBLE = 0.8, 1e-3
+"""A pose explains the readings if this share of them belongs to it and their chi-square is not less likely."""
 
 _SAME_MAXIMUM = 6.0
 """Squared Mahalanobis distance within which two polished poses are one maximum.
@@ -46,16 +56,40 @@ class Effort:
     fine: int
 
 
-def effort_for(touches: Touches) -> Effort:
-    """The fewer readings, the more poses explain them, and the wider the search; normals narrow it."""
+QUICK = Effort(2, 2000, 8, (60, 20), 6)
+"""Many clean readings: almost every start ends at the truth."""
+
+WIDE = Effort(2, 12000, 10, (300, 120), 40)
+"""Few or noisy readings: many poses explain them."""
+
+WIDEST = Effort(4, 12000, 16, (800, 300), 60)
+"""A last look before giving up, for shapes full of local maxima."""
+
+ORIENTED = Effort(3, 150, 10, (24, 8), 4)
+"""Normals were sensed: two readings fix a pose."""
+
+
+def efforts_for(touches: Touches, target: Target) -> tuple[Effort, ...]:
+    """Efforts to try in turn, until a pose explains the readings.
+
+    The fewer and the noisier the readings, the more poses explain them, and the wider the first search.
+    """
     if touches.oriented.sum() >= 3:
-        return Effort(3, 150, 10, (24, 8), 4)
-    if len(touches) >= 20:
-        return Effort(2, 2000, 8, (60, 20), 6)
-    return Effort(2, 12000, 10, (300, 120), 40)
+        return ORIENTED, WIDE
+    noisy = float(np.median(touches.sd)) > _NOISY * target.part.diagonal
+    if len(touches) >= 20 and not noisy:
+        return QUICK, WIDE, WIDEST
+    return WIDE, WIDEST
 
 
-def search(touches: Touches, free: FreePaths, target: Target, priors: Priors, effort: Effort | None = None) -> Polished:
+def search(
+    touches: Touches,
+    free: FreePaths,
+    target: Target,
+    priors: Priors,
+    effort: Effort,
+    known: Transforms | None = None,
+) -> Polished:
     """The distinct maxima of the likelihood of one part, best first.
 
     Args:
@@ -63,15 +97,23 @@ def search(touches: Touches, free: FreePaths, target: Target, priors: Priors, ef
         free: paths on which nothing was met.
         target: the part.
         priors: clutter and workspace.
-        effort: how widely to search; from the number of readings if not given.
+        effort: how widely to search.
+        known: poses ``(S, 4, 4)`` to polish as well.
     """
-    effort = effort or effort_for(touches)
-    Ts = first_poses(touches, target, effort)
-    if not len(Ts):
-        return polish(touches, free, Ts, target, priors, 0)
-    Ts, _ = refine(touches, Ts, lambda p: _exact(target, p), np.array([5.0, 4.0, 3.0]))
-    found = polish(touches, free, Ts, target, priors)
-    return _distinct_maxima(found, target)
+    some = touches.take(np.linspace(0, len(touches) - 1, min(len(touches), _ENOUGH)).astype(np.int64))
+    Ts = first_poses(some, target, effort)
+    Ts = Ts if known is None else np.concatenate([known, Ts])
+    Ts, _ = refine(some, Ts, lambda p: _exact(target, p), np.array([5.0, 4.0, 3.0]))
+    return _distinct_maxima(polish(touches, free, Ts, target, priors), target)
+
+
+def explained(found: Polished) -> bool:
+    """Whether the best pose has the residuals of noise, few readings aside."""
+    if not len(found.Ts):
+        return False
+    belongs = found.belongs[0] > 0.5
+    chi2, dof = float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum()) - 6
+    return bool(belongs.mean() >= _MOST and (dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE))
 
 
 def first_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:

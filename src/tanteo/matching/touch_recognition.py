@@ -3,31 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
+from tanteo.fitting import SUSPECT
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, describe_motion, pose_information, weak_motions
 from tanteo.matching.evidence import Priors
 from tanteo.matching.model import PartModel
-from tanteo.matching.polish import Polished
+from tanteo.matching.polish import Polished, polish
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.surface import search
+from tanteo.matching.surface import efforts_for, explained, search
 from tanteo.matching.target import Target, prepare_target
 from tanteo.matching.touches import FreePaths, Touches
-from tanteo.matching.verdict import corner_sd, excuse, verdict, where_to_sense
+from tanteo.matching.verdict import CONFIDENCE, corner_sd, excuse, spins, verdict, where_to_sense, without_spins
 from tanteo.parts import Part
-from tanteo.typing import FloatArray
+from tanteo.typing import Covariances, FloatArray, IntArray, Tangents
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
 
 NEGLIGIBLE = 12.0
 """Log odds below the best mode at which another is not reported."""
+
+_ENOUGH, _MOST_SCATTER = 6, 2.0
+"""Spare readings from which, and ratio up to which, scatter is put down to the stated standard deviation."""
 
 
 def identify_touches(
@@ -64,13 +69,19 @@ def identify_touches(
         message = f"{len(touches)} readings fit any part: sense {LEAST} places or more, better eight, on several sides."
         return Recognition("insufficient", message, (), 1.0, {}, seed)
     clock = Clock()
-    targets = [part if isinstance(part, Target) else prepare_target(part) for part in parts]
-    priors = priors or Priors(radius=max(target.part.radius for target in targets))
+    priors = priors or Priors(radius=max(_part(part).radius for part in parts))
+    fitting = [part for part in parts if _large_enough(touches, _part(part))]
+    targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
     clock.lap("prepare")
-    found = [(target, search(touches, free, target, priors)) for target in targets if _large_enough(touches, target)]
+    found = _search_all(touches, free, targets, priors)
     clock.lap("search")
-    log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, free, priors).sum())
-    ranked, unknown = _ranked(found, log_unknown, len(targets), priors)
+    log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
+    ranked, unknown = _ranked(found, log_unknown, len(parts), priors)
+    ratio = _scatter(ranked)
+    if ratio > 1:
+        touches = replace(touches, covs=ratio**2 * touches.covs, sd=ratio * touches.sd)
+        found = [(target, polish(touches, free, modes.Ts, target, priors)) for target, modes in found]
+        ranked, unknown = _ranked(found, log_unknown, len(targets), priors)
     hypotheses = tuple(
         _hypothesis(touches, target, modes, k, probability) for probability, target, modes, k in ranked[:top]
     )
@@ -78,18 +89,45 @@ def identify_touches(
     status, message = verdict(hypotheses, unknown, alpha, advice=_advice(ranked))
     if hypotheses and status == "recognized":
         message += _what_limits(touches, ranked[0], shared)
+    if ratio > 1:
+        message += f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
-def _large_enough(touches: Touches, target: Target) -> bool:
+def _part(part: Part | PartModel | Target) -> Part:
+    if isinstance(part, Part):
+        return part
+    assert part.part is not None
+    return part.part
+
+
+def _search_all(
+    touches: Touches, free: FreePaths, targets: Sequence[Target], priors: Priors
+) -> list[tuple[Target, Polished]]:
+    """All parts with a quick search; wider and wider while no part explains the readings."""
+    found: list[tuple[Target, Polished]] = []
+    for level in range(3):
+        wider = []
+        for i, target in enumerate(targets):
+            efforts = efforts_for(touches, target)
+            known = found[i][1].Ts[:4] if found else None
+            effort = efforts[min(level, len(efforts) - 1)]
+            wider.append((target, search(touches, free, target, priors, effort, known)))
+        found = wider
+        if any(explained(modes) for _, modes in found):
+            break
+    return found
+
+
+def _large_enough(touches: Touches, part: Part) -> bool:
     """Whether the part is as large as the readings' spread, a few strays left aside."""
     centre = np.median(touches.points, axis=0)
     reach = np.sort(np.linalg.norm(touches.points - centre, axis=1) - 4 * touches.sd - touches.radii)
-    shared = 4 * np.sqrt(np.sum(touches.gains**2)) / max(len(touches), 1) ** 0.5
-    return bool(reach[int(0.75 * (len(reach) - 1))] - shared <= target.part.diagonal)
+    shared = 4 * np.sqrt(np.sum(touches.gains**2) / max(len(touches), 1))
+    return bool(reach[int(0.75 * (len(reach) - 1))] - shared <= part.diagonal)
 
 
-def unknown_log_density(touches: Touches, free: FreePaths, priors: Priors) -> FloatArray:
+def unknown_log_density(touches: Touches, priors: Priors) -> FloatArray:
     """Log density of each reading if the part is none of these: anywhere in the workspace ``(n,)``."""
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     log: FloatArray = np.where(touches.directed, -np.log(2 * priors.radius), -ball)
@@ -113,17 +151,31 @@ def _ranked(
     return ranked, float(np.exp(log_unknown - total))
 
 
+def _scatter(ranked: Sequence[tuple[float, Target, Polished, int]]) -> float:
+    """How many times more the readings scatter than stated, if the part is sure and nothing else is wrong; else 1."""
+    if not ranked or sum(row[0] for row in ranked if row[1] is ranked[0][1]) < CONFIDENCE:
+        return 1.0
+    _, _, modes, k = ranked[0]
+    belongs = modes.belongs[k] > 0.5
+    chi2, dof = float(np.sum(modes.residuals[k, belongs] ** 2)), int(belongs.sum()) - 6
+    if dof < _ENOUGH or chdtrc(dof, chi2) > SUSPECT:
+        return 1.0
+    ratio = float(np.sqrt(chi2 / dof))
+    return ratio if ratio <= _MOST_SCATTER else 1.0
+
+
 def _hypothesis(touches: Touches, target: Target, modes: Polished, k: int, probability: float) -> Hypothesis:
     part, T = target.part, modes.Ts[k]
-    information = pose_information(modes.information[k])
-    free = weak_motions(information, part.diagonal)
+    faces = _faces(touches, target, modes, k)
+    information = without_spins(part, pose_information(modes.information[k]))
+    free = weak_motions(information, part.diagonal, fixed=spins(part))
     covariance = covariance_with_free(information, free, part.diagonal)
+    covariance = covariance + _common_tolerance(touches, modes, k, faces, free, part.diagonal)
     words = tuple(describe_motion(xi, T, part.diagonal) for xi in free)
     unobserved, observed = excuse(part, free, words, covariance)
-    belongs = modes.belongs[k] > 0.5
+    belongs, names = modes.belongs[k] > 0.5, [part.faces[f].name for f in faces]
     chi2 = float(np.sum(modes.residuals[k, belongs] ** 2) + np.sum(modes.z[k] ** 2))
     dof = int(belongs.sum()) - (6 - len(free))
-    faces = _faces(touches, target, modes, k)
     return Hypothesis(
         part=part.name,
         file=part.source,
@@ -139,15 +191,41 @@ def _hypothesis(touches: Touches, target: Target, modes: Polished, k: int, proba
         p_value=float(chdtrc(dof, chi2)) if dof > 0 else 1.0,
         rms=float(np.sqrt(np.mean(modes.distances[k, belongs] ** 2))) if belongs.any() else 0.0,
         outliers=tuple(name for name, ok in zip(touches.ids, belongs, strict=True) if not ok),
-        pairings=tuple((i, f) for i, f, ok in zip(touches.ids, faces, belongs, strict=True) if ok),
+        pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
     )
 
 
-def _faces(touches: Touches, target: Target, modes: Polished, k: int) -> list[str]:
-    """Name of the face that each reading is nearest to."""
+def _faces(touches: Touches, target: Target, modes: Polished, k: int) -> IntArray:
+    """Index of the face that each reading is nearest to."""
     points = touches.points + touches.gains @ modes.z[k]
     near = target.surface.closest(SE3.apply(SE3.inverse(modes.Ts[k]), points))
-    return [target.part.faces[f].name for f in target.part.triangle_face[near.triangles]]
+    return target.part.triangle_face[near.triangles]
+
+
+def _common_tolerance(
+    touches: Touches, modes: Polished, k: int, faces: IntArray, free: Tangents, length: float
+) -> Covariances:
+    """What the covariance lacks because a made face deviates as a whole, not anew at every reading ``(6, 6)``.
+
+    The estimate weighs readings as if their deviations were independent; for that estimator, readings of one face
+    with one deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``.
+    """
+    if touches.tolerance == 0:
+        return np.zeros((6, 6))
+    J, w = modes.rows[k], modes.belongs[k]
+    sd = 1 / np.linalg.norm(J[:, :3], axis=1)  # the translation part of a row is the normal over its sd
+    weighted = J * (w * touches.tolerance / sd)[:, None]
+    scale = np.r_[np.full(3, length), np.ones(3)]
+    hold = 1e9 * np.abs(modes.information[k]).max()
+    held = np.array(modes.information[k])
+    held[:6, :6] += hold * (free / scale).T @ (free / scale)
+    gain = np.linalg.inv(held)[:6, :6]
+    extra = -weighted.T @ weighted
+    for face in np.unique(faces):
+        together = weighted[faces == face].sum(axis=0)
+        extra = extra + np.outer(together, together)
+    values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
+    return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
 
 
 def _advice(ranked: Sequence[tuple[float, Target, Polished, int]]) -> str:
@@ -155,11 +233,10 @@ def _advice(ranked: Sequence[tuple[float, Target, Polished, int]]) -> str:
     if not ranked:
         return ""
     _, target, modes, k = ranked[0]
-    free = weak_motions(pose_information(modes.information[k]), target.part.diagonal)
-    for xi in free:
-        if excuse(target.part, xi[None], ("free",), np.eye(6))[0]:
-            return where_to_sense(target.part, modes.Ts[k], xi)
-    return ""
+    part = target.part
+    information = without_spins(part, pose_information(modes.information[k]))
+    free = weak_motions(information, part.diagonal, fixed=spins(part))[len(spins(part)) :]
+    return where_to_sense(part, modes.Ts[k], free[0]) if len(free) else ""
 
 
 def _what_limits(touches: Touches, best: tuple[float, Target, Polished, int], shared: Sequence[SharedError]) -> str:

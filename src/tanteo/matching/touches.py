@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import BoolArray, Covariances, FloatArray, Vectors
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,6 +25,7 @@ class Touches:
         reach: length of the straight path along ``direction`` that was free up to the point ``(n,)`` [m]; 0 if unknown.
         gains: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
         sd: largest standard deviation of each point ``(n,)`` [m].
+        tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
     """
 
     ids: tuple[str, ...]
@@ -37,9 +38,18 @@ class Touches:
     reach: FloatArray
     gains: FloatArray
     sd: FloatArray
+    tolerance: float = 0.0
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def take(self, rows: IntArray) -> Touches:
+        """Some of the readings."""
+        arrays = {
+            name: getattr(self, name)[rows]
+            for name in ("points", "covs", "radii", "directions", "normals", "normal_sds", "reach", "gains", "sd")
+        }
+        return replace(self, ids=tuple(self.ids[i] for i in rows), **arrays)
 
     @property
     def directed(self) -> BoolArray:
@@ -85,7 +95,7 @@ def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: Float
 
     Args:
         measured: points in the world.
-        tolerance: sd of the made surface against its CAD, independent from point to point [m].
+        tolerance: sd of the made surface against its CAD [m].
         reach: known free path before each point ``(n,)`` [m]: the range of a beam.
     """
     J, C = measured.stacked()
@@ -102,4 +112,5 @@ def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: Float
         np.zeros(len(measured)) if reach is None else np.nan_to_num(reach),
         J @ (vectors * np.sqrt(values.clip(0))),
         np.sqrt(np.linalg.eigvalsh(covs)[:, -1]),
+        tolerance,
     )

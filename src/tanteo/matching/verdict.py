@@ -82,10 +82,10 @@ def excuse(
         words: the same in words.
         covariance: with the spread of a uniform draw along ``free``.
     """
-    spins = _spins(part)
+    excused = spins(part)
     left, observed = [], np.array(covariance)
     for xi, name in zip(free, words, strict=True):
-        if np.linalg.norm(xi - spins.T @ (spins @ xi)) > 1e-2:
+        if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
             left.append(name)
             continue
         scaled = xi * np.r_[np.full(3, part.diagonal), np.ones(3)]
@@ -93,7 +93,7 @@ def excuse(
     return tuple(left), observed
 
 
-def _spins(part: Part) -> FloatArray:
+def spins(part: Part) -> FloatArray:
     """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, scaled by its diagonal."""
     if not part.symmetry.continuous:
         return np.zeros((0, 6))
@@ -105,6 +105,16 @@ def _spins(part: Part) -> FloatArray:
         axes = axis[None]
     rows = np.concatenate([np.cross(point, axes) / part.diagonal, axes], axis=1)
     return np.linalg.qr(rows.T)[0].T
+
+
+def without_spins(part: Part, information: FloatArray) -> FloatArray:
+    """Information ``(*batch, 6, 6)`` with nothing left along the continuous symmetry, where facets feign some."""
+    rows = spins(part)
+    if not len(rows):
+        return information
+    scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
+    keep = (np.eye(6) - rows.T @ rows) * (scale[None, :] / scale[:, None])
+    return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
 
 
 def corner_sd(part: Part, covariance: Covariances) -> float:
