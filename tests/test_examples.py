@@ -1,0 +1,113 @@
+"""Every example runs without a warning and says what it promises; the readings are those of the script."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import tanteo
+from tanteo.io import read_rig
+from tanteo.lie import SE3, SO3
+
+pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+NUMBERED = sorted(EXAMPLES.glob("[0-9]*.py"))
+
+SAYS = {
+    "01_which_part": ["step_not_felt: ambiguous", "unknown_part: unknown", "too_few: insufficient", "sliding along"],
+    "02_where_is_it": ["T_world_part", "ROS pose", "GTSAM sd", "readings left out: 20"],
+    "03_two_features": ["plane_angle", "upright 12 mm thick", "possible", "rejected"],
+    "04_shared_errors": ["not said: unknown", "0.3 mm: recognized"],
+    "05_uncertain_frames": ["a to b, from the base", "chi2"],
+    "06_as_published": ["bracket_right, corrected: recognized. bracket_right"],
+    "07_from_ranges": ["bias of laser", "recognized: wedge"],
+}
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+def run(script, cache, *arguments):
+    code = [sys.executable, "-W", "error", str(script), *map(str, arguments)]
+    environment = {**os.environ, "TANTEO_CACHE": str(cache), "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run(code, env=environment, capture_output=True, encoding="utf-8", check=False)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+@pytest.mark.parametrize("script", NUMBERED, ids=lambda script: script.stem)
+def test_an_example_runs_and_is_a_page(script, cache):
+    text = script.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 60
+    page = ast.get_docstring(ast.parse(text))
+    assert page is not None
+    assert f"python examples/{script.name}" in page
+    done = run(script, cache)
+    assert not done.stderr
+    for words in SAYS[script.stem]:
+        assert words in done.stdout
+
+
+def test_every_example_is_expected_to_say_something():
+    assert sorted(SAYS) == [script.stem for script in NUMBERED]
+
+
+def test_the_readings_are_those_of_the_script(tmp_path, cache):
+    run(EXAMPLES / "make_readings.py", cache, tmp_path)
+    made = {file.name: file.read_text(encoding="utf-8") for file in tmp_path.iterdir()}
+    kept = {file.name: file.read_text(encoding="utf-8") for file in (EXAMPLES / "readings").glob("*.csv")}
+    assert made == kept
+
+
+def test_the_picture_can_be_drawn(tmp_path, cache):
+    run(ROOT / "docs" / "pictures" / "make_pictures.py", cache, tmp_path)
+    assert (tmp_path / "from_readings_to_answer.svg").stat().st_size > 10_000
+
+
+TRUTH = {  # part, position [mm] and turn about the vertical [deg], as the comments in the files have it
+    "bracket_left": ("bracket_left", (420, -130, 35), 33, {}),
+    "bracket_right": ("bracket_right", (455, 60, 35), -118, {}),
+    "step_15mm": ("step_15mm", (380, 140, 20), -28, {}),
+    "square_post": ("square_post", (300, -60, 20), 71, {}),
+    "clamp_ball_tip": ("clamp", (520, -40, 15), 140, {"tip_sd": [1.5e-3, 1.5e-3, 3e-4]}),
+    "wedge_ranges": ("wedge", (410, -90, 0), 57, {"rig": read_rig(EXAMPLES / "readings" / "laser_rig.toml")}),
+}
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return tanteo.read_parts(EXAMPLES / "parts", cache=False).parts
+
+
+@pytest.mark.parametrize("name", TRUTH)
+def test_answers_are_true_within_their_covariance(name, parts):
+    part, position, turn, options = TRUTH[name]
+    answer = tanteo.identify(tanteo.read_readings(EXAMPLES / "readings" / f"{name}.csv"), parts, **options)
+    assert answer.status == "recognized"
+    best = answer.hypotheses[0]
+    assert best.part == part
+    truth = SE3.from_parts(SO3.exp(np.radians([0.0, 0.0, turn])), np.array(position) * 1e-3)
+    poses = np.concatenate([best.T_world_part[None], best.symmetry_poses])
+    xi = SE3.log(SE3.inverse(poses) @ truth)
+    d2 = np.einsum("ki,ij,kj->k", xi, np.linalg.inv(best.covariance), xi)
+    assert d2.min() < chi2.isf(1e-3, 6)
+
+
+def test_the_other_answers_are_the_right_ones(parts):
+    statuses = {"step_not_felt": "ambiguous", "unknown_part": "unknown", "too_few": "insufficient"}
+    for name, status in statuses.items():
+        answer = tanteo.identify(tanteo.read_readings(EXAMPLES / "readings" / f"{name}.csv"), parts)
+        assert answer.status == status, name
+        total = answer.unknown_probability + sum(h.probability for h in answer.hypotheses)
+        assert total == pytest.approx(1, abs=0.02)
