@@ -20,6 +20,9 @@ _KEEP_ENTRIES = 1_000_000
 """Pair tables with more entries than this are computed when asked for and not kept."""
 
 
+_REPEATS = 6
+"""Touches of one face are counted up to this many."""
+
 _PARALLEL = 1e-6
 """Model faces whose normals differ by less than this are parallel [rad]."""
 
@@ -86,7 +89,9 @@ class Sizes:
         step_weights: probabilities, summing to one ``(k,)``.
         thickness: between faces that look opposite ways ``(m,)``; negative where material lies between.
         thickness_weights: probabilities, summing to one ``(m,)``.
-        again: of two touches of faces that look the same way, the probability that they met one and the same.
+        again: of a touch of a face that looks the same way as that of the ``k`` before it, the probability that it is
+            the same face, ``(K,)`` from ``k = 1``.
+        alike: probability that two touches meet faces that look the same way.
         height: mean of ``n . (x - c)`` over the surface, ``c`` its centroid: three times volume by area [m].
         height_sd: its standard deviation [m].
         place_sd: standard deviation of a surface point's place along its face, each way [m].
@@ -96,7 +101,8 @@ class Sizes:
     step_weights: FloatArray
     thickness: FloatArray
     thickness_weights: FloatArray
-    again: float
+    again: FloatArray
+    alike: float
     height: float
     height_sd: float
     place_sd: float
@@ -175,7 +181,17 @@ def parallel_sizes(model: PartModel) -> Sizes:
     """What distances between parallel faces a part has, and how far out its surface is, by the areas of the faces."""
     if "plane" not in model.candidates:
         none = np.zeros(0)
-        return Sizes(none, none, none, none, again=0.0, height=0.0, height_sd=model.radius, place_sd=model.radius)
+        return Sizes(
+            none,
+            none,
+            none,
+            none,
+            again=np.zeros(_REPEATS),
+            alike=0.0,
+            height=0.0,
+            height_sd=model.radius,
+            place_sd=model.radius,
+        )
     planes, table = model.candidates["plane"], model.table("plane", "plane")
     assert table.angle is not None
     assert table.low is not None
@@ -186,9 +202,11 @@ def parallel_sizes(model: PartModel) -> Sizes:
         values, index = np.unique(np.round(table.low[other], 6), return_inverse=True)
         w = np.bincount(index, weights[other], minlength=len(values))
         found += [values, w / max(w.sum(), 1e-300)]
-    again = float(np.trace(weights) / weights[table.angle < _PARALLEL].sum())
+    w = planes.weights / planes.weights.sum()
+    towards = (table.angle < _PARALLEL) @ w  # weight of all faces that look the same way
+    again = np.array([(w ** (k + 1)).sum() / (w**k @ towards) for k in range(1, _REPEATS + 1)])
     step, step_weights, thickness, thickness_weights = found
-    return Sizes(step, step_weights, thickness, thickness_weights, again, *_surface_moments(model))
+    return Sizes(step, step_weights, thickness, thickness_weights, again, float(w @ towards), *_surface_moments(model))
 
 
 def _surface_moments(model: PartModel) -> tuple[float, float, float]:

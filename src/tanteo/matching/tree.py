@@ -95,7 +95,8 @@ def interpret(sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float
             choices, _ = prune(sensed, model, choices, tolerance)
         choices = _expand(choices, done, i, fits[i], gates, n_nothing - missing)
         if not model.has_extent:  # all six directions look alike: the first one chosen may as well be the first
-            choices = choices[~((choices[:, i] % TURNS > 0) & np.all(choices[:, done] == NOTHING, axis=1))]
+            turned = (choices[:, i] != NOTHING) & (choices[:, i] % TURNS > 0)
+            choices = choices[~(turned & np.all(choices[:, done] == NOTHING, axis=1))]
         done.append(i)
         if len(choices) > MAX_PARTIAL:
             choices, cut = choices[np.linspace(0, len(choices) - 1, MAX_PARTIAL).astype(np.int64)], True

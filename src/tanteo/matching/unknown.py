@@ -9,17 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.special import logsumexp
 
 from tanteo.lie import SE3, SO3
-from tanteo.matching.evidence import Priors, direction_densities, log_evidence, perfect_evidence
+from tanteo.localization.solve import scaled_solve
+from tanteo.matching.evidence import Priors, clutter_densities, direction_densities, log_evidence, perfect_evidence
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import Candidates, PartModel
 from tanteo.matching.sensed import Sensed
 from tanteo.matching.tree import TURNS, decode, interpret
-from tanteo.typing import FloatArray, IntArray
+from tanteo.typing import BoolArray, FloatArray, IntArray
 
 SMALL = 5.0
 """Log odds below which a way of being right-angled is not looked for: the evidence needs no more than a percent."""
@@ -60,92 +62,111 @@ def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> 
     family = right_angled_family(priors.radius)
     stray = replace(priors, clutter=1 - priors.right_angled)
     pairs = _pairs(sensed, models, priors)
-    loose = n * np.log(stray.clutter) + float(direction_densities(sensed).sum())
+    directions = np.log(stray.clutter) + direction_densities(sensed)
     nothing = np.full((1, n), NOTHING)
-    terms = [loose + float(_pair_gains(sensed, family, nothing, pairs)[0])]
+    strays = [nothing == NOTHING]
+    weights = [directions.sum() + _pair_gains(sensed, family, nothing, pairs)]
     bounds = perfect_evidence(sensed, family, stray) + _most(sensed, pairs)
     for left_out in range(n):
-        if bounds[left_out] < max(terms) - SMALL:
+        if bounds[left_out] < max(w.max(initial=-np.inf) for w in weights) - SMALL:
             continue
         found = interpret(sensed, family, left_out)
-        weights = log_evidence(sensed, family, found, stray) + _pair_gains(sensed, family, found.choices, pairs)
-        if len(weights):
-            terms.append(float(logsumexp(weights)) + np.log(TURNS))
-    return float(logsumexp(terms)) + _log_places(sensed, models, priors)
+        gains = _pair_gains(sensed, family, found.choices, pairs)
+        weights.append(log_evidence(sensed, family, found, stray) + gains + np.log(TURNS))
+        strays.append(found.choices == NOTHING)
+    return _with_clutter(sensed, models, priors, np.concatenate(strays), np.concatenate(weights), directions)
 
 
-def _log_places(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> float:
-    """Log density of where the features are, by the directions that they have.
+def _with_clutter(
+    sensed: Sensed,
+    models: Sequence[PartModel],
+    priors: Priors,
+    strays: BoolArray,
+    weights: FloatArray,
+    directions: FloatArray,
+) -> float:
+    """Add where the features are, and let those that run along no axis ``(F, n)`` be no part of it at all."""
+    masks, index = np.unique(strays, axis=0, return_inverse=True)
+    by_mask = np.array([logsumexp(weights[index.ravel() == k]) for k in range(len(masks))])
+    masks = masks[by_mask > by_mask.max() - 2 * SMALL]
+    by_mask = by_mask[by_mask > by_mask.max() - 2 * SMALL]
+    n = len(sensed)
+    subsets = np.array([[i in some for i in range(n)] for k in range(3) for some in combinations(range(n), k)])
+    subsets = subsets[(subsets[:, None] <= masks).all(axis=2).any(axis=1)]
+    lost = np.log(priors.clutter) - np.log1p(-priors.clutter) + clutter_densities(sensed, priors.radius) - directions
+    given = subsets @ lost + _log_places(sensed, models, priors, ~subsets) + n * np.log1p(-priors.clutter)
+    allowed = (subsets[:, None] <= masks).all(axis=2)
+    return float(logsumexp(np.where(allowed, given[:, None] + by_mask, -np.inf)))
+
+
+def _log_places(sensed: Sensed, models: Sequence[PartModel], priors: Priors, kept: BoolArray) -> FloatArray:
+    """Log density of where the features of each row of ``kept`` ``(S, n)`` are, by the directions that they have.
 
     A point of the surface is ``c + height n`` give or take, for a centre ``c`` that is anywhere; height and spread are
     those of a known part, each as likely as the others.
     """
-    n = len(sensed)
-    sizes = [model.sizes for model in models]
-    height, height_sd, place_sd = (
-        np.array([getattr(size, name) for size in sizes]) for name in ("height", "height_sd", "place_sd")
-    )
-    height_sd = np.maximum(height_sd, 1e-3 * place_sd)
-    log = np.zeros(len(sizes))
-    W, Wy, yWy = (np.zeros((len(sizes), *shape)) for shape in ((3, 3), (3,), ()))
+    n, m = len(sensed), len(models)
+    height, height_sd, place_sd = np.array(
+        [(s.height, max(s.height_sd, 1e-3 * s.place_sd), s.place_sd) for s in (model.sizes for model in models)]
+    ).T
+    log, yWy, Wy, W = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m, 3)), np.zeros((n, m, 3, 3))
     for i in range(n):
         u, kind = sensed.directions[i], sensed.kinds[i]
-        along, across = np.outer(u, u), np.eye(3) - np.outer(u, u)
-        mean = sensed.points[i] - height[:, None] * u if kind == "plane" else np.tile(sensed.points[i], (len(sizes), 1))
-        precise = (height_sd**-2 if kind == "plane" else place_sd**-2)[:, None, None]
-        spread = place_sd[:, None, None] ** -2
-        w = {
-            "plane": precise * along + spread * across * sensed.placed[i],
-            "edge": precise * across + spread * along * sensed.placed[i],
-            "vertex": spread * np.eye(3),
-        }[kind]
-        values = np.linalg.eigvalsh(w)
-        log += 0.5 * np.where(values > 1e-9 * values[:, -1:], np.log(np.maximum(values, 1e-300) / (2 * np.pi)), 0).sum(
-            1
-        )
-        W += w
-        Wy += (w @ mean[..., None])[..., 0]
-        yWy += np.einsum("mi,mij,mj->m", mean, w, mean)
-    extent = np.eye(3) / (2 * priors.radius) ** 2 * 2 * np.pi  # where nothing else says so, the centre is anywhere
-    values = np.linalg.eigvalsh(W + 1e-9 * extent)
-    log += 0.5 * np.log(2 * np.pi / np.maximum(values, 2 * np.pi / (2 * priors.radius) ** 2)).sum(axis=1)
-    log -= 3 * np.log(2 * priors.radius)
-    log -= 0.5 * (yWy - np.einsum("mi,mi->m", Wy, np.linalg.solve(W + 1e-9 * extent, Wy[..., None])[..., 0]))
-    return float(logsumexp(log) - np.log(len(sizes)))
+        along, placed = np.outer(u, u), bool(sensed.placed[i])
+        rows = {"plane": (1, 2 * placed), "edge": (placed, 2), "vertex": (0, 3)}[kind]
+        sds = (height_sd if kind == "plane" else place_sd, place_sd)
+        mean = sensed.points[i] - (height[:, None] * u if kind == "plane" else 0.0)
+        W[i] = sum((rows[k] > 0) * sds[k][:, None, None] ** -2 * P for k, P in enumerate((along, np.eye(3) - along)))
+        log[i] = -sum(r * (np.log(sd) + 0.5 * np.log(2 * np.pi)) for r, sd in zip(rows, sds, strict=True))
+        Wy[i] = (W[i] @ np.broadcast_to(mean, (m, 3))[..., None])[..., 0]
+        yWy[i] = np.sum(mean * Wy[i], axis=-1)
+    total_W, total_Wy = np.einsum("sn,nmij->smij", kept, W), np.einsum("sn,nmi->smi", kept, Wy)
+    least = 2 * np.pi / (2 * priors.radius) ** 2  # where nothing says more, the centre is anywhere
+    values = np.linalg.eigvalsh(total_W)
+    centre = scaled_solve(total_W, total_Wy)
+    out = kept @ log - 0.5 * (kept @ yWy - np.sum(total_Wy * centre, axis=-1))
+    out -= 0.5 * np.log(np.maximum(values / least, 1.0)).sum(axis=-1)
+    return np.asarray(logsumexp(out, axis=1) - np.log(m))
 
 
 @dataclass(frozen=True, slots=True)
 class _Pairs:
-    """How much more likely a pair is if it has something in common, for every pair of views ``(rows, rows)``.
+    """How much more likely a plane is beside one that was met before, for every pair of views ``(rows, rows)``.
 
     Attributes:
-        parallel: of faces on one axis of a right-angled part: one and the same face, or at a common distance.
-        same: of faces in any direction: one and the same, normal included.
+        level: if both are one face, by their heights; 0 if they look different ways.
+        beam: the same by their directions, if these could be any.
+        other: if they are two faces on one axis.
+        again: probability that it is the same face, for ``k = 0, 1, ...`` touches of that before.
+        alike: probability that two touches meet faces that look the same way.
+        spread: Dirichlet's parameter of the six sides that gives this.
     """
 
-    parallel: FloatArray
-    same: FloatArray
+    level: FloatArray
+    beam: FloatArray
+    other: FloatArray
+    again: FloatArray
+    alike: float
+    spread: float
 
 
 def _pairs(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> _Pairs:
     n = len(sensed.kinds)
-    parallel, same = np.ones((n, n)), np.ones((n, n))
-    again = float(np.mean([model.sizes.again for model in models]))
+    level, beam, other = np.zeros((n, n)), np.zeros((n, n)), np.ones((n, n))
     planes = [i for i in range(n) if sensed.kinds[i] == "plane"]
     for i, j in ((i, j) for i in planes for j in planes if i != j):
-        alike = bool(sensed.directions[i] @ sensed.directions[j] > 0)
+        same = bool(sensed.directions[i] @ sensed.directions[j] > 0)
         d, sd = sensed.along[i, j], sensed.along_sd[i, j]
-        anywhere = np.mean([_anywhere(model, alike, d, sd) for model in models])
-        common = float(np.mean([_density(model, alike, d, sd) for model in models]))
-        ratio = 1 - priors.common_sizes + priors.common_sizes * common / anywhere
-        if alike:
-            level = float(np.exp(-0.5 * (d / sd) ** 2) / (sd * np.sqrt(2 * np.pi))) / anywhere
+        anywhere = float(np.mean([_anywhere(model, same, d, sd) for model in models]))
+        common = float(np.mean([_density(model, same, d, sd) for model in models]))
+        other[i, j] = 1 - priors.common_sizes + priors.common_sizes * common / anywhere
+        if same:
+            level[i, j] = float(np.exp(-0.5 * (d / sd) ** 2) / (sd * np.sqrt(2 * np.pi))) / anywhere
             tilt = sensed.tilt[i] ** 2 + sensed.tilt[j] ** 2
-            beam = 4 * np.pi * np.exp(-0.5 * sensed.angle[i, j] ** 2 / tilt) / (2 * np.pi * tilt)
-            ratio = again * level + (1 - again) * ratio
-            same[i, j] = 1 - again + again * level * beam
-        parallel[i, j] = ratio
-    return _Pairs(np.maximum(parallel, 1e-300), same)
+            beam[i, j] = 4 * np.pi * np.exp(-0.5 * sensed.angle[i, j] ** 2 / tilt) / (2 * np.pi * tilt)
+    again = np.mean([model.sizes.again for model in models], axis=0)
+    alike = float(np.clip(np.mean([model.sizes.alike for model in models]), 1 / 6 + 0.01, 0.5))
+    return _Pairs(level, beam, other, np.r_[again[:1], again], alike, (1 - alike) / (6 * alike - 1))
 
 
 def _anywhere(model: PartModel, alike: bool, distance: float, sd: float) -> float:
@@ -165,32 +186,42 @@ def _density(model: PartModel, same: bool, distance: float, sd: float) -> float:
 
 
 def _pair_gains(sensed: Sensed, family: PartModel, choices: IntArray, pairs: _Pairs) -> FloatArray:
-    """Log gains of each interpretation ``(F,)``: every plane against those before it on its axis, strays too."""
+    """Log gains of each interpretation ``(F,)``: every plane beside those before it, strays among themselves."""
     total = np.zeros(len(choices))
     planes = [i for i in range(len(sensed)) if sensed.kinds[i] == "plane"]
-    rows, axes = np.zeros_like(choices), np.full_like(choices, 3)
+    rows, sides = np.zeros_like(choices), np.full_like(choices, NOTHING)
     for i in planes:
-        side, view = decode(choices[:, i], family, "plane")
+        sides[:, i], view = decode(choices[:, i], family, "plane")
         rows[:, i] = np.array(sensed.views[i])[view]
-        axes[:, i] = np.where(side == NOTHING, 3, side % 3)
     for k, i in enumerate(planes):
-        gain, count = np.zeros(len(choices)), np.zeros(len(choices))
+        stray = sides[:, i] == NOTHING
+        level, other = np.zeros(len(choices)), np.zeros(len(choices))
+        met, beside, alike, before = (np.zeros(len(choices), dtype=np.int64) for _ in range(4))
         for j in planes[:k]:
-            together = axes[:, i] == axes[:, j]
-            table = np.where(
-                axes[:, i] == 3, pairs.same[rows[:, j], rows[:, i]], pairs.parallel[rows[:, j], rows[:, i]]
-            )
-            gain += np.where(together, table, 0.0)
-            count += together
-        total += np.log(np.where(count > 0, gain / np.maximum(count, 1), 1.0))
+            pair = rows[:, j], rows[:, i]
+            both = stray == (sides[:, j] == NOTHING)
+            axis = both & (stray | (sides[:, i] % 3 == sides[:, j] % 3))
+            ratio = np.where(axis, pairs.level[pair] * np.where(stray, pairs.beam[pair], 1.0), 0.0)
+            met += ratio > 1
+            level = np.maximum(level, ratio)
+            other += np.where(axis & ~stray, pairs.other[pair], 0.0)
+            beside += axis & ~stray
+            alike += axis & ~stray & (sides[:, i] == sides[:, j])
+            before += both & ~stray
+        same = np.where(stray | (alike > 0), pairs.again[np.minimum(met, len(pairs.again) - 1)], 0.0)
+        same = np.where(stray, same * pairs.alike, same)
+        gain = same * level + (1 - same) * np.where(beside > 0, other / np.maximum(beside, 1), 1.0)
+        uneven = 6 * (pairs.spread + alike) / (6 * pairs.spread + before)
+        total += np.log(np.maximum(gain, 1e-300)) + np.where(stray, 0.0, np.log(uneven))
     return total
 
 
 def _most(sensed: Sensed, pairs: _Pairs) -> float:
     """A bound on the gains of any interpretation."""
     planes = [i for i in range(len(sensed)) if sensed.kinds[i] == "plane"]
-    best = np.log(np.maximum(pairs.parallel, pairs.same))
+    best = np.maximum(np.maximum(pairs.level, pairs.level * pairs.beam * pairs.alike), pairs.other)
     views, total = sensed.views, 0.0
     for k, i in enumerate(planes[1:], start=1):
-        total += max(0.0, *(float(best[np.ix_(views[j], views[i])].max()) for j in planes[:k]))
+        total += max(0.0, *(float(np.log(best[np.ix_(views[j], views[i])].max())) for j in planes[:k]))
+        total += float(np.log(6 * (pairs.spread + k) / (6 * pairs.spread + k)))
     return total
