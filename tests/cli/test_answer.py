@@ -107,6 +107,18 @@ def test_control_characters_do_not_reach_the_terminal():
     assert "\\x1b[31mred" in text
 
 
+def test_outliers_say_how_far_off_they_are():
+    lines = answer_lines(recognition(hypothesis(outliers=("7", "9"), outlier_distances=(0.0021, np.nan))))
+    assert any("7 (2.1 mm off), 9." in line for line in lines)
+
+
+def test_same_robot_covariance_is_in_the_words_and_the_document():
+    same = hypothesis(covariance_same_robot=1e-8 * np.eye(6))
+    assert any("same robot  x 0.1 y 0.1 z 0.1 mm" in line for line in answer_lines(recognition(same)))
+    (h,) = recognition_document(recognition(same))["hypotheses"]
+    assert h["covariance_same_robot"]["order"] == "x y z rx ry rz"
+
+
 def test_document_follows_the_contract():
     turned = T @ SE3.from_parts(SO3.axis_rotation(2, np.pi), np.zeros(3))
     result = recognition(hypothesis(symmetry_order=2, symmetry_poses=turned[None], outliers=("7",)))
@@ -120,7 +132,7 @@ def test_document_follows_the_contract():
     (h,) = document["hypotheses"]
     assert list(h) == [
         "part", "file", "probability", "pose", "covariance", "worst_corner_sd_m", "unobserved", "symmetry", "fit",
-        "outliers", "pairings",
+        "outliers", "pairings", "outlier_distances_m", "covariance_same_robot",
     ]  # fmt: skip
     assert list(h["pose"]) == ["frame", "position_m", "quaternion_wxyz", "matrix"]
     np.testing.assert_allclose(h["pose"]["matrix"], T)

@@ -32,7 +32,7 @@ def answer_lines(recognition: Recognition, *, verbose: bool = False) -> list[str
     if best is not None or recognition.status == "unknown":
         lines += ["", f"None of these parts: {_percent(recognition.unknown_probability)}."]
     if best is not None and best.outliers:
-        lines.append(f"Readings that do not fit: {_names(best.outliers)}.")
+        lines.append(f"Readings that do not fit: {_outliers(best)}.")
     if best is not None and best.unobserved:
         lines.append(f"Not observed: {printable('; '.join(best.unobserved))}.")
     if verbose:
@@ -67,6 +67,9 @@ def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
         f"rx {np.degrees(sds[3]):.3g}  ry {np.degrees(sds[4]):.3g}  rz {np.degrees(sds[5]):.3g} deg, part frame",
         f"  fit         rms {_millimetres(best.rms)}, chi2 {best.chi2:.3g} with {best.dof} dof, p {best.p_value:.3g}",
     ]
+    if best.covariance_same_robot is not None:
+        same = np.sqrt(np.diag(best.covariance_same_robot))[:3] * 1e3
+        lines.append("  same robot  " + "x {:.3g} y {:.3g} z {:.3g} mm, with the shared errors known".format(*same))
     if best.symmetry_order > 1:
         lines.append(f"  symmetry    {best.symmetry_order} equivalent poses, reported as one")
     if verbose:
@@ -105,6 +108,12 @@ def _percent(p: float) -> str:
     return "< 0.1 %" if p < 0.0005 else f"{100 * p:.1f} %"
 
 
-def _names(names: tuple[str, ...]) -> str:
-    shown = ", ".join(printable(name) for name in names[:_MOST_NAMES])
-    return shown + (f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else "")
+def _outliers(best: Hypothesis) -> str:
+    """Each with how far off it is, where that is known."""
+    off = best.outlier_distances or (float("nan"),) * len(best.outliers)
+    shown = [
+        printable(name) + (f" ({_millimetres(d)} off)" if np.isfinite(d) else "")
+        for name, d in zip(best.outliers, off, strict=True)
+    ]
+    rest = len(shown) - _MOST_NAMES
+    return ", ".join(shown[:_MOST_NAMES]) + (f" and {rest} more" if rest > 0 else "")

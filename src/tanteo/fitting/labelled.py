@@ -31,13 +31,15 @@ class LabelledFeatures:
     Attributes:
         features: planes, edges and vertices; a pair where the outward side of a plane is unknown.
         bare: rows of the measurements that belong to no feature: points without label and without normal.
-        rejected: ids of readings that disagree with the others of their label, with how far off they are.
+        rejected: ids of readings that disagree with the others of their label.
+        rejected_by: how far each of them is from the feature of the others [m].
         notes: what could not be used or had to be widened, one sentence each.
     """
 
     features: tuple[Sides, ...]
     bare: IntArray
     rejected: tuple[str, ...]
+    rejected_by: tuple[float, ...]
     notes: tuple[str, ...]
 
 
@@ -55,7 +57,7 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
         InputError: for a ball tip on an edge or a vertex, different tips on one label, a normal without its sd.
     """
     groups: dict[str, list[int]] = {}
-    bare, features, rejected, notes = [], list[Sides](), list[str](), list[str]()
+    bare, features, rejected, notes = [], list[Sides](), dict[str, float](), list[str]()
     for row, (label, kind) in enumerate(zip(measured.features, measured.kinds, strict=True)):
         if label:
             groups.setdefault(label, []).append(row)
@@ -72,14 +74,15 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
             notes.append(f"{label!r} was left out: {error}")
             continue
         features.append(feature)
-        rejected += dropped
+        rejected |= dropped
         notes += note
-    return LabelledFeatures(tuple(features), np.array(bare, dtype=np.int64), tuple(rejected), tuple(notes))
+    index = np.array(bare, dtype=np.int64)
+    return LabelledFeatures(tuple(features), index, tuple(rejected), tuple(rejected.values()), tuple(notes))
 
 
 def _fit_group(
     measured: PointMeasurements, label: str, rows: list[int], tolerance: float
-) -> tuple[Sides, list[str], list[str]]:
+) -> tuple[Sides, dict[str, float], list[str]]:
     """Fit one label; drop readings that spoil the fit, or widen it if all of them scatter too much."""
     kind = measured.kinds[rows[0]]
     least = {"edge": 2, "vertex": 1}.get(kind, 3)
@@ -87,7 +90,7 @@ def _fit_group(
         raise DegenerateError(f"{kind} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
     feature, report = _fit(measured, kind, label, rows, tolerance)
     if report.p_value >= SUSPECT:
-        return feature, [], []
+        return feature, {}, []
     kept, dropped, better = list(rows), list[str](), report
     while better.p_value < SUSPECT and len(kept) > least + 1 and len(dropped) < len(rows) // 4:
         worst = next(row for row in kept if measured.ids[row] == better.worst)
@@ -95,13 +98,13 @@ def _fit_group(
         kept.remove(worst)
         cleaned, better = _fit(measured, kind, label, kept, tolerance)
     if dropped and better.p_value >= SUSPECT:
-        return cleaned, dropped, []
+        return cleaned, {name: _off(cleaned, measured, name) for name in dropped}, []
     ratio = report.chi2 / report.dof
     note = (
         f"the readings of {label!r} scatter {np.sqrt(ratio):.1f} times as much as stated: "
         "its covariance was widened by that; check the standard deviation"
     )
-    return _widened(feature, ratio), [], [note]
+    return _widened(feature, ratio), {}, [note]
 
 
 def _fit(
@@ -143,6 +146,15 @@ def _fit(
         for s in (1, -1)
     ]
     return (replace(both[0][0], tip_radius=radius), replace(both[1][0], tip_radius=radius)), both[0][1]
+
+
+def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:
+    """Distance of a reading from a feature, across it [m]."""
+    one = feature[0] if isinstance(feature, tuple) else feature
+    row = measured.ids.index(name)
+    local = SE3.apply(SE3.inverse(one.T_world_feature), measured.points[row])
+    across = local[[i for i in one.kind.rows if i < 3]]
+    return abs(float(np.linalg.norm(across)) - float(measured.radii[row]))
 
 
 def _known_side(measured: PointMeasurements, index: IntArray) -> dict[str, np.ndarray]:

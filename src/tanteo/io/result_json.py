@@ -52,13 +52,7 @@ def _hypothesis(h: Hypothesis) -> dict[str, Any]:
             "quaternion_wxyz": _numbers(SO3.as_quaternion(T[:3, :3])),
             "matrix": _numbers(T),
         },
-        "covariance": {
-            "order": "x y z rx ry rz",
-            "frame": "part",
-            "perturbation": "right",
-            "units": "m rad",
-            "matrix": _numbers(h.covariance),
-        },
+        "covariance": _covariance(h.covariance),
         "worst_corner_sd_m": _number(h.worst_corner_sd),
         "unobserved": list(h.unobserved),
         "symmetry": {
@@ -73,6 +67,18 @@ def _hypothesis(h: Hypothesis) -> dict[str, Any]:
         },
         "outliers": list(h.outliers),
         "pairings": [{"reading": reading, "feature": feature} for reading, feature in h.pairings],
+        "outlier_distances_m": _numbers(np.array(h.outlier_distances)),
+        "covariance_same_robot": None if h.covariance_same_robot is None else _covariance(h.covariance_same_robot),
+    }
+
+
+def _covariance(matrix: FloatArray) -> dict[str, Any]:
+    return {
+        "order": "x y z rx ry rz",
+        "frame": "part",
+        "perturbation": "right",
+        "units": "m rad",
+        "matrix": _numbers(matrix),
     }
 
 

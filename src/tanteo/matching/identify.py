@@ -101,7 +101,14 @@ def _single_points(sensed: LabelledFeatures) -> bool:
 
 def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:
     """Add readings thrown out of their label to the outliers, and the notes to the message."""
-    hypotheses = tuple(replace(h, outliers=sensed.rejected + h.outliers) for h in answer.hypotheses)
+    hypotheses = tuple(
+        replace(
+            h,
+            outliers=sensed.rejected + h.outliers,
+            outlier_distances=sensed.rejected_by + h.outlier_distances,
+        )
+        for h in answer.hypotheses
+    )
     notes = [f"Left out of its label: {', '.join(sensed.rejected)}"] if sensed.rejected else []
     message = " ".join([answer.message, *(_sentence(note) for note in (*notes, *sensed.notes))])
     return replace(answer, hypotheses=hypotheses, message=message)

@@ -20,7 +20,7 @@ from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.tree import decode
-from tanteo.matching.verdict import corner_sd, excuse, verdict
+from tanteo.matching.verdict import corner_sd, excuse, verdict, where_to_sense
 from tanteo.parts import Part
 
 
@@ -109,12 +109,7 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
     pairings = pairings_of(sensed, mode, tolerance)
     estimate = estimate_pose(pairings, start=mode.T_world_part, length=part.diagonal)
     unexplained, covariance = excuse(part, estimate.free, estimate.unobserved, estimate.covariance)
-    outliers = tuple(
-        reading
-        for feature, chosen in zip(sensed.features, mode.choices, strict=False)
-        if chosen == NOTHING
-        for reading in feature.readings or (feature.label,)
-    )
+    outliers, distances = _outliers(sensed, mode, estimate)
     return Hypothesis(
         part=part.name,
         file=part.source,
@@ -131,7 +126,29 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
         rms=_rms(estimate, pairings),
         outliers=outliers,
         pairings=tuple((r, p.model.name) for p in pairings for r in p.sensed.readings or (p.sensed.label,)),
+        outlier_distances=distances,
+        covariance_same_robot=estimate.covariance_same_robot if estimate.shared else None,
+        advice=_advice(part, estimate) if unexplained else "",
     )
+
+
+def _outliers(sensed: Sensed, mode: Mode, estimate: PoseEstimate) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    """Readings of the features that were left out, and how far from the part's surface they are [m]."""
+    names, distances = list[str](), list[float]()
+    for i in np.flatnonzero(mode.choices == NOTHING):
+        feature = sensed.features[i]
+        local = SE3.apply(SE3.inverse(estimate.T_world_part), feature.support)
+        distances += list(map(float, mode.model.surface.closest(local).distances)) or [float("nan")]
+        names += feature.readings or (feature.label,)
+    return tuple(names), tuple(distances) if len(distances) == len(names) else (float("nan"),) * len(names)
+
+
+def _advice(part: Part, estimate: PoseEstimate) -> str:
+    """What to sense for the first direction that is free and no symmetry."""
+    for xi in estimate.free:
+        if excuse(part, xi[None], ("free",), np.eye(6))[0]:
+            return where_to_sense(part, estimate.T_world_part, xi)
+    return ""
 
 
 def _rms(estimate: PoseEstimate, pairings: Sequence[Pairing]) -> float:

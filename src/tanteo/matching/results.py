@@ -32,6 +32,10 @@ class Hypothesis:
         rms: root mean square distance of the readings to the features they are paired with [m].
         outliers: ids of the readings that the hypothesis does not explain.
         pairings: reading id and model feature, for every explained reading.
+        outlier_distances: how far each outlier is from the surface [m]; NaN where that is not known.
+        covariance_same_robot: the same covariance with the errors that all readings share (robot, tip, sensor bias)
+            taken as known: what counts for going back to the part with the same robot. None if nothing is shared.
+        advice: what to sense to observe the first free direction; empty if there is none.
     """
 
     part: str
@@ -49,6 +53,9 @@ class Hypothesis:
     rms: float
     outliers: tuple[str, ...]
     pairings: tuple[tuple[str, str], ...]
+    outlier_distances: tuple[float, ...] = ()
+    covariance_same_robot: Covariances | None = None
+    advice: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

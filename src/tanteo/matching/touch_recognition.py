@@ -86,7 +86,7 @@ def identify_touches(
         _hypothesis(touches, target, modes, k, probability) for probability, target, modes, k in ranked[:top]
     )
     clock.lap("locate")
-    status, message = verdict(hypotheses, unknown, alpha, advice=_advice(ranked))
+    status, message = verdict(hypotheses, unknown, alpha)
     if hypotheses and status == "recognized":
         message += _what_limits(touches, ranked[0], shared)
     if ratio > 1:
@@ -192,7 +192,17 @@ def _hypothesis(touches: Touches, target: Target, modes: Polished, k: int, proba
         rms=float(np.sqrt(np.mean(modes.distances[k, belongs] ** 2))) if belongs.any() else 0.0,
         outliers=tuple(name for name, ok in zip(touches.ids, belongs, strict=True) if not ok),
         pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
+        outlier_distances=tuple(float(d) for d, ok in zip(modes.distances[k], belongs, strict=True) if not ok),
+        covariance_same_robot=_same_robot(part, modes, k, free),
+        advice=where_to_sense(part, T, free[len(spins(part))]) if unobserved else "",
     )
+
+
+def _same_robot(part: Part, modes: Polished, k: int, free: Tangents) -> Covariances | None:
+    """Covariance with the shared errors known; none if there are none."""
+    if modes.z.shape[1] == 0:
+        return None
+    return covariance_with_free(without_spins(part, modes.information[k][:6, :6]), free, part.diagonal)
 
 
 def _faces(touches: Touches, target: Target, modes: Polished, k: int) -> IntArray:
@@ -226,17 +236,6 @@ def _common_tolerance(
         extra = extra + np.outer(together, together)
     values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
     return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
-
-
-def _advice(ranked: Sequence[tuple[float, Target, Polished, int]]) -> str:
-    """What to sense for the first direction that the best mode leaves free."""
-    if not ranked:
-        return ""
-    _, target, modes, k = ranked[0]
-    part = target.part
-    information = without_spins(part, pose_information(modes.information[k]))
-    free = weak_motions(information, part.diagonal, fixed=spins(part))[len(spins(part)) :]
-    return where_to_sense(part, modes.Ts[k], free[0]) if len(free) else ""
 
 
 def _what_limits(touches: Touches, best: tuple[float, Target, Polished, int], shared: Sequence[SharedError]) -> str:

@@ -22,7 +22,6 @@ def verdict(
     *,
     cut: bool = False,
     as_published: bool = False,
-    advice: str = "",
 ) -> tuple[Status, str]:
     """Status and sentence of an answer.
 
@@ -32,7 +31,6 @@ def verdict(
         alpha: least p-value of an answer.
         cut: whether the search dropped something.
         as_published: the paper has no joint test, so the p-value does not reject.
-        advice: what to sense for the directions that stay free.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
     if not hypotheses or unknown > max(h.probability for h in hypotheses):
@@ -44,7 +42,7 @@ def verdict(
             "check the sensor's standard deviation, the tolerance and the units." + note
         )
     if best.unobserved:
-        help_ = advice or "sense a face or an edge that resists it"
+        help_ = best.advice or "sense a face or an edge that resists it"
         return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} stays free: {help_}." + note
     if best.probability < CONFIDENCE:
         return "ambiguous", _ambiguous_message(hypotheses, unknown) + note
