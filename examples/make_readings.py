@@ -120,6 +120,20 @@ def probe(thing, faces, per_face, sd, seed, *story, wrong=None):
     return sheet
 
 
+def bare(thing, faces, per_face, sd, seed, *story):
+    """Touches in no order that say nothing of the face they met: points and directions of approach, no labels."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for normal, where, *low in faces.values():
+        points, n = thing.touches(normal, where, per_face, rng, *low)
+        rows += [(point + sd * rng.normal(size=3), _looking(-n, rng, tilt_deg=20.0)[:, 2]) for point in points]
+    sheet = Sheet(*story, _truth(thing), f"touches with a standard deviation of {sd:g} mm, from slanting directions")
+    for k in rng.permutation(len(rows)):
+        point, way = rows[k]
+        sheet.add(**{POINT: point, WAY: way, "sd_mm": sd})
+    return sheet
+
+
 def _truth(thing):
     at = ", ".join(f"{c:g}" for c in thing.T[:3, 3])
     return f"truth: {thing.name} at ({at}) mm, turned by {thing.yaw_deg:g} degrees about the vertical"
@@ -241,6 +255,7 @@ def make():
         "unknown_part": probe(slab, SLAB, 4, 0.05, 6, "a part that is not among the files"),
         "too_few": probe(rail, RAIL, 4, 0.05, 7, "three faces of a rail: nothing says where it is along its length"),
         "clamp_ball_tip": ball_tip(clamp, CLAMP, 5, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stick"),
+        "bracket_bare": bare(left, BRACKET, 2, 0.05, 10, "twelve touches of the bracket; nobody noted which face"),
         "wedge_ranges": ranges(wedge, WEDGE, 5, 9, "a laser on the wrist; see laser_rig.toml"),
     }  # fmt: skip
 

@@ -30,6 +30,7 @@ SAYS = {
     "05_uncertain_frames": ["a to b, from the base", "chi2"],
     "06_as_published": ["bracket_right, corrected: recognized. bracket_right"],
     "07_from_ranges": ["bias of laser", "recognized: wedge"],
+    "08_bare_touches": ["12 touches with directions: recognized. bracket_left"],
 }
 
 
@@ -79,6 +80,7 @@ TRUTH = {  # part, position [mm] and turn about the vertical [deg], as the comme
     "bracket_left": ("bracket_left", (420, -130, 35), 33, {}),
     "bracket_right": ("bracket_right", (455, 60, 35), -118, {}),
     "step_15mm": ("step_15mm", (380, 140, 20), -28, {}),
+    "bracket_bare": ("bracket_left", (420, -130, 35), 33, {}),
     "square_post": ("square_post", (300, -60, 20), 71, {}),
     "clamp_ball_tip": ("clamp", (520, -40, 15), 140, {"tip_sd": [1.5e-3, 1.5e-3, 3e-4]}),
     "wedge_ranges": ("wedge", (410, -90, 0), 57, {"rig": read_rig(EXAMPLES / "readings" / "laser_rig.toml")}),
