@@ -1,0 +1,161 @@
+"""Does the region that is claimed hold the truth? ``python benchmarks/coverage.py [scenes] [processes]``.
+
+Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
+from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
+region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
+of the readings astray. Then how a bias that all readings share limits the answer.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from bare_scenes import SENSORS, box_centred_pose, inside, nees, off, scene
+from common import Table
+
+import tanteo
+from tanteo.matching import Priors
+from tanteo.matching.target import prepare_target
+from tanteo.matching.touch_recognition import identify_touches
+from tanteo.matching.touches import FreePaths
+
+PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_slot", "wedge")
+FOLDER = Path(__file__).parents[1] / "examples" / "parts"
+
+RIGHT = 0.003, np.radians(5)
+"""A pose this near the truth [m, rad], or within ten sigma, is the right maximum."""
+
+STRAY = 0.1
+BIAS = 5e-4
+"""Standard deviation of the shared bias [m]."""
+
+
+def part_scenes(task):
+    """Rows of results for some scenes of one part and one sensor, clean and with strays."""
+    name, s, seed, count = task
+    part = tanteo.read_part(FOLDER / f"{name}.step")
+    target, sensing = prepare_target(part), SENSORS[s]
+    priors = Priors(radius=part.radius)
+    out = []
+    for k in range(count):
+        case = (seed, PARTS.index(name), s, k)
+        for stray in (0.0, STRAY):
+            rng = np.random.default_rng(case)  # the same scene twice, strays aside
+            n, T = int(rng.choice(sensing.counts)), box_centred_pose(rng)
+            touches, rows, _ = scene(target.surface, T, sensing, n, rng, stray=stray, radius=priors.radius)
+            out.append(_row(part, target, touches, rows, T, sensing, priors, case, stray))
+    return out
+
+
+def _row(part, target, touches, rows, T, sensing, priors, case, stray):
+    start = time.perf_counter()
+    answer = identify_touches(touches, FreePaths.none(), [target], priors=priors, top=100)
+    elapsed = time.perf_counter() - start
+    row = {
+        "case": case, "n": len(touches), "stray": stray, "status": answer.status, "time": elapsed,
+        "P": 0.0, "right": False, "nees": np.nan, "dof": 6, "among": False, "named": 0, "far": 0, "false": 0, "p": 1.0,
+        "widened": "widened" in answer.message,
+    }  # fmt: skip
+    right = [_right(part, h, T) for h in answer.hypotheses]
+    row["among"] = any(right)
+    if answer.hypotheses:
+        h = answer.hypotheses[0]
+        row["P"], row["right"], row["p"] = h.probability, right[0], h.p_value
+        row["nees"], row["dof"] = nees(part, h.T_world_part, h.covariance, T)
+        local = (touches.points[rows] - T[:3, 3]) @ T[:3, :3]
+        far = target.surface.closest(local).distances > 5 * sensing.sd
+        ids = [touches.ids[i] for i in rows]
+        row["far"], row["named"] = int(far.sum()), sum(i in h.outliers for i, f in zip(ids, far, strict=True) if f)
+        row["false"] = sum(i not in ids for i in h.outliers)
+    return row
+
+
+def _right(part, h, T):
+    moved, angle = off(part, h.T_world_part, T)
+    value, dof = nees(part, h.T_world_part, h.covariance, T)
+    return (moved < RIGHT[0] and angle < RIGHT[1]) or value < 100 + dof
+
+
+def summary(rows):
+    """The figures of one sensor."""
+    clean, spoiled = ([r for r in rows if (r["stray"] > 0) == flag] for flag in (False, True))
+    sure = [r for r in clean if r["status"] == "recognized"]
+    held = np.mean([inside(r["nees"], r["dof"]) for r in sure])
+    claimed, true = np.mean([r["P"] for r in clean]), np.mean([r["right"] for r in clean])
+    among = np.mean([r["among"] for r in clean])
+    lost = true - np.mean([r["right"] for r in spoiled])
+    found = [r for r in spoiled if r["right"]]
+    named = sum(r["named"] for r in found) / max(sum(r["far"] for r in found), 1)
+    sure_spoiled = [r for r in spoiled if r["status"] == "recognized"]
+    held_spoiled = np.mean([inside(r["nees"], r["dof"]) for r in sure_spoiled])
+    return (
+        f"{len(sure)}/{len(clean)}", f"{100 * np.mean([r['right'] for r in sure]):.1f} %",
+        f"{100 * held:.1f} ± {100 * np.sqrt(held * (1 - held) / len(sure)):.1f} %",
+        f"{np.mean([r['nees'] / r['dof'] for r in sure if r['right']]):.2f}",
+        f"{claimed:.3f} / {true:.3f}", f"{100 * among:.1f} %", f"{100 * lost:+.1f}", f"{100 * named:.1f} %",
+        f"{100 * held_spoiled:.1f} %", f"{1e3 * np.median([r['time'] for r in clean]):.0f} ms",
+    )  # fmt: skip
+
+
+def bias_rows(count):
+    """Standard deviation of the worst corner with a shared bias, without it, and NEES, over the number of readings."""
+    part = tanteo.read_part(FOLDER / "bracket_left.step")
+    target, sensing, out = prepare_target(part), SENSORS[1], []
+    for n in (10, 40, 160, 640):
+        sds, values = [], []
+        for k in range(count):
+            rng = np.random.default_rng((7, n, k))
+            T = box_centred_pose(rng)
+            touches, _, shared = scene(target.surface, T, sensing, n, rng, bias_sd=BIAS)
+            answer = identify_touches(touches, FreePaths.none(), [target], shared=shared)
+            if answer.status != "recognized":
+                continue
+            h = answer.hypotheses[0]
+            same = h.covariance_same_robot
+            sds.append((h.worst_corner_sd, np.sqrt(np.trace(same[:3, :3])), np.sqrt(np.trace(h.covariance[:3, :3]))))
+            values.append(nees(part, h.T_world_part, h.covariance, T)[0] / 6)
+        world, robot, total = 1e3 * np.mean(sds, axis=0)
+        out.append((str(n), f"{world:.3f} mm", f"{total:.3f} mm", f"{robot:.3f} mm", f"{np.mean(values):.2f}"))
+    return out
+
+
+def run(scenes, processes, seed=1991):
+    """All rows, by sensor."""
+    tasks = [(name, s, seed, scenes) for s in range(len(SENSORS)) for name in PARTS]
+    with ProcessPoolExecutor(processes) as pool:
+        results = list(pool.map(part_scenes, tasks))
+    return [[row for task, rows in zip(tasks, results, strict=True) if task[1] == s for row in rows] for s in range(3)]
+
+
+def main():
+    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 10
+    processes = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    by_sensor = run(scenes, processes)
+    columns = (
+        "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right, all", "truth among modes",
+        "lost by 10 % strays [points]", "strays named", "region with strays", "median time",
+    )  # fmt: skip
+    rows = [(sensing.name, *summary(rows)) for sensing, rows in zip(SENSORS, by_sensor, strict=True)]
+    text = f"{len(PARTS)} parts x {scenes} scenes for each sensor."
+    print(Table("Coverage", text, columns, rows).markdown())
+    print()
+    columns = ("readings", "worst corner", "place, world", "place, same robot", "NEES / dof")
+    text = f"Laser with a shared bias of {1e3 * BIAS:g} mm along the beam, bracket_left."
+    print(Table("A shared bias does not average out", text, columns, bias_rows(max(5, scenes // 4))).markdown())
+    sys.stdout.flush()
+    wrong = [r for rows in by_sensor for r in rows if not r["stray"] and r["status"] == "recognized"]
+    wrong = [r for r in wrong if not inside(r["nees"], r["dof"], 0.9999)]
+    for r in wrong[:40]:
+        case = (PARTS[r["case"][1]], SENSORS[r["case"][2]].name, r["case"], f"n {r['n']}")
+        print("far out:", *case, f"NEES {r['nees']:.0f}, P {r['P']:.4f}, right {r['right']}, p {r['p']:.3f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,146 @@
+"""Scenes of readings without correspondences, drawn from exactly the model that the surface search assumes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from tanteo.features import SharedError
+from tanteo.lie import SE3, SO3
+from tanteo.matching.belief import _without_spin
+from tanteo.matching.touches import FreePaths, Touches
+
+REACH = 0.3
+"""Free path before a beam's hit [m]."""
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """A way of sensing: standard deviation [m], whether the direction is known, and how many readings."""
+
+    name: str
+    sd: float
+    directed: bool
+    counts: tuple[int, ...]
+
+
+SENSORS = (
+    Sensing("touch 0.01 mm", 1e-5, False, (8, 10, 15, 25)),
+    Sensing("laser 0.3 mm", 3e-4, True, (8, 10, 15, 25)),
+    Sensing("time of flight 3 mm", 3e-3, True, (15, 25, 40)),
+)
+
+
+def surface_points(surface, n, rng):
+    """Surface points even by area, and their outward normals, in the part frame."""
+    corners = surface.vertices[surface.triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    chosen = rng.choice(len(corners), size=n, p=areas / areas.sum())
+    u, v = np.sort(rng.uniform(size=(2, n, 1)), axis=0)
+    a, b, c = corners[chosen].transpose(1, 0, 2)
+    return u * a + (v - u) * b + (1 - v) * c, surface.normals[chosen]
+
+
+def beams(surface, n, rng, tilt=0.6):
+    """Surface points that straight paths from outside meet first, with the directions of those paths."""
+    points, directions = np.zeros((0, 3)), np.zeros((0, 3))
+    while len(points) < n:
+        p, normal = surface_points(surface, 4 * n, rng)
+        d = -normal + tilt * rng.normal(size=p.shape)
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        facing = np.sum(d * normal, axis=1) < -0.3
+        hits = surface.cast(p - REACH * d, d).distances
+        ok = facing & (np.abs(hits - REACH) < 1e-7)
+        points, directions = np.concatenate([points, p[ok]]), np.concatenate([directions, d[ok]])
+    return points[:n], directions[:n]
+
+
+def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, gains=None):
+    """World points as touches with isotropic noise of that standard deviation (a number, or one a point)."""
+    n = len(points)
+    sd = np.broadcast_to(np.asarray(sd, dtype=float), (n,))
+    return Touches(
+        ids=tuple(str(i) for i in range(n)),
+        points=np.array(points, dtype=float),
+        covs=sd[:, None, None] ** 2 * np.eye(3),
+        radii=np.broadcast_to(np.asarray(radii, dtype=float), (n,)).copy(),
+        directions=np.zeros((n, 3)) if directions is None else directions,
+        normals=np.zeros((n, 3)) if normals is None else normals,
+        normal_sds=np.full(n, normal_sd),
+        reach=np.full(n, float(reach)),
+        gains=np.zeros((n, 3, 0)) if gains is None else gains,
+        sd=sd.copy(),
+    )
+
+
+def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0):
+    """Touches of a part at a pose, the rows that are strays, and the shared errors.
+
+    Args:
+        surface: of the part.
+        T: pose of the part in the world.
+        sensing: how.
+        n: readings.
+        rng: of all draws.
+        stray: share of readings that are anywhere: in a ball about the part, or along their beam.
+        radius: of the ball, half of the length along the beam [m].
+        bias_sd: of an error along the beam that all readings share [m].
+    """
+    if sensing.directed:
+        p, d = beams(surface, n, rng)
+        directions = d @ T[:3, :3].T
+    else:
+        p, directions = surface_points(surface, n, rng)[0], None
+    points = SE3.apply(T, p) + sensing.sd * rng.normal(size=(n, 3))
+    gains, shared = None, ()
+    if bias_sd:
+        points = points - bias_sd * rng.normal() * directions
+        gains = bias_sd * directions[..., None]
+        shared = (SharedError("bias", np.array([[bias_sd**2]]), "bias of the sensor along the beam [m]"),)
+    rows = np.flatnonzero(rng.permutation(n) < round(stray * n))
+    k = len(rows)
+    if directions is None:
+        out = rng.normal(size=(k, 3))
+        out *= radius * rng.uniform(size=(k, 1)) ** (1 / 3) / np.linalg.norm(out, axis=1, keepdims=True)
+        points[rows] = SE3.apply(T, surface.vertices.mean(axis=0)) + out
+    else:
+        points[rows] += rng.uniform(-radius, radius, (k, 1)) * directions[rows]
+    touches = touches_of(points, sensing.sd, directions=directions, reach=REACH if sensing.directed else 0, gains=gains)
+    return touches, rows, shared
+
+
+def box_centred_pose(rng, spread=0.5):
+    q = rng.normal(size=4)
+    return SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), rng.uniform(-spread, spread, 3))
+
+
+def nees(part, T, covariance, truth):
+    """Squared Mahalanobis distance of the truth, the closest symmetric image, and its degrees of freedom."""
+    gaps = SE3.inverse(T @ part.symmetry.Ts) @ truth
+    dof = 6
+    if part.symmetry.continuous:
+        gaps, dof = _without_spin(part, gaps), 3 if part.symmetry.spherical else 5
+    xi = SE3.log(gaps)
+    return float(np.einsum("si,ij,sj->s", xi, np.linalg.pinv(covariance, rcond=1e-12), xi).min()), dof
+
+
+def off(part, T, truth):
+    """Distance of the part's centre [m] and angle [rad] between two poses, up to symmetry."""
+    gaps = SE3.inverse(truth) @ (T @ part.symmetry.Ts)
+    if part.symmetry.continuous:
+        gaps = _without_spin(part, gaps)
+    angles = np.linalg.norm(SE3.log(gaps)[:, 3:], axis=1)
+    moved = np.linalg.norm(SE3.apply(gaps, part.centroid) - part.centroid, axis=1)
+    k = int(np.argmin(angles + moved / part.diagonal))
+    return float(moved[k]), float(angles[k])
+
+
+def inside(value, dof, level=0.95):
+    """Whether a squared Mahalanobis distance is inside the region of that probability."""
+    return value <= chi2.ppf(level, dof)
+
+
+def no_paths():
+    return FreePaths.none()
