@@ -4,6 +4,7 @@ from tanteo.matching.belief import Belief, Mode, believe
 from tanteo.matching.evidence import Priors
 from tanteo.matching.identify import identify, locate
 from tanteo.matching.model import PartModel, prepare
+from tanteo.matching.prior import PosePrior, Table
 from tanteo.matching.recognition import identify_features
 from tanteo.matching.results import Hypothesis, Recognition
 
@@ -12,8 +13,10 @@ __all__ = [
     "Hypothesis",
     "Mode",
     "PartModel",
+    "PosePrior",
     "Priors",
     "Recognition",
+    "Table",
     "believe",
     "identify",
     "identify_features",

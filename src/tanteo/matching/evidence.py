@@ -13,6 +13,7 @@ import numpy as np
 from tanteo.localization.solve import assemble, pose_information
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.model import PartModel
+from tanteo.matching.prior import PosePrior
 from tanteo.matching.sensed import Sensed
 from tanteo.matching.tree import Interpretations, decode, self_pairings
 from tanteo.typing import BoolArray, FloatArray
@@ -29,6 +30,7 @@ class Priors:
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
         common_sizes: of the distances between its parallel faces, the share that the catalogue's parts have too: one
             workshop uses the same stock and the same round numbers again and again.
+        pose: what is known of the pose; used by the surface search.
     """
 
     unknown: float = 0.05
@@ -36,6 +38,7 @@ class Priors:
     radius: float = 0.1
     right_angled: float = 0.8
     common_sizes: float = 0.5
+    pose: PosePrior | None = None
 
 
 _FAINT = 25.0

@@ -37,7 +37,7 @@ def identify(
     """Which of the parts was sensed, and where it is.
 
     If every reading has a feature label, features are fitted and matched by the interpretation tree; if some have
-    none, all readings go against the whole surface of every part.
+    none, or something is known of the pose, all readings go against the whole surface of every part.
 
     Args:
         readings: what the devices said; see ``tanteo.io.read_readings``.
@@ -51,7 +51,7 @@ def identify(
         alpha: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
-        priors: what is assumed beforehand.
+        priors: what is assumed beforehand: clutter, workspace, a rough pose, a box, a table.
         seed: of the search.
 
     Returns:
@@ -63,7 +63,7 @@ def identify(
     start = time.perf_counter()
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
-    if len(sensed.bare) or _single_points(sensed):
+    if len(sensed.bare) or _single_points(sensed) or (priors is not None and priors.pose is not None):
         elapsed = time.perf_counter() - start
         reach = readings.ranges[measured.rows]
         touches, free = as_touches(measured, tolerance, reach), as_free_paths(measured, tolerance)

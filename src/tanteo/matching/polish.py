@@ -14,6 +14,7 @@ import numpy as np
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
+from tanteo.matching.prior import prior_log_density, prior_rows
 from tanteo.matching.target import Target
 from tanteo.matching.touches import FreePaths, Touches
 from tanteo.matching.verdict import without_spins
@@ -26,8 +27,11 @@ _IN_FRONT = 4.0
 _GRAZING = 0.02
 """Least cosine of incidence: a beam along a face does not measure it."""
 
-_SETTLED = 1e-4
-"""Gain in log likelihood below which a climb ends."""
+_SETTLED = 1e-3
+"""Change of log likelihood below which a climb ends."""
+
+_LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1.0
+"""Share of the information that is added to it; a pose that would need more is where it can get."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +75,7 @@ class _At:
 
 
 def polish(
-    touches: Touches, free: FreePaths, Ts: Transforms, target: Target, priors: Priors, iterations: int = 8
+    touches: Touches, free: FreePaths, Ts: Transforms, target: Target, priors: Priors, iterations: int = 12
 ) -> Polished:
     """Climb to the nearest maximum of the likelihood from every pose.
 
@@ -87,8 +91,9 @@ def polish(
     behind = _material_in_front(touches, Ts, z, target)
     log_hit = np.where(behind, -np.inf, at.log_hit)
     belongs = 1 / (1 + np.exp(np.clip(at.log_stray - log_hit, -700, 700)))
-    A, _ = _normal_equations(touches, at, belongs, z)
+    A, b = _normal_equations(touches, at, belongs, z)
     log = np.logaddexp(log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
+    log += _add_prior(priors, target, Ts, A, b) + prior_log_density(priors.pose, target.part, Ts, priors.radius)
     log += _free_paths(free, Ts, target, priors)
     if z.shape[1]:
         log -= 0.5 * np.linalg.slogdet(A[:, 6:, 6:])[1]
@@ -100,22 +105,35 @@ def polish(
 def _climb(
     touches: Touches, Ts: Transforms, target: Target, priors: Priors, iterations: int
 ) -> tuple[Transforms, FloatArray, _At]:
-    """Expectation and Gauss-Newton together; keeps the best state seen, as an edge of the part may make it swing."""
+    """Expectation and Levenberg-Marquardt together, each pose with its own damping; no step makes a pose worse.
+
+    Across an edge of the part the gradient jumps, and full Gauss-Newton steps would swing from face to face.
+    """
     z = np.zeros((len(Ts), touches.gains.shape[-1]))
-    best, best_Ts, best_z = np.full(len(Ts), -np.inf), Ts, z
-    for k in range(iterations + 1):
-        at = _linearise(touches, Ts, z, target, priors)
-        log = np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
-        better = log > best
-        settled = not np.any(log > best + _SETTLED)
-        best = np.where(better, log, best)
-        best_Ts, best_z = np.where(better[:, None, None], Ts, best_Ts), np.where(better[:, None], z, best_z)
-        if k == iterations or settled:
+    at = _linearise(touches, Ts, z, target, priors)
+    log, damping = _log_likelihood(at, z), np.full(len(Ts), _LEAST_DAMPING)
+    A, b = _normal_equations(touches, at, _responsibility(at), z)
+    Ts, active = np.array(Ts), np.arange(len(Ts))
+    for _ in range(iterations):
+        step = _solve(A[active], b[active], damping[active])
+        new_Ts, new_z = Ts[active] @ SE3.exp(step[:, :6]), z[active] + step[:, 6:]
+        at = _linearise(touches, new_Ts, new_z, target, priors)
+        gain = _log_likelihood(at, new_z) - log[active]
+        rows = np.flatnonzero(gain > 0)
+        better = active[rows]
+        Ts[better], z[better], log[better] = new_Ts[rows], new_z[rows], log[better] + gain[rows]
+        new_A, new_b = _normal_equations(touches, at, _responsibility(at), new_z)
+        A[better], b[better] = new_A[rows], new_b[rows]
+        damping[active] = np.where(gain > 0, 0.1 * damping[active], 30 * damping[active]).clip(_LEAST_DAMPING)
+        active = active[(np.abs(gain) > _SETTLED) & (damping[active] < _MOST_DAMPING)]
+        if not len(active):
             break
-        A, b = _normal_equations(touches, at, _responsibility(at), z)
-        step = _solve(A, b)
-        Ts, z = Ts @ SE3.exp(step[:, :6]), z + step[:, 6:]
-    return best_Ts, best_z, _linearise(touches, best_Ts, best_z, target, priors)
+    return Ts, z, _linearise(touches, Ts, z, target, priors)
+
+
+def _log_likelihood(at: _At, z: FloatArray) -> FloatArray:
+    """Of the readings, each from the surface or clutter, and of the shared errors ``(S,)``."""
+    return np.asarray(np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1))
 
 
 def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> _At:
@@ -179,11 +197,11 @@ def _normal_equations(touches: Touches, at: _At, belongs: FloatArray, z: FloatAr
     return A, b
 
 
-def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
-    """Steps, hardly damped, that stay put along directions that nothing resists."""
+def _solve(A: FloatArray, b: FloatArray, damping: FloatArray) -> FloatArray:
+    """Damped steps, which stay put along directions that nothing resists."""
     d = np.einsum("sii->si", A)
     scale = 1 / np.sqrt(np.where(d > 0, d, 1.0))
-    unit = A * scale[:, :, None] * scale[:, None, :] + 1e-6 * np.eye(A.shape[1])
+    unit = A * scale[:, :, None] * scale[:, None, :] + damping[:, None, None] * np.eye(A.shape[1])
     step = scale * np.linalg.solve(unit, (scale * b)[..., None])[..., 0]
     turn = np.linalg.norm(step[:, 3:6], axis=1)
     return step * np.minimum(1.0, 0.2 / np.maximum(turn, 1e-12))[:, None]

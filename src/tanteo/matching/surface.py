@@ -11,6 +11,7 @@ from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
 from tanteo.matching.polish import Polished, polish
+from tanteo.matching.prior import in_box, prior_starts
 from tanteo.matching.refine import refine
 from tanteo.matching.starts import bases, distinct, oriented_bases, pair_poses, score, triple_poses
 from tanteo.matching.target import Target
@@ -102,9 +103,10 @@ def search(
     """
     some = touches.take(np.linspace(0, len(touches) - 1, min(len(touches), _ENOUGH)).astype(np.int64))
     Ts = first_poses(some, target, effort)
-    Ts = Ts if known is None else np.concatenate([known, Ts])
-    Ts, _ = refine(some, Ts, lambda p: _exact(target, p), np.array([5.0, 4.0, 3.0]))
-    return _distinct_maxima(polish(touches, free, Ts, target, priors), target)
+    Ts = np.concatenate([prior_starts(priors.pose), Ts if known is None else np.concatenate([known, Ts])])
+    Ts, _ = refine(some, Ts, lambda p: _exact(target, p), _narrowing(some, target))
+    found = polish(touches, free, Ts, target, priors)
+    return _distinct_maxima(found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts))), target)
 
 
 def explained(found: Polished) -> bool:
@@ -128,6 +130,12 @@ def first_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:
     Ts = Ts[distinct(touches, Ts, cost, target, effort.rough[1], 0.3 * target.spacing)]
     Ts, cost = refine(touches, Ts, target.field, np.array([0.4 * start, 3.0, 3.0, 3.0, 3.0]), step)
     return Ts[distinct(touches, Ts, cost, target, effort.fine, max(2 * sd, 0.1 * target.spacing))]
+
+
+def _narrowing(touches: Touches, target: Target) -> FloatArray:
+    """Scales of the exact steps: from the error that the grid leaves down to the noise, halved or so at each."""
+    start = max(5.0, GRID_SD * target.field.step / float(np.median(touches.sd)))
+    return np.geomspace(start, 3.0, max(3, int(np.ceil(np.log2(start / 3.0))) + 1))
 
 
 def _raw_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:

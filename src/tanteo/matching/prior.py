@@ -1,0 +1,137 @@
+"""What is known of the pose before anything is sensed: a rough pose, a box, a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.frames import check_covariance
+from tanteo.lie import SE3
+from tanteo.parts import Part
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
+
+_SAMPLES = 64
+"""Starts drawn from a rough pose."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A plane on which the part stands or lies, in the world.
+
+    Attributes:
+        point: on the plane ``(3,)`` [m].
+        normal: away from the table, towards the part ``(3,)``.
+        sd: of its height [m].
+    """
+
+    point: Vectors
+    normal: Vectors
+    sd: float
+
+    def __post_init__(self) -> None:
+        length = float(np.linalg.norm(self.normal))
+        if not (np.isfinite(length) and length > 0 and np.isfinite(self.point).all() and self.sd > 0):
+            raise InputError("table: expected a finite point, a normal with a length and a positive sd. Check them.")
+        object.__setattr__(self, "point", np.array(self.point, dtype=np.float64))
+        object.__setattr__(self, "normal", np.array(self.normal, dtype=np.float64) / length)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePrior:
+    """Any of these, together; nothing given means anywhere in the workspace, in any attitude.
+
+    Attributes:
+        T_world_part: a rough pose ``(4, 4)``.
+        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
+        table: what the part rests on.
+
+    Raises:
+        InputError: for half a rough pose, or a box upside down.
+    """
+
+    T_world_part: Transforms | None = None
+    covariance: Covariances | None = None
+    box: FloatArray | None = None
+    table: Table | None = None
+
+    def __post_init__(self) -> None:
+        if (self.T_world_part is None) != (self.covariance is None):
+            raise InputError("prior: expected a rough pose with its covariance, got one of the two. Give both.")
+        if self.covariance is not None:
+            C = check_covariance("prior, covariance", self.covariance, 6)
+            if np.linalg.eigvalsh(C).min() <= 0:
+                raise InputError("prior, covariance: expected a positive variance in every direction, got zero.")
+            object.__setattr__(self, "covariance", C)
+        if self.box is not None:
+            box = np.array(self.box, dtype=np.float64)
+            if box.shape != (2, 3) or not np.all(box[1] > box[0]):
+                raise InputError(f"prior, box: expected lowest and highest x, y, z, got {box.tolist()}.")
+            object.__setattr__(self, "box", box)
+
+
+def prior_rows(prior: PosePrior | None, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
+    """What the prior says at some poses, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``."""
+    r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
+    if prior is not None and prior.T_world_part is not None:
+        L = np.linalg.cholesky(np.linalg.inv(prior.covariance)).T  # type: ignore[arg-type]
+        e = SE3.log(SE3.inverse(prior.T_world_part) @ Ts)
+        r.append(e @ L.T)
+        J.append(L @ SE3.right_jacobian_inverse(e))
+    if prior is not None and prior.table is not None:
+        gap, row = _standing(prior.table, part, Ts)
+        r.append(gap[:, None] / prior.table.sd)
+        J.append(row[:, None] / prior.table.sd)
+    return np.concatenate(r, axis=1), np.concatenate(J, axis=1)
+
+
+def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
+    """Height of the part's lowest point over the table ``(S,)`` and its derivative by the pose ``(S, 6)``."""
+    n = table.normal @ Ts[:, :3, :3]  # the table's normal in the part
+    heights = n @ part.vertices.T
+    v = part.vertices[np.argmin(heights, axis=1)]
+    gap = heights.min(axis=1) + (Ts[:, :3, 3] - table.point) @ table.normal
+    return gap, np.concatenate([n, np.cross(v, n)], axis=1)
+
+
+def prior_log_density(prior: PosePrior | None, part: Part, Ts: Transforms, radius: float) -> FloatArray:
+    """Log of the prior density over that of "anywhere", less the residuals of :func:`prior_rows` ``(S,)``.
+
+    Args:
+        prior: what is known.
+        part: the part.
+        Ts: poses ``(S, 4, 4)``.
+        radius: of the workspace [m]: anywhere is a cube of twice that and every attitude.
+    """
+    log = np.zeros(len(Ts))
+    if prior is None:
+        return log
+    if prior.covariance is not None:
+        log += 3 * np.log(2 * radius) + np.log(8 * np.pi**2)
+        log -= 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(prior.covariance)[1]
+    if prior.table is not None:
+        log += np.log(2 * radius) - 0.5 * np.log(2 * np.pi) - np.log(prior.table.sd)
+    if prior.box is not None:
+        share = 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0]))
+        log += np.where(in_box(prior, part, Ts), share, -np.inf)
+    return log
+
+
+def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
+    """Which poses put the part's centroid into the box ``(S,)``."""
+    if prior is None or prior.box is None:
+        return np.ones(len(Ts), dtype=bool)
+    centre = SE3.apply(Ts, part.centroid)
+    return np.asarray(np.all((centre >= prior.box[0]) & (centre <= prior.box[1]), axis=1))
+
+
+def prior_starts(prior: PosePrior | None) -> Transforms:
+    """Poses drawn from a rough pose, itself first ``(S, 4, 4)``; none without one."""
+    if prior is None or prior.T_world_part is None:
+        return np.zeros((0, 4, 4))
+    rng = np.random.default_rng(1991)
+    L = np.linalg.cholesky(prior.covariance)  # type: ignore[arg-type]
+    draws = np.concatenate([np.zeros((1, 6)), rng.normal(size=(_SAMPLES - 1, 6))]) @ L.T
+    return np.asarray(prior.T_world_part @ SE3.exp(draws))
