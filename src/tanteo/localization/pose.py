@@ -14,9 +14,9 @@ from tanteo.features import EDGE, Feature, FeatureKind, SharedError, collect_sha
 from tanteo.lie import SE3, SO3
 from tanteo.localization.observability import describe_motion, free_motions
 from tanteo.localization.relations import Relation, relation_between
-from tanteo.localization.solve import Block, Solution, gauss_newton, linearise, pose_information
+from tanteo.localization.solve import Block, Solution, gauss_newton, linearise, pose_information, take
 from tanteo.localization.start import first_pose, place
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.typing import BoolArray, Covariances, FloatArray, Tangents, Transforms
 
 _MAX_FLIPPED_EDGES = 6
 _CLOSE_CHI2 = 9.21
@@ -146,14 +146,16 @@ def estimate_pose(
     Raises:
         InputError: without pairings, or for kinds that cannot be paired.
     """
-    if not pairings:
+    if not pairings and prior is None:
         raise InputError("pairings: expected at least one pairing of a sensed with a model feature, got none.")
     blocks, L, errors, order = build_blocks(pairings)
     length = length or _model_length(pairings)
     information = None if prior is None else (prior[0], np.asarray(np.linalg.inv(prior[1])))
-    starts = _starts(blocks) if start is None else np.asarray(start)[None]
-    if prior is not None and start is None:
-        starts = np.concatenate([starts, prior[0][None]])
+    if start is not None:
+        starts = np.asarray(start)[None]
+    else:
+        starts = _starts(blocks) if pairings else np.zeros((0, 4, 4))
+        starts = starts if prior is None else np.concatenate([starts, prior[0][None]])
     solution, N = _best(blocks, starts, L.shape[1], information, length)
     best = int(np.argmin(solution.chi2))
     return _report(pairings, blocks, order, solution, best, N, L, errors, length)
@@ -161,7 +163,7 @@ def estimate_pose(
 
 def _model_length(pairings: Sequence[Pairing]) -> float:
     points = np.array([pairing.model.T_part_feature[:3, 3] for pairing in pairings])
-    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    span = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
     return span if span > 0 else 0.1
 
 
@@ -220,10 +222,21 @@ def _best(
 ) -> tuple[Solution, Tangents]:
     """Iterate every start, holding the motions that nothing resists."""
     solution = gauss_newton(blocks, starts, n_shared, prior=prior, iterations=15, hold=_hold(np.eye(6), length, 1e-6))
+    wrong = np.any([_wrong_side(block, solution.T_world_part).any(axis=-1) for block in blocks], axis=0)
+    if blocks and not wrong.all():
+        solution = take(solution, ~wrong)
     best = solution.T_world_part[int(np.argmin(solution.chi2))]
     N = free_motions(blocks, best, n_shared, length) if prior is None else np.zeros((0, 6))
     hold = _hold(N, length, 1e6)
     return gauss_newton(blocks, solution.T_world_part, n_shared, prior=prior, hold=hold), N
+
+
+def _wrong_side(block: Block, T_world_part: Transforms) -> BoolArray:
+    """Pairs of planes ``(*batch, n)`` whose outward normals point opposite ways: their residuals do not tell."""
+    if block.relation.name != "plane_plane":
+        return np.zeros((*T_world_part.shape[:-2], block.active.shape[-1]), dtype=np.bool_)
+    model = np.einsum("...ij,...nj->...ni", T_world_part[..., :3, :3], block.Ts_part_model[..., :3, 2])
+    return np.asarray(np.sum(model * block.Ts_world_feature[..., :3, 2], axis=-1) < 0, dtype=np.bool_)
 
 
 def _hold(N: Tangents, length: float, strength: float) -> FloatArray:
@@ -244,6 +257,8 @@ def _report(
     length: float,
 ) -> PoseEstimate:
     T, chi2 = solution.T_world_part[best], float(solution.chi2[best])
+    distances = _distances(blocks, order, T, solution.z[best])
+    chi2 = chi2 if np.all(np.isfinite(distances)) else np.inf
     information = solution.information[best]
     covariance = covariance_with_free(pose_information(information), N, length)
     dof = int(solution.equations[best]) - (6 - len(N))
@@ -259,7 +274,7 @@ def _report(
         chi2=chi2,
         dof=dof,
         p_value=p_value,
-        distances=_distances(blocks, order, T, solution.z[best], information),
+        distances=distances,
         alternatives=_alternatives(solution, best, covariance),
         shared=_shared_estimates(solution.z[best], information, N, L, errors, length),
         status="insufficient" if insufficient else "located",
@@ -286,13 +301,13 @@ def covariance_with_free(information: FloatArray, N: Tangents, length: float) ->
     return 0.5 * (C + C.T)
 
 
-def _distances(
-    blocks: list[Block], order: list[int], T: Transforms, z: FloatArray, information: FloatArray
-) -> FloatArray:
-    """Squared Mahalanobis distance of each pairing's residual under its own noise."""
-    out = np.zeros(len(order))
-    parts = [linearise(block, T, z) for block in blocks]
-    flat = [f @ np.linalg.solve(S, f) for at in parts for f, S in zip(at.f, at.S, strict=True)]
+def _distances(blocks: list[Block], order: list[int], T: Transforms, z: FloatArray) -> FloatArray:
+    """Squared Mahalanobis distance of each pairing's residual under its own noise; infinite from the wrong side."""
+    out, flat = np.zeros(len(order)), list[float]()
+    for block in blocks:
+        at = linearise(block, T, z)
+        values = [float(f @ np.linalg.solve(S, f)) for f, S in zip(at.f, at.S, strict=True)]
+        flat += list(np.where(_wrong_side(block, T), np.inf, values))
     out[order] = flat
     return out
 

@@ -184,3 +184,17 @@ def pose_information(information: FloatArray) -> FloatArray:
         return information
     cross = information[..., :6, 6:]
     return information[..., :6, :6] - cross @ np.linalg.solve(information[..., 6:, 6:], np.swapaxes(cross, -1, -2))
+
+
+def take(solution: Solution, ok: BoolArray) -> Solution:
+    """Some hypotheses of a batch."""
+    return Solution(
+        solution.T_world_part[ok],
+        solution.z[ok],
+        solution.information[ok],
+        solution.gradient[ok],
+        solution.chi2[ok],
+        solution.equations[ok],
+        solution.log_det[ok],
+        solution.steps[ok],
+    )

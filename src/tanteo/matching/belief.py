@@ -9,12 +9,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tanteo.lie import SE3, SO3
-from tanteo.localization.solve import pose_information
+from tanteo.localization.solve import pose_information, take
 from tanteo.matching.evidence import Priors, log_evidence, perfect_evidence
 from tanteo.matching.freedom import free_projector, pose_scale
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import Interpretations, interpret, take
+from tanteo.matching.tree import Interpretations, interpret
 from tanteo.matching.unknown import log_unknown
 from tanteo.matching.verify import within_extent
 from tanteo.parts import Part

@@ -15,7 +15,7 @@ from scipy.special import chdtri
 
 from tanteo.features import EDGE, PLANE, VERTEX
 from tanteo.localization.relations import EDGE_DIRECTIONS, PLANE_DIRECTIONS, Relation, relation_between
-from tanteo.localization.solve import Block, Solution, gauss_newton
+from tanteo.localization.solve import Block, Solution, gauss_newton, take
 from tanteo.localization.start import first_pose
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.gates import compatible, large_enough
@@ -250,17 +250,3 @@ def _same_side(blocks: Sequence[Block], T_world_part: FloatArray) -> BoolArray:
         cosine = np.sum(model * block.Ts_world_feature[..., :3, axis], axis=-1)
         ok &= np.all((cosine > 0) | ~block.active, axis=-1)
     return ok
-
-
-def take(solution: Solution, ok: BoolArray) -> Solution:
-    """Some hypotheses of a batch."""
-    return Solution(
-        solution.T_world_part[ok],
-        solution.z[ok],
-        solution.information[ok],
-        solution.gradient[ok],
-        solution.chi2[ok],
-        solution.equations[ok],
-        solution.log_det[ok],
-        solution.steps[ok],
-    )

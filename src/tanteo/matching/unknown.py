@@ -27,6 +27,10 @@ SMALL = 5.0
 """Log odds below which a way of being right-angled is not looked for: the evidence needs no more than a percent."""
 
 
+_COMPACT = 0.5 * np.log(2 * np.pi * np.e / 12)
+"""How much denser, on the average of the log, an even spread over a stretch is than a normal one of the same sd."""
+
+
 def right_angled_family(radius: float) -> PartModel:
     """Any part whose faces and edges run along three perpendicular axes: what most unknown parts look like."""
     axes = np.concatenate([np.eye(3), -np.eye(3)])
@@ -117,7 +121,7 @@ def _log_places(sensed: Sensed, models: Sequence[PartModel], priors: Priors, kep
         sds = (height_sd if kind == "plane" else place_sd, place_sd)
         mean = sensed.points[i] - (height[:, None] * u if kind == "plane" else 0.0)
         W[i] = sum((rows[k] > 0) * sds[k][:, None, None] ** -2 * P for k, P in enumerate((along, np.eye(3) - along)))
-        log[i] = -sum(r * (np.log(sd) + 0.5 * np.log(2 * np.pi)) for r, sd in zip(rows, sds, strict=True))
+        log[i] = -sum(r * (np.log(sd) + 0.5 * np.log(2 * np.pi) - _COMPACT) for r, sd in zip(rows, sds, strict=True))
         Wy[i] = (W[i] @ np.broadcast_to(mean, (m, 3))[..., None])[..., 0]
         yWy[i] = np.sum(mean * Wy[i], axis=-1)
     total_W, total_Wy = np.einsum("sn,nmij->smij", kept, W), np.einsum("sn,nmi->smi", kept, Wy)
@@ -125,7 +129,7 @@ def _log_places(sensed: Sensed, models: Sequence[PartModel], priors: Priors, kep
     values = np.linalg.eigvalsh(total_W)
     centre = scaled_solve(total_W, total_Wy)
     out = kept @ log - 0.5 * (kept @ yWy - np.sum(total_Wy * centre, axis=-1))
-    out -= 0.5 * np.log(np.maximum(values / least, 1.0)).sum(axis=-1)
+    out -= (0.5 * np.log(np.maximum(values / least, 1.0)) + _COMPACT * (values > least)).sum(axis=-1)
     return np.asarray(logsumexp(out, axis=1) - np.log(m))
 
 
