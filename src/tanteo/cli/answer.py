@@ -72,6 +72,12 @@ def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
         lines.append("  same robot  " + "x {:.3g} y {:.3g} z {:.3g} mm, with the shared errors known".format(*same))
     if best.symmetry_order > 1:
         lines.append(f"  symmetry    {best.symmetry_order} equivalent poses, reported as one")
+    if best.symmetry_axis is not None:
+        (x, y, z), d = best.symmetry_axis[0] * 1e3, best.symmetry_axis[1]
+        lines.append(
+            f"  symmetry    turns about its axis through ({x:.2f}, {y:.2f}, {z:.2f}) mm along "
+            f"({d[0]:.3f}, {d[1]:.3f}, {d[2]:.3f}) are equivalent"
+        )
     if verbose:
         lines.append("  T_world_part (metres):")
         lines += ["    " + "  ".join(f"{value: .9f}" for value in row) for row in best.T_world_part]

@@ -58,6 +58,7 @@ def _hypothesis(h: Hypothesis) -> dict[str, Any]:
         "symmetry": {
             "order": int(h.symmetry_order),
             "poses": [{"matrix": _numbers(pose)} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
+            "axis": None if h.symmetry_axis is None else _axis(h.symmetry_axis),
         },
         "fit": {
             "chi2": _number(h.chi2),
@@ -80,6 +81,10 @@ def _covariance(matrix: FloatArray) -> dict[str, Any]:
         "units": "m rad",
         "matrix": _numbers(matrix),
     }
+
+
+def _axis(axis: FloatArray) -> dict[str, Any]:
+    return {"frame": "world", "point_m": _numbers(axis[0]), "direction": _numbers(axis[1])}
 
 
 def _number(value: float) -> float | None:

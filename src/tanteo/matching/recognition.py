@@ -20,7 +20,7 @@ from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.tree import decode
-from tanteo.matching.verdict import corner_sd, excuse, verdict, where_to_sense
+from tanteo.matching.verdict import corner_sd, excuse, verdict, where_to_sense, world_axis
 from tanteo.parts import Part
 
 
@@ -128,6 +128,7 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
         pairings=tuple((r, p.model.name) for p in pairings for r in p.sensed.readings or (p.sensed.label,)),
         outlier_distances=distances,
         covariance_same_robot=estimate.covariance_same_robot if estimate.shared else None,
+        symmetry_axis=world_axis(part, estimate.T_world_part),
         advice=_advice(part, estimate) if unexplained else "",
     )
 

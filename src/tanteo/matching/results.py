@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from tanteo.typing import Covariances, Transforms
+from tanteo.typing import Covariances, FloatArray, Transforms
 
 Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
 
@@ -35,6 +35,8 @@ class Hypothesis:
         outlier_distances: how far each outlier is from the surface [m]; NaN where that is not known.
         covariance_same_robot: the same covariance with the errors that all readings share (robot, tip, sensor bias)
             taken as known: what counts for going back to the part with the same robot. None if nothing is shared.
+        symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
+            not an error, and not in ``unobserved``. None for other parts.
         advice: what to sense to observe the first free direction; empty if there is none.
     """
 
@@ -55,6 +57,7 @@ class Hypothesis:
     pairings: tuple[tuple[str, str], ...]
     outlier_distances: tuple[float, ...] = ()
     covariance_same_robot: Covariances | None = None
+    symmetry_axis: FloatArray | None = None
     advice: str = ""
 
 

@@ -21,7 +21,16 @@ from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.surface import efforts_for, explained, search
 from tanteo.matching.target import Target, prepare_target
 from tanteo.matching.touches import FreePaths, Touches
-from tanteo.matching.verdict import CONFIDENCE, corner_sd, excuse, spins, verdict, where_to_sense, without_spins
+from tanteo.matching.verdict import (
+    CONFIDENCE,
+    corner_sd,
+    excuse,
+    spins,
+    verdict,
+    where_to_sense,
+    without_spins,
+    world_axis,
+)
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, IntArray, Tangents
 
@@ -194,6 +203,7 @@ def _hypothesis(touches: Touches, target: Target, modes: Polished, k: int, proba
         pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
         outlier_distances=tuple(float(d) for d, ok in zip(modes.distances[k], belongs, strict=True) if not ok),
         covariance_same_robot=_same_robot(part, modes, k, free),
+        symmetry_axis=world_axis(part, T),
         advice=where_to_sense(part, T, free[len(spins(part))]) if unobserved else "",
     )
 

@@ -105,6 +105,15 @@ def spins(part: Part) -> FloatArray:
     return np.linalg.qr(rows.T)[0].T
 
 
+def world_axis(part: Part, T_world_part: Transforms) -> FloatArray | None:
+    """The part's axis of revolution in the world: point and direction ``(2, 3)``; None without one."""
+    if part.symmetry.axis is None:
+        return None
+    point, axis = part.symmetry.axis
+    R = T_world_part[:3, :3]
+    return np.stack([R @ point + T_world_part[:3, 3], R @ axis])
+
+
 def without_spins(part: Part, information: FloatArray) -> FloatArray:
     """Information ``(*batch, 6, 6)`` with nothing left along the continuous symmetry, where facets feign some."""
     rows = spins(part)
