@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,11 @@ def test_constraints_pin_versions_and_name_no_host():
             assert re.fullmatch(
                 r'[\w.-]+==[\w.]+( ; python_version [<>=]+ "3\.\d+"( and python_version [<>=]+ "3\.\d+")?)?', line
             ), line
+
+
+def test_the_package_is_typed_and_has_its_presets():
+    files = {file.name for room in ("tanteo", "tanteo.sensors") for file in resources.files(room).iterdir()}
+    assert {"py.typed", "sensor_presets.csv", "robot_error_presets.csv"} <= files
 
 
 def test_unlike_output_is_noticed():
