@@ -109,20 +109,24 @@ def _climb(
 
     Across an edge of the part the gradient jumps, and full Gauss-Newton steps would swing from face to face.
     """
-    z = np.zeros((len(Ts), touches.gains.shape[-1]))
-    at = _linearise(touches, Ts, z, target, priors)
-    log, damping = _log_likelihood(at, z), np.full(len(Ts), _LEAST_DAMPING)
-    A, b = _normal_equations(touches, at, _responsibility(at), z)
-    Ts, active = np.array(Ts), np.arange(len(Ts))
+
+    def look(Ts: Transforms, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        at = _linearise(touches, Ts, z, target, priors)
+        A, b = _normal_equations(touches, at, _responsibility(at), z)
+        log = np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
+        return log + _add_prior(priors, target, Ts, A, b), A, b
+
+    Ts, z = np.array(Ts), np.zeros((len(Ts), touches.gains.shape[-1]))
+    log, A, b = look(Ts, z)
+    damping, active = np.full(len(Ts), _LEAST_DAMPING), np.arange(len(Ts))
     for _ in range(iterations):
         step = _solve(A[active], b[active], damping[active])
-        new_Ts, new_z = Ts[active] @ SE3.exp(step[:, :6]), z[active] + step[:, 6:]
-        at = _linearise(touches, new_Ts, new_z, target, priors)
-        gain = _log_likelihood(at, new_z) - log[active]
+        new = Ts[active] @ SE3.exp(step[:, :6]), z[active] + step[:, 6:]
+        new_log, new_A, new_b = look(*new)
+        gain = new_log - log[active]
         rows = np.flatnonzero(gain > 0)
         better = active[rows]
-        Ts[better], z[better], log[better] = new_Ts[rows], new_z[rows], log[better] + gain[rows]
-        new_A, new_b = _normal_equations(touches, at, _responsibility(at), new_z)
+        Ts[better], z[better], log[better] = new[0][rows], new[1][rows], new_log[rows]
         A[better], b[better] = new_A[rows], new_b[rows]
         damping[active] = np.where(gain > 0, 0.1 * damping[active], 30 * damping[active]).clip(_LEAST_DAMPING)
         active = active[(np.abs(gain) > _SETTLED) & (damping[active] < _MOST_DAMPING)]
@@ -131,9 +135,15 @@ def _climb(
     return Ts, z, _linearise(touches, Ts, z, target, priors)
 
 
-def _log_likelihood(at: _At, z: FloatArray) -> FloatArray:
-    """Of the readings, each from the surface or clutter, and of the shared errors ``(S,)``."""
-    return np.asarray(np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1))
+def _add_prior(priors: Priors, target: Target, Ts: Transforms, A: FloatArray, b: FloatArray) -> FloatArray:
+    """Add what is known of the pose beforehand to the normal equations, in place; its log likelihood ``(S,)``."""
+    if priors.pose is None:
+        return np.zeros(len(Ts))
+    r, J = prior_rows(priors.pose, target.part, Ts)
+    Jt = np.swapaxes(J, 1, 2)
+    A[:, :6, :6] += Jt @ J
+    b[:, :6] -= (Jt @ r[..., None])[..., 0]
+    return np.asarray(-0.5 * np.sum(r * r, axis=1))
 
 
 def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> _At:
