@@ -3,7 +3,7 @@
 Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
 region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
-of the readings astray. Then how a bias that all readings share limits the answer.
+of the readings astray. Then how an error that all readings share limits the answer.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ RIGHT = 0.003, np.radians(5)
 
 STRAY = 0.1
 BIAS = 5e-4
-"""Standard deviation of the shared bias [m]."""
+"""Standard deviation of the robot's base, each axis [m]."""
 
 
 def part_scenes(task):
@@ -105,7 +105,7 @@ def summary(rows):
 
 
 def bias_rows(count):
-    """Standard deviation of the worst corner with a shared bias, without it, and NEES, over the number of readings."""
+    """Standard deviations in the world and for the same robot, and NEES, over the number of readings."""
     part = tanteo.read_part(FOLDER / "bracket_left.step")
     target, sensing, out = prepare_target(part), SENSORS[1], []
     for n in (10, 40, 160, 640):
@@ -113,7 +113,7 @@ def bias_rows(count):
         for k in range(count):
             rng = np.random.default_rng((7, n, k))
             T = box_centred_pose(rng)
-            touches, _, shared = scene(target.surface, T, sensing, n, rng, bias_sd=BIAS)
+            touches, _, shared = scene(target.surface, T, sensing, n, rng, base_sd=BIAS)
             answer = identify_touches(touches, FreePaths.none(), [target], shared=shared)
             if answer.status != "recognized":
                 continue
@@ -147,8 +147,8 @@ def main():
     print(Table("Coverage", text, columns, rows).markdown())
     print()
     columns = ("readings", "worst corner", "place, world", "place, same robot", "NEES / dof")
-    text = f"Laser with a shared bias of {1e3 * BIAS:g} mm along the beam, bracket_left."
-    print(Table("A shared bias does not average out", text, columns, bias_rows(max(5, scenes // 4))).markdown())
+    text = f"Laser on a robot whose base is uncertain by {1e3 * BIAS:g} mm an axis, bracket_left."
+    print(Table("A shared error does not average out", text, columns, bias_rows(max(5, scenes // 4))).markdown())
     sys.stdout.flush()
     wrong = [r for rows in by_sensor for r in rows if not r["stray"] and r["status"] == "recognized"]
     wrong = [r for r in wrong if not inside(r["nees"], r["dof"], 0.9999)]

@@ -75,7 +75,7 @@ def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_s
     )
 
 
-def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0):
+def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base_sd=0.0):
     """Touches of a part at a pose, the rows that are strays, and the shared errors.
 
     Args:
@@ -87,6 +87,7 @@ def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0):
         stray: share of readings that are anywhere: in a ball about the part, or along their beam.
         radius: of the ball, half of the length along the beam [m].
         bias_sd: of an error along the beam that all readings share [m].
+        base_sd: of the place of the robot's base, which moves all readings [m].
     """
     if sensing.directed:
         p, d = beams(surface, n, rng)
@@ -99,6 +100,10 @@ def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0):
         points = points - bias_sd * rng.normal() * directions
         gains = bias_sd * directions[..., None]
         shared = (SharedError("bias", np.array([[bias_sd**2]]), "bias of the sensor along the beam [m]"),)
+    if base_sd:
+        points = points - base_sd * rng.normal(size=3)
+        gains = np.broadcast_to(base_sd * np.eye(3), (n, 3, 3))
+        shared = (SharedError("base", base_sd**2 * np.eye(3), "place of the robot's base [m]"),)
     rows = np.flatnonzero(rng.permutation(n) < round(stray * n))
     k = len(rows)
     if directions is None:

@@ -1,0 +1,120 @@
+"""Real touches of one unmoved fixture by two people with an uncertain tip: located, and the two agree."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import tanteo
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.matching.polish import polish
+from tanteo.matching.target import prepare_target
+from tanteo.matching.touch_recognition import identify_touches
+from tanteo.matching.touches import FreePaths, as_touches
+from tanteo.matching.verdict import corner_sd
+from tanteo.sensors import measure
+
+FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "fixture_touches"
+pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
+
+SETS = "novice", "expert"
+SD, TIP = 0.3e-3, (1.5e-3, 1.5e-3, 0.3e-3)
+"""Repeatability, and the tip's offset: sideways and along [m]."""
+
+
+@pytest.fixture(scope="module")
+def target():
+    return prepare_target(tanteo.read_part(FOLDER / "fixture.stl", unit="mm"))
+
+
+def touches_of(name, tip=TIP):
+    measured = measure(tanteo.read_readings(FOLDER / f"{name}.csv"), sd=SD, tip_sd=tip)
+    return as_touches(measured), measured.shared
+
+
+@pytest.fixture(scope="module")
+def located(target):
+    """Answer and seconds, by set and by whether the tip's error is stated."""
+    out = {}
+    for name in SETS:
+        for tip in (TIP, None):
+            touches, shared = touches_of(name, tip)
+            start = time.perf_counter()
+            answer = identify_touches(touches, FreePaths.none(), [target], shared=shared)
+            out[name, tip is not None] = answer, time.perf_counter() - start
+    return out
+
+
+def errors(target, located, name, tip):
+    """Pose, and how its error depends on the readings' noise ``(6, 6)`` and on the whitened tip ``(6, D)``.
+
+    The estimate has error ``-A^-1 (J' e + [0; z])``: ``z`` is the draw that its prior took for zero.
+    """
+    h = located[name, tip][0].hypotheses[0]
+    touches, _ = touches_of(name, TIP if tip else None)
+    priors = Priors(radius=target.part.radius)
+    found = polish(touches, FreePaths.none(), h.T_world_part[None], target, priors)
+    covariance = np.linalg.inv(found.information[0])
+    return found.Ts[0], covariance[:6, :6], covariance[:6, 6:]
+
+
+def disagreement(target, located, tip, *, one_draw):
+    """P-value of the difference of the two poses, with one tip in both sets or with a tip for each."""
+    (T, P, G), (U, Q, H) = (errors(target, located, name, tip) for name in SETS)
+    xi = SE3.log(SE3.inverse(T) @ U)
+    A = SE3.adjoint(SE3.inverse(U) @ T)  # errors of the first pose, seen from the second
+    cross = A @ G @ H.T if one_draw else np.zeros((6, 6))
+    joint = A @ P @ A.T + Q - cross - cross.T
+    assert np.linalg.eigvalsh(joint).min() > 0
+    return float(chi2.sf(xi @ np.linalg.solve(joint, xi), 6))
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_located_without_correspondences_and_without_a_guess(located, name):
+    answer, elapsed = located[name, True]
+    best = answer.hypotheses[0]
+    assert answer.status == "recognized"
+    assert best.probability > 0.99
+    assert best.p_value > 0.05
+    assert best.outliers == ()
+    assert best.rms < 0.5e-3
+    assert elapsed < 3.0  # 0.3 s on a core of its own; this one is shared
+
+
+def test_two_people_agree_once_the_tip_is_an_error_that_all_touches_share(target, located):
+    assert disagreement(target, located, True, one_draw=True) > 0.01
+    assert disagreement(target, located, True, one_draw=False) > 0.01
+
+
+def test_without_the_tip_they_contradict_each_other(target, located):
+    assert disagreement(target, located, False, one_draw=False) < 1e-3
+    assert located["novice", False][0].hypotheses[0].p_value < 1e-3
+    assert located["novice", False][0].status == "unknown"
+
+
+def test_the_tip_that_each_set_finds_is_the_same(target, located):
+    draws = []
+    for name in SETS:
+        touches, _ = touches_of(name)
+        T = located[name, True][0].hypotheses[0].T_world_part
+        found = polish(touches, FreePaths.none(), T[None], target, Priors(radius=target.part.radius))
+        draws.append((found.z[0], np.linalg.inv(found.information[0])[6:, 6:]))
+    (z, P), (w, Q) = draws
+    assert chi2.sf((z - w) @ np.linalg.solve(P + Q, z - w), len(z)) > 0.01
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_the_share_of_the_tip_in_the_worst_corner(target, located, name):
+    best = located[name, True][0].hypotheses[0]
+    total = corner_sd(target.part, best.covariance)
+    without = corner_sd(target.part, best.covariance_same_robot)
+    assert 0.6 < np.sqrt(total**2 - without**2) / total < 0.9
+
+
+def test_it_says_that_the_tip_and_not_the_touches_limits_the_expert(located):
+    message = located["expert", True][0].message
+    assert "What limits it is not the readings but offset of the tip" in message
+    assert "limits" not in located["expert", False][0].message
