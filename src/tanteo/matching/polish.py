@@ -27,6 +27,9 @@ _IN_FRONT = 4.0
 _GRAZING = 0.02
 """Least cosine of incidence: a beam along a face does not measure it."""
 
+_AWAY = float(np.log(1e-6))
+"""Log density of a beam that met a face which looks away from it."""
+
 _SETTLED = 1e-3
 """Change of log likelihood below which a climb ends."""
 
@@ -152,15 +155,16 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     points = touches.points + np.einsum("nid,sd->sni", touches.gains, z)
     p = (points - Ts[:, None, :3, 3]) @ R
     phi, g = signed_distance(target.surface, p)
+    beside = _turn_to_beams(touches, target, R, p, phi, g)
     normal = g @ np.swapaxes(R, 1, 2)
     s = 1 / np.sqrt(((normal[:, :, None] @ touches.covs)[:, :, 0] * normal).sum(axis=-1))
     distance = phi - touches.radii
     r = distance * s
     J = np.concatenate([-g, -np.cross(p, g), np.einsum("sni,nid->snd", normal, touches.gains)], axis=-1) * s[..., None]
-    log = -0.5 * (r * r + np.log(2 * np.pi)) + np.log(s)
+    log = -0.5 * (r * r + beside + np.log(2 * np.pi)) + np.log(s)
     cosine = -np.einsum("sni,ni->sn", normal, touches.directions)
     directed = touches.directed
-    aimed = np.where(cosine > 0, np.log(np.maximum(cosine, _GRAZING)), np.log(1e-6))
+    aimed = np.where(cosine > 0, np.log(np.maximum(cosine, _GRAZING)), _AWAY)
     log += np.where(directed, aimed, -np.log(target.part.area)) + np.log1p(-priors.clutter)
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     stray = np.log(priors.clutter) - np.where(directed, np.log(2 * priors.radius), ball)
@@ -168,6 +172,34 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     if not touches.oriented.any():
         return _At(r, J, log, stray, distance)
     return _with_normals(touches, R, g, _At(r, J, log, stray, distance))
+
+
+def _turn_to_beams(
+    touches: Touches, target: Target, R: FloatArray, p: Vectors, phi: FloatArray, g: Vectors
+) -> FloatArray:
+    """Take the face that a beam came from where noise put its point nearer to one that looks away; in place.
+
+    Near an edge and in a thin wall the nearest face is often not the one that was met.
+
+    Returns:
+        Squared distance past the border of that face, in standard deviations ``(S, n)``.
+    """
+    beside = np.zeros(phi.shape)
+    d = touches.directions @ R  # of the part at every pose
+    doubtful = touches.directed & (np.sum(g * d, axis=-1) > -_GRAZING)
+    s, n = np.nonzero(doubtful & (np.abs(phi - touches.radii) < -_AWAY * touches.sd))
+    if not len(s):
+        return beside
+    at, along, sd, radius = p[s, n], d[s, n], touches.sd[n], touches.radii[n]
+    near = target.surface.closest(at - (2 * sd)[:, None] * along)
+    normal = target.surface.normals[near.triangles]
+    distance = np.sum((at - near.points) * normal, axis=-1)
+    past = (target.surface.closest(at - distance[:, None] * normal).distances / sd) ** 2
+    gain = 0.5 * ((phi[s, n] - radius) ** 2 - (distance - radius) ** 2) / sd**2 - 0.5 * past - _AWAY + np.log(_GRAZING)
+    ok = (np.sum(normal * along, axis=-1) < -_GRAZING) & (gain > 0)
+    s, n = s[ok], n[ok]
+    phi[s, n], g[s, n], beside[s, n] = distance[ok], normal[ok], past[ok]
+    return beside
 
 
 def _with_normals(touches: Touches, R: FloatArray, g: Vectors, at: _At) -> _At:
