@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import bdtrc, chdtrc
 
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
@@ -28,8 +28,8 @@ _ENOUGH = 40
 _NOISY = 0.01
 """Noise above this share of the part's diagonal blurs the first scores."""
 
-_MOST, _PLAUSIBLE = 0.8, 1e-3
-"""A pose explains the readings if this share of them belongs to it and their chi-square is not less likely."""
+_STRAYS, _PLAUSIBLE = 0.03, 1e-3
+"""A pose explains the readings if as many strays as it leaves, and their chi-square, are not less likely than this."""
 
 _SAME_MAXIMUM = 6.0
 """Squared Mahalanobis distance within which two polished poses are one maximum.
@@ -109,13 +109,15 @@ def search(
     return _distinct_maxima(found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts))), target)
 
 
-def explained(found: Polished) -> bool:
-    """Whether the best pose has the residuals of noise, few readings aside."""
+def explained(found: Polished, clutter: float) -> bool:
+    """Whether the best pose has the residuals of noise, and no more readings aside than clutter at that rate makes."""
     if not len(found.Ts):
         return False
     belongs = found.belongs[0] > 0.5
     chi2, dof = float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum()) - 6
-    return bool(belongs.mean() >= _MOST and (dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE))
+    strays = int(np.sum(~belongs))
+    usual = strays == 0 or bdtrc(strays - 1, len(belongs), clutter) > _STRAYS
+    return bool(usual and (dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE))
 
 
 def first_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:

@@ -123,7 +123,7 @@ def _search_all(
             effort = efforts[min(level, len(efforts) - 1)]
             wider.append((target, search(touches, free, target, priors, effort, known)))
         found = wider
-        if any(explained(modes) for _, modes in found):
+        if any(explained(modes, priors.clutter) for _, modes in found):
             break
     return found
 
