@@ -2,16 +2,11 @@
 
 from tanteo.localization.fusion import fuse_features
 from tanteo.localization.observability import describe_motion, free_motions, weak_motions
-from tanteo.localization.pose import (
-    ModelFeature,
-    Pairing,
-    PoseEstimate,
-    build_blocks,
-    covariance_with_free,
-    estimate_pose,
-)
+from tanteo.localization.pairing import ModelFeature, Pairing, build_blocks
+from tanteo.localization.pose import PoseEstimate, estimate_pose
 from tanteo.localization.relations import RELATIONS, Relation, relation_between
 from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
+from tanteo.localization.summary import covariance_with_free
 
 __all__ = [
     "RELATIONS",

@@ -1,15 +1,19 @@
-"""A closed-form first pose from pairings: rotation from directions, then translation from offsets."""
+"""First poses from pairings, in closed form: rotation from directions, then translation from offsets."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
+from tanteo.features import EDGE
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import Block
 from tanteo.typing import FloatArray, Transforms
 
+_MAX_FLIPPED_EDGES = 6
 _DIRECTION_AXIS = {"plane": 2, "edge": 0, "cylinder": 0, "circle": 2, "half_edge": 0, "cone": 0}
 
 
@@ -75,3 +79,49 @@ def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
         A += N.sum(axis=-3)
         b += (N @ gap[..., None])[..., 0].sum(axis=-2)
     return np.asarray(np.linalg.solve(A + 1e-9 * np.eye(3), b[..., None])[..., 0])
+
+
+def first_poses(blocks: Sequence[Block]) -> Transforms:
+    """First poses ``(k, 4, 4)``: both directions of undirected edges; many rotations where directions fix none."""
+    edges = [
+        (b, i)
+        for b, block in enumerate(blocks)
+        if block.relation.name == "edge_edge"
+        for i in range(block.active.shape[-1])
+    ][:_MAX_FLIPPED_EDGES]
+    starts = []
+    for flips in product((False, True), repeat=len(edges)):
+        flipped = list(blocks)
+        for (b, i), flip in zip(edges, flips, strict=True):
+            if flip:
+                Ts = np.array(flipped[b].Ts_part_model)
+                Ts[i] = Ts[i] @ EDGE.symmetries[1]
+                flipped[b] = replace(flipped[b], Ts_part_model=Ts)
+        starts.append(first_pose(flipped))
+    if _fixed_directions(blocks) < 2:
+        starts += [SE3.from_parts(R, place(blocks, R)) for R in _rotations()]
+    return np.stack(starts)
+
+
+def _fixed_directions(blocks: Sequence[Block]) -> int:
+    """Rank of the paired directions: two fix a rotation."""
+    rows = [np.zeros((0, 3))]
+    for block in blocks:
+        name = block.relation.name
+        if name in ("plane_plane", "edge_edge", "cylinder_cylinder", "circle_circle"):
+            rows.append(block.Ts_part_model[..., :3, 2 if "plane" in name or "circle" in name else 0])
+        elif name in ("vertex_vertex", "sphere_sphere"):
+            p = block.Ts_part_model[..., :3, 3]
+            rows.append(p[1:] - p[:1])
+    D = np.concatenate(rows)
+    norms = np.linalg.norm(D, axis=1, keepdims=True)
+    D = D[norms[:, 0] > 0] / norms[norms[:, 0] > 0]
+    return int(np.linalg.matrix_rank(D, tol=1e-3)) if len(D) else 0
+
+
+def _rotations() -> FloatArray:
+    """The 24 turns of a cube, each also turned by 60 degrees about its diagonal: 48 even starts."""
+    turns = [SO3.exp(np.array(w) * np.pi / 2) for w in product((-1, 0, 1, 2), repeat=3)]
+    unique = {tuple(np.round(R @ Q, 3).ravel()): R @ Q for R in turns for Q in turns[:8]}
+    cube = np.array([R for R in unique.values() if np.all(np.isclose(np.abs(R).max(axis=0), 1.0))])
+    return np.concatenate([cube, SO3.exp(np.full(3, np.pi / 3 / np.sqrt(3))) @ cube])
