@@ -15,6 +15,7 @@ from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
 from tanteo.matching.prior import prior_log_density, prior_rows
+from tanteo.matching.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
 from tanteo.matching.target import Target
 from tanteo.matching.touches import FreePaths, Touches
 from tanteo.matching.verdict import without_spins
@@ -24,16 +25,10 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 _IN_FRONT = 4.0
 """Material this many standard deviations before the hit contradicts a beam."""
 
-_GRAZING = 0.02
-"""Least cosine of incidence: a beam along a face does not measure it."""
-
-_AWAY = float(np.log(1e-6))
-"""Log density of a beam that met a face which looks away from it."""
-
 _SETTLED = 1e-3
 """Change of log likelihood below which a climb ends."""
 
-_LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1.0
+_LEAST_DAMPING, _MOST_DAMPING = 1e-6, 10.0
 """Share of the information that is added to it; a pose that would need more is where it can get."""
 
 
@@ -64,6 +59,10 @@ class Polished:
     def take(self, index: IntArray) -> Polished:
         """Some of the maxima."""
         return Polished(*(getattr(self, name)[index] for name in self.__slots__))
+
+    def join(self, other: Polished) -> Polished:
+        """These and others of the same part and readings."""
+        return Polished(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in self.__slots__))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +154,7 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     points = touches.points + np.einsum("nid,sd->sni", touches.gains, z)
     p = (points - Ts[:, None, :3, 3]) @ R
     phi, g = signed_distance(target.surface, p)
-    beside = _turn_to_beams(touches, target, R, p, phi, g)
+    beside = turn_to_beams(touches, target, R, p, phi, g) + turn_to_normals(touches, target, R, p, phi, g)
     normal = g @ np.swapaxes(R, 1, 2)
     s = 1 / np.sqrt(((normal[:, :, None] @ touches.covs)[:, :, 0] * normal).sum(axis=-1))
     distance = phi - touches.radii
@@ -164,7 +163,7 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     log = -0.5 * (r * r + beside + np.log(2 * np.pi)) + np.log(s)
     cosine = -np.einsum("sni,ni->sn", normal, touches.directions)
     directed = touches.directed
-    aimed = np.where(cosine > 0, np.log(np.maximum(cosine, _GRAZING)), _AWAY)
+    aimed = np.where(cosine > 0, np.log(np.maximum(cosine, GRAZING)), AWAY)
     log += np.where(directed, aimed, -np.log(target.part.area)) + np.log1p(-priors.clutter)
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     stray = np.log(priors.clutter) - np.where(directed, np.log(2 * priors.radius), ball)
@@ -172,34 +171,6 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     if not touches.oriented.any():
         return _At(r, J, log, stray, distance)
     return _with_normals(touches, R, g, _At(r, J, log, stray, distance))
-
-
-def _turn_to_beams(
-    touches: Touches, target: Target, R: FloatArray, p: Vectors, phi: FloatArray, g: Vectors
-) -> FloatArray:
-    """Take the face that a beam came from where noise put its point nearer to one that looks away; in place.
-
-    Near an edge and in a thin wall the nearest face is often not the one that was met.
-
-    Returns:
-        Squared distance past the border of that face, in standard deviations ``(S, n)``.
-    """
-    beside = np.zeros(phi.shape)
-    d = touches.directions @ R  # of the part at every pose
-    doubtful = touches.directed & (np.sum(g * d, axis=-1) > -_GRAZING)
-    s, n = np.nonzero(doubtful & (np.abs(phi - touches.radii) < -_AWAY * touches.sd))
-    if not len(s):
-        return beside
-    at, along, sd, radius = p[s, n], d[s, n], touches.sd[n], touches.radii[n]
-    near = target.surface.closest(at - (2 * sd)[:, None] * along)
-    normal = target.surface.normals[near.triangles]
-    distance = np.sum((at - near.points) * normal, axis=-1)
-    past = (target.surface.closest(at - distance[:, None] * normal).distances / sd) ** 2
-    gain = 0.5 * ((phi[s, n] - radius) ** 2 - (distance - radius) ** 2) / sd**2 - 0.5 * past - _AWAY + np.log(_GRAZING)
-    ok = (np.sum(normal * along, axis=-1) < -_GRAZING) & (gain > 0)
-    s, n = s[ok], n[ok]
-    phi[s, n], g[s, n], beside[s, n] = distance[ok], normal[ok], past[ok]
-    return beside
 
 
 def _with_normals(touches: Touches, R: FloatArray, g: Vectors, at: _At) -> _At:
@@ -241,7 +212,9 @@ def _normal_equations(touches: Touches, at: _At, belongs: FloatArray, z: FloatAr
 
 def _solve(A: FloatArray, b: FloatArray, damping: FloatArray) -> FloatArray:
     """Damped steps, which stay put along directions that nothing resists."""
-    d = np.einsum("sii->si", A)
+    d = np.array(np.einsum("sii->si", A))
+    for block in (slice(0, 3), slice(3, 6)):  # what only rounding resists is not known a million million times worse
+        d[:, block] = np.maximum(d[:, block], 1e-6 * d[:, block].max(axis=1, keepdims=True))
     scale = 1 / np.sqrt(np.where(d > 0, d, 1.0))
     unit = A * scale[:, :, None] * scale[:, None, :] + damping[:, None, None] * np.eye(A.shape[1])
     step = scale * np.linalg.solve(unit, (scale * b)[..., None])[..., 0]
