@@ -123,7 +123,7 @@ def box_centred_pose(rng, spread=0.5):
 
 def nees(part, T, covariance, truth):
     """Squared Mahalanobis distance of the truth, the closest symmetric image, and its degrees of freedom."""
-    gaps = SE3.inverse(T @ part.symmetry.Ts) @ truth
+    gaps = SE3.inverse(T) @ (truth @ part.symmetry.Ts)
     dof = 6
     if part.symmetry.continuous:
         gaps, dof = _without_spin(part, gaps), 3 if part.symmetry.spherical else 5

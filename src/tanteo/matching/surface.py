@@ -31,6 +31,9 @@ _NOISY = 0.01
 _STRAYS, _PLAUSIBLE = 0.03, 1e-3
 """A pose explains the readings if as many strays as it leaves, and their chi-square, are not less likely than this."""
 
+_TURNED = 4
+"""Best poses from which the part is turned over, in search of others that fit nearly as well, and those it gives."""
+
 _SAME_MAXIMUM = 6.0
 """Squared Mahalanobis distance within which two polished poses are one maximum.
 
@@ -105,8 +108,11 @@ def search(
     Ts = first_poses(some, target, effort)
     Ts = np.concatenate([prior_starts(priors.pose), Ts if known is None else np.concatenate([known, Ts])])
     Ts, _ = refine(some, Ts, lambda p: _exact(target, p), _narrowing(some, target))
-    found = polish(touches, free, Ts, target, priors)
-    return _distinct_maxima(found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts))), target)
+    found = _distinct_maxima(polish(touches, free, Ts, target, priors), target)
+    if effort is not ORIENTED:
+        turned = _turned_over(some, found.Ts[:_TURNED], target)
+        found = _distinct_maxima(found.join(polish(touches, free, turned, target, priors)), target)
+    return found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts)))
 
 
 def explained(found: Polished, clutter: float) -> bool:
@@ -132,6 +138,17 @@ def first_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:
     Ts = Ts[distinct(touches, Ts, cost, target, effort.rough[1], 0.3 * target.spacing)]
     Ts, cost = refine(touches, Ts, target.field, np.array([0.4 * start, 3.0, 3.0, 3.0, 3.0]), step)
     return Ts[distinct(touches, Ts, cost, target, effort.fine, max(2 * sd, 0.1 * target.spacing))]
+
+
+def _turned_over(touches: Touches, Ts: Transforms, target: Target) -> Transforms:
+    """The same places with the part turned over: most parts nearly fit their place that way, and few starts may."""
+    sd, step = float(np.median(touches.sd)), GRID_SD * target.field.step
+    start = 0.4 * np.hypot(sd, target.spacing) / np.hypot(sd, step)
+    turned = (Ts[:, None] @ target.turns).reshape(-1, 4, 4)
+    turned, cost = refine(touches, turned, target.field, np.maximum(start, [8.0, 5.0, 4.0, 3.0, 3.0]), step)
+    turned = turned[distinct(touches, turned, cost, target, _TURNED, max(2 * sd, 0.1 * target.spacing))]
+    turned, _ = refine(touches, turned, lambda p: _exact(target, p), _narrowing(touches, target))
+    return turned
 
 
 def _narrowing(touches: Touches, target: Target) -> FloatArray:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.lie import SE3
 from tanteo.matching.model import PartModel
 from tanteo.parts import Part
 from tanteo.shapes import DistanceField, Surface, distance_field
-from tanteo.typing import FloatArray, IntArray, Vectors
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 SAMPLES = 320
 """Surface points among which places for readings are looked for."""
@@ -30,6 +31,7 @@ class Target:
         normals: their outward normals ``(K, 3)``.
         gaps: distances between samples ``(K, K)`` [m].
         spacing: typical distance from any surface point to the nearest sample [m].
+        turns: half turns about the axes of the box and about the principal axes ``(6, 4, 4)``, in the part frame.
     """
 
     part: Part
@@ -39,6 +41,7 @@ class Target:
     normals: Vectors
     gaps: FloatArray
     spacing: float
+    turns: Transforms
 
 
 def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
@@ -50,7 +53,25 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     points, triangles = _spread(part, samples)
     gaps = np.linalg.norm(points[:, None] - points, axis=-1)
     spacing = float(np.sqrt(part.area / samples) * 0.6)
-    return Target(part, surface, distance_field(surface), points, surface.normals[triangles], gaps, spacing)
+    return Target(
+        part,
+        surface,
+        distance_field(surface),
+        points,
+        surface.normals[triangles],
+        gaps,
+        spacing,
+        _half_turns(part, points),
+    )
+
+
+def _half_turns(part: Part, samples: Vectors) -> Transforms:
+    """Motions after which many a part nearly fills its old place."""
+    principal = np.linalg.eigh(np.cov(samples.T))[1].T
+    axes = np.concatenate([np.eye(3), principal])
+    centres = np.concatenate([np.tile(part.box.mean(axis=0), (3, 1)), np.tile(samples.mean(axis=0), (3, 1))])
+    R = 2 * axes[:, :, None] * axes[:, None] - np.eye(3)
+    return SE3.from_parts(R, centres - SE3.apply(R, centres))
 
 
 def _spread(part: Part, count: int) -> tuple[Vectors, IntArray]:
