@@ -17,10 +17,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from bare_scenes import SENSORS, box_centred_pose, inside, nees, off, scene
 from common import Table
 
 import tanteo
+from bare_scenes import SENSORS, box_centred_pose, inside, nees, off, scene
 from tanteo.matching import Priors
 from tanteo.matching.target import prepare_target
 from tanteo.matching.touch_recognition import identify_touches
@@ -139,7 +139,7 @@ def main():
     processes = int(sys.argv[2]) if len(sys.argv) > 2 else 1
     by_sensor = run(scenes, processes)
     columns = (
-        "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right, all", "truth among modes",
+        "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right", "truth among modes",
         "lost by 10 % strays [points]", "strays named", "region with strays", "median time",
     )  # fmt: skip
     rows = [(sensing.name, *summary(rows)) for sensing, rows in zip(SENSORS, by_sensor, strict=True)]
