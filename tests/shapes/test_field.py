@@ -69,7 +69,7 @@ def test_the_sign_is_that_of_the_winding_number_even_nearest_to_an_edge():
     """A wedge with a sharp edge: beside it the plane of the closest triangle gives the wrong side."""
     side = np.array([[0, 0, 0], [0.1, 0, 0.004], [0.1, 0, -0.004]])
     triangles = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (0, 5, 2), (0, 3, 5), (1, 5, 4), (1, 2, 5)])
-    wedge = Surface(np.concatenate([side, side + [0, 0.05, 0]]), triangles)
+    wedge = Surface(np.concatenate([side, side + np.array([0, 0.05, 0])]), triangles)
     p = np.random.default_rng(3).uniform([-0.03, -0.01, -0.02], [0.03, 0.06, 0.02], (4000, 3))
     distance, _ = signed_distance(wedge, p)
     np.testing.assert_array_equal(distance < 0, wedge.inside(p))
@@ -78,7 +78,7 @@ def test_the_sign_is_that_of_the_winding_number_even_nearest_to_an_edge():
 def test_the_gradient_is_the_derivative_away_from_edges(box):
     rng = np.random.default_rng(4)
     p, h = rng.uniform(-0.03, 0.11, (500, 3)), 1e-7
-    distance, gradient = signed_distance(box, p)
+    _, gradient = signed_distance(box, p)
     steps = np.stack([(signed_distance(box, p + h * e)[0] - signed_distance(box, p - h * e)[0]) for e in np.eye(3)], -1)
     smooth = np.abs(np.linalg.norm(steps / (2 * h), axis=1) - 1) < 1e-6
     assert smooth.mean() > 0.95
