@@ -11,6 +11,15 @@ _SERIES_BELOW = 1e-2
 """Below this angle [rad] sin and cos quotients come from their series (error < 1e-16)."""
 
 
+def cross(a: Vectors, b: Vectors) -> Vectors:
+    """Cross products over the last axis; on small arrays several times faster than ``np.cross``."""
+    out = np.empty(np.broadcast_shapes(np.shape(a), np.shape(b)))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
 def hat(w: Vectors) -> FloatArray:
     """Skew matrices ``[w]x`` with ``hat(w) @ v == cross(w, v)``; ``(*batch, 3) -> (*batch, 3, 3)``."""
     w = np.asarray(w, dtype=np.float64)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
 from tanteo.matching.prior import prior_log_density, prior_rows
@@ -159,7 +159,7 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     s = 1 / np.sqrt(((normal[:, :, None] @ touches.covs)[:, :, 0] * normal).sum(axis=-1))
     distance = phi - touches.radii
     r = distance * s
-    J = np.concatenate([-g, -np.cross(p, g), np.einsum("sni,nid->snd", normal, touches.gains)], axis=-1) * s[..., None]
+    J = np.concatenate([-g, -SO3.cross(p, g), np.einsum("sni,nid->snd", normal, touches.gains)], axis=-1) * s[..., None]
     log = -0.5 * (r * r + beside + np.log(2 * np.pi)) + np.log(s)
     cosine = -np.einsum("sni,ni->sn", normal, touches.directions)
     directed = touches.directed
@@ -179,7 +179,7 @@ def _with_normals(touches: Touches, R: FloatArray, g: Vectors, at: _At) -> _At:
     sd = touches.normal_sds[rows]
     m = np.einsum("sji,nj->sni", R, touches.normals[rows])
     u = g[:, rows]
-    gap = np.cross(u, m) / sd[:, None]
+    gap = SO3.cross(u, m) / sd[:, None]
     W = (m[..., :, None] * u[..., None, :] - np.sum(m * u, axis=-1)[..., None, None] * np.eye(3)) / sd[:, None, None]
     D = at.J.shape[-1] - 6
     turn = np.concatenate([np.zeros_like(W), W, np.zeros((*W.shape[:-1], D))], axis=-1)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.matching.starts import to_part
 from tanteo.matching.touches import Touches
 from tanteo.typing import FloatArray, Transforms, Vectors
@@ -51,13 +51,13 @@ def residuals(
     variance = _along(touches, Ts, g) + extra_sd**2
     s = 1 / np.sqrt(variance)
     r = (phi - touches.radii) * s
-    J = -np.concatenate([g, np.cross(p, g)], axis=-1) * s[..., None]
+    J = -np.concatenate([g, SO3.cross(p, g)], axis=-1) * s[..., None]
     if not touches.oriented.any():
         return r, J
     rows = np.flatnonzero(touches.oriented)
     m = np.einsum("sji,nj->sni", Ts[:, :3, :3], touches.normals[rows])
     # the normal in the part turns by -w x m; compare across the gradient
-    gap = np.cross(g[:, rows], m) / touches.normal_sds[rows][:, None]
+    gap = SO3.cross(g[:, rows], m) / touches.normal_sds[rows][:, None]
     W = m[..., :, None] * g[:, rows][..., None, :] - np.sum(m * g[:, rows], axis=-1)[..., None, None] * np.eye(3)
     turn = np.concatenate([np.zeros_like(W), W / touches.normal_sds[rows][:, None, None]], axis=-1)
     k = 3 * len(rows)

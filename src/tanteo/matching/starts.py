@@ -10,13 +10,16 @@ from itertools import combinations
 
 import numpy as np
 
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.matching.target import Target
 from tanteo.matching.touches import Touches
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _BASES = 24
 """Readings among which bases are looked for, and half the number of candidates that a base is chosen from."""
+
+_HASH = np.random.default_rng(1991).integers(-(2**62), 2**62, size=9)
+"""Multipliers that make one number of nine."""
 
 _TILT = 0.1
 """Slack for the turn of a sample's normal against the surface between samples [rad]."""
@@ -31,8 +34,8 @@ def bases(touches: Touches, count: int, target: Target) -> list[tuple[int, int, 
     pick = np.linspace(0, n - 1, min(n, _BASES)).astype(np.int64)
     triples = np.array(list(combinations(pick, 3)))
     a, b, c = (touches.points[triples[:, k]] for k in range(3))
-    sides = np.stack([np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (b, c), (c, a))])
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    sides = np.sqrt(np.stack([_squared(p - q) for p, q in ((a, b), (b, c), (c, a))]))
+    area = 0.5 * np.sqrt(_squared(SO3.cross(b - a, c - a)))
     value = area / sides.max(axis=0)  # height over the longest side: neither small nor thin
     value = np.where(sides.max(axis=0) > target.part.diagonal + 4 * touches.sd.max(), 0.0, value)
     out: list[tuple[int, int, int]] = []
@@ -52,56 +55,55 @@ def triple_poses(touches: Touches, base: tuple[int, int, int], target: Target, l
 
     def close(a: int, b: int) -> BoolArray:
         gaps = _gaps(places[a], places[b], target, touches.radii[[index[a], index[b]]])
-        return np.abs(gaps - np.linalg.norm(p[a] - p[b])) < slack
+        return np.asarray(np.abs(gaps - np.linalg.norm(p[a] - p[b])) < slack)
 
-    first, second = _thinned(np.nonzero(close(0, 1)), limit)
-    pair, third = _thinned(np.nonzero(close(0, 2)[first] & close(1, 2)[second]), limit)
+    count = len(target.samples)
+    pairs = _thinned(np.flatnonzero(close(0, 1)), limit)
+    first, second = np.divmod(pairs, count)
+    pair, third = np.divmod(_thinned(np.flatnonzero(close(0, 2)[first] & close(1, 2)[second]), limit), count)
     chosen = np.stack([first[pair], second[pair], third], axis=1)
-    Ts = _align(np.stack([places[m][chosen[:, m]] for m in range(3)], axis=1), p)
-    return Ts[_facing(touches, index, Ts, target.normals[chosen])]
+    Ts = _align([places[m].take(chosen[:, m], axis=0) for m in range(3)], p)
+    return Ts[_facing(touches, index, Ts, target.normals, chosen)]
 
 
 def pair_poses(touches: Touches, base: tuple[int, int], target: Target, limit: int) -> Transforms:
     """The same from two readings with sensed normals, which fix a pose by themselves."""
     index = list(base)
     (p, q), (m, n) = touches.points[index], touches.normals[index]
-    gap = float(np.linalg.norm(q - p))
-    u = (q - p) / max(gap, 1e-12)
-    room = np.cos(np.minimum(_TILT + 3 * touches.normal_sds[index].max(), 1.0))
-    wide = np.sqrt(1 - room**2)
-    slack = target.spacing + 2.0 * touches.sd[index].mean()
-    a, b = (_lifted(target, touches.radii[i]) for i in index)
-    step = b - a[:, None]
-    far = np.maximum(np.linalg.norm(step, axis=-1), 1e-12)
+    radii = touches.radii[index]
+    line = q - p - (radii[1] * n - radii[0] * m)  # between the places that the ball touched
+    gap = float(np.linalg.norm(line))
+    u = line / max(gap, 1e-12)
+    wide = np.sin(min(_TILT + 3 * touches.normal_sds[index].max(), 1.0))
+    slack = target.spacing + 2.0 * touches.sd[index].mean() + radii.sum() * wide
     lean = np.arcsin(min(slack / max(gap, slack), 1.0))  # a sample off by the slack turns the line between the two
-    start, end = (
-        np.einsum("abi,ai->ab", step, target.normals) / far,
-        np.einsum("abi,bi->ab", step, target.normals) / far,
-    )
-    ok = (np.abs(far - gap) < slack) & (np.abs(target.normals @ target.normals.T - m @ n) < 2 * wide)
-    ok &= (np.abs(start - u @ m) < wide + lean) & (np.abs(end - u @ n) < wide + lean)
-    first, second = _thinned(np.nonzero(ok), limit)
-    F = _pair_frames(target.normals[first], target.normals[second], step[first, second])
-    R = _pair_frames(m, n, q - p) @ np.swapaxes(F, -1, -2)
-    Ts = SE3.from_parts(R, 0.5 * (p + q) - SE3.apply(R, 0.5 * (a[first] + b[second])))
-    return Ts[_facing(touches, index, Ts, target.normals[np.stack([first, second], axis=1)])]
+    table = target.pairs
+    near = table.between(gap - slack, gap + slack)
+    ok = np.abs(table.cosines[near] - m @ n) < 2 * wide
+    ok &= np.abs(table.starts[near] - u @ m) < wide + lean
+    ok &= np.abs(table.ends[near] - u @ n) < wide + lean
+    chosen = near.start + _thinned(np.flatnonzero(ok), limit)
+    first, second = table.first[chosen], table.second[chosen]
+    a, b = target.samples[first], target.samples[second]
+    F = _pair_frames(target.normals[first], target.normals[second], b - a)
+    R = _pair_frames(m, n, line) @ np.swapaxes(F, -1, -2)
+    middle = 0.5 * (p - radii[0] * m + q - radii[1] * n)
+    Ts = SE3.from_parts(R, middle - SE3.apply(R, 0.5 * (a + b)))
+    return Ts[_facing(touches, index, Ts, target.normals, np.stack([first, second], axis=1))]
 
 
 def _pair_frames(m: Vectors, n: Vectors, line: Vectors) -> FloatArray:
     """Frames from two normals, or from their mean and the line between the points where they are nearly parallel."""
-    across = np.cross(m, n)
-    parallel = np.linalg.norm(across, axis=-1, keepdims=True) < 0.3
-    other = np.where(parallel, line, n)
-    x = m / np.linalg.norm(m, axis=-1, keepdims=True)
-    z = np.cross(x, other)
-    z = z / np.maximum(np.linalg.norm(z, axis=-1, keepdims=True), 1e-12)
-    return np.stack([x, np.cross(z, x), z], axis=-1)
+    across = SO3.cross(m, n)
+    parallel = _squared(across)[..., None] < 0.09
+    x = _unit(m)
+    z = _unit(SO3.cross(x, np.where(parallel, line, n)))
+    return np.stack([x, SO3.cross(z, x), z], axis=-1)
 
 
-def _thinned(index: tuple[IntArray, ...], limit: int) -> tuple[IntArray, ...]:
+def _thinned(index: IntArray, limit: int) -> IntArray:
     """Evenly thinned to about ``limit`` entries."""
-    step = max(1, -(-len(index[0]) // limit))
-    return tuple(np.asarray(i[::step]) for i in index)
+    return np.asarray(index[:: max(1, -(-len(index) // limit))])
 
 
 def oriented_bases(touches: Touches, count: int) -> list[tuple[int, int]]:
@@ -129,26 +131,32 @@ def _gaps(a: Vectors, b: Vectors, target: Target, radii: FloatArray) -> FloatArr
     return target.gaps if not radii.any() else np.linalg.norm(a[:, None] - b, axis=-1)
 
 
-def _align(q: Vectors, p: Vectors) -> Transforms:
-    """Rigid motions that carry triangles ``q`` ``(S, 3, 3)`` onto the triangle ``p`` ``(3, 3)``."""
-    F, G = _triangle_frames(q), _triangle_frames(p)
+def _align(q: list[Vectors], p: Vectors) -> Transforms:
+    """Rigid motions that carry triangles, their corners ``q`` three of ``(S, 3)``, onto the triangle ``p``."""
+    F, G = _triangle_frames(*q), _triangle_frames(*p)
     R = G @ np.swapaxes(F, -1, -2)
-    return SE3.from_parts(R, p.mean(axis=0) - SE3.apply(R, q.mean(axis=1)))
+    return SE3.from_parts(R, p.mean(axis=0) - SE3.apply(R, (q[0] + q[1] + q[2]) / 3))
 
 
-def _triangle_frames(q: Vectors) -> FloatArray:
-    u = q[..., 1, :] - q[..., 0, :]
-    u = u / np.maximum(np.linalg.norm(u, axis=-1, keepdims=True), 1e-12)
-    w = np.cross(u, q[..., 2, :] - q[..., 0, :])
-    w = w / np.maximum(np.linalg.norm(w, axis=-1, keepdims=True), 1e-12)
-    return np.stack([u, np.cross(w, u), w], axis=-1)
+def _triangle_frames(a: Vectors, b: Vectors, c: Vectors) -> FloatArray:
+    u = _unit(b - a)
+    w = _unit(SO3.cross(u, c - a))
+    return np.stack([u, SO3.cross(w, u), w], axis=-1)
 
 
-def _facing(touches: Touches, index: list[int], Ts: Transforms, normals: Vectors) -> BoolArray:
+def _squared(v: Vectors) -> FloatArray:
+    return np.asarray(v[..., 0] * v[..., 0] + v[..., 1] * v[..., 1] + v[..., 2] * v[..., 2])
+
+
+def _unit(v: Vectors) -> Vectors:
+    return np.asarray(v / np.maximum(np.sqrt(_squared(v)), 1e-12)[..., None])
+
+
+def _facing(touches: Touches, index: list[int], Ts: Transforms, normals: Vectors, chosen: IntArray) -> BoolArray:
     """Whether the samples look towards where the readings came from, and along the normals that were sensed."""
     if not (touches.directed[index].any() or touches.oriented[index].any()):
         return np.ones(len(Ts), dtype=bool)
-    n_world = normals @ np.swapaxes(Ts[:, :3, :3], 1, 2)
+    n_world = normals[chosen] @ np.swapaxes(Ts[:, :3, :3], 1, 2)
     ok = np.all(np.sum(n_world * touches.directions[index], axis=-1) <= _FACING, axis=1)
     cosine = np.where(touches.oriented[index], np.cos(np.minimum(4 * touches.normal_sds[index] + 0.5, np.pi)), -2.0)
     return ok & np.all(np.sum(n_world * touches.normals[index], axis=-1) >= cosine, axis=1)
@@ -176,8 +184,20 @@ def to_part(Ts: Transforms, points: Vectors) -> Vectors:
 
 def distinct(touches: Touches, Ts: Transforms, costs: FloatArray, target: Target, keep: int, cell: float) -> IntArray:
     """Indices of the best poses, one for each neighbourhood in which the readings lie on the part."""
-    order = np.argsort(costs, kind="stable")[: 40 * keep]
-    ends = to_part(Ts[order], touches.points[[0, len(touches) // 2, len(touches) - 1]])
-    key = np.rint(ends.reshape(len(order), 9) / cell).astype(np.int64)
-    _, first = np.unique(key, axis=0, return_index=True)
-    return order[np.sort(first)][:keep]
+    chosen = np.zeros(0, dtype=np.int64)
+    for share in (5, 40):  # most often the first few hold enough neighbourhoods
+        order = lowest(costs, share * keep)
+        ends = to_part(Ts[order], touches.points[[0, len(touches) // 2, len(touches) - 1]])
+        key = np.rint(ends.reshape(len(order), 9) * (1 / cell)).astype(np.int64) @ _HASH
+        chosen = order[np.sort(np.unique(key, return_index=True)[1])][:keep]
+        if len(chosen) == keep or len(order) == len(costs):
+            break
+    return chosen
+
+
+def lowest(costs: FloatArray, count: int) -> IntArray:
+    """Indices of the lowest costs, in order."""
+    if count >= len(costs):
+        return np.argsort(costs, kind="stable")
+    some = np.sort(np.argpartition(costs, count)[:count])
+    return np.asarray(some[np.argsort(costs[some], kind="stable")])

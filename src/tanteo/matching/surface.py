@@ -13,7 +13,7 @@ from tanteo.matching.evidence import Priors
 from tanteo.matching.polish import Polished, polish
 from tanteo.matching.prior import in_box, prior_starts
 from tanteo.matching.refine import refine
-from tanteo.matching.starts import bases, distinct, oriented_bases, pair_poses, score, triple_poses
+from tanteo.matching.starts import bases, distinct, lowest, oriented_bases, pair_poses, score, triple_poses
 from tanteo.matching.target import Target
 from tanteo.matching.touches import FreePaths, Touches
 from tanteo.shapes import signed_distance
@@ -33,6 +33,9 @@ _STRAYS, _PLAUSIBLE = 0.03, 1e-3
 
 _TURNED = 4
 """Best poses from which the part is turned over, in search of others that fit nearly as well, and those it gives."""
+
+_GLANCE = 4
+"""Readings by which most first poses are dismissed before all are looked at."""
 
 _SAME_MAXIMUM = 6.0
 """Squared Mahalanobis distance within which two polished poses are one maximum.
@@ -108,10 +111,10 @@ def search(
     Ts = first_poses(some, target, effort)
     Ts = np.concatenate([prior_starts(priors.pose), Ts if known is None else np.concatenate([known, Ts])])
     Ts, _ = refine(some, Ts, lambda p: _exact(target, p), _narrowing(some, target))
-    found = _distinct_maxima(polish(touches, free, Ts, target, priors), target)
+    found = distinct_maxima(polish(touches, free, Ts, target, priors), target)
     if effort is not ORIENTED:
         turned = _turned_over(some, found.Ts[:_TURNED], target)
-        found = _distinct_maxima(found.join(polish(touches, free, turned, target, priors)), target)
+        found = distinct_maxima(found.join(polish(touches, free, turned, target, priors)), target)
     return found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts)))
 
 
@@ -132,6 +135,9 @@ def first_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:
     Ts = _raw_poses(touches, target, effort)
     rows = np.linspace(0, len(touches) - 1, min(effort.scored, len(touches))).astype(np.int64)
     wide = float(np.hypot(sd, target.spacing))
+    if len(rows) > _GLANCE and len(Ts) > 10 * effort.rough[0]:
+        few = score(touches, Ts, target, wide, rows[:: len(rows) // _GLANCE + 1])
+        Ts = Ts[lowest(few, max(10 * effort.rough[0], len(Ts) // 3))]
     keep = distinct(touches, Ts, score(touches, Ts, target, wide, rows), target, effort.rough[0], 1.5 * target.spacing)
     start = wide / np.hypot(sd, step)
     Ts, cost = refine(touches, Ts[keep], target.field, start * np.array([1.0, 1.0, 0.7, 0.5]), step)
@@ -170,7 +176,7 @@ def _exact(target: Target, points: Vectors) -> tuple[FloatArray, Vectors]:
     return signed_distance(target.surface, points)
 
 
-def _distinct_maxima(found: Polished, target: Target) -> Polished:
+def distinct_maxima(found: Polished, target: Target) -> Polished:
     """Each maximum once: starts that met at one pose, or at poses that symmetry makes one, are not more evidence."""
     order = np.argsort(-found.log_evidence, kind="stable")
     information = pose_information(found.information)

@@ -20,6 +20,31 @@ _POOL = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SamplePairs:
+    """All ordered pairs of samples by their distance; ``line`` runs from the first to the second.
+
+    Attributes:
+        gaps: distances, ascending ``(P,)`` [m].
+        first: index of one sample ``(P,)``.
+        second: of the other ``(P,)``.
+        cosines: products of the two normals ``(P,)``.
+        starts: cosine of the line with the first normal ``(P,)``.
+        ends: with the second ``(P,)``.
+    """
+
+    gaps: FloatArray
+    first: IntArray
+    second: IntArray
+    cosines: FloatArray
+    starts: FloatArray
+    ends: FloatArray
+
+    def between(self, low: float, high: float) -> slice:
+        """The pairs whose distance is in a range."""
+        return slice(*np.searchsorted(self.gaps, [low, high]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Target:
     """What the surface search asks of a part.
 
@@ -30,6 +55,7 @@ class Target:
         samples: evenly spread surface points ``(K, 3)`` in the part frame [m].
         normals: their outward normals ``(K, 3)``.
         gaps: distances between samples ``(K, K)`` [m].
+        pairs: of samples, by distance.
         spacing: typical distance from any surface point to the nearest sample [m].
         turns: half turns about the axes of the box and about the principal axes ``(6, 4, 4)``, in the part frame.
     """
@@ -40,6 +66,7 @@ class Target:
     samples: Vectors
     normals: Vectors
     gaps: FloatArray
+    pairs: SamplePairs
     spacing: float
     turns: Transforms
 
@@ -51,18 +78,11 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     assert isinstance(part, Part)
     surface = model.surface if model is not None else Surface(part.vertices, part.triangles)
     points, triangles = _spread(part, samples)
+    normals = surface.normals[triangles]
     gaps = np.linalg.norm(points[:, None] - points, axis=-1)
     spacing = float(np.sqrt(part.area / samples) * 0.6)
-    return Target(
-        part,
-        surface,
-        distance_field(surface),
-        points,
-        surface.normals[triangles],
-        gaps,
-        spacing,
-        _half_turns(part, points),
-    )
+    pairs, turns = _pairs(points, normals, gaps), _half_turns(part, points)
+    return Target(part, surface, distance_field(surface), points, normals, gaps, pairs, spacing, turns)
 
 
 def _half_turns(part: Part, samples: Vectors) -> Transforms:
@@ -72,6 +92,17 @@ def _half_turns(part: Part, samples: Vectors) -> Transforms:
     centres = np.concatenate([np.tile(part.box.mean(axis=0), (3, 1)), np.tile(samples.mean(axis=0), (3, 1))])
     R = 2 * axes[:, :, None] * axes[:, None] - np.eye(3)
     return SE3.from_parts(R, centres - SE3.apply(R, centres))
+
+
+def _pairs(points: Vectors, normals: Vectors, gaps: FloatArray) -> SamplePairs:
+    order = np.argsort(gaps, axis=None)[len(points) :]  # without those of a sample with itself
+    first, second = np.divmod(order, len(points))
+    gap = np.maximum(gaps.ravel()[order], 1e-12)
+    heights = normals @ points.T  # of sample b over the plane of normal a: heights[a, b] - heights[a, a]
+    own = np.diagonal(heights)
+    starts = (heights[first, second] - own[first]) / gap
+    ends = (own[second] - heights[second, first]) / gap
+    return SamplePairs(gap, first, second, (normals @ normals.T).ravel()[order], starts, ends)
 
 
 def _spread(part: Part, count: int) -> tuple[Vectors, IntArray]:

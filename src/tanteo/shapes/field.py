@@ -7,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.shapes.surface import Surface
-from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
-
-_ON_BORDER = 1e-6
-"""Barycentric coordinates below this put the closest point on an edge or corner of its triangle."""
+from tanteo.typing import FloatArray, Vectors
 
 CELLS = 40
 """Cells of the grid along its longest side."""
@@ -22,8 +19,8 @@ _MARGIN = 0.3
 def signed_distance(surface: Surface, points: Vectors) -> tuple[FloatArray, Vectors]:
     """Distance to the surface, negative inside, and its gradient.
 
-    The sign comes from the closest triangle where the closest point is inside it, else from the winding number. On the
-    surface itself the gradient is the outward normal.
+    The sign comes from the normal at the closest point, weighted by angle on edges and corners; from the winding number
+    where the mesh does not close. On the surface itself the gradient is the outward normal.
 
     Args:
         surface: a closed mesh.
@@ -34,26 +31,18 @@ def signed_distance(surface: Surface, points: Vectors) -> tuple[FloatArray, Vect
     """
     near = surface.closest(points)
     gap = points - near.points
-    normal = surface.normals[near.triangles]
-    outward = np.sum(gap * normal, axis=-1)
-    doubtful = np.asarray(_on_border(surface, near.points, near.triangles) & (near.distances > 1e-9))
-    positive = np.asarray(outward >= 0)
-    if doubtful.any():
-        positive[doubtful] = ~surface.inside(points[doubtful])
-    sign = np.where(positive, 1.0, -1.0)
+    known = surface.pseudonormals
+    if known is None:
+        inside = surface.inside(points)
+    else:
+        side = known.at(near.points, near.triangles)
+        inside = gap[..., 0] * side[..., 0] + gap[..., 1] * side[..., 1] + gap[..., 2] * side[..., 2] < 0
+    sign = np.where(inside, -1.0, 1.0)
     touching = near.distances < 1e-9
-    safe = np.where(touching, 1.0, near.distances)
-    gradient = np.where(touching[..., None], normal, sign[..., None] * gap / safe[..., None])
-    return sign * near.distances, gradient
-
-
-def _on_border(surface: Surface, points: Vectors, triangles: IntArray) -> BoolArray:
-    """Whether surface points lie on an edge or corner of their triangle."""
-    a, b, c = (surface.vertices[surface.triangles[triangles, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    area = np.maximum(np.sum(normal * normal, axis=-1), 1e-300)
-    parts = [np.sum(np.cross(q - p, points - p) * normal, axis=-1) / area for p, q in ((a, b), (b, c), (c, a))]
-    return np.asarray(np.min(parts, axis=0) < _ON_BORDER, dtype=np.bool_)
+    gradient = (sign / np.where(touching, 1.0, near.distances))[..., None] * gap
+    if touching.any():
+        gradient[touching] = surface.normals[near.triangles[touching]]
+    return np.where(touching, 0.0, sign) * near.distances, gradient
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,13 +63,14 @@ class DistanceField:
 
     def __call__(self, points: Vectors) -> tuple[FloatArray, Vectors]:
         """Distances ``(*batch,)`` and gradients ``(*batch, 3)`` at ``(*batch, 3)``; linear beyond the grid."""
-        local = (points - self.origin) / self.step
-        last = np.array(self.shape) - 1
-        cell = np.clip(np.rint(local), 0, last)
+        local = (points - self.origin) * (1.0 / self.step)
+        cell = np.clip(np.rint(local), 0, np.array(self.shape) - 1)
         index = (cell[..., 0] * self.shape[1] + cell[..., 1]) * self.shape[2] + cell[..., 2]
-        found = self.table[index.astype(np.int64)]
+        found = self.table.take(index.astype(np.int64), axis=0)
+        local -= cell
         gradient = found[..., 1:].astype(np.float64)
-        return found[..., 0] + self.step * np.sum((local - cell) * gradient, axis=-1), gradient
+        along = local[..., 0] * gradient[..., 0] + local[..., 1] * gradient[..., 1] + local[..., 2] * gradient[..., 2]
+        return found[..., 0] + self.step * along, gradient
 
 
 def distance_field(surface: Surface, cells: int = CELLS) -> DistanceField:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
+from tanteo.shapes.pseudonormals import Pseudonormals, pseudonormals
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 
@@ -58,6 +59,7 @@ class Surface:
     _normals: FloatArray = field(init=False, repr=False)
     _tree: Any = field(init=False, repr=False)
     _scene: list[Any] = field(init=False, repr=False)
+    _pseudonormals: list[Pseudonormals | None] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         vertices, triangles = _checked_mesh(self.vertices, self.triangles)
@@ -73,6 +75,7 @@ class Surface:
             object.__setattr__(self, name, value)
         object.__setattr__(self, "_tree", tree)
         object.__setattr__(self, "_scene", [])
+        object.__setattr__(self, "_pseudonormals", [])
 
     def __reduce__(self) -> tuple[type[Surface], tuple[FloatArray, IntArray]]:
         # The trees cannot be pickled; a worker process builds its own.
@@ -82,6 +85,13 @@ class Surface:
     def normals(self) -> FloatArray:
         """``(T, 3)``: unit outward normal of each triangle; zero for one without area."""
         return self._normals
+
+    @property
+    def pseudonormals(self) -> Pseudonormals | None:
+        """Normals of edges and corners; none for a mesh that is open or has edges of more than two triangles."""
+        if not self._pseudonormals:
+            self._pseudonormals.append(pseudonormals(self.vertices, self.triangles, self._normals))
+        return self._pseudonormals[0]
 
     def closest(self, points: npt.ArrayLike) -> ClosestPoints:
         """Find the closest point of the surface to each query point.
