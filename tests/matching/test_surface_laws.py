@@ -13,7 +13,7 @@ from tanteo.matching import Priors
 from tanteo.matching.polish import _linearise, polish
 from tanteo.matching.refine import residuals
 from tanteo.matching.starts import bases, oriented_bases, pair_poses, triple_poses
-from tanteo.matching.surface import _distinct_maxima
+from tanteo.matching.surface import distinct_maxima
 from tanteo.matching.target import prepare_target
 from tanteo.matching.touch_recognition import identify_touches
 from tanteo.shapes import signed_distance
@@ -190,7 +190,7 @@ def test_symmetric_starts_are_merged_and_others_are_not(targets):
     priors = Priors(radius=target.part.radius)
     found = polish(touches, no_paths(), np.concatenate([images, elsewhere[None]]), target, priors)
     np.testing.assert_allclose(found.log_evidence[:4], found.log_evidence[0], atol=0.05)
-    maxima = _distinct_maxima(found, target)
+    maxima = distinct_maxima(found, target)
     assert len(maxima.Ts) <= 2
     assert off(target.part, maxima.Ts[0], T)[0] < RIGHT[0]
 
@@ -202,7 +202,7 @@ def test_two_poses_that_fit_alike_are_both_reported(targets):
     priors = Priors(radius=target.part.radius)
     twice = np.stack([T, T @ SE3.exp(np.array([0, 0, 0, 0, 0, np.pi]))])
     found = polish(touches, no_paths(), twice, target, priors)
-    assert len(_distinct_maxima(found, target).Ts) == 2
+    assert len(distinct_maxima(found, target).Ts) == 2
 
 
 @pytest.mark.parametrize("sensing", [TOUCH, LASER, FLIGHT], ids=lambda s: s.name)

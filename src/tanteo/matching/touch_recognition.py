@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtrc, logsumexp
+from scipy.special import bdtrc, chdtrc, logsumexp
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
@@ -18,7 +18,7 @@ from tanteo.matching.model import PartModel
 from tanteo.matching.polish import Polished, polish
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.surface import efforts_for, explained, search
+from tanteo.matching.surface import distinct_maxima, efforts_for, explained, search
 from tanteo.matching.target import Target, prepare_target
 from tanteo.matching.touches import FreePaths, Touches
 from tanteo.matching.verdict import (
@@ -39,6 +39,12 @@ LEAST = 3
 
 NEGLIGIBLE = 12.0
 """Log odds below the best mode at which another is not reported."""
+
+_TOO_MANY_STRAYS = 1e-4
+"""If so many readings off the part are less likely than this, it is not the part, whatever else fits."""
+
+_NOTABLE = 0.5
+"""Share of the worst corner's standard deviation from which an error that all readings share is worth a sentence."""
 
 _ENOUGH, _MOST_SCATTER = 6, 2.0
 """Spare readings from which, and ratio up to which, scatter is put down to the stated standard deviation."""
@@ -89,18 +95,36 @@ def identify_touches(
     ratio = _scatter(ranked)
     if ratio > 1:
         touches = replace(touches, covs=ratio**2 * touches.covs, sd=ratio * touches.sd)
-        found = [(target, polish(touches, free, modes.Ts, target, priors)) for target, modes in found]
-        ranked, unknown = _ranked(found, log_unknown, len(targets), priors)
+        found = [
+            (target, distinct_maxima(polish(touches, free, modes.Ts, target, priors), target))
+            for target, modes in found
+        ]
+        ranked, unknown = _ranked(found, log_unknown, len(parts), priors)
     hypotheses = tuple(
         _hypothesis(touches, target, modes, k, probability) for probability, target, modes, k in ranked[:top]
     )
     clock.lap("locate")
     status, message = verdict(hypotheses, unknown, alpha)
+    if status in ("recognized", "ambiguous") and _too_many_strays(hypotheses[0], priors):
+        status, message = "unknown", _strays_message(hypotheses[0], len(touches))
     if hypotheses and status == "recognized":
         message += _what_limits(touches, ranked[0], shared)
     if ratio > 1:
         message += f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
+
+
+def _too_many_strays(best: Hypothesis, priors: Priors) -> bool:
+    """Whether more readings are off the part than clutter at the assumed rate ever leaves."""
+    strays, n = len(best.outliers), len(best.outliers) + len(best.pairings)
+    return strays > 0 and bool(bdtrc(strays - 1, n, priors.clutter) < _TOO_MANY_STRAYS)
+
+
+def _strays_message(best: Hypothesis, n: int) -> str:
+    return (
+        f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: "
+        "it may be another part; add its file, or check the sensor's standard deviation."
+    )
 
 
 def _part(part: Part | PartModel | Target) -> Part:
@@ -249,7 +273,7 @@ def _common_tolerance(
 
 
 def _what_limits(touches: Touches, best: tuple[float, Target, Polished, int], shared: Sequence[SharedError]) -> str:
-    """A sentence if an error that all readings share, not the readings, limits the answer."""
+    """A sentence on the largest of the errors that all readings share, if it matters."""
     _, target, modes, k = best
     information, start = modes.information[k], 6
     total = corner_sd(target.part, np.asarray(np.linalg.inv(pose_information(information))))
@@ -263,10 +287,9 @@ def _what_limits(touches: Touches, best: tuple[float, Target, Polished, int], sh
         if part_of > worst:
             worst, name = part_of, error.meaning or error.name
         start = stop
-    if worst < 0.7 * total:
+    if worst < _NOTABLE * total:
         return ""
-    return (
-        f" What limits it is not the readings but {name}, which they all share: {1e3 * worst:.2g} mm of the "
-        f"{1e3 * total:.2g} mm. "
-        "More readings of the same kind do not help; calibrate it, or turn the hand between readings."
-    )
+    known_well = float(np.sqrt(total**2 - worst**2))
+    what = f"{name}, which all readings share: {1e3 * worst:.2g} mm of the {1e3 * total:.2g} mm"
+    says = f"What limits it is not the readings but {what}" if worst > known_well else f"Part of it is {what}"
+    return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then), or turn the hand more between readings."

@@ -1,0 +1,248 @@
+"""What bare readings are told: too few, one-sided, symmetric, mirrored, astray, through material, and the tip."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bare_scenes import REACH, SENSORS, box_centred_pose, nees, no_paths, off, scene, surface_points, touches_of
+from tanteo.features import SharedError
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.matching.polish import polish
+from tanteo.matching.target import prepare_target
+from tanteo.matching.touch_recognition import identify_touches
+from tanteo.matching.touches import FreePaths
+from tanteo.parts import mirror_part, read_part
+
+TOUCH, LASER, FLIGHT = SENSORS
+
+
+@pytest.fixture(scope="module")
+def targets(parts):
+    return {name: prepare_target(parts[name]) for name in ("bracket_left", "block", "flange", "wedge", "clamp")}
+
+
+@pytest.fixture(scope="module")
+def cylinder(tmp_path_factory):
+    """A plain cylinder of 60 mm by 90 mm as facets."""
+    steps = 64
+    a = 2 * np.pi * np.arange(steps) / steps
+    ring = 30 * np.c_[np.cos(a), np.sin(a)]
+    vertices = np.concatenate([np.c_[ring, 0 * a], np.c_[ring, 0 * a + 90], [[0, 0, 0], [0, 0, 90]]])
+    i, j = np.arange(steps), np.roll(np.arange(steps), -1)
+    sides = np.concatenate([np.c_[i, j, steps + j], np.c_[i, steps + j, steps + i]])
+    ends = np.concatenate(
+        [np.c_[np.full(steps, 2 * steps), j, i], np.c_[np.full(steps, 2 * steps + 1), steps + i, steps + j]]
+    )
+    triangles = np.concatenate([sides, ends])
+    path = tmp_path_factory.mktemp("cylinder") / "cylinder.off"
+    lines = ["OFF", f"{len(vertices)} {len(triangles)} 0", *(" ".join(map(str, v)) for v in vertices.tolist())]
+    path.write_text("\n".join([*lines, *(f"3 {p} {q} {r}" for p, q, r in triangles.tolist())]) + "\n")
+    return prepare_target(read_part(path, unit="mm"))
+
+
+def scene_of(target, seed, n=15, sensing=LASER, **options):
+    rng = np.random.default_rng(seed)
+    T = box_centred_pose(rng)
+    return T, *scene(target.surface, T, sensing, n, rng, **options)
+
+
+def on_faces(part, surface, normal, n, rng):
+    """Points on the faces that look along ``normal``."""
+    points, normals = surface_points(surface, 400 * n, rng)
+    return points[normals @ normal > 0.999][:n]
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_fewer_than_three_readings_fit_anything(targets, n):
+    touches = touches_of(np.zeros((n, 3)), 1e-4)
+    answer = identify_touches(touches, no_paths(), [targets["block"]])
+    assert answer.status == "insufficient"
+    assert answer.hypotheses == ()
+    assert "sense 3 places" in answer.message
+
+
+def test_three_readings_are_never_an_answer(targets):
+    for seed in range(3):
+        _, touches, *_ = scene_of(targets["bracket_left"], seed, 3, TOUCH)
+        answer = identify_touches(touches, no_paths(), [targets["bracket_left"]])
+        assert answer.status in {"insufficient", "ambiguous", "unknown"}
+
+
+def test_readings_on_one_plane_leave_three_motions_free_and_it_says_what_to_sense(targets):
+    target, rng = targets["bracket_left"], np.random.default_rng(1)
+    T = box_centred_pose(rng)
+    local = on_faces(target.part, target.surface, np.array([0, 0, -1.0]), 12, rng)
+    touches = touches_of(SE3.apply(T, local) + 1e-4 * rng.normal(size=(12, 3)), 1e-4)
+    answer = identify_touches(touches, no_paths(), [target])
+    assert answer.status == "insufficient"
+    best = answer.hypotheses[0]
+    words = " ".join(best.unobserved)
+    assert len(best.unobserved) == 3
+    assert words.count("sliding") == 2
+    assert words.count("rotation") == 1
+    assert "sense " in answer.message
+    assert "of bracket_left" in answer.message
+    assert "mm in the world" in answer.message
+    assert best.advice in answer.message
+
+
+def test_the_spin_of_a_cylinder_is_no_error(cylinder):
+    """Facets feign some knowledge of the spin; symmetry says that it does not matter."""
+    assert cylinder.part.symmetry.continuous
+    T, touches, *_ = scene_of(cylinder, 2, 15)
+    answer = identify_touches(touches, no_paths(), [cylinder])
+    best = answer.hypotheses[0]
+    assert answer.status == "recognized"
+    assert best.unobserved == ()
+    assert best.worst_corner_sd < 2e-3
+    assert off(cylinder.part, best.T_world_part, T)[0] < 2e-3
+
+
+def test_a_cylinder_not_touched_at_its_ends_slides(cylinder):
+    rng = np.random.default_rng(3)
+    T = box_centred_pose(rng)
+    points, normals = surface_points(cylinder.surface, 200, rng)
+    local = points[(np.abs(normals[:, 2]) < 0.1) & (np.abs(points[:, 2] - 0.045) < 0.02)][:14]
+    touches = touches_of(SE3.apply(T, local) + 1e-4 * rng.normal(size=(14, 3)), 1e-4)
+    answer = identify_touches(touches, no_paths(), [cylinder])
+    assert answer.status == "insufficient"
+    assert len(answer.hypotheses[0].unobserved) == 1
+    assert "sliding" in answer.hypotheses[0].unobserved[0]
+
+
+def test_readings_astray_are_named_with_their_distance(targets):
+    target, named, far, wrongly = targets["bracket_left"], 0, 0, 0
+    for seed in range(6):
+        T, touches, rows, _ = scene_of(target, seed, 20, stray=0.1)
+        best = identify_touches(touches, no_paths(), [target]).hypotheses[0]
+        local = SE3.apply(SE3.inverse(T), touches.points[rows])
+        distances = target.surface.closest(local).distances
+        ids = [touches.ids[i] for i, d in zip(rows, distances, strict=True) if d > 5 * LASER.sd]
+        far, named = far + len(ids), named + len(set(ids) & set(best.outliers))
+        wrongly += len(set(best.outliers) - {touches.ids[i] for i in rows})
+        by_name = dict(zip(best.outliers, best.outlier_distances, strict=True))
+        for i, d in zip(rows, distances, strict=True):
+            if touches.ids[i] in by_name:
+                assert abs(by_name[touches.ids[i]]) == pytest.approx(d, abs=2e-3)
+        assert off(target.part, best.T_world_part, T)[0] < 2e-3
+    assert far >= 8
+    assert wrongly <= 1  # a stray that came to lie within three sigma can change places with a good reading
+    assert named >= 0.95 * far
+
+
+def test_a_free_path_through_the_part_refuses_the_pose(targets):
+    """Touches of a block's bottom and two sides cannot tell which way up it is; a free path over it can."""
+    target, rng = targets["wedge"], np.random.default_rng(4)
+    T, touches, *_ = scene_of(target, 5, 12)
+    priors = Priors(radius=target.part.radius)
+    alone = polish(touches, no_paths(), T[None], target, priors)
+    inside = SE3.apply(T, target.part.centroid)
+    d = rng.normal(size=3)
+    d /= np.linalg.norm(d)
+    through = FreePaths((inside - 0.3 * d)[None], d[None], np.array([0.6]), np.array([1e-3]))
+    blocked = polish(touches, through, T[None], target, priors)
+    assert blocked.log_evidence[0] - alone.log_evidence[0] == pytest.approx(np.log(priors.clutter), abs=1e-6)
+    beside = FreePaths((inside + 0.5 * d)[None], d[None], np.array([0.6]), np.array([1e-3]))
+    free = polish(touches, beside, T[None], target, priors)
+    assert free.log_evidence[0] - alone.log_evidence[0] == pytest.approx(np.log1p(-priors.clutter), abs=1e-6)
+
+
+def test_a_beam_that_crossed_material_before_its_hit_is_contradicted(targets):
+    target = targets["bracket_left"]
+    T, touches, *_ = scene_of(target, 6, 15)
+    priors = Priors(radius=target.part.radius)
+    # the first reading comes from the other side: the same point, reached through the part
+    d = touches.directions.copy()
+    d[0] = -d[0]
+    found = polish(replace(touches, directions=d), no_paths(), T[None], target, priors)
+    assert found.belongs[0, 0] < 1e-3
+    assert (found.belongs[0, 1:] > 0.9).all()
+    assert polish(touches, no_paths(), T[None], target, priors).belongs[0, 0] > 0.9
+
+
+def test_the_free_path_of_a_beam_counts_even_where_the_face_looks_towards_it(targets):
+    """One jaw of the clamp, seen along its normal, would have to be seen through the other jaw."""
+    target = targets["clamp"]
+    T, touches, *_ = scene_of(target, 7, 12)
+    priors, surface = Priors(radius=target.part.radius), target.surface
+    points, normals = surface_points(surface, 4000, np.random.default_rng(7))
+    start = points + 1e-6 * normals
+    blocked = np.flatnonzero(surface.cast(start, normals).distances < 0.2)
+    assert len(blocked)
+    k = blocked[0]
+    rows = np.r_[np.arange(len(touches)), 0]
+    more = touches.take(rows)
+    p, d = more.points.copy(), more.directions.copy()
+    p[-1], d[-1] = SE3.apply(T, points[k]), -T[:3, :3] @ normals[k]
+    more = replace(more, points=p, directions=d, ids=(*more.ids[:-1], "seen through"))
+    assert polish(more, no_paths(), T[None], target, priors).belongs[0, -1] < 1e-3
+    near = replace(more, reach=np.r_[more.reach[:-1], 1e-3])
+    assert polish(near, no_paths(), T[None], target, priors).belongs[0, -1] > 0.9
+    assert REACH > 0.2
+
+
+def test_a_mirrored_part_is_told_apart(targets):
+    target = targets["bracket_left"]
+    mirrored = prepare_target(mirror_part(target.part))
+    for made, other in ((target, mirrored), (mirrored, target)):
+        T, touches, *_ = scene_of(made, 8, 25)
+        answer = identify_touches(touches, no_paths(), [other, made])
+        best = answer.hypotheses[0]
+        assert answer.status == "recognized"
+        assert best.part == made.part.name
+        assert nees(made.part, best.T_world_part, best.covariance, T)[0] < 30
+
+
+def test_more_scatter_than_stated_is_said_and_widens_the_covariance(targets):
+    target = targets["bracket_left"]
+    T, touches, *_ = scene_of(target, 9, 40)
+    optimist = replace(touches, covs=touches.covs / 1.7**2, sd=touches.sd / 1.7)
+    honest, widened = (identify_touches(t, no_paths(), [target]) for t in (touches, optimist))
+    assert "scatter" not in honest.message
+    assert "times as much as stated: covariances were widened" in widened.message
+    ratio = np.sqrt(np.trace(widened.hypotheses[0].covariance) / np.trace(honest.hypotheses[0].covariance))
+    assert 0.7 < ratio < 1.3
+    assert nees(target.part, widened.hypotheses[0].T_world_part, widened.hypotheses[0].covariance, T)[0] < 25
+
+
+def tip_scene(target, seed, n, sd, tip):
+    """Touches by a hand that never turns: the tip's offset is one shift of all points."""
+    _, touches, *_ = scene_of(target, seed, n)
+    gains = np.broadcast_to(tip * np.eye(3), (n, 3, 3))
+    covs = np.tile(sd**2 * np.eye(3), (n, 1, 1))
+    shared = (SharedError("tip offset", tip**2 * np.eye(3), "offset of the tip in the hand's frame [m]"),)
+    return replace(touches, gains=gains, covs=covs, sd=np.full(n, sd)), shared
+
+
+def test_it_says_when_an_error_that_all_share_limits_the_answer(targets):
+    target = targets["bracket_left"]
+    touches, shared = tip_scene(target, 10, 40, 3e-4, 2e-3)
+    assert "offset of the tip" in identify_touches(touches, no_paths(), [target], shared=shared).message
+    touches, shared = tip_scene(target, 10, 12, 3e-4, 2e-5)
+    assert "offset of the tip" not in identify_touches(touches, no_paths(), [target], shared=shared).message
+
+
+def test_none_of_these(targets):
+    """Readings of a part that is not in the folder are not forced onto one that is."""
+    _, touches, *_ = scene_of(targets["clamp"], 12, 25)
+    answer = identify_touches(touches, no_paths(), [targets["block"], targets["wedge"]])
+    assert answer.status == "unknown"
+    assert "readings are not on it" in answer.message or answer.unknown_probability > 0.5
+
+
+@pytest.mark.parametrize("name", ["bracket_left", "block", "flange", "wedge", "clamp"])
+@pytest.mark.parametrize("sensing", SENSORS, ids=lambda s: s.name)
+def test_the_truth_is_inside_the_reported_modes(targets, name, sensing):
+    """A small part of what ``benchmarks/coverage.py`` counts."""
+    target = targets[name]
+    for seed in range(2):
+        T, touches, *_ = scene_of(target, 100 + seed, 25, sensing)
+        answer = identify_touches(touches, no_paths(), [target], top=100)
+        values = [nees(target.part, h.T_world_part, h.covariance, T) for h in answer.hypotheses]
+        assert any(value < 35 for value, _ in values)
+        if answer.status == "recognized":
+            assert values[0][0] < 35
