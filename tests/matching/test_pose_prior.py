@@ -110,3 +110,12 @@ def test_a_box_refuses_poses_outside(part):
 def test_half_given_priors_are_refused(make):
     with pytest.raises(InputError, match="expected"):
         make()
+
+
+def test_the_workspace_is_that_of_the_largest_part_unless_given(part):
+    touches = touches_at(on_surface(part, 20, np.random.default_rng(5)))
+    given, open_ = (
+        identify_touches(touches, FreePaths.none(), [part], priors=p)
+        for p in (Priors(radius=part.radius), Priors(unknown=0.05))
+    )
+    assert open_.unknown_probability == pytest.approx(given.unknown_probability, rel=1e-9)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.constraints import joint_test
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import PLANE, Feature, SharedTerm
 from tanteo.fitting.edge import fit_edge
@@ -15,7 +16,7 @@ from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.vertex import fit_vertex
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import IntArray
+from tanteo.typing import Covariances, IntArray, Vectors
 
 SUSPECT = 1e-3
 """Fits with a smaller p-value hold a wrong reading, or their standard deviation is too small."""
@@ -122,7 +123,8 @@ def _fit(
                 f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
             )
         fit = fit_edge if kind == "edge" else fit_vertex
-        return fit(points, covs, label=label, readings=ids, shared=shared)
+        one, report = fit(points, covs, label=label, readings=ids, shared=shared)
+        return one, _jointly(report, one, points, covs, shared)
     if np.ptp(radii) > 1e-9:
         raise InputError(
             f"plane {label!r}: expected one tip radius, got {1e3 * radii.min():g} to {1e3 * radii.max():g} mm."
@@ -139,13 +141,45 @@ def _fit(
             shared=shared,
             **sides,
         )
-        return replace(feature, tip_radius=radius), report
+        return replace(feature, tip_radius=radius), _jointly(report, feature, points, covs, shared, radius)
     normal = plane_ml(points, covs).T[:3, 2]
     both = [
         fit_plane(points, covs, outward=s * normal, radius=radius, label=label, readings=ids, shared=shared)
         for s in (1, -1)
     ]
-    return (replace(both[0][0], tip_radius=radius), replace(both[1][0], tip_radius=radius)), both[0][1]
+    report = _jointly(both[0][1], both[0][0], points, covs, shared, radius)
+    return (replace(both[0][0], tip_radius=radius), replace(both[1][0], tip_radius=radius)), report
+
+
+def _jointly(
+    report: FitReport,
+    feature: Feature,
+    points: Vectors,
+    covs: Covariances,
+    shared: SharedReadings,
+    radius: float = 0.0,
+) -> FitReport:
+    """The report with the test of all points together, errors that they share included.
+
+    A shared error that is not one rigid motion of the points (a tip whose hand turns between touches) makes them
+    scatter; that is not a wrong reading.
+    """
+    if not shared:
+        return report
+    R = feature.T_world_feature[:3, :3]
+    across = [i for i in feature.kind.rows if i < 3]
+    local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
+    move = np.concatenate([np.broadcast_to(-np.eye(3), (len(points), 3, 3)), SO3.hat(local)], axis=-1)
+    f = local[:, across] - (radius if feature.kind is PLANE else 0.0)
+    S = np.zeros((len(points), len(across), len(points), len(across)))
+    each = np.arange(len(points))
+    S[each, :, each, :] = (R.T @ covs @ R)[:, across][:, :, across]
+    for error, J in shared:
+        rows = (R.T @ J)[:, across]
+        S += np.einsum("iad,de,jbe->iajb", rows, error.covariance, rows)
+    m = f.size
+    test = joint_test(f.reshape(m), (move[:, across] @ feature.kind.B.T).reshape(m, -1), S.reshape(m, m))
+    return replace(report, chi2=test.D2, dof=test.dof, p_value=test.p_value)
 
 
 def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:

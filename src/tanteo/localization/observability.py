@@ -14,6 +14,9 @@ from tanteo.typing import FloatArray, Tangents, Transforms
 _RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled information below this fraction of the largest count as zero."""
 
+_SLIDING = 0.02
+"""A free motion that turns less than this a length it slides is called sliding [rad]."""
+
 _AXIS_TOLERANCE = np.cos(np.radians(2.0))
 """A direction within this angle of a coordinate axis is called by the axis' name."""
 
@@ -100,7 +103,7 @@ def describe_motion(xi: Tangents, T_world_part: Transforms, length: float) -> st
     """
     v, w = xi[:3] * length, xi[3:]
     R = T_world_part[:3, :3]
-    if np.linalg.norm(w) < 1e-6:
+    if np.linalg.norm(w) < _SLIDING:
         return f"sliding along {_name_direction(v, R)}"
     axis = w / np.linalg.norm(w)
     pitch = float(v @ axis) / float(np.linalg.norm(w))

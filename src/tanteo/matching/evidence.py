@@ -6,7 +6,7 @@ Touches fall on the surface evenly: a face is met in proportion to its area, an 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Priors:
     Attributes:
         unknown: probability that the object is none of the parts.
         clutter: probability that a sensed feature does not belong to the part.
-        radius: of the ball in which the part lies [m]: the largest part of the catalogue.
+        radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
         common_sizes: of the distances between its parallel faces, the share that the catalogue's parts have too: one
             workshop uses the same stock and the same round numbers again and again.
@@ -35,10 +35,16 @@ class Priors:
 
     unknown: float = 0.05
     clutter: float = 0.02
-    radius: float = 0.1
+    radius: float = 0.0
     right_angled: float = 0.8
     common_sizes: float = 0.5
     pose: PosePrior | None = None
+
+
+def sized(priors: Priors | None, radius: float) -> Priors:
+    """The priors, with the radius of the largest part where they leave it open."""
+    priors = priors or Priors()
+    return replace(priors, radius=radius) if priors.radius == 0 else priors
 
 
 _FAINT = 25.0

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy.typing as npt
 
+from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.matching.evidence import Priors
 from tanteo.matching.recognition import identify_features, with_elapsed
@@ -64,6 +65,11 @@ def identify(
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
     if len(sensed.bare) or _single_points(sensed) or (priors is not None and priors.pose is not None):
+        if as_published:
+            raise InputError(
+                "as_published: expected every reading to have a feature label, got some without. The paper compares "
+                "sensed features; give rows taken on one face the same label."
+            )
         elapsed = time.perf_counter() - start
         reach = readings.ranges[measured.rows]
         touches, free = as_touches(measured, tolerance, reach), as_free_paths(measured, tolerance)

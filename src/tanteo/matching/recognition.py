@@ -13,7 +13,7 @@ from tanteo.fitting import Sides
 from tanteo.lie import SE3
 from tanteo.localization import ModelFeature, Pairing, PoseEstimate, estimate_pose
 from tanteo.matching.belief import Mode, believe
-from tanteo.matching.evidence import Priors
+from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.published import believe_as_published
@@ -61,7 +61,7 @@ def identify_features(
     clock = Clock()
     models = [part if isinstance(part, PartModel) else prepare(part) for part in parts]
     sensed = sense(features)
-    priors = priors or Priors(radius=max(model.radius for model in models))
+    priors = sized(priors, max(model.radius for model in models))
     clock.lap("prepare")
     belief = believe_as_published(sensed, models, alpha) if as_published else believe(sensed, models, priors, tolerance)
     clock.lap("search")

@@ -13,7 +13,7 @@ from tanteo.features import SharedError
 from tanteo.fitting import SUSPECT
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, describe_motion, pose_information, weak_motions
-from tanteo.matching.evidence import Priors
+from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
 from tanteo.matching.polish import Polished, polish
 from tanteo.matching.recognition import Clock
@@ -84,7 +84,7 @@ def identify_touches(
         message = f"{len(touches)} readings fit any part: sense {LEAST} places or more, better eight, on several sides."
         return Recognition("insufficient", message, (), 1.0, {}, seed)
     clock = Clock()
-    priors = priors or Priors(radius=max(_part(part).radius for part in parts))
+    priors = sized(priors, max(_part(part).radius for part in parts))
     fitting = [part for part in parts if _large_enough(touches, _part(part))]
     targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
     clock.lap("prepare")
