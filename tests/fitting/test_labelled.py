@@ -138,7 +138,7 @@ def test_edges_and_vertices_by_their_kind():
 
 
 def test_a_tip_error_with_a_turning_hand_is_not_taken_for_scatter():
-    """A tip beside where it is believed, and a hand that turns between touches: said beforehand, so nothing is wrong."""
+    """A tip beside where it is believed and a hand that turns between touches are said beforehand: nothing is wrong."""
     tip_sd, wrong = np.array([1.5e-3, 1.5e-3, 0.3e-3]), 0
     for seed in range(100):
         rng = np.random.default_rng(seed)

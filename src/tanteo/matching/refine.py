@@ -14,9 +14,17 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 Distance = Callable[[Vectors], tuple[FloatArray, Vectors]]
 """Signed distance and gradient at points of the part frame."""
 
+Known = Callable[[Transforms], tuple[FloatArray, FloatArray]]
+"""What is known of the pose beforehand, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``."""
+
 
 def refine(
-    touches: Touches, Ts: Transforms, distance: Distance, scales: FloatArray, extra_sd: float = 0.0
+    touches: Touches,
+    Ts: Transforms,
+    distance: Distance,
+    scales: FloatArray,
+    extra_sd: float = 0.0,
+    known: Known | None = None,
 ) -> tuple[Transforms, FloatArray]:
     """Robust Gauss-Newton from every pose, one step a scale.
 
@@ -26,6 +34,7 @@ def refine(
         distance: exact, or from the grid.
         scales: residuals beyond about this many standard deviations lose their weight, one for each step.
         extra_sd: of the distance itself, for the grid [m].
+        known: what is known of the pose; widened by the scale of the step.
 
     Returns:
         Poses, and the robust cost of each at the last step but one ``(S,)``.
@@ -37,6 +46,11 @@ def refine(
         cost = np.log1p((r / scale) ** 2).mean(axis=1) * scale**2
         JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
         A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
+        if known is not None:
+            r0, J0 = known(Ts)
+            pull = np.swapaxes(J0, 1, 2) / scale**2
+            A, b = A + pull @ J0, b - (pull @ r0[..., None])[..., 0]
+            cost += np.log1p((r0 / scale) ** 2).sum(axis=1) * scale**2 / r.shape[1]
         step = _damped(A, b)
         Ts = Ts @ SE3.exp(step)
     return Ts, cost

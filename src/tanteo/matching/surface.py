@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.special import bdtrc, chdtrc
@@ -11,8 +12,8 @@ from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
 from tanteo.matching.polish import Polished, polish
-from tanteo.matching.prior import in_box, prior_starts
-from tanteo.matching.refine import refine
+from tanteo.matching.prior import in_box, prior_rows, prior_starts
+from tanteo.matching.refine import Known, refine
 from tanteo.matching.starts import bases, distinct, lowest, oriented_bases, pair_poses, score, triple_poses
 from tanteo.matching.target import Target
 from tanteo.matching.touches import FreePaths, Touches
@@ -108,9 +109,10 @@ def search(
         known: poses ``(S, 4, 4)`` to polish as well.
     """
     some = touches.take(np.linspace(0, len(touches) - 1, min(len(touches), _ENOUGH)).astype(np.int64))
-    Ts = first_poses(some, target, effort)
+    beforehand = partial(prior_rows, priors.pose, target.part) if priors.pose else None
+    Ts = first_poses(some, target, effort, beforehand)
     Ts = np.concatenate([prior_starts(priors.pose), Ts if known is None else np.concatenate([known, Ts])])
-    Ts, _ = refine(some, Ts, lambda p: _exact(target, p), _narrowing(some, target))
+    Ts, _ = refine(some, Ts, lambda p: _exact(target, p), _narrowing(some, target), 0.0, beforehand)
     found = distinct_maxima(polish(touches, free, Ts, target, priors), target)
     if effort is not ORIENTED:
         turned = _turned_over(some, found.Ts[:_TURNED], target)
@@ -129,20 +131,22 @@ def explained(found: Polished, clutter: float) -> bool:
     return bool(usual and (dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE))
 
 
-def first_poses(touches: Touches, target: Target, effort: Effort) -> Transforms:
+def first_poses(touches: Touches, target: Target, effort: Effort, known: Known | None = None) -> Transforms:
     """Poses worth an exact look: triples scored on the grid, then polished there in two rounds."""
     sd, step = float(np.median(touches.sd)), GRID_SD * target.field.step
     Ts = _raw_poses(touches, target, effort)
     rows = np.linspace(0, len(touches) - 1, min(effort.scored, len(touches))).astype(np.int64)
     wide = float(np.hypot(sd, target.spacing))
-    if len(rows) > _GLANCE and len(Ts) > 10 * effort.rough[0]:
+    if known is None and len(rows) > _GLANCE and len(Ts) > 10 * effort.rough[0]:
         few = score(touches, Ts, target, wide, rows[:: len(rows) // _GLANCE + 1])
         Ts = Ts[lowest(few, max(10 * effort.rough[0], len(Ts) // 3))]
-    keep = distinct(touches, Ts, score(touches, Ts, target, wide, rows), target, effort.rough[0], 1.5 * target.spacing)
-    start = wide / np.hypot(sd, step)
-    Ts, cost = refine(touches, Ts[keep], target.field, start * np.array([1.0, 1.0, 0.7, 0.5]), step)
+    start, cost = wide / np.hypot(sd, step), score(touches, Ts, target, wide, rows)
+    if known is not None:
+        cost += np.minimum((known(Ts)[0] / start) ** 2, 9.0).sum(axis=1)
+    keep = distinct(touches, Ts, cost, target, effort.rough[0], 1.5 * target.spacing)
+    Ts, cost = refine(touches, Ts[keep], target.field, start * np.array([1.0, 1.0, 0.7, 0.5]), step, known)
     Ts = Ts[distinct(touches, Ts, cost, target, effort.rough[1], 0.3 * target.spacing)]
-    Ts, cost = refine(touches, Ts, target.field, np.array([0.4 * start, 3.0, 3.0, 3.0, 3.0]), step)
+    Ts, cost = refine(touches, Ts, target.field, np.array([0.4 * start, 3.0, 3.0, 3.0, 3.0]), step, known)
     return Ts[distinct(touches, Ts, cost, target, effort.fine, max(2 * sd, 0.1 * target.spacing))]
 
 
