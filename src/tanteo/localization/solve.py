@@ -76,10 +76,15 @@ class Solution:
     steps: FloatArray
 
 
-def linearise(block: Block, T_world_part: Transforms, z: FloatArray) -> Linearised:
-    """Residuals of a block and their derivatives by pose and shared errors."""
+def linearise(
+    block: Block, T_world_part: Transforms, z: FloatArray, Ts_model_part: Transforms | None = None
+) -> Linearised:
+    """Residuals of a block and their derivatives by pose and shared errors.
+
+    ``Ts_model_part`` are the inverse model frames, for callers that come back with many poses.
+    """
     T_part_feature = SE3.inverse(T_world_part)[..., None, :, :] @ block.Ts_world_feature
-    T_model_feature = SE3.inverse(block.Ts_part_model) @ T_part_feature
+    T_model_feature = (SE3.inverse(block.Ts_part_model) if Ts_model_part is None else Ts_model_part) @ T_part_feature
     f, D = block.relation.linearise(T_model_feature, block.radii)
     H = -D @ SE3.adjoint_inverse(T_part_feature)
     G = D[..., list(block.relation.sensed.rows)]
@@ -100,22 +105,32 @@ def linearise(block: Block, T_world_part: Transforms, z: FloatArray) -> Linearis
 
 
 def assemble(
-    blocks: Sequence[Block], T: Transforms, z: FloatArray, prior: tuple[Transforms, FloatArray] | None = None
+    blocks: Sequence[Block],
+    T: Transforms,
+    z: FloatArray,
+    prior: tuple[Transforms, FloatArray] | None = None,
+    *,
+    inverses: Sequence[Transforms] | None = None,
+    determinants: bool = True,
 ) -> Solution:
-    """Normal equations of all blocks and priors at one state (no step is taken)."""
+    """Normal equations of all blocks and priors at one state (no step is taken).
+
+    ``inverses`` are the blocks' inverse model frames; without ``determinants``, ``log_det`` is left zero.
+    """
     batch, D = T.shape[:-2], z.shape[-1]
     information = np.zeros((*batch, 6 + D, 6 + D))
     gradient = np.zeros((*batch, 6 + D))
     chi2, equations, log_det = (np.zeros(batch) for _ in range(3))
-    for block in blocks:
-        at = linearise(block, T, z)
-        J = np.concatenate([at.H, np.broadcast_to(at.K, (*at.H.shape[:-1], D))], axis=-1)
+    for b, block in enumerate(blocks):
+        at = linearise(block, T, z, None if inverses is None else inverses[b])
+        J = np.concatenate([at.H, np.broadcast_to(at.K, (*at.H.shape[:-1], D))], axis=-1) if D else at.H
         W = np.linalg.inv(at.S)
         JW = np.swapaxes(J, -1, -2) @ W
         information += (JW @ J).sum(axis=-3)
         gradient -= (JW @ at.f[..., None])[..., 0].sum(axis=-2)
-        chi2 += np.einsum("...ni,...nij,...nj->...", at.f, W, at.f)
-        log_det += np.linalg.slogdet(at.S)[1].sum(axis=-1)
+        chi2 += np.sum(at.f * (W @ at.f[..., None])[..., 0], axis=(-2, -1))
+        if determinants:
+            log_det += np.linalg.slogdet(at.S)[1].sum(axis=-1)
         equations += block.relation.size * np.broadcast_to(block.active, at.f.shape[:-1]).sum(axis=-1)
     information[..., 6:, 6:] += np.eye(D)
     gradient[..., 6:] -= z
@@ -163,8 +178,9 @@ def gauss_newton(
     """
     T, z = np.array(T_start), np.zeros((*T_start.shape[:-2], n_shared))
     steps = np.full(T.shape[:-2], np.inf)
+    inverses = [SE3.inverse(block.Ts_part_model) for block in blocks]
     for _ in range(iterations):
-        at = assemble(blocks, T, z, prior)
+        at = assemble(blocks, T, z, prior, inverses=inverses, determinants=False)
         damped = at.information.copy()
         damped[..., :6, :6] += 0.0 if hold is None else hold
         step = scaled_solve(damped, at.gradient)
@@ -174,7 +190,7 @@ def gauss_newton(
         steps = np.einsum("...i,...ij,...j->...", step, at.information, step)
         if np.all(steps < tolerance):
             break
-    at = assemble(blocks, T, z, prior)
+    at = assemble(blocks, T, z, prior, inverses=inverses)
     return Solution(T, z, at.information, at.gradient, at.chi2, at.equations, at.log_det, steps)
 
 

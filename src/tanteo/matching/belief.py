@@ -14,7 +14,7 @@ from tanteo.matching.evidence import Priors, log_evidence, perfect_evidence
 from tanteo.matching.freedom import free_projector, pose_scale
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import Interpretations, interpret
+from tanteo.matching.tree import Gates, Interpretations, interpret, pair_gates
 from tanteo.matching.unknown import log_unknown
 from tanteo.matching.verify import within_extent
 from tanteo.parts import Part
@@ -83,14 +83,21 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
     """
     unknown = log_unknown(sensed, models, priors) + np.log(priors.unknown)
     prior = np.log1p(-priors.unknown) - np.log(max(len(models), 1))
-    bounds = {model.name: perfect_evidence(sensed, model, priors) + prior for model in models}
+    known: dict[bytes, float] = {}
+    bounds = {model.name: perfect_evidence(sensed, model, priors, known) + prior for model in models}
+    gates: dict[str, Gates] = {}
     best, found, cut = unknown, [], False
     for left_out in range(len(sensed)):
         for model in models:
             if bounds[model.name][left_out] < best - NEGLIGIBLE:
                 continue
-            explained, dropped = _explain(sensed, model, left_out, priors, tolerance, prior, best)
-            cut |= dropped
+            if model.name not in gates:
+                gates[model.name] = pair_gates(sensed, model, tolerance)
+            interpretations = interpret(sensed, model, left_out, tolerance, gates[model.name])
+            cut |= interpretations.cut
+            if not len(interpretations.choices):
+                continue
+            explained = _explain(sensed, model, interpretations, priors, tolerance, prior, best)
             if len(explained.log_weights):
                 found.append(explained)
                 best = max(best, float(explained.log_weights.max()))
@@ -98,9 +105,14 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
 
 
 def _explain(
-    sensed: Sensed, model: PartModel, left_out: int, priors: Priors, tolerance: float, prior: float, best: float
-) -> tuple[_Explained, bool]:
-    interpretations = interpret(sensed, model, left_out, tolerance)
+    sensed: Sensed,
+    model: PartModel,
+    interpretations: Interpretations,
+    priors: Priors,
+    tolerance: float,
+    prior: float,
+    best: float,
+) -> _Explained:
     weights = log_evidence(sensed, model, interpretations, priors) + prior
     hopeful = weights > best - NEGLIGIBLE - _TAIL
     some = Interpretations(interpretations.choices[hopeful], take(interpretations.solution, hopeful), False)
@@ -109,8 +121,7 @@ def _explain(
     scale = pose_scale(priors.radius)
     bound = np.eye(6) - free * scale[:, None] / scale  # motions that nothing resists are not told apart
     information = np.swapaxes(bound, -1, -2) @ pose_information(some.solution.information[keep]) @ bound
-    explained = _Explained(model, some.choices[keep], poses[keep], information, (weights[hopeful] + share)[keep])
-    return explained, interpretations.cut
+    return _Explained(model, some.choices[keep], poses[keep], information, (weights[hopeful] + share)[keep])
 
 
 def _weigh(found: Sequence[_Explained], unknown: float, best: float, cut: bool) -> Belief:

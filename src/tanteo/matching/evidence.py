@@ -121,13 +121,18 @@ def pose_volume(information: FloatArray, radius: float, free: FloatArray | None 
     return np.asarray(-0.5 * np.log(np.maximum(values / (2 * np.pi), 1.0)).sum(axis=-1))
 
 
-def perfect_evidence(sensed: Sensed, model: PartModel, priors: Priors) -> FloatArray:
+def perfect_evidence(
+    sensed: Sensed, model: PartModel, priors: Priors, known: dict[bytes, float] | None = None
+) -> FloatArray:
     """Log evidence if the part had exactly the sensed features, with 0, 1, 2 ... of them left out ``(n + 1,)``.
 
     It bounds what the part can reach with that many features left out, because the determinants of the joint estimate
     depend on the sensed features alone; those that add least are left out first.
+
+    ``known`` remembers what does not depend on the part, for the next one; parts and families do not share it.
     """
     n = len(sensed)
+    known = {} if known is None else known
     clutter = _nothing_densities(sensed, model, priors)
     density = np.full(n, -np.inf)
     for i, kind in enumerate(sensed.kinds[:n]):
@@ -136,7 +141,11 @@ def perfect_evidence(sensed: Sensed, model: PartModel, priors: Priors) -> FloatA
     kept = np.isfinite(density)[None]
     out = np.full(n + 1, -np.inf)
     while True:
-        values = _perfect(sensed, model, kept, priors) + np.where(kept, density, clutter).sum(axis=1)
+        new = np.array([row.tobytes() not in known for row in kept])
+        if new.any():
+            found = _perfect(sensed, model, kept[new], priors)
+            known.update((row.tobytes(), float(value)) for row, value in zip(kept[new], found, strict=True))
+        values = np.array([known[row.tobytes()] for row in kept]) + np.where(kept, density, clutter).sum(axis=1)
         best = int(np.argmax(values))
         count = int(kept[best].sum())
         out[n - count] = values[best]

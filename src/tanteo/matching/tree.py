@@ -61,24 +61,13 @@ def relation_of(kind: str, model: PartModel) -> Relation:
     return {"plane": PLANE_DIRECTIONS, "edge": EDGE_DIRECTIONS}[kind]
 
 
-def interpret(sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float = 0.0) -> Interpretations:
-    """All interpretations with exactly ``n_nothing`` features left out that pairs and poses allow.
+Gates = tuple[dict[tuple[int, int], BoolArray], dict[int, BoolArray]]
+"""For each pair of sensed features, which candidates go together; and for each feature, which it may be at all."""
 
-    Args:
-        sensed: the sensed features.
-        model: the part, or a family known by its directions.
-        n_nothing: how many sensed features are clutter.
-        tolerance: sd of the made surface against its CAD [m].
 
-    Returns:
-        The interpretations; of a family known by its directions one in :data:`TURNS` that are alike.
-    """
+def pair_gates(sensed: Sensed, model: PartModel, tolerance: float) -> Gates:
+    """All gates that hold before any pose is known."""
     members = [i for i in range(len(sensed)) if sensed.kinds[i] in model.candidates]
-    missing = len(sensed) - len(members)  # features of kinds that the part does not have are clutter already
-    choices, cut = np.full((1, len(sensed)), NOTHING), False
-    if missing > n_nothing:
-        choices = choices[:0]
-        members = []
     views = sensed.views
     gates = {
         (i, j): np.block([[compatible(sensed, a, b, model, tolerance) for b in views[j]] for a in views[i]])
@@ -89,15 +78,42 @@ def interpret(sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float
     fits = {i: np.concatenate([large_enough(sensed, a, model, tolerance) for a in views[i]]) for i in members}
     for (i, j), gate in gates.items():
         gate &= fits[i][:, None] & fits[j]
+    return gates, fits
+
+
+def interpret(
+    sensed: Sensed, model: PartModel, n_nothing: int, tolerance: float = 0.0, gates: Gates | None = None
+) -> Interpretations:
+    """All interpretations with exactly ``n_nothing`` features left out that pairs and poses allow.
+
+    Args:
+        sensed: the sensed features.
+        model: the part, or a family known by its directions.
+        n_nothing: how many sensed features are clutter.
+        tolerance: sd of the made surface against its CAD [m].
+        gates: of :func:`pair_gates`, if they are known already.
+
+    Returns:
+        The interpretations; of a family known by its directions one in :data:`TURNS` that are alike.
+    """
+    members = [i for i in range(len(sensed)) if sensed.kinds[i] in model.candidates]
+    missing = len(sensed) - len(members)  # features of kinds that the part does not have are clutter already
+    choices, cut = np.full((1, len(sensed)), NOTHING), False
+    if missing > n_nothing:
+        choices = choices[:0]
+        members = []
+    pairs, fits = gates or pair_gates(sensed, model, tolerance)
     done: list[int] = []
-    for i in _order(members, gates):
+    for i in _order(members, pairs) if len(choices) else ():
         if len(choices) > _TEST_ABOVE and len(done) > 2:
             choices, _ = prune(sensed, model, choices, tolerance)
-        choices = _expand(choices, done, i, fits[i], gates, n_nothing - missing)
+        choices = _expand(choices, done, i, fits[i], pairs, n_nothing - missing)
         if not model.has_extent:  # all six directions look alike: the first one chosen may as well be the first
             turned = (choices[:, i] != NOTHING) & (choices[:, i] % TURNS > 0)
             choices = choices[~(turned & np.all(choices[:, done] == NOTHING, axis=1))]
         done.append(i)
+        if not len(choices):
+            break
         if len(choices) > MAX_PARTIAL:
             choices, cut = choices[np.linspace(0, len(choices) - 1, MAX_PARTIAL).astype(np.int64)], True
     left_out = (choices == NOTHING).sum(axis=1)
@@ -218,19 +234,49 @@ def prune(
     sensed: Sensed, model: PartModel, choices: IntArray, tolerance: float, iterations: int = 4
 ) -> tuple[IntArray, Solution]:
     """Drop interpretations that no single pose explains: joint chi-square, and normals the right way round."""
+    if not len(choices):
+        return choices, _no_solution(sensed.gains[0].shape[1] if sensed.gains else 0)
     blocks = build(sensed, model, choices, tolerance)
-    n_shared = sensed.gains[0].shape[1] if sensed.gains else 0
     start = first_pose(blocks) if blocks else np.tile(np.eye(4), (len(choices), 1, 1))
     start = np.broadcast_to(start, (len(choices), 4, 4))
+    choices, solution = _test(
+        sensed, model, choices, blocks, start, min(iterations, _FEW), 2.0 if iterations > _FEW else 1.0
+    )
+    if iterations > _FEW and len(choices):
+        blocks = build(sensed, model, choices, tolerance)
+        choices, solution = _test(sensed, model, choices, blocks, solution.T_world_part, iterations)
+    return choices, solution
+
+
+def _no_solution(D: int) -> Solution:
+    none = np.zeros(0)
+    square = np.zeros((0, 6 + D, 6 + D))
+    return Solution(np.zeros((0, 4, 4)), np.zeros((0, D)), square, np.zeros((0, 6 + D)), none, none, none, none)
+
+
+def _test(
+    sensed: Sensed,
+    model: PartModel,
+    choices: IntArray,
+    blocks: Sequence[Block],
+    start: FloatArray,
+    iterations: int,
+    slack: float = 1.0,
+) -> tuple[IntArray, Solution]:
+    """Iterate, and keep what passes the joint test with ``slack`` times its gate."""
+    n_shared = sensed.gains[0].shape[1] if sensed.gains else 0
     free, n_free = free_projector(sensed, model, choices, model.radius)
     scale = pose_scale(model.radius)
     hold = _HOLD + _STIFF * free / np.outer(scale, scale)
     solution = gauss_newton(blocks, start, n_shared, hold=hold, iterations=iterations, tolerance=1e-12)
     dof = np.maximum(solution.equations - (6 - n_free), 1.0)
-    ok = solution.chi2 <= chdtri(dof, ALPHA_JOINT)
+    ok = solution.chi2 <= slack * chdtri(dof, ALPHA_JOINT)
     ok &= _same_side(blocks, solution.T_world_part)
     return choices[ok], take(solution, ok)
 
+
+_FEW = 4
+"""Iterations after which what is far from consistent is dropped."""
 
 _HOLD = np.diag([1e-2] * 3 + [1e-4] * 3)
 """Keeps steps small where little resists; far below any real information."""

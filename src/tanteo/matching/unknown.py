@@ -19,13 +19,16 @@ from tanteo.localization.solve import scaled_solve
 from tanteo.matching.evidence import Priors, clutter_densities, direction_densities, log_evidence, perfect_evidence
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import Candidates, PartModel
-from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import TURNS, decode, interpret
+from tanteo.matching.sensed import Sensed, sense
+from tanteo.matching.tree import TURNS, decode, interpret, pair_gates
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 SMALL = 5.0
 """Log odds below which a way of being right-angled is not looked for: the evidence needs no more than a percent."""
 
+
+_ALL_SUBSETS = 6
+"""Up to this many features any of them may be clutter; of more, two."""
 
 _COMPACT = 0.5 * np.log(2 * np.pi * np.e / 12)
 """How much denser, on the average of the log, an even spread over a stretch is than a normal one of the same sd."""
@@ -63,6 +66,8 @@ def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> 
     n = len(sensed)
     if not n:
         return 0.0
+    if len(sensed.features) > n:  # any side of such a part is as likely as its opposite: one view of each will do
+        sensed = sense(sensed.features[:n])
     family = right_angled_family(priors.radius)
     stray = replace(priors, clutter=1 - priors.right_angled)
     pairs = _pairs(sensed, models, priors)
@@ -71,13 +76,20 @@ def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> 
     strays = [nothing == NOTHING]
     weights = [directions.sum() + _pair_gains(sensed, family, nothing, pairs)]
     bounds = perfect_evidence(sensed, family, stray) + _most(sensed, pairs)
+    best, gates = float(weights[0].max()), pair_gates(sensed, family, 0.0)
     for left_out in range(n):
-        if bounds[left_out] < max(w.max(initial=-np.inf) for w in weights) - SMALL:
+        if bounds[left_out] < best - SMALL:
             continue
-        found = interpret(sensed, family, left_out)
+        found = interpret(sensed, family, left_out, 0.0, gates)
+        if not len(found.choices):
+            continue
         gains = _pair_gains(sensed, family, found.choices, pairs)
         weights.append(log_evidence(sensed, family, found, stray) + gains + np.log(TURNS))
         strays.append(found.choices == NOTHING)
+        top = float(weights[-1].max())
+        if top < best - SMALL and best > weights[0].max():
+            break  # leaving out more costs more: each stray loses what its right angle would have been worth
+        best = max(best, top)
     return _with_clutter(sensed, models, priors, np.concatenate(strays), np.concatenate(weights), directions)
 
 
@@ -95,7 +107,8 @@ def _with_clutter(
     masks = masks[by_mask > by_mask.max() - 2 * SMALL]
     by_mask = by_mask[by_mask > by_mask.max() - 2 * SMALL]
     n = len(sensed)
-    subsets = np.array([[i in some for i in range(n)] for k in range(3) for some in combinations(range(n), k)])
+    most = n if n <= _ALL_SUBSETS else 2
+    subsets = np.array([[i in some for i in range(n)] for k in range(most + 1) for some in combinations(range(n), k)])
     subsets = subsets[(subsets[:, None] <= masks).all(axis=2).any(axis=1)]
     lost = np.log(priors.clutter) - np.log1p(-priors.clutter) + clutter_densities(sensed, priors.radius) - directions
     given = subsets @ lost + _log_places(sensed, models, priors, ~subsets) + n * np.log1p(-priors.clutter)
@@ -192,7 +205,7 @@ def _density(model: PartModel, same: bool, distance: float, sd: float) -> float:
 def _pair_gains(sensed: Sensed, family: PartModel, choices: IntArray, pairs: _Pairs) -> FloatArray:
     """Log gains of each interpretation ``(F,)``: every plane beside those before it, strays among themselves."""
     total = np.zeros(len(choices))
-    planes = [i for i in range(len(sensed)) if sensed.kinds[i] == "plane"]
+    planes = _planes(sensed)
     rows, sides = np.zeros_like(choices), np.full_like(choices, NOTHING)
     for i in planes:
         sides[:, i], view = decode(choices[:, i], family, "plane")
@@ -220,9 +233,16 @@ def _pair_gains(sensed: Sensed, family: PartModel, choices: IntArray, pairs: _Pa
     return total
 
 
+def _planes(sensed: Sensed) -> list[int]:
+    """The planes in an order that does not depend on how they were given: those in the middle first."""
+    n = len(sensed)
+    away = sensed.distance[:n, :n].sum(axis=1)
+    return sorted((i for i in range(n) if sensed.kinds[i] == "plane"), key=lambda i: float(away[i]))
+
+
 def _most(sensed: Sensed, pairs: _Pairs) -> float:
     """A bound on the gains of any interpretation."""
-    planes = [i for i in range(len(sensed)) if sensed.kinds[i] == "plane"]
+    planes = _planes(sensed)
     best = np.maximum(np.maximum(pairs.level, pairs.level * pairs.beam * pairs.alike), pairs.other)
     views, total = sensed.views, 0.0
     for k, i in enumerate(planes[1:], start=1):
