@@ -43,7 +43,7 @@ def refine(
     for scale in scales:
         r, J = residuals(touches, Ts, distance, extra_sd)
         w = 1 / (1 + (r / scale) ** 2)
-        cost = np.log1p((r / scale) ** 2).mean(axis=1) * scale**2
+        cost = (w * r * r).mean(axis=1)
         JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
         A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
         if known is not None:

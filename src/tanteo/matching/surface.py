@@ -73,6 +73,9 @@ WIDE = Effort(2, 12000, 10, (300, 120), 40)
 WIDEST = Effort(4, 12000, 16, (800, 300), 60)
 """A last look before giving up, for shapes full of local maxima."""
 
+DEEPEST = Effort(4, 12000, 16, (3000, 800), 160)
+"""For readings that the best pose leaves aside: gross strays make good poses look bad until the noise is resolved."""
+
 ORIENTED = Effort(3, 150, 10, (24, 8), 4)
 """Normals were sensed: two readings fix a pose."""
 
@@ -126,9 +129,13 @@ def explained(found: Polished, clutter: float) -> bool:
         return False
     belongs = found.belongs[0] > 0.5
     chi2, dof = float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum()) - 6
-    strays = int(np.sum(~belongs))
-    usual = strays == 0 or bdtrc(strays - 1, len(belongs), clutter) > _STRAYS
-    return bool(usual and (dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE))
+    return not leaves_many(found, clutter) and bool(dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE)
+
+
+def leaves_many(found: Polished, clutter: float) -> bool:
+    """Whether the best pose leaves more readings aside than clutter at that rate makes."""
+    strays, n = int(np.sum(found.belongs[0] <= 0.5)), found.belongs.shape[1]
+    return strays > 0 and bool(bdtrc(strays - 1, n, clutter) <= _STRAYS)
 
 
 def first_poses(touches: Touches, target: Target, effort: Effort, known: Known | None = None) -> Transforms:
@@ -146,7 +153,7 @@ def first_poses(touches: Touches, target: Target, effort: Effort, known: Known |
     keep = distinct(touches, Ts, cost, target, effort.rough[0], 1.5 * target.spacing)
     Ts, cost = refine(touches, Ts[keep], target.field, start * np.array([1.0, 1.0, 0.7, 0.5]), step, known)
     Ts = Ts[distinct(touches, Ts, cost, target, effort.rough[1], 0.3 * target.spacing)]
-    Ts, cost = refine(touches, Ts, target.field, np.array([0.4 * start, 3.0, 3.0, 3.0, 3.0]), step, known)
+    Ts, cost = refine(touches, Ts, target.field, np.array([0.4 * start, 3.0, 3.0, 3.0, 2.0]), step, known)
     return Ts[distinct(touches, Ts, cost, target, effort.fine, max(2 * sd, 0.1 * target.spacing))]
 
 

@@ -18,7 +18,15 @@ from tanteo.matching.model import PartModel
 from tanteo.matching.polish import Polished, polish
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.surface import distinct_maxima, efforts_for, explained, search
+from tanteo.matching.surface import (
+    DEEPEST,
+    Effort,
+    distinct_maxima,
+    efforts_for,
+    explained,
+    leaves_many,
+    search,
+)
 from tanteo.matching.target import Target, prepare_target
 from tanteo.matching.touches import FreePaths, Touches
 from tanteo.matching.verdict import (
@@ -139,17 +147,31 @@ def _search_all(
 ) -> list[tuple[Target, Polished]]:
     """All parts with a quick search; wider and wider while no part explains the readings."""
     found: list[tuple[Target, Polished]] = []
-    for level in range(3):
-        wider = []
-        for i, target in enumerate(targets):
-            efforts = efforts_for(touches, target)
-            known = found[i][1].Ts[:4] if found else None
-            effort = efforts[min(level, len(efforts) - 1)]
-            wider.append((target, search(touches, free, target, priors, effort, known)))
-        found = wider
+    efforts = [efforts_for(touches, target) for target in targets]
+    for level in range(max(map(len, efforts), default=0)):
+        found = _search_each(touches, free, targets, priors, [e[min(level, len(e) - 1)] for e in efforts], found)
         if any(explained(modes, priors.clutter) for _, modes in found):
-            break
+            return found
+    best = max((modes for _, modes in found if len(modes.Ts)), key=lambda m: float(m.log_evidence[0]), default=None)
+    if best is not None and leaves_many(best, priors.clutter):
+        found = _search_each(touches, free, targets, priors, [DEEPEST] * len(targets), found)
     return found
+
+
+def _search_each(
+    touches: Touches,
+    free: FreePaths,
+    targets: Sequence[Target],
+    priors: Priors,
+    efforts: Sequence[Effort],
+    found: Sequence[tuple[Target, Polished]],
+) -> list[tuple[Target, Polished]]:
+    """One search of every part, the best poses so far among the starts."""
+    known = [modes.Ts[:4] for _, modes in found] if found else [None] * len(targets)
+    return [
+        (target, search(touches, free, target, priors, effort, Ts))
+        for target, effort, Ts in zip(targets, efforts, known, strict=True)
+    ]
 
 
 def _large_enough(touches: Touches, part: Part) -> bool:
