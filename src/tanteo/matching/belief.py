@@ -81,7 +81,7 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
     Parts are searched with no feature left out, then one, then two, as long as some part could still reach a weight
     that matters beside the best explanation so far.
     """
-    unknown = log_unknown(sensed, models, priors) + np.log(priors.unknown)
+    unknown = log_unknown(sensed, models, priors, tolerance) + np.log(priors.unknown)
     prior = np.log1p(-priors.unknown) - np.log(max(len(models), 1))
     known: dict[bytes, float] = {}
     bounds = {model.name: perfect_evidence(sensed, model, priors, known) + prior for model in models}

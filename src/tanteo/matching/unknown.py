@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import logsumexp
 
+from tanteo.features import Feature
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import scaled_solve
 from tanteo.matching.evidence import Priors, clutter_densities, direction_densities, log_evidence, perfect_evidence
@@ -55,19 +56,20 @@ def _directions_only(directions: FloatArray, axis: int, size: int, name: str) ->
     )
 
 
-def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> float:
+def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors, tolerance: float = 0.0) -> float:
     """Log evidence of a part that nobody modelled: as large as the known ones, right-angled in the main.
 
     Args:
         sensed: the sensed features.
         models: the catalogue, for what parts are like: their sizes, and how far out their faces lie.
         priors: shares of right angles and common sizes.
+        tolerance: sd of the made surface [m]: unknown parts are made no better than known ones.
     """
     n = len(sensed)
     if not n:
         return 0.0
-    if len(sensed.features) > n:  # any side of such a part is as likely as its opposite: one view of each will do
-        sensed = sense(sensed.features[:n])
+    sides = (len(sensed.features) - n) * np.log(2.0)
+    sensed = sense(_as_made(_outward(sensed), models, tolerance))
     family = right_angled_family(priors.radius)
     stray = replace(priors, clutter=1 - priors.right_angled)
     pairs = _pairs(sensed, models, priors)
@@ -77,20 +79,45 @@ def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors) -> 
     weights = [directions.sum() + _pair_gains(sensed, family, nothing, pairs)]
     bounds = perfect_evidence(sensed, family, stray) + _most(sensed, pairs)
     best, gates = float(weights[0].max()), pair_gates(sensed, family, 0.0)
+    first, reserve = n, np.inf
     for left_out in range(n):
-        if bounds[left_out] < best - SMALL:
-            continue
+        if bounds[left_out] < best - SMALL or bounds[left_out] + reserve < bounds[first] - SMALL:
+            continue  # each stray loses what its right angle would have been worth
         found = interpret(sensed, family, left_out, 0.0, gates)
         if not len(found.choices):
             continue
         gains = _pair_gains(sensed, family, found.choices, pairs)
         weights.append(log_evidence(sensed, family, found, stray) + gains + np.log(TURNS))
         strays.append(found.choices == NOTHING)
-        top = float(weights[-1].max())
-        if top < best - SMALL and best > weights[0].max():
-            break  # leaving out more costs more: each stray loses what its right angle would have been worth
-        best = max(best, top)
-    return _with_clutter(sensed, models, priors, np.concatenate(strays), np.concatenate(weights), directions)
+        best = max(best, float(weights[-1].max()))
+        if first == n:
+            first, reserve = left_out, 0.5 * float(found.solution.chi2.min())
+    total = _with_clutter(sensed, models, priors, np.concatenate(strays), np.concatenate(weights), directions)
+    return total - float(sides)
+
+
+def _outward(sensed: Sensed) -> list[Feature]:
+    """One view of each feature: of planes whose side is unknown the one that looks away from the middle.
+
+    The others have half the prior and next to none of the evidence: faces of a part look outwards.
+    """
+    middle = sensed.points.mean(axis=0)
+    away = np.sum(sensed.directions * (sensed.points - middle), axis=1)
+    return [sensed.features[max(rows, key=lambda row: away[row])] for rows in sensed.views]
+
+
+def _as_made(features: Sequence[Feature], models: Sequence[PartModel], tolerance: float) -> list[Feature]:
+    """The features with the tolerance of faces (edges) as large as the catalogue's in their covariance."""
+    if not tolerance:
+        return list(features)
+    out = []
+    for feature in features:
+        kind = feature.kind.name
+        scales = [m.candidates[kind] for m in models if kind in m.candidates]
+        usual = [np.exp(np.average(np.log(c.tolerance_scale), axis=0, weights=c.weights)) for c in scales]
+        scale = np.exp(np.mean(np.log(usual), axis=0)) if usual else np.r_[1.0, np.zeros(feature.kind.size - 1)]
+        out.append(replace(feature, P=feature.P + np.diag((tolerance * scale) ** 2)))
+    return out
 
 
 def _with_clutter(
