@@ -112,16 +112,17 @@ def made(feature, model, plane, T, tolerance, rng):
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.5e-4], ids=["exact part", "made part"])
 def test_the_true_part_is_rejected_as_rarely_as_alpha_says(models, tolerance):
-    """Over 1,000 scenes of all parts: lost by a gate, by the tree, by extent or by the final test."""
+    """Over 1,000 scenes of all parts (300 of made ones): lost by a gate, by the tree, by extent or by the final test."""
     names = [n for n in models if len(models[n].part.planes)]
     rejected = 0
-    for k in range(SCENES):
+    scenes = 300 if tolerance else SCENES
+    for k in range(scenes):
         rng = np.random.default_rng([33, k])
         model = models[names[k % len(names)]]
         features, _ = scene(model, rng, tolerance)
         answer = identify_features(features, [model], tolerance=tolerance, alpha=ALPHA)
         rejected += answer.status == "unknown" or not answer.hypotheses or bool(answer.hypotheses[0].outliers)
-    assert rejected <= binom.ppf(0.99, SCENES, 2 * ALPHA)
+    assert rejected <= binom.ppf(0.99, scenes, 2 * ALPHA)
 
 
 def test_shared_errors_are_allowed_for(models):
@@ -130,7 +131,7 @@ def test_shared_errors_are_allowed_for(models):
     base = SharedError("base", np.diag([3e-4] * 3 + [1e-3] * 3) ** 2)
     tip = SharedError("tip", (1e-3) ** 2 * np.eye(1))
     accepted = {True: 0, False: 0}
-    scenes = 150
+    scenes = 80
     for k in range(scenes):
         rng = np.random.default_rng([34, k])
         features, _ = scene(model, rng)

@@ -60,12 +60,14 @@ def within_extent(
             turned = _turned(Ts[some], free[some], axes[some, :, 3 - n_slides :], radius, turns)
             tried, lengths_ = _slid(sensed, model, found, some, turned, axes[some, :, 3 - n_slides :], steps)
             again = np.repeat(some, turns * steps)
-            hit = _on_surface(sensed, model, found, again, tried.reshape(-1, 4, 4), tolerance)
-            hit = hit.reshape(len(some), turns, steps) & (lengths_ > 0)[..., None]
-            extent = np.mean(hit.mean(axis=-1) * lengths_, axis=1) / (2 * radius) ** n_slides
+            hopeful = np.repeat((lengths_ > 0).ravel(), steps)
+            hit = np.zeros(len(again), dtype=bool)
+            flat = tried.reshape(-1, 4, 4)[hopeful]
+            hit[hopeful] = _on_surface(sensed, model, found, again[hopeful], flat, tolerance)
+            on = hit.reshape(len(some), turns, steps)
+            extent = np.mean(on.mean(axis=-1) * lengths_, axis=1) / (2 * radius) ** n_slides
             extent *= (2 * np.pi / (8 * np.pi**2) ** (1 / 3)) ** n_turns
-            flat = hit.reshape(len(some), -1)
-            ok[some], poses[some] = _middle(flat, tried.reshape(len(some), -1, 4, 4))
+            ok[some], poses[some] = _middle(on.reshape(len(some), -1), tried.reshape(len(some), -1, 4, 4))
             share[some] = np.log(np.maximum(extent, 1e-300))
     return ok, poses, share
 
