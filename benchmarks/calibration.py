@@ -19,7 +19,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from random_parts import random_part
 from scenes import clutter_touch, random_pose, sensed_edge, surface_planes, surface_touches
-
 from tanteo.matching import Priors, identify_features, prepare
 
 PARTS, SCENES = 8, 50
@@ -68,7 +67,10 @@ def draw(rng, mode, part, T, priors):
         edges = rng.choice(len(part.edges), size=2, p=part.edges.lengths / part.edges.lengths.sum())
         given = [*surface_touches(part, T, n - 1, rng), *(sensed_edge(part, T, e, 2e-4, rng, f"e{e}") for e in edges)]
     stray = rng.uniform(size=len(given)) < priors.clutter
-    return [clutter_touch(priors.radius, rng, f"c{k}") if s else f for k, (f, s) in enumerate(zip(given, stray))]
+    return [
+        clutter_touch(priors.radius, rng, f"c{k}") if s else f
+        for k, (f, s) in enumerate(zip(given, stray, strict=True))
+    ]
 
 
 def campaign(mode, scenes, *, seed=1, pool=None, **settings):

@@ -62,9 +62,8 @@ def _is_manifold(filled):
         if cell in seen:
             continue
         seen.add(cell)
-        for step in np.r_[np.eye(3, dtype=int), -np.eye(3, dtype=int)]:
-            if f[tuple(cell + step)]:
-                todo.append(tuple(cell + step))
+        steps = np.r_[np.eye(3, dtype=int), -np.eye(3, dtype=int)]
+        todo += [tuple(cell + step) for step in steps if f[tuple(cell + step)]]
     return len(seen) == f.sum()
 
 

@@ -1,4 +1,4 @@
-"""Scenes for the tests: sensed features of a part at a pose, drawn from exactly the model that the estimators assume."""
+"""Scenes for the tests: sensed features of a part at a pose, drawn from the model that the estimators assume."""
 
 from __future__ import annotations
 
