@@ -32,6 +32,9 @@ _NOISY = 0.01
 _STRAYS, _PLAUSIBLE = 0.03, 1e-3
 """A pose explains the readings if as many strays as it leaves, and their chi-square, are not less likely than this."""
 
+_CROWD, _COMPARABLE = 6, 4.0
+"""So many maxima within that log odds of the best: there are more than a search of the usual width finds."""
+
 _TURNED = 4
 """Best poses from which the part is turned over, in search of others that fit nearly as well, and those it gives."""
 
@@ -75,6 +78,9 @@ WIDEST = Effort(4, 12000, 16, (800, 300), 60)
 
 DEEPEST = Effort(4, 12000, 16, (3000, 800), 160)
 """For readings that the best pose leaves aside: gross strays make good poses look bad until the noise is resolved."""
+
+EXHAUSTIVE = Effort(6, 20000, 16, (6000, 2000), 1000)
+"""For so few readings that scores of poses explain them, and each has to be in the answer."""
 
 ORIENTED = Effort(3, 150, 10, (24, 8), 4)
 """Normals were sensed: two readings fix a pose."""
@@ -130,6 +136,11 @@ def explained(found: Polished, clutter: float) -> bool:
     belongs = found.belongs[0] > 0.5
     chi2, dof = float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum()) - 6
     return not leaves_many(found, clutter) and bool(dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE)
+
+
+def crowded(found: Polished) -> bool:
+    """Whether so many poses explain the readings that some were surely missed."""
+    return int(np.sum(found.log_evidence > found.log_evidence.max(initial=-np.inf) - _COMPARABLE)) >= _CROWD
 
 
 def leaves_many(found: Polished, clutter: float) -> bool:

@@ -20,7 +20,9 @@ from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.surface import (
     DEEPEST,
+    EXHAUSTIVE,
     Effort,
+    crowded,
     distinct_maxima,
     efforts_for,
     explained,
@@ -151,11 +153,25 @@ def _search_all(
     for level in range(max(map(len, efforts), default=0)):
         found = _search_each(touches, free, targets, priors, [e[min(level, len(e) - 1)] for e in efforts], found)
         if any(explained(modes, priors.clutter) for _, modes in found):
-            return found
+            return _search_crowded(touches, free, found, priors)
     best = max((modes for _, modes in found if len(modes.Ts)), key=lambda m: float(m.log_evidence[0]), default=None)
     if best is not None and leaves_many(best, priors.clutter):
         found = _search_each(touches, free, targets, priors, [DEEPEST] * len(targets), found)
     return found
+
+
+def _search_crowded(
+    touches: Touches, free: FreePaths, found: Sequence[tuple[Target, Polished]], priors: Priors
+) -> list[tuple[Target, Polished]]:
+    """Search parts that matter exhaustively where so many poses explain the readings that some were missed."""
+    best = max(float(modes.log_evidence.max(initial=-np.inf)) for _, modes in found)
+    out = []
+    for target, modes in found:
+        if touches.oriented.sum() < LEAST and crowded(modes) and modes.log_evidence[0] > best - NEGLIGIBLE:
+            out.append((target, search(touches, free, target, priors, EXHAUSTIVE, modes.Ts)))
+        else:
+            out.append((target, modes))
+    return out
 
 
 def _search_each(
