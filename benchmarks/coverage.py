@@ -104,6 +104,22 @@ def summary(rows):
     )  # fmt: skip
 
 
+def by_count(sensing, rows):
+    """The same in short, for each number of readings."""
+    out = []
+    for n in sensing.counts:
+        clean, spoiled = ([r for r in rows if r["n"] == n and (r["stray"] > 0) == flag] for flag in (False, True))
+        sure = [r for r in clean if r["status"] == "recognized"]
+        right, still = (np.mean([r["right"] for r in some]) for some in (clean, spoiled))
+        out.append((
+            sensing.name, f"{n}", f"{len(sure)}/{len(clean)}", f"{sum(r['right'] for r in sure)}/{len(sure)}",
+            f"{100 * np.mean([inside(r['nees'], r['dof']) for r in sure]):.0f} %",
+            f"{np.mean([r['P'] for r in clean]):.3f} / {right:.3f}", f"{100 * np.mean([r['among'] for r in clean]):.1f} %",
+            f"{100 * (right - still):+.1f}",
+        ))  # fmt: skip
+    return out
+
+
 def bias_rows(count):
     """Standard deviations in the world and for the same robot, and NEES, over the number of readings."""
     part = tanteo.read_part(FOLDER / "bracket_left.step")
@@ -145,6 +161,13 @@ def main():
     rows = [(sensing.name, *summary(rows)) for sensing, rows in zip(SENSORS, by_sensor, strict=True)]
     text = f"{len(PARTS)} parts x {scenes} scenes for each sensor."
     print(Table("Coverage", text, columns, rows).markdown())
+    print()
+    columns = (
+        "sensor", "readings", "one answer", "right", "in the 95 % region", "claimed / right", "truth among modes",
+        "lost by 10 % strays [points]",
+    )  # fmt: skip
+    rows = [row for sensing, some in zip(SENSORS, by_sensor, strict=True) for row in by_count(sensing, some)]
+    print(Table("By the number of readings", "The same scenes.", columns, rows).markdown())
     print()
     columns = ("readings", "worst corner", "place, world", "place, same robot", "NEES / dof")
     text = f"Laser on a robot whose base is uncertain by {1e3 * BIAS:g} mm an axis, bracket_left."

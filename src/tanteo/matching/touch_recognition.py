@@ -47,6 +47,9 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Tangents
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
 
+_DETERMINES = 6
+"""Readings without normals that can fix a pose; fewer leave a direction free in any case."""
+
 NEGLIGIBLE = 12.0
 """Log odds below the best mode at which another is not reported."""
 
@@ -167,7 +170,12 @@ def _search_crowded(
     best = max(float(modes.log_evidence.max(initial=-np.inf)) for _, modes in found)
     out = []
     for target, modes in found:
-        if touches.oriented.sum() < LEAST and crowded(modes) and modes.log_evidence[0] > best - NEGLIGIBLE:
+        if (
+            len(touches) > _DETERMINES
+            and touches.oriented.sum() < LEAST
+            and crowded(modes)
+            and modes.log_evidence[0] > best - NEGLIGIBLE
+        ):
             out.append((target, search(touches, free, target, priors, EXHAUSTIVE, modes.Ts)))
         else:
             out.append((target, modes))
