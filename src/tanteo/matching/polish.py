@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
+from tanteo.lie import SO3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
 from tanteo.matching.prior import prior_log_density, prior_rows
+from tanteo.matching.refine import moved
 from tanteo.matching.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
 from tanteo.matching.target import Target
 from tanteo.matching.touches import FreePaths, Touches
@@ -123,7 +124,7 @@ def _climb(
     damping, active = np.full(len(Ts), _LEAST_DAMPING), np.arange(len(Ts))
     for _ in range(iterations):
         step = _solve(A[active], b[active], damping[active])
-        new = Ts[active] @ SE3.exp(step[:, :6]), z[active] + step[:, 6:]
+        new = moved(Ts[active], step[:, :6]), z[active] + step[:, 6:]
         new_log, new_A, new_b = look(*new)
         gain = new_log - log[active]
         rows = np.flatnonzero(gain > 0)
@@ -151,7 +152,8 @@ def _add_prior(priors: Priors, target: Target, Ts: Transforms, A: FloatArray, b:
 def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> _At:
     """Residuals, derivatives over pose and shared errors, and log densities of both explanations."""
     R = Ts[:, :3, :3]
-    points = touches.points + np.einsum("nid,sd->sni", touches.gains, z)
+    shared = z.shape[1] > 0
+    points = touches.points + (np.einsum("nid,sd->sni", touches.gains, z) if shared else 0.0)
     p = (points - Ts[:, None, :3, 3]) @ R
     phi, g = signed_distance(target.surface, p)
     beside = turn_to_beams(touches, target, R, p, phi, g) + turn_to_normals(touches, target, R, p, phi, g)
@@ -159,7 +161,8 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     s = 1 / np.sqrt(((normal[:, :, None] @ touches.covs)[:, :, 0] * normal).sum(axis=-1))
     distance = phi - touches.radii
     r = distance * s
-    J = np.concatenate([-g, -SO3.cross(p, g), np.einsum("sni,nid->snd", normal, touches.gains)], axis=-1) * s[..., None]
+    gains = [np.einsum("sni,nid->snd", normal, touches.gains)] if shared else []
+    J = np.concatenate([-g, SO3.cross(g, p), *gains], axis=-1) * s[..., None]
     log = -0.5 * (r * r + beside + np.log(2 * np.pi)) + np.log(s)
     cosine = -np.einsum("sni,ni->sn", normal, touches.directions)
     directed = touches.directed

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
+from tanteo.lie import SO3
 from tanteo.matching.starts import to_part
 from tanteo.matching.touches import Touches
 from tanteo.typing import FloatArray, Transforms, Vectors
@@ -52,7 +52,7 @@ def refine(
             A, b = A + pull @ J0, b - (pull @ r0[..., None])[..., 0]
             cost += np.log1p((r0 / scale) ** 2).sum(axis=1) * scale**2 / r.shape[1]
         step = _damped(A, b)
-        Ts = Ts @ SE3.exp(step)
+        Ts = moved(Ts, step)
     return Ts, cost
 
 
@@ -83,16 +83,28 @@ def residuals(
 
 def _along(touches: Touches, Ts: Transforms, g: Vectors) -> FloatArray:
     """Variance of each point along the gradient ``(S, n)``."""
-    if np.ptp(touches.covs, axis=0).max() == 0 and np.allclose(touches.covs[0], touches.covs[0, 0, 0] * np.eye(3)):
-        return np.full(g.shape[:2], touches.covs[0, 0, 0])
+    if not np.isnan(touches.variance):
+        return np.full(g.shape[:2], touches.variance)
     world = g @ np.swapaxes(Ts[:, :3, :3], 1, 2)
     return np.asarray(np.sum((world[:, :, None] @ touches.covs)[:, :, 0] * world, axis=-1))
 
 
 def _damped(A: FloatArray, b: FloatArray) -> FloatArray:
     """Levenberg-Marquardt steps with a little damping, at most a fifth of a radian each."""
-    d = np.einsum("sii->si", A)
-    A = A + 1e-3 * (d[..., None] * np.eye(6)) + 1e-9 * d.max(axis=1)[:, None, None] * np.eye(6) + 1e-12 * np.eye(6)
+    A = np.array(A)
+    d = np.einsum("sii->si", A)  # a view
+    d += 1e-3 * d + 1e-9 * d.max(axis=1, keepdims=True) + 1e-12
     step = np.linalg.solve(A, b[..., None])[..., 0]
-    turn = np.linalg.norm(step[:, 3:], axis=1)
+    turn = np.sqrt(np.sum(step[:, 3:] ** 2, axis=1))
     return step * np.minimum(1.0, 0.35 / np.maximum(turn, 1e-12))[:, None]
+
+
+def moved(Ts: Transforms, step: FloatArray) -> Transforms:
+    """Poses ``(S, 4, 4)`` after steps ``(S, 6)``: as by the exponential to first order, and again rigid motions."""
+    half = 0.5 * step[:, 3:, None]
+    squared = np.sum(half * half, axis=1, keepdims=True)
+    W = SO3.hat(half[..., 0])
+    D = np.zeros((len(Ts), 4, 4))
+    D[:, :3, :3] = ((1 - squared) * np.eye(3) + 2 * (half * half.swapaxes(1, 2) + W)) / (1 + squared)
+    D[:, :3, 3], D[:, 3, 3] = step[:, :3], 1.0
+    return np.asarray(Ts @ D)

@@ -29,6 +29,8 @@ def turn_to_beams(
         Squared distance past the border of that face, in standard deviations ``(S, n)``.
     """
     beside = np.zeros(phi.shape)
+    if not touches.directed.any():
+        return beside
     d = touches.directions @ R  # of the part at every pose
     doubtful = touches.directed & (np.sum(g * d, axis=-1) > -GRAZING)
     s, n = np.nonzero(doubtful & (np.abs(phi - touches.radii) < -AWAY * touches.sd))

@@ -38,6 +38,9 @@ _CROWD, _COMPARABLE = 6, 4.0
 _TURNED = 4
 """Best poses from which the part is turned over, in search of others that fit nearly as well, and those it gives."""
 
+_HOPELESS = 30.0
+"""Log odds below the best pose of the same part at which another is not looked at any further."""
+
 _GLANCE = 4
 """Readings by which most first poses are dismissed before all are looked at."""
 
@@ -122,10 +125,13 @@ def search(
     Ts = first_poses(some, target, effort, beforehand)
     Ts = np.concatenate([prior_starts(priors.pose), Ts if known is None else np.concatenate([known, Ts])])
     Ts, _ = refine(some, Ts, lambda p: _exact(target, p), _narrowing(some, target), 0.0, beforehand)
-    found = distinct_maxima(polish(touches, free, Ts, target, priors), target)
+    found = polish(touches, free, Ts, target, priors)
+    found = found.take(np.flatnonzero(found.log_evidence >= found.log_evidence.max(initial=-np.inf) - _HOPELESS))
+    found = distinct_maxima(found, target)
     if effort is not ORIENTED:
         turned = _turned_over(some, found.Ts[:_TURNED], target)
-        found = distinct_maxima(found.join(polish(touches, free, turned, target, priors)), target)
+        if len(turned):
+            found = distinct_maxima(found.join(polish(touches, free, turned, target, priors)), target)
     return found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts)))
 
 
@@ -174,8 +180,12 @@ def _turned_over(touches: Touches, Ts: Transforms, target: Target) -> Transforms
     start = 0.4 * np.hypot(sd, target.spacing) / np.hypot(sd, step)
     turned = (Ts[:, None] @ target.turns).reshape(-1, 4, 4)
     turned, cost = refine(touches, turned, target.field, np.maximum(start, [8.0, 5.0, 4.0, 3.0, 3.0]), step)
-    turned = turned[distinct(touches, turned, cost, target, _TURNED, max(2 * sd, 0.1 * target.spacing))]
-    turned, _ = refine(touches, turned, lambda p: _exact(target, p), _narrowing(touches, target))
+    least = refine(touches, Ts[:1], target.field, np.array([3.0]), step)[1]
+    rows = np.flatnonzero(0.5 * len(touches) * (cost - least) < _HOPELESS)
+    rows = rows[distinct(touches, turned[rows], cost[rows], target, _TURNED, max(2 * sd, 0.1 * target.spacing))]
+    if not len(rows):
+        return turned[:0]
+    turned, _ = refine(touches, turned[rows], lambda p: _exact(target, p), _narrowing(touches, target))
     return turned
 
 

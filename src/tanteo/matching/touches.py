@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,6 +26,9 @@ class Touches:
         gains: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
         sd: largest standard deviation of each point ``(n,)`` [m].
         tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
+        directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
+        oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
+        variance: of every point in every direction, where it is one for all [m2]; else NaN; follows from ``covs``.
     """
 
     ids: tuple[str, ...]
@@ -39,6 +42,16 @@ class Touches:
     gains: FloatArray
     sd: FloatArray
     tolerance: float = 0.0
+    directed: BoolArray = field(init=False, repr=False)
+    oriented: BoolArray = field(init=False, repr=False)
+    variance: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        v = float(self.covs[0, 0, 0]) if len(self.covs) else 0.0
+        alike = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v))
+        object.__setattr__(self, "directed", np.any(self.directions != 0, axis=1))
+        object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
+        object.__setattr__(self, "variance", v if alike else float("nan"))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -50,16 +63,6 @@ class Touches:
             for name in ("points", "covs", "radii", "directions", "normals", "normal_sds", "reach", "gains", "sd")
         }
         return replace(self, ids=tuple(self.ids[i] for i in rows), **arrays)
-
-    @property
-    def directed(self) -> BoolArray:
-        """Whether the direction of approach is known ``(n,)``."""
-        return np.asarray(np.any(self.directions != 0, axis=1))
-
-    @property
-    def oriented(self) -> BoolArray:
-        """Whether the normal was sensed ``(n,)``."""
-        return np.asarray(np.any(self.normals != 0, axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
