@@ -23,11 +23,12 @@ deviation of 0.1 mm and tilts of 2 mrad; each part is sensed once for every numb
 the scenes whose most probable hypothesis is the part that was sensed; with few planes others may truly fit as well."""
 
 
-def sense(part: Part, count: int, rng: np.random.Generator) -> list[Feature]:
-    """Planes of a part at a random pose, with errors from the covariance that they state."""
+def sense(part: Part, count: int, rng: np.random.Generator, among: np.ndarray | None = None) -> list[Feature]:
+    """Planes of a part (of some of them) at a random pose, with errors from the covariance that they state."""
     T_world_part = SE3.exp(np.concatenate([rng.uniform(-0.3, 0.3, size=3), rng.normal(size=3)]))
     features = []
-    for k in rng.choice(len(part.planes), size=min(count, len(part.planes)), replace=False):
+    planes = np.arange(len(part.planes)) if among is None else among
+    for k in rng.choice(planes, size=min(count, len(planes)), replace=False):
         error = SE3.exp(PLANE.B.T @ (SD * rng.normal(size=3)))
         T = T_world_part @ part.planes.Ts_part_feature[k] @ error
         x, y = 0.5 * part.planes.gyration[k]

@@ -112,7 +112,7 @@ def made(feature, model, plane, T, tolerance, rng):
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.5e-4], ids=["exact part", "made part"])
 def test_the_true_part_is_rejected_as_rarely_as_alpha_says(models, tolerance):
-    """Over 1,000 scenes of all parts (300 of made ones): lost by a gate, by the tree, by extent or by the final test."""
+    """Over 1,000 scenes of all parts (300 of made ones): lost by a gate, the tree, the extent or the test."""
     names = [n for n in models if len(models[n].part.planes)]
     rejected = 0
     scenes = 300 if tolerance else SCENES
