@@ -56,12 +56,15 @@ def main():
                 hoped += [hope(target.part, h, rng) for h in answer.hypotheses[:1]]
             rows.append((
                 f"{frame}", f"{n}", f"{1e3 * pixels.sd:.2f} mm", f"{100 * best / draws:.0f} %",
-                f"{100 * np.mean(hoped):.0f} %", f"{100 * near / draws:.0f} %", f"{100 * region / draws:.0f} %", f"{np.mean(values) / 6:.2f}", f"{1e3 * np.median(sds):.1f} mm",
+                f"{100 * np.mean(hoped):.0f} %", f"{100 * near / draws:.0f} %",
+                f"{100 * region / draws:.0f} %", f"{np.mean(values) / 6:.2f}",
+                f"{1e3 * np.median(sds):.1f} mm",
                 ", ".join(f"{v} {k}" for k, v in statuses.most_common()),
                 f"{1e3 * (time.process_time() - start) / draws:.0f} ms",
             ))  # fmt: skip
     columns = (
-        "frame", "pixels", "noise", "best right", "as its covariance predicts", "a mode right", "truth in some mode", "NEES / dof of the right",
+        "frame", "pixels", "noise", "best right", "as its covariance predicts",
+        "a mode right", "truth in some mode", "NEES / dof of the right",
         "worst corner", "answers", "time",
     )  # fmt: skip
     text = f"{draws} draws for each; right is within 3 mm and 1.5 degrees of the dense fit."

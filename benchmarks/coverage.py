@@ -114,7 +114,8 @@ def by_count(sensing, rows):
         out.append((
             sensing.name, f"{n}", f"{len(sure)}/{len(clean)}", f"{sum(r['right'] for r in sure)}/{len(sure)}",
             f"{100 * np.mean([inside(r['nees'], r['dof']) for r in sure]):.0f} %",
-            f"{np.mean([r['P'] for r in clean]):.3f} / {right:.3f}", f"{100 * np.mean([r['among'] for r in clean]):.1f} %",
+            f"{np.mean([r['P'] for r in clean]):.3f} / {right:.3f}",
+            f"{100 * np.mean([r['among'] for r in clean]):.1f} %",
             f"{100 * (right - still):+.1f}",
         ))  # fmt: skip
     return out

@@ -32,7 +32,7 @@ _NOISY = 0.01
 _STRAYS, _PLAUSIBLE = 0.03, 1e-3
 """A pose explains the readings if as many strays as it leaves, and their chi-square, are not less likely than this."""
 
-_CROWD, _COMPARABLE = 6, 4.0
+_CROWD, _COMPARABLE = 8, 8.0
 """So many maxima within that log odds of the best: there are more than a search of the usual width finds."""
 
 _TURNED = 4
