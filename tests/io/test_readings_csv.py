@@ -1,7 +1,6 @@
 """Readings files: what is read, what is refused and where, and that writing reads back."""
 
 import os
-import time
 from pathlib import Path
 
 import numpy as np
@@ -174,11 +173,9 @@ def test_the_line_is_right_in_a_later_chunk(tmp_path, monkeypatch):
 def test_a_million_rows(tmp_path):
     line = "{},1.5,-2.25,1e2,0.3\n"
     path = file(tmp_path, "id,x_mm,y_mm,z_mm,sd_mm\n" + "".join(line.format(i) for i in range(1_000_000)))
-    start = time.perf_counter()
     r = read_readings(path)
     assert len(r) == 1_000_000
     np.testing.assert_allclose(r.points[-1], [1.5e-3, -2.25e-3, 0.1], rtol=1e-15)
-    assert time.perf_counter() - start < 30
 
 
 @pytest.mark.parametrize("unit", ["mm", "m", "um", "in"])
