@@ -26,6 +26,9 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 _IN_FRONT = 4.0
 """Material this many standard deviations before the hit contradicts a beam."""
 
+HOPELESS = 30.0
+"""Log odds below the best pose of the same part at which another is not looked at any further."""
+
 _SETTLED = 1e-3
 """Change of log likelihood below which a climb ends."""
 
@@ -122,7 +125,7 @@ def _climb(
     Ts, z = np.array(Ts), np.zeros((len(Ts), touches.gains.shape[-1]))
     log, A, b = look(Ts, z)
     damping, active = np.full(len(Ts), _LEAST_DAMPING), np.arange(len(Ts))
-    for _ in range(iterations):
+    for k in range(iterations):
         step = _solve(A[active], b[active], damping[active])
         new = moved(Ts[active], step[:, :6]), z[active] + step[:, 6:]
         new_log, new_A, new_b = look(*new)
@@ -132,7 +135,8 @@ def _climb(
         Ts[better], z[better], log[better] = new[0][rows], new[1][rows], new_log[rows]
         A[better], b[better] = new_A[rows], new_b[rows]
         damping[active] = np.where(gain > 0, 0.1 * damping[active], 30 * damping[active]).clip(_LEAST_DAMPING)
-        active = active[(np.abs(gain) > _SETTLED) & (damping[active] < _MOST_DAMPING)]
+        hopeful = log[active] > log.max(initial=-np.inf) - (HOPELESS if k > 1 else np.inf)
+        active = active[hopeful & (np.abs(gain) > _SETTLED) & (damping[active] < _MOST_DAMPING)]
         if not len(active):
             break
     return Ts, z, _linearise(touches, Ts, z, target, priors)

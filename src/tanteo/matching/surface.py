@@ -11,7 +11,7 @@ from scipy.special import bdtrc, chdtrc
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
-from tanteo.matching.polish import Polished, polish
+from tanteo.matching.polish import HOPELESS, Polished, polish
 from tanteo.matching.prior import in_box, prior_rows, prior_starts
 from tanteo.matching.refine import Known, refine
 from tanteo.matching.starts import bases, distinct, lowest, oriented_bases, pair_poses, score, triple_poses
@@ -37,9 +37,6 @@ _CROWD, _COMPARABLE = 8, 8.0
 
 _TURNED = 4
 """Best poses from which the part is turned over, in search of others that fit nearly as well, and those it gives."""
-
-_HOPELESS = 30.0
-"""Log odds below the best pose of the same part at which another is not looked at any further."""
 
 _GLANCE = 4
 """Readings by which most first poses are dismissed before all are looked at."""
@@ -85,7 +82,7 @@ DEEPEST = Effort(4, 12000, 16, (3000, 800), 160)
 EXHAUSTIVE = Effort(6, 20000, 16, (6000, 2000), 1000)
 """For so few readings that scores of poses explain them, and each has to be in the answer."""
 
-ORIENTED = Effort(3, 150, 10, (24, 8), 4)
+ORIENTED = Effort(3, 100, 10, (16, 4), 3)
 """Normals were sensed: two readings fix a pose."""
 
 
@@ -126,7 +123,7 @@ def search(
     Ts = np.concatenate([prior_starts(priors.pose), Ts if known is None else np.concatenate([known, Ts])])
     Ts, _ = refine(some, Ts, lambda p: _exact(target, p), _narrowing(some, target), 0.0, beforehand)
     found = polish(touches, free, Ts, target, priors)
-    found = found.take(np.flatnonzero(found.log_evidence >= found.log_evidence.max(initial=-np.inf) - _HOPELESS))
+    found = found.take(np.flatnonzero(found.log_evidence >= found.log_evidence.max(initial=-np.inf) - HOPELESS))
     found = distinct_maxima(found, target)
     if effort is not ORIENTED:
         turned = _turned_over(some, found.Ts[:_TURNED], target)
@@ -181,7 +178,7 @@ def _turned_over(touches: Touches, Ts: Transforms, target: Target) -> Transforms
     turned = (Ts[:, None] @ target.turns).reshape(-1, 4, 4)
     turned, cost = refine(touches, turned, target.field, np.maximum(start, [8.0, 5.0, 4.0, 3.0, 3.0]), step)
     least = refine(touches, Ts[:1], target.field, np.array([3.0]), step)[1]
-    rows = np.flatnonzero(0.5 * len(touches) * (cost - least) < _HOPELESS)
+    rows = np.flatnonzero(0.5 * len(touches) * (cost - least) < HOPELESS)
     rows = rows[distinct(touches, turned[rows], cost[rows], target, _TURNED, max(2 * sd, 0.1 * target.spacing))]
     if not len(rows):
         return turned[:0]

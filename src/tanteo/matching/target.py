@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as attribute
 
 import numpy as np
 
@@ -54,8 +55,7 @@ class Target:
         field: for many rough distances.
         samples: evenly spread surface points ``(K, 3)`` in the part frame [m].
         normals: their outward normals ``(K, 3)``.
-        gaps: distances between samples ``(K, K)`` [m].
-        pairs: of samples, by distance.
+        gaps: distances between samples ``(K, K)``, single precision [m].
         spacing: typical distance from any surface point to the nearest sample [m].
         turns: half turns about the axes of the box and about the principal axes ``(6, 4, 4)``, in the part frame.
     """
@@ -65,10 +65,17 @@ class Target:
     field: DistanceField
     samples: Vectors
     normals: Vectors
-    gaps: FloatArray
-    pairs: SamplePairs
+    gaps: np.ndarray
     spacing: float
     turns: Transforms
+    _pairs: list[SamplePairs] = attribute(default_factory=list, repr=False)
+
+    @property
+    def pairs(self) -> SamplePairs:
+        """All pairs of samples; made when readings with normals first ask for them, as they take some megabytes."""
+        if not self._pairs:
+            self._pairs.append(_pairs(self.samples, self.normals, self.gaps))
+        return self._pairs[0]
 
 
 def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
@@ -79,10 +86,10 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     surface = model.surface if model is not None else Surface(part.vertices, part.triangles)
     points, triangles = _spread(part, samples)
     normals = surface.normals[triangles]
-    gaps = np.linalg.norm(points[:, None] - points, axis=-1)
+    gaps = np.linalg.norm(points[:, None] - points, axis=-1).astype(np.float32)
     spacing = float(np.sqrt(part.area / samples) * 0.6)
-    pairs, turns = _pairs(points, normals, gaps), _half_turns(part, points)
-    return Target(part, surface, distance_field(surface), points, normals, gaps, pairs, spacing, turns)
+    turns = _half_turns(part, points)
+    return Target(part, surface, distance_field(surface), points, normals, gaps, spacing, turns)
 
 
 def _half_turns(part: Part, samples: Vectors) -> Transforms:
@@ -94,10 +101,10 @@ def _half_turns(part: Part, samples: Vectors) -> Transforms:
     return SE3.from_parts(R, centres - SE3.apply(R, centres))
 
 
-def _pairs(points: Vectors, normals: Vectors, gaps: FloatArray) -> SamplePairs:
+def _pairs(points: Vectors, normals: Vectors, gaps: np.ndarray) -> SamplePairs:
     order = np.argsort(gaps, axis=None)[len(points) :]  # without those of a sample with itself
     first, second = np.divmod(order, len(points))
-    gap = np.maximum(gaps.ravel()[order], 1e-12)
+    gap = np.maximum(gaps.ravel()[order].astype(np.float64), 1e-12)
     heights = normals @ points.T  # of sample b over the plane of normal a: heights[a, b] - heights[a, a]
     own = np.diagonal(heights)
     starts = (heights[first, second] - own[first]) / gap
