@@ -121,7 +121,7 @@ def test_constraints_pin_versions_and_name_no_host():
 
 def test_the_package_is_typed_and_has_its_presets():
     files = {file.name for room in ("tanteo", "tanteo.sensors") for file in resources.files(room).iterdir()}
-    assert {"py.typed", "sensor_presets.csv", "robot_error_presets.csv"} <= files
+    assert {"py.typed", "sensor_presets.csv", "robot_error_presets.csv", "paper-gripper.toml"} <= files
 
 
 def test_unlike_output_is_noticed():

@@ -76,7 +76,7 @@ def test_presets_are_listed_with_their_verification(run):
     assert "vl53l0x" in result.out
     assert "xarm" in result.out
     document = json.loads(run("presets", "--json").out, parse_constant=pytest.fail)
-    assert len(document["sensors"]) == 21
+    assert len(document["sensors"]) == 22
     assert all(row["source"] for rows in document.values() for row in rows)
 
 

@@ -90,3 +90,17 @@ def test_refusals(tmp_path, text, error, message):
 def test_a_missing_rig(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         read_rig(tmp_path / "none.toml")
+
+
+def test_the_paper_s_gripper_is_there_by_name_unless_a_file_is_called_so(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rig = read_rig("paper-gripper")
+    beams = {s.name: s.T_hand_sensor[:3, 2].round(9).tolist() for s in rig.sensors}
+    assert beams == {
+        "front_left": [0, 0, 1], "front_right": [0, 0, 1], "side_left": [-1, 0, 0], "side_right": [1, 0, 0],
+        "side_front": [0, 1, 0], "side_back": [0, -1, 0],
+    }  # fmt: skip
+    (tmp_path / "paper-gripper").write_text(GOOD)
+    assert [s.name for s in read_rig("paper-gripper").sensors] == ["a"]
+    with pytest.raises(InputError, match="one of paper-gripper"):
+        read_rig("paper-griper")

@@ -86,7 +86,7 @@ def test_no_readings_are_allowed_as_a_value():
 
 
 def test_presets_are_complete_and_say_where_they_come_from():
-    assert len(sensor_presets()) == 21
+    assert len(sensor_presets()) == 22
     assert len(robot_presets()) == 5
     for preset in (*sensor_presets().values(), *robot_presets().values()):
         assert preset.check

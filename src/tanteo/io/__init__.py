@@ -8,7 +8,7 @@ from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
 from tanteo.io.readings_csv import read_readings
 from tanteo.io.readings_write import write_readings
 from tanteo.io.result_json import recognition_document, recognition_json
-from tanteo.io.rig_toml import read_rig
+from tanteo.io.rig_toml import read_rig, shipped_rigs
 from tanteo.io.units import parse_angle, parse_length, parse_lengths
 
 __all__ = [
@@ -23,5 +23,6 @@ __all__ = [
     "read_rig",
     "recognition_document",
     "recognition_json",
+    "shipped_rigs",
     "write_readings",
 ]

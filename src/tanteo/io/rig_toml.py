@@ -6,6 +6,8 @@ import difflib
 import math
 import tomllib
 from collections.abc import Mapping
+from functools import cache
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -26,20 +28,23 @@ def read_rig(path: str | Path) -> Rig:
     """Read a rig file: one table ``[sensors.NAME]`` a sensor.
 
     Args:
-        path: The file.
+        path: The file, or the name of a rig that comes with tanteo (:func:`shipped_rigs`).
 
     Raises:
         InputError: The file cannot be read, is not TOML, or a key or value is not one of a rig; the message names
             file, sensor, key and value.
         UnitError: A unit in a key is missing, unknown or contradictory.
     """
+    shipped = shipped_rigs().get(str(path))
     path = Path(path)
     try:
-        with path.open("rb") as binary:
-            document = tomllib.load(binary)
+        text = path.read_bytes().decode() if shipped is None or path.exists() else shipped
+        document = tomllib.loads(text)
     except OSError as error:
         why = error.strerror or str(error)
-        raise InputError(f"{path}: expected a rig file, got: {why}. Check the path.") from None
+        raise InputError(
+            f"{path}: expected a rig file or one of {', '.join(shipped_rigs())}, got: {why}. Check the path."
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected TOML, got: {error}. Correct the file.") from None
     _only(document, ("sensors",), str(path))
@@ -47,6 +52,14 @@ def read_rig(path: str | Path) -> Rig:
     if not isinstance(tables, dict) or not tables:
         raise InputError(f"{path}: expected tables [sensors.NAME], one a sensor, got none. Add one.")
     return Rig(tuple(_sensor(name, table, f"{path}, sensor '{name}'") for name, table in tables.items()), str(path))
+
+
+@cache
+def shipped_rigs() -> Mapping[str, str]:
+    """The rigs that come with tanteo: name to text."""
+    folder = resources.files("tanteo.sensors")
+    files = [f for f in folder.iterdir() if f.name.endswith(".toml")]
+    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in sorted(files, key=lambda f: f.name)}
 
 
 def _sensor(name: str, table: Any, place: str) -> RigSensor:

@@ -1,10 +1,26 @@
 """From device to measurement: readings, error models, presets of sensors and robots.
 
 ``measure(readings, ...)`` turns what the devices said into points in the world with covariance and shared errors.
+The other way, for simulators: ``emit`` (and ``error_model``, ``draw_units``, ``draw_aims``) makes readings of true
+ranges with errors drawn from the very model that ``measure`` assumes.
 This room has never heard of shapes: it knows rays, ranges and covariances.
 """
 
 from tanteo.sensors.checks import KINDS, check_features
+from tanteo.sensors.cone import blend, cone_rays, draw_aims, edge_bias, edge_shift, edge_variance
+from tanteo.sensors.emission import (
+    ErrorModel,
+    Status,
+    UnitErrors,
+    draw_base,
+    draw_touch_bias,
+    draw_units,
+    emit,
+    emit_touches,
+    error_model,
+    reported_poses,
+)
+from tanteo.sensors.law import NoiseLaw
 from tanteo.sensors.measure import measure
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import preset_sigma, range_variance, sensed_point, sensor_error_cov
@@ -21,17 +37,34 @@ from tanteo.sensors.rig import Rig, RigSensor
 
 __all__ = [
     "KINDS",
+    "ErrorModel",
     "FreeBeams",
+    "NoiseLaw",
     "PointMeasurements",
     "Readings",
     "Rig",
     "RigSensor",
     "RobotPreset",
     "SensorPreset",
+    "Status",
+    "UnitErrors",
+    "blend",
     "check_features",
+    "cone_rays",
+    "draw_aims",
+    "draw_base",
+    "draw_touch_bias",
+    "draw_units",
+    "edge_bias",
+    "edge_shift",
+    "edge_variance",
+    "emit",
+    "emit_touches",
+    "error_model",
     "measure",
     "preset_sigma",
     "range_variance",
+    "reported_poses",
     "robot_preset",
     "robot_presets",
     "sensed_point",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError, ReadingsError
-from tanteo.sensors.noise import preset_sigma
+from tanteo.sensors.law import NoiseLaw
 from tanteo.sensors.presets import SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig, RigSensor
@@ -25,11 +25,21 @@ class Device:
     mount: RigSensor | None
 
     @property
+    def min_range(self) -> float:
+        """Nearest range [m], 0 for unknown."""
+        return self.preset.min_range if self.preset is not None else 0.0
+
+    @property
     def max_range(self) -> float:
         """Farthest range [m], NaN for unknown."""
         if self.mount is not None and not math.isnan(self.mount.max_range):
             return self.mount.max_range
         return self.preset.max_range if self.preset is not None and not self.preset.is_contact else math.nan
+
+    @property
+    def max_incidence(self) -> float:
+        """Incidence up to which it answers [rad], a right angle for unknown."""
+        return self.preset.max_incidence if self.preset is not None else math.pi / 2
 
     @property
     def beam_half_angle(self) -> float:
@@ -48,16 +58,22 @@ class Device:
     @property
     def scale_sd(self) -> float:
         """Standard deviation of the common error proportional to the range."""
+        if self.mount is not None and not math.isnan(self.mount.scale_sd):
+            return self.mount.scale_sd
         return self.preset.bias_prop_std if self.preset is not None else 0.0
 
-    def sigma(self, ranges: FloatArray) -> FloatArray:
-        """Standard deviation of its readings at these ranges [m]; NaN where it cannot be known."""
+    @property
+    def law(self) -> NoiseLaw:
+        """How its noise grows with the range; NaN where it cannot be known."""
         if self.mount is not None and self.mount.sd > 0:
-            return np.full(ranges.shape, self.mount.sd)
-        if self.preset is None:
-            return np.full(ranges.shape, np.nan)
-        # a NaN range gives a NaN where the law needs the range
-        return preset_sigma(self.preset, ranges)
+            return NoiseLaw.of(self.mount.sd, self.mount.sd_prop)
+        return self.preset.law if self.preset is not None else NoiseLaw.of(math.nan)
+
+    def along_beam(self, ranges: FloatArray) -> FloatArray:
+        """Ranges along the beam from what the device reported, less its known bias and scale [m]."""
+        if self.mount is None:
+            return ranges
+        return (ranges / self.mount.axis_cosine - self.mount.bias) / (1 + self.mount.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,8 +132,10 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
             f"rig: expected it to say where sensor '{readings.sensors[lost[0]]}' of reading "
             f"'{readings.ids[lost[0]]}' sits on the hand, got no rig. Give one (--rig rig.toml), or points."
         )
-    cosines = np.array([d.mount.axis_cosine if d.mount else 1.0 for d in devices])[numbers]
-    ranges = np.where(by_rig, readings.ranges / cosines, readings.ranges)
+    ranges = np.array(readings.ranges)
+    for k, device in enumerate(devices):
+        rows = by_rig & (numbers == k)
+        ranges[rows] = device.along_beam(ranges[rows])
     _check_ranges(readings, devices, numbers)
     farthest = np.array([d.max_range for d in devices])[numbers]
     lengths = np.where(np.isnan(readings.max_ranges), farthest, readings.max_ranges)
@@ -139,7 +157,7 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
 
 
 def _check_ranges(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> None:
-    nearest = np.array([d.preset.min_range if d.preset else 0.0 for d in devices])[numbers]
+    nearest = np.array([d.min_range for d in devices])[numbers]
     farthest = np.array([d.max_range for d in devices])[numbers]
     bad = np.flatnonzero(~readings.is_free & ((readings.ranges < nearest) | (readings.ranges > farthest)))
     if len(bad):

@@ -101,7 +101,7 @@ def _spreads(
         sds[np.isnan(sds)] = sd
     for k, device in enumerate(devices):
         rows = np.isnan(sds) & (numbers == k)
-        sds[rows] = device.sigma(placed.ranges[rows])
+        sds[rows] = device.law.sigma(placed.ranges[rows])
     unknown = np.flatnonzero(np.isnan(sds) & ~readings.is_free)
     if len(unknown):
         device = devices[numbers[unknown[0]]]

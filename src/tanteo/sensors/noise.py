@@ -51,23 +51,11 @@ def range_variance(
 def preset_sigma(preset: SensorPreset, d: FloatArray | float) -> FloatArray:
     """Standard deviation of a range by a preset's noise law [m], independent from reading to reading.
 
-    Floor, proportional and quadratic part are independent of each other and add in quadrature. Where the preset
-    has an exponential law the floor is ``sigma_const (1 + exp(k (d - d0)))``: hardly more than the constant up to
-    ``d0``, then growing fast (Crazyflie firmware, ``zranger.c``).
-
     Args:
         preset: The sensor.
         d: Range [m]; ignored by a preset without range-dependent terms.
     """
-    d = np.asarray(d, dtype=np.float64)
-    floor = np.full(d.shape, preset.sigma_const)
-    if preset.exp_k > 0:
-        # exp is cut at 1e9 x: far beyond the device's range, only so that nothing overflows
-        floor = preset.sigma_const * (1 + np.exp(np.minimum(preset.exp_k * (d - preset.exp_d0), 20.0)))
-    variance = floor**2
-    if preset.sigma_prop or preset.sigma_quad:
-        variance = variance + (preset.sigma_prop * d) ** 2 + (preset.sigma_quad * d**2) ** 2
-    return np.asarray(np.sqrt(variance))
+    return preset.law.sigma(d)
 
 
 def sensor_error_cov(

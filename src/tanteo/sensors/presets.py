@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from tanteo.errors import InputError
+from tanteo.sensors.law import NoiseLaw
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +68,15 @@ class SensorPreset:
         return self.range_kind == "contact"
 
     @property
+    def law(self) -> NoiseLaw:
+        """How its noise grows with the range."""
+        exponential = (self.exp_d0, self.exp_k) if self.exp_k > 0 else (0.0, 0.0)
+        return NoiseLaw.of(self.sigma_const, self.sigma_prop, self.sigma_quad, *exponential)
+
+    @property
     def depends_on_range(self) -> bool:
         """The noise grows with the range, so the range must be known."""
-        return self.sigma_prop > 0 or self.sigma_quad > 0 or self.exp_k > 0
+        return self.law.depends_on_range
 
 
 @dataclass(frozen=True, slots=True)

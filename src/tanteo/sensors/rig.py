@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,12 +23,16 @@ class RigSensor:
         T_hand_sensor: Its pose on the hand, ``(4, 4)``; the beam leaves its origin along +z.
         preset: Noise law, beam and range limits; None when ``sd`` and ``beam_half_angle`` say it.
         sd: One standard deviation along the beam [m]; overrides the preset's law. NaN for "use the preset".
+        sd_prop: Part of the noise proportional to the range, beside ``sd``.
         beam_half_angle: Half angle of the beam's cone [rad].
         max_range: Farthest range [m]; NaN for unknown.
         bias_sd: Standard deviation of the error common to all readings of this sensor [m].
         cov_mount: Of the mounting: body error at the sensor, ``(6, 6)``, common to all its readings.
         axis_cosine: Cosine of the angle between beam and optical axis, for devices that report the distance along
             the axis instead of along the beam (``range_kind`` perpendicular); 1 otherwise.
+        bias: Known offset of its ranges [m], from a calibration: what it reads too far. It is taken off.
+        scale: Known scale error of its ranges: it reads ``1 + scale`` times the range. It is taken off.
+        scale_sd: Standard deviation of the scale error that is left; NaN for the preset's.
     """
 
     name: str
@@ -39,6 +44,10 @@ class RigSensor:
     bias_sd: float
     cov_mount: Covariances
     axis_cosine: float = 1.0
+    sd_prop: float = 0.0
+    bias: float = 0.0
+    scale: float = 0.0
+    scale_sd: float = math.nan
 
     def __post_init__(self) -> None:
         for name, shape in (("T_hand_sensor", (4, 4)), ("cov_mount", (6, 6))):
@@ -53,6 +62,16 @@ class RigSensor:
             raise InputError(
                 f"axis of sensor '{self.name}': expected it within 90 degrees of the beam, got a cosine of "
                 f"{self.axis_cosine:g}. Turn it around."
+            )
+        if not (math.isfinite(self.bias) and -1 < self.scale < math.inf and self.sd_prop >= 0):
+            raise InputError(
+                f"bias, scale and sd_prop of sensor '{self.name}': expected finite numbers, a scale above -1 and no "
+                f"negative sd_prop, got {self.bias:g}, {self.scale:g} and {self.sd_prop:g}. Correct them."
+            )
+        if self.sd_prop > 0 and not self.sd > 0:
+            raise InputError(
+                f"sd_prop of sensor '{self.name}': expected sd beside it, got none. Give both, or neither to use the "
+                "preset's noise."
             )
 
 

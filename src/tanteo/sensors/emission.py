@@ -1,0 +1,249 @@
+"""What devices would say: errors drawn from the very model that :func:`tanteo.sensors.measure` assumes.
+
+For simulators and tests. Truth comes in (ranges and incidences along true rays, from whoever knows the shapes), and
+readings with a status go out. Nothing here is used to estimate anything.
+
+One run, in the order of the calls::
+
+    model = error_model(rig)                      # figures of all sensors, as arrays
+    units = draw_units(rng, model)                # once: bias, scale, where the sensors truly sit
+    aims = draw_aims(rng, model.beam_half_angle)  # every reading: where in the cone the echo comes from
+    ...                                           # cast T_world_hand @ units.T_hand_sensors along the aims
+    readings, statuses = emit(rng, model, units, ranges, incidences)
+
+and for the hand: ``base = draw_base(rng, robot)`` once, ``reported_poses(rng, robot, base, Ts_true)`` every reading.
+The last axis is always the sensors of the model; all axes before it are batches (time, scenes, units).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.frames import frozen_array
+from tanteo.lie import SE3
+from tanteo.sensors.devices import Device
+from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors.presets import RobotPreset, SensorPreset
+from tanteo.sensors.rig import Rig
+from tanteo.typing import Covariances, FloatArray, IntArray, Tangents, Transforms, Vectors
+
+
+class Status(IntEnum):
+    """What a device makes of one reading."""
+
+    OK = 0
+    """A range."""
+    NONE = 1
+    """Nothing within range: the beam was free up to the farthest range."""
+    NEAR = 2
+    """Something nearer than the device can measure; no range, and the beam was not free."""
+    OBLIQUE = 3
+    """Met at a greater incidence than the device answers to; no range, and the beam was not free."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorModel:
+    """Error figures of ``k`` sensors as arrays ``(k,)``: metres, radians, NaN nowhere.
+
+    Attributes:
+        names: Of the sensors.
+        law: Noise along the beam.
+        min_range: Nearest range reported [m].
+        max_range: Farthest range reported [m], infinite for unknown.
+        max_incidence: Incidence up to which the device answers [rad].
+        beam_half_angle: Of the cones [rad].
+        bias: Known offset of the ranges [m].
+        bias_sd: Standard deviation of the offset that is left, one draw a unit [m].
+        scale: Known scale error of the ranges.
+        scale_sd: Standard deviation of the scale error that is left, one draw a unit.
+        axis_cosine: Between beam and optical axis, for devices that report the distance along the axis.
+        T_hand_sensors: Where the sensors sit by the rig, ``(k, 4, 4)``; identity for bare presets.
+        cov_mount: Of the mounting errors, ``(k, 6, 6)``.
+    """
+
+    names: tuple[str, ...]
+    law: NoiseLaw
+    min_range: FloatArray
+    max_range: FloatArray
+    max_incidence: FloatArray
+    beam_half_angle: FloatArray
+    bias: FloatArray
+    bias_sd: FloatArray
+    scale: FloatArray
+    scale_sd: FloatArray
+    axis_cosine: FloatArray
+    T_hand_sensors: Transforms
+    cov_mount: Covariances
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            if name not in ("names", "law"):
+                object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitErrors:
+    """One draw of everything that stays the same from reading to reading of a unit.
+
+    Attributes:
+        bias: Offset of the ranges [m], ``(*batch, k)``.
+        scale: Scale error: the device reads ``1 + scale`` times the range, ``(*batch, k)``.
+        T_hand_sensors: Where the sensors truly sit, ``(*batch, k, 4, 4)``.
+    """
+
+    bias: FloatArray
+    scale: FloatArray
+    T_hand_sensors: Transforms
+
+
+def error_model(source: Rig | SensorPreset | Sequence[SensorPreset]) -> ErrorModel:
+    """The error figures of a rig's sensors, of a preset or of several, as :func:`measure` uses them.
+
+    Raises:
+        InputError: A preset that touches: it has no range (see :func:`emit_touches`).
+    """
+    devices = _devices(source)
+
+    def column(name: str) -> FloatArray:
+        return np.array([getattr(d, name) for d in devices], dtype=np.float64)
+
+    mounts = [d.mount for d in devices]
+    return ErrorModel(
+        names=tuple(d.name for d in devices),
+        law=NoiseLaw.stack([d.law for d in devices]),
+        min_range=column("min_range"),
+        max_range=np.nan_to_num(column("max_range"), nan=np.inf),
+        max_incidence=column("max_incidence"),
+        beam_half_angle=np.nan_to_num(column("beam_half_angle")),
+        bias=np.array([m.bias if m else 0.0 for m in mounts]),
+        bias_sd=column("bias_sd"),
+        scale=np.array([m.scale if m else 0.0 for m in mounts]),
+        scale_sd=column("scale_sd"),
+        axis_cosine=np.array([m.axis_cosine if m else 1.0 for m in mounts]),
+        T_hand_sensors=np.stack([m.T_hand_sensor if m else np.eye(4) for m in mounts]),
+        cov_mount=np.stack([m.cov_mount if m else np.zeros((6, 6)) for m in mounts]),
+    )
+
+
+def _devices(source: Rig | SensorPreset | Sequence[SensorPreset]) -> list[Device]:
+    if isinstance(source, Rig):
+        return [Device(s.name, s.preset, s) for s in source.sensors]
+    presets = [source] if isinstance(source, SensorPreset) else list(source)
+    touching = [p.name for p in presets if p.is_contact]
+    if touching or not presets:
+        got = f"'{touching[0]}', which touches" if touching else "none"
+        raise InputError(f"source: expected sensors that give ranges, got {got}. Use emit_touches for touches.")
+    return [Device(p.name, p, None) for p in presets]
+
+
+def draw_units(rng: np.random.Generator, model: ErrorModel, batch: tuple[int, ...] = ()) -> UnitErrors:
+    """One draw of bias, scale and mounting of every sensor, for every item of the batch."""
+    shape = (*batch, len(model))
+    values, vectors = np.linalg.eigh(model.cov_mount)
+    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    mount = np.einsum("kij,...kj->...ki", roots, rng.normal(size=(*shape, 6)))
+    return UnitErrors(
+        bias=model.bias + model.bias_sd * rng.normal(size=shape),
+        scale=model.scale + model.scale_sd * rng.normal(size=shape),
+        T_hand_sensors=model.T_hand_sensors @ SE3.exp(mount),
+    )
+
+
+def emit(
+    rng: np.random.Generator,
+    model: ErrorModel,
+    units: UnitErrors,
+    ranges: FloatArray,
+    incidences: FloatArray | float = 0.0,
+) -> tuple[FloatArray, IntArray]:
+    """What the sensors report: ``cos(axis) ((1 + scale) d + bias + noise(d))``, and a :class:`Status` each.
+
+    Limits are those of what is reported; a true range below the nearest is :attr:`Status.NEAR` whatever the noise.
+
+    Args:
+        rng: Source of chance; the same number of draws whatever the statuses.
+        model: Error figures of the ``k`` sensors.
+        units: Their errors that stay.
+        ranges: True ranges along the rays [m], ``(*batch, k)``; infinite or NaN where a ray met nothing.
+        incidences: True angles between ray and surface normal [rad], ``(*batch, k)``.
+
+    Returns:
+        The reported ranges [m], NaN where there is none, and the statuses, both ``(*batch, k)``.
+    """
+    ranges = np.asarray(ranges, dtype=np.float64)
+    met = np.isfinite(ranges)
+    d = np.where(met, ranges, 0.0)
+    noise = model.law.sigma(d) * rng.standard_normal(d.shape)
+    reported = model.axis_cosine * (d + units.scale * d + units.bias + noise)
+    least = np.minimum(reported, d * model.axis_cosine)
+    # the last assignment wins: nothing met, then too near, then too oblique
+    statuses = np.where(incidences > model.max_incidence, int(Status.OBLIQUE), int(Status.OK))
+    statuses = np.where(least < model.min_range, int(Status.NEAR), statuses)
+    statuses = np.where(~met | (reported > model.max_range), int(Status.NONE), statuses)
+    return np.where(statuses == int(Status.OK), reported, np.nan), statuses
+
+
+def draw_touch_bias(rng: np.random.Generator, preset: SensorPreset, batch: tuple[int, ...] = ()) -> FloatArray:
+    """One draw of a touch probe's bias [m] along its motion, for every item of the batch."""
+    return preset.bias_std * rng.normal(size=batch)
+
+
+def emit_touches(
+    rng: np.random.Generator,
+    preset: SensorPreset,
+    bias: FloatArray | float,
+    points: Vectors,
+    directions: Vectors,
+    incidences: FloatArray | float = 0.0,
+) -> tuple[Vectors, IntArray]:
+    """Touched points as a probe reports them: isotropic noise, and its bias along the motion.
+
+    Args:
+        rng: Source of chance.
+        preset: A probe (``is_contact``).
+        bias: Of the unit [m], ``(*batch)``, from :func:`draw_touch_bias`.
+        points: True points or ball centres at contact [m], ``(*batch, 3)``.
+        directions: Unit directions of the motion, ``(*batch, 3)``.
+        incidences: Angles between motion and inward normal [rad], ``(*batch)``: beyond the preset's limit the probe
+            slips and there is no touch.
+
+    Returns:
+        The reported points, NaN where the probe slipped, ``(*batch, 3)``, and the statuses ``(*batch)``.
+
+    Raises:
+        InputError: The preset does not touch.
+    """
+    if not preset.is_contact:
+        raise InputError(f"preset: expected a touch probe, got '{preset.name}', which gives ranges. Use emit.")
+    points = np.asarray(points, dtype=np.float64)
+    noise = preset.sigma_const * rng.normal(size=points.shape)
+    reported = points + noise + np.asarray(bias)[..., None] * directions
+    slips = np.broadcast_to(np.asarray(incidences) > preset.max_incidence, points.shape[:-1])
+    return np.where(slips[..., None], np.nan, reported), np.where(slips, int(Status.OBLIQUE), int(Status.OK))
+
+
+def draw_base(rng: np.random.Generator, robot: RobotPreset, batch: tuple[int, ...] = ()) -> Tangents:
+    """One draw of a robot's absolute error: a left error of the world about its origin [m, rad], ``(*batch, 6)``."""
+    return np.repeat([robot.pos_abs_std, robot.rot_abs_std], 3) * rng.normal(size=(*batch, 6))
+
+
+def reported_poses(rng: np.random.Generator, robot: RobotPreset, base: Tangents, Ts_true: Transforms) -> Transforms:
+    """Poses of the hand as the robot reports them: ``T_true = exp(base) T_reported exp(repeat)``.
+
+    Args:
+        rng: Source of chance, for the repeatability: one draw a pose.
+        robot: The robot.
+        base: Its absolute error, ``(*batch, 6)``, from :func:`draw_base`.
+        Ts_true: Where the hand truly is, ``(*batch, 4, 4)``.
+    """
+    shape = np.broadcast_shapes(Ts_true.shape[:-2], base.shape[:-1])
+    repeat = np.repeat([robot.pos_repeat_std, robot.rot_repeat_std], 3) * rng.normal(size=(*shape, 6))
+    return np.asarray(SE3.inverse(SE3.exp(base)) @ Ts_true @ SE3.exp(-repeat))
