@@ -13,7 +13,7 @@ from tanteo.sensors.law import NoiseLaw
 from tanteo.sensors.presets import SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig, RigSensor
-from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +61,16 @@ class Device:
         if self.mount is not None and not math.isnan(self.mount.scale_sd):
             return self.mount.scale_sd
         return self.preset.bias_prop_std if self.preset is not None else 0.0
+
+    @property
+    def cov_unit(self) -> Covariances:
+        """Covariance ``(7, 7)`` of mounting (body error) and scale error: what a unit has once and for all."""
+        cov = np.zeros((7, 7))
+        cov[6, 6] = self.scale_sd**2
+        if self.mount is not None:
+            cov[:6, :6] = self.mount.cov_mount
+            cov[:6, 6] = cov[6, :6] = self.mount.cov_scale
+        return cov
 
     @property
     def law(self) -> NoiseLaw:

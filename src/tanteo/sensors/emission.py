@@ -60,10 +60,9 @@ class ErrorModel:
         bias: Known offset of the ranges [m].
         bias_sd: Standard deviation of the offset that is left, one draw a unit [m].
         scale: Known scale error of the ranges.
-        scale_sd: Standard deviation of the scale error that is left, one draw a unit.
         axis_cosine: Between beam and optical axis, for devices that report the distance along the axis.
         T_hand_sensors: Where the sensors sit by the rig, ``(k, 4, 4)``; identity for bare presets.
-        cov_mount: Of the mounting errors, ``(k, 6, 6)``.
+        cov_unit: Of mounting (body error) and scale error, one draw a unit, ``(k, 7, 7)``.
     """
 
     names: tuple[str, ...]
@@ -75,10 +74,9 @@ class ErrorModel:
     bias: FloatArray
     bias_sd: FloatArray
     scale: FloatArray
-    scale_sd: FloatArray
     axis_cosine: FloatArray
     T_hand_sensors: Transforms
-    cov_mount: Covariances
+    cov_unit: Covariances
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -126,10 +124,9 @@ def error_model(source: Rig | SensorPreset | Sequence[SensorPreset]) -> ErrorMod
         bias=np.array([m.bias if m else 0.0 for m in mounts]),
         bias_sd=column("bias_sd"),
         scale=np.array([m.scale if m else 0.0 for m in mounts]),
-        scale_sd=column("scale_sd"),
         axis_cosine=np.array([m.axis_cosine if m else 1.0 for m in mounts]),
         T_hand_sensors=np.stack([m.T_hand_sensor if m else np.eye(4) for m in mounts]),
-        cov_mount=np.stack([m.cov_mount if m else np.zeros((6, 6)) for m in mounts]),
+        cov_unit=np.stack([d.cov_unit for d in devices]),
     )
 
 
@@ -147,13 +144,13 @@ def _devices(source: Rig | SensorPreset | Sequence[SensorPreset]) -> list[Device
 def draw_units(rng: np.random.Generator, model: ErrorModel, batch: tuple[int, ...] = ()) -> UnitErrors:
     """One draw of bias, scale and mounting of every sensor, for every item of the batch."""
     shape = (*batch, len(model))
-    values, vectors = np.linalg.eigh(model.cov_mount)
+    values, vectors = np.linalg.eigh(model.cov_unit)
     roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    mount = np.einsum("kij,...kj->...ki", roots, rng.normal(size=(*shape, 6)))
+    unit = np.einsum("kij,...kj->...ki", roots, rng.normal(size=(*shape, 7)))
     return UnitErrors(
         bias=model.bias + model.bias_sd * rng.normal(size=shape),
-        scale=model.scale + model.scale_sd * rng.normal(size=shape),
-        T_hand_sensors=model.T_hand_sensors @ SE3.exp(mount),
+        scale=model.scale + unit[..., 6],
+        T_hand_sensors=model.T_hand_sensors @ SE3.exp(unit[..., :6]),
     )
 
 

@@ -201,6 +201,9 @@ def _device_errors(
         if device.bias_sd > 0 and aimed.any():
             J = np.where(aimed[:, None], aims, 0.0)[..., None]
             out.append((_one(f"bias of {device.name}", device.bias_sd, "along the beam [m]"), J))
+        if device.mount is not None and device.mount.cov_scale.any():
+            out += _mount_and_scale(placed, device, rows & placed.by_rig)
+            continue
         if device.scale_sd > 0 and ranged.any():
             J = np.where(ranged[:, None], aims * placed.ranges[:, None], 0.0)[..., None]
             out.append((_one(f"scale of {device.name}", device.scale_sd, "along the beam, per range [1]"), J))
@@ -211,6 +214,18 @@ def _device_errors(
             meaning = "mounting of the sensor on the hand, body error [m, rad]"
             out.append((SharedError(f"mounting of {device.name}", device.mount.cov_mount, meaning), J))
     return out
+
+
+def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray) -> Shared:
+    """Mounting and scale of a calibrated sensor, which were found together: one error of seven numbers."""
+    if not rows.any():
+        return []
+    J = np.zeros((len(rows), 3, 7))
+    J[rows, :, :6] = body_jacobian(placed.T_world_sensors[rows], placed.points[rows])
+    # the more it reads too far, the nearer is what it met
+    J[rows, :, 6] = -placed.ranges[rows, None] * placed.directions[rows]
+    meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
+    return [(SharedError(f"mounting and scale of {device.name}", device.cov_unit, meaning), J)]
 
 
 def _one(name: str, sd: float, meaning: str) -> SharedError:

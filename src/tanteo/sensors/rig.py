@@ -5,13 +5,13 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.sensors.presets import SensorPreset
-from tanteo.typing import Covariances, Transforms
+from tanteo.typing import Covariances, FloatArray, Transforms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +33,7 @@ class RigSensor:
         bias: Known offset of its ranges [m], from a calibration: what it reads too far. It is taken off.
         scale: Known scale error of its ranges: it reads ``1 + scale`` times the range. It is taken off.
         scale_sd: Standard deviation of the scale error that is left; NaN for the preset's.
+        cov_scale: Covariance ``(6,)`` between mounting error and scale error, as a calibration finds them together.
     """
 
     name: str
@@ -48,9 +49,10 @@ class RigSensor:
     bias: float = 0.0
     scale: float = 0.0
     scale_sd: float = math.nan
+    cov_scale: FloatArray = field(default_factory=lambda: np.zeros(6))
 
     def __post_init__(self) -> None:
-        for name, shape in (("T_hand_sensor", (4, 4)), ("cov_mount", (6, 6))):
+        for name, shape in (("T_hand_sensor", (4, 4)), ("cov_mount", (6, 6)), ("cov_scale", (6,))):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.shape != shape or not np.isfinite(array).all():
                 raise InputError(f"{name} of sensor '{self.name}': expected finite numbers of shape {shape}.")
@@ -68,6 +70,8 @@ class RigSensor:
                 f"bias, scale and sd_prop of sensor '{self.name}': expected finite numbers, a scale above -1 and no "
                 f"negative sd_prop, got {self.bias:g}, {self.scale:g} and {self.sd_prop:g}. Correct them."
             )
+        if self.cov_scale.any() and not self.scale_sd > 0:
+            raise InputError(f"cov_scale of sensor '{self.name}': expected scale_sd beside it, got none. Give both.")
         if self.sd_prop > 0 and not self.sd > 0:
             raise InputError(
                 f"sd_prop of sensor '{self.name}': expected sd beside it, got none. Give both, or neither to use the "

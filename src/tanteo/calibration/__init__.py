@@ -1,0 +1,11 @@
+"""Calibration of range sensors: beams, noise and strays from readings of planes at known poses of the hand.
+
+``calibrate(readings)`` needs nothing but the log; the planes are unknown, too. ``calibrated_rig`` makes a rig of what
+was found, and ``plane_angle`` the angle between two of the planes.
+"""
+
+from tanteo.calibration.calibrate import calibrate
+from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, Stray, plane_angle
+from tanteo.calibration.rigged import calibrated_rig
+
+__all__ = ["BeamFit", "Calibration", "PlaneFit", "Stray", "calibrate", "calibrated_rig", "plane_angle"]

@@ -1,0 +1,110 @@
+"""From a log of planes to beams, noise and strays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.calibration.fit import Fit, beam_slice, best_fit
+from tanteo.calibration.geometry import BEAM, PLANE
+from tanteo.calibration.log import PlaneLog, plane_log
+from tanteo.calibration.noise import law_cov, place_basis
+from tanteo.calibration.prior import Prior, make_prior
+from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, make_strays, robot_tilt_cov
+from tanteo.calibration.start import starts
+from tanteo.calibration.words import is_lost, status_of, untold
+from tanteo.errors import ReadingsError
+from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
+
+_FEWEST_STATIONS = 4
+"""More parameters than three stations of a plane can never be told."""
+
+
+def calibrate(
+    readings: Readings,
+    *,
+    rig: Rig | None = None,
+    sensor: SensorPreset | str | None = None,
+    robot: RobotPreset | str | None = None,
+) -> Calibration:
+    """Estimate beam poses, noise and strays from ranges of planes, which are unknown, at known poses of the hand.
+
+    All sensors and planes of the log are estimated together, with one beam for each sensor: use one log for each
+    mounting. Noise, the share of strays and the geometry are estimated at once; nothing has to be chosen. What the
+    log does not tell keeps the uncertainty that it had before and is named.
+
+    Args:
+        readings: Ranges with sensor and hand pose; rows with one label of kind ``plane`` are on one plane, rows
+            without a label all on one.
+        rig: Where the sensors should be. Its mounting errors are prior knowledge; without a rig there is hardly any.
+        sensor: Preset (or its name) of the sensors that the rig does not have: scale error and cone.
+        robot: Preset (or its name): its absolute error moves the planes, not the beams.
+
+    Raises:
+        ReadingsError: Readings that are no ranges of planes, or too few places.
+        InputError: A sensor that the rig does not have, or an unknown preset.
+    """
+    sensor = sensor_preset(sensor) if isinstance(sensor, str) else sensor
+    robot = robot_preset(robot) if isinstance(robot, str) else robot
+    if rig is not None:
+        rig.numbers(readings.sensors)
+    log = plane_log(readings, rig)
+    if len(log) < _FEWEST_STATIONS:
+        raise ReadingsError(
+            f"readings: expected ranges from {_FEWEST_STATIONS} poses of the hand or more, got {len(log)}. Take some "
+            "30, turned and moved."
+        )
+    by_rig = None
+    if rig is not None:
+        poses = {s.name: s.T_hand_sensor for s in rig.sensors}
+        by_rig = np.stack([poses[name] for name in log.beams])
+    setups = starts(log, by_rig)
+    priors = [make_prior(log.beams, len(log.planes), rig, sensor, setup) for setup in setups]
+    fit, prior = best_fit(log, setups, priors)
+    return _result(log, fit, prior, robot)
+
+
+def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) -> Calibration:
+    covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
+    told = [untold(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
+    status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
+    basis = place_basis(log.ranges, fit.prediction.incidences)
+    squares = law_cov(fit.law, log, 1 - fit.stray, basis, fit.prediction.jacobian, fit.cov)
+    beams = tuple(
+        BeamFit(
+            name=name,
+            T_hand_beam=fit.setup.T_hand_beams[k],
+            scale=float(fit.setup.scales[k]),
+            slant=float(fit.setup.slants[k]),
+            cov=covs[k],
+            repeats=log.repeats[k],
+            place_sds=np.sqrt(fit.law.squares[k]),
+            place_cov=squares[k],
+            untold=told[k],
+        )
+        for k, name in enumerate(log.beams)
+    )
+    return Calibration(
+        status=status,
+        message=message,
+        beams=beams,
+        planes=tuple(_plane(log, fit, p, robot) for p in range(len(log.planes))),
+        strays=make_strays(log, fit),
+        log=log,
+        ranges=log.ranges,
+        incidences=fit.prediction.incidences,
+        residuals=fit.residuals,
+        sds=np.sqrt(fit.variances),
+        good=fit.stray <= 0.5,
+        cov=fit.cov,
+    )
+
+
+def _plane(log: PlaneLog, fit: Fit, p: int, robot: RobotPreset | None) -> PlaneFit:
+    good = (log.plane == p) & (fit.stray <= 0.5)
+    distances = fit.residuals[good] * np.cos(fit.prediction.incidences[good])
+    at = len(BEAM) * len(log.beams) + len(PLANE) * p
+    T, cov = fit.setup.T_world_planes[p], fit.cov[at : at + 3, at : at + 3]
+    if robot is not None:
+        cov = cov + robot_tilt_cov(T, robot.pos_abs_std, robot.rot_abs_std)
+    rms = float(np.sqrt(np.mean(distances**2))) if good.any() else float("nan")
+    return PlaneFit(log.planes[p], T, cov, rms, int(good.sum()))

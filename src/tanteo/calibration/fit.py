@@ -1,0 +1,153 @@
+"""The calibration itself: geometry, noise and strays together, from several starts; the likeliest is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.calibration.geometry import BEAM, Prediction, Setup, predict
+from tanteo.calibration.log import PlaneLog
+from tanteo.calibration.noise import PlaceLaw, first_law, improved, place_basis
+from tanteo.calibration.prior import Prior
+from tanteo.calibration.strays import mixture_log_likelihood, stray_probabilities
+from tanteo.typing import FloatArray
+
+_FIRST_PASSES, _PASSES = 25, 300
+_CONTINUED = 3
+_SETTLED = 1e-3
+_TRUSTED = (0.5, 0.2)
+"""Passes end when no parameter moves by more than this share of its standard deviation, nor a variance by it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """One fit.
+
+    Attributes:
+        setup: Beams and planes.
+        law: Variances of the places.
+        prediction: Of every station.
+        residuals: Read less predicted [m], ``(m,)``.
+        variances: Of good residuals [m^2], ``(m,)``.
+        stray: How probably each station is a stray, ``(m,)``.
+        cov: Of all parameters, ``(size, size)``.
+        evidence: Logarithm of the probability of the stations under the mixture, with the setup integrated out
+            around its best (Laplace); comparable between fits of one log.
+        settled: It came to rest.
+    """
+
+    setup: Setup
+    law: PlaceLaw
+    prediction: Prediction
+    residuals: FloatArray
+    variances: FloatArray
+    stray: FloatArray
+    cov: FloatArray
+    evidence: float
+    settled: bool
+
+
+def refine(
+    setup: Setup, log: PlaneLog, prior: Prior, *, share: float = 0.5, law: PlaceLaw | None = None, passes: int = _PASSES
+) -> Fit:
+    """Climb from one start: weights of strays, setup and noise in turns, until nothing moves.
+
+    Args:
+        setup: The start.
+        log: The stations.
+        prior: What is known of the beams.
+        share: Of the residuals that are trusted at the start (:func:`~tanteo.calibration.noise.first_law`).
+        law: Noise to start from instead.
+        passes: How many at most.
+    """
+    settled = False
+    for _ in range(passes):
+        now = predict(setup, log)
+        residuals = log.ranges - now.ranges
+        basis = place_basis(log.ranges, now.incidences)
+        law = first_law(log, residuals, basis, share) if law is None else law
+        v = law.variances(log, basis)
+        weights = 1 - _strays(log, residuals, v)
+        J = now.jacobian
+        information = (J * (weights / v)[:, None]).T @ J + prior.precision
+        cov = _inverse(information)
+        step = cov @ (J.T @ (weights / v * residuals) - prior.precision @ prior.deviation(setup))
+        hat = np.einsum("mi,ij,mj->m", J, cov, J)
+        better = improved(law, log, residuals, weights, basis, hat)
+        change = np.max(np.abs(np.log(better.squares / law.squares)) * _weight(better, basis, log, v))
+        setup, law = setup.moved(_bounded(step)), better
+        if np.max(np.abs(step) / np.sqrt(np.diag(cov))) < _SETTLED and change < _SETTLED:
+            settled = True
+            break
+    return _result(setup, log, prior, law, settled)
+
+
+def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw | None, settled: bool) -> Fit:
+    assert law is not None
+    now = predict(setup, log)
+    residuals = log.ranges - now.ranges
+    v = law.variances(log, place_basis(log.ranges, now.incidences))
+    stray = _strays(log, residuals, v)
+    J = now.jacobian
+    cov = _inverse((J * ((1 - stray) / v)[:, None]).T @ J + prior.precision)
+    likelihood = sum(
+        mixture_log_likelihood(residuals[mine], v[mine], log.widths[k])
+        for k in range(len(log.beams))
+        if (mine := log.beam == k).any()
+    )
+    deviation = prior.deviation(setup)
+    evidence = likelihood - 0.5 * float(deviation @ prior.precision @ deviation)
+    evidence += 0.5 * float(np.linalg.slogdet(cov)[1])
+    return Fit(setup, law, now, residuals, v, stray, cov, evidence, settled)
+
+
+def _strays(log: PlaneLog, residuals: FloatArray, v: FloatArray) -> FloatArray:
+    """Probabilities of the stations to be strays, each sensor with its own share."""
+    out = np.zeros(len(log))
+    for k in range(len(log.beams)):
+        mine = log.beam == k
+        out[mine] = stray_probabilities(residuals[mine], v[mine], log.widths[k])
+    return out
+
+
+def _weight(law: PlaceLaw, basis: FloatArray, log: PlaneLog, v: FloatArray) -> FloatArray:
+    """Share that each term has in the variance: a term that dies out need not come to rest."""
+    out = np.zeros_like(law.squares)
+    for k in range(len(log.beams)):
+        mine = log.beam == k
+        out[k] = np.mean(law.squares[k] * basis[mine] / v[mine, None], axis=0)
+    return out
+
+
+def _bounded(step: FloatArray) -> FloatArray:
+    """A step of half a radian or ten centimetres at most: far starts must not be thrown farther."""
+    return np.asarray(step * min(1.0, 0.3 / max(float(np.max(np.abs(step))), 1e-12)))
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    """Inverse of a positive definite matrix whose rows have different units."""
+    s = 1 / np.sqrt(np.diag(information))
+    inverse = np.linalg.inv(information * np.outer(s, s)) * np.outer(s, s)
+    return np.asarray(0.5 * (inverse + inverse.T))
+
+
+def best_fit(log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior]) -> tuple[Fit, Prior]:
+    """The likeliest of the fits from several starts, each with few and with more strays at the beginning.
+
+    All take their first steps; those that are then ahead go on until they settle.
+    """
+    fits = [
+        (refine(setup, log, prior, share=share, passes=_FIRST_PASSES), prior)
+        for setup, prior in zip(setups, priors, strict=True)
+        for share in _TRUSTED
+    ]
+    fits.sort(key=lambda f: -f[0].evidence)
+    settled = [(refine(fit.setup, log, prior, law=fit.law), prior) for fit, prior in fits[:_CONTINUED]]
+    return max(settled, key=lambda f: f[0].evidence)
+
+
+def beam_slice(k: int) -> slice:
+    """Parameters of a beam among all."""
+    return slice(len(BEAM) * k, len(BEAM) * (k + 1))

@@ -1,0 +1,114 @@
+"""How far stations miss their planes: variance that grows with range and incidence, by restricted likelihood.
+
+Readings from one place repeat to the noise of the device; from another place they miss by more, because of the spot
+on an oblique surface, of steps in the device's scale, of the robot's pose. Only the second kind matters for a plane
+that was sensed from several places, and many repeats of one place do not average it away.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import erfinv
+
+from tanteo.calibration.log import PlaneLog
+from tanteo.typing import FloatArray
+
+TERMS = ("floor", "per range", "across")
+"""Standard deviations of the place law: [m], per metre of range, per metre of range and tangent of the incidence."""
+
+_LARGEST_DENSE = 1500
+"""Stations up to which the covariance of the variances takes account of how they were fitted."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaceLaw:
+    """Variances of the places of every sensor.
+
+    Attributes:
+        squares: Squares of :data:`TERMS` of every sensor, ``(k, 3)``.
+    """
+
+    squares: FloatArray
+
+    def variances(self, log: PlaneLog, basis: FloatArray) -> FloatArray:
+        """Variance of a station's mean range: of its place, and what its repeats leave of theirs [m^2]."""
+        return np.sum(self.squares[log.beam] * basis, axis=1) + repeat_variances(log)
+
+
+def place_basis(ranges: FloatArray, incidences: FloatArray) -> FloatArray:
+    """What multiplies the squares of :data:`TERMS`, ``(m, 3)``."""
+    d2 = ranges**2
+    return np.stack([np.ones_like(d2), d2, d2 * np.tan(incidences) ** 2], axis=1)
+
+
+def repeat_variances(log: PlaneLog) -> FloatArray:
+    """Variance that the repeats leave in the mean of every station [m^2]; zero where nothing was repeated."""
+    sigmas = np.stack([r.law.sigma(log.ranges) for r in log.repeats])
+    return np.asarray(sigmas[log.beam, np.arange(len(log))] ** 2 / log.counts)
+
+
+def first_law(log: PlaneLog, residuals: FloatArray, basis: FloatArray, share: float) -> PlaceLaw:
+    """A law to start from: what this share of the residuals suggests, in three equal terms.
+
+    Args:
+        log: The stations.
+        residuals: At the start [m], ``(m,)``.
+        basis: Of :func:`place_basis`.
+        share: The smaller residuals up to this share are trusted; the less, the more stations begin as strays.
+    """
+    squares = np.empty((len(log.beams), len(TERMS)))
+    for k in range(len(log.beams)):
+        mine = log.beam == k
+        quantile = math.sqrt(2) * float(erfinv(share))
+        spread = max((np.quantile(np.abs(residuals[mine]), share) / quantile) ** 2, 1e-16)
+        squares[k] = spread / len(TERMS) / np.maximum(np.mean(basis[mine], axis=0), 1e-9)
+    return PlaceLaw(squares)
+
+
+def improved(
+    law: PlaceLaw, log: PlaneLog, residuals: FloatArray, weights: FloatArray, basis: FloatArray, hat: FloatArray
+) -> PlaceLaw:
+    """One step up the restricted likelihood, by multiplication: variances stay positive.
+
+    Args:
+        law: The law so far.
+        log: The stations.
+        residuals: At the fitted setup [m], ``(m,)``.
+        weights: How probably each station is no stray, ``(m,)``.
+        basis: Of :func:`place_basis`.
+        hat: Variance of the fitted range of every station [m^2], ``(m,)``.
+    """
+    v = law.variances(log, basis)
+    pull = weights * residuals**2 / v**2
+    rest = np.maximum(weights / v - weights**2 * hat / v**2, 0.0)
+    squares = np.array(law.squares)
+    for k in range(len(log.beams)):
+        mine = log.beam == k
+        down = rest[mine] @ basis[mine]
+        ratio = np.divide(pull[mine] @ basis[mine], down, out=np.ones(len(TERMS)), where=down > 0)
+        squares[k] *= np.sqrt(ratio)
+    return PlaceLaw(squares)
+
+
+def law_cov(
+    law: PlaceLaw, log: PlaneLog, weights: FloatArray, basis: FloatArray, jacobian: FloatArray, cov: FloatArray
+) -> FloatArray:
+    """Covariance ``(k, 3, 3)`` of the squares, by the expected information of the restricted likelihood."""
+    v = law.variances(log, basis)
+    out = np.empty((len(log.beams), len(TERMS), len(TERMS)))
+    for k in range(len(log.beams)):
+        mine = (log.beam == k) & (weights > 0.5)
+        B, inverse = basis[mine], 1 / v[mine]
+        if mine.sum() <= _LARGEST_DENSE:
+            scaled = inverse[:, None] * jacobian[mine]
+            squared = (np.diag(inverse) - scaled @ cov @ scaled.T) ** 2
+        else:
+            squared = np.diag(inverse**2)
+        information = 0.5 * B.T @ squared @ B
+        # terms differ by powers of the range: scale before inverting
+        s = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+        out[k] = np.linalg.pinv(information * np.outer(s, s), rcond=1e-12, hermitian=True) * np.outer(s, s)
+    return out

@@ -1,0 +1,44 @@
+"""Which residuals belong to the noise and which are strays: a mixture, whose share of strays is estimated, too.
+
+A good residual is normal with its own variance; a stray one may be anywhere within the width of what the device can
+report. Nothing has to be chosen: how far off a stray must be follows from the noise, the width and how many there are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.typing import FloatArray
+
+_PASSES = 100
+_SETTLED = 1e-9
+
+
+def stray_probabilities(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> FloatArray:
+    """How probable it is that each residual is a stray.
+
+    Args:
+        residuals: Differences from what is expected [m], ``(n,)``.
+        variances: Of the good ones [m^2], ``(n,)``.
+        width: Of the ranges that the device can report [m]: the density of a stray is one over it.
+    """
+    good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
+    stray = 1.0 / np.broadcast_to(width, good.shape)
+    share = 0.5
+    p = np.zeros_like(good)
+    for _ in range(_PASSES):
+        p = share * stray / (share * stray + (1 - share) * good)
+        # half a stray and half a good one are added, so that no share is ever certain (Jeffreys)
+        fresh = (p.sum() + 0.5) / (len(p) + 1)
+        if abs(fresh - share) < _SETTLED:
+            break
+        share = fresh
+    return np.asarray(p)
+
+
+def mixture_log_likelihood(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> float:
+    """Log likelihood of the residuals under the mixture, at the share that :func:`stray_probabilities` settles at."""
+    p = stray_probabilities(residuals, variances, width)
+    share = (p.sum() + 0.5) / (len(p) + 1)
+    good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
+    return float(np.sum(np.log(share / np.broadcast_to(width, good.shape) + (1 - share) * good)))
