@@ -1,4 +1,4 @@
-"""Does the region that is claimed hold the truth? ``python benchmarks/coverage.py [scenes] [processes]``.
+"""Does the region that is claimed hold the truth? ``python benchmarks/coverage.py [scenes] [processes] [seed]``.
 
 Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
@@ -154,13 +154,14 @@ def run(scenes, processes, seed=1991):
 def main():
     scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 10
     processes = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    by_sensor = run(scenes, processes)
+    seed = int(sys.argv[3]) if len(sys.argv) > 3 else 1991
+    by_sensor = run(scenes, processes, seed)
     columns = (
         "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right", "truth among modes",
         "lost by 10 % strays [points]", "strays named", "region with strays", "median time",
     )  # fmt: skip
     rows = [(sensing.name, *summary(rows)) for sensing, rows in zip(SENSORS, by_sensor, strict=True)]
-    text = f"{len(PARTS)} parts x {scenes} scenes for each sensor."
+    text = f"{len(PARTS)} parts x {scenes} scenes for each sensor, seed {seed}."
     print(Table("Coverage", text, columns, rows).markdown())
     print()
     columns = (

@@ -14,6 +14,7 @@ import numpy as np
 from tanteo.lie import SO3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
+from tanteo.matching.near_edges import NearEdges, near_edges
 from tanteo.matching.prior import prior_log_density, prior_rows
 from tanteo.matching.refine import moved
 from tanteo.matching.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
@@ -78,6 +79,7 @@ class _At:
     log_hit: FloatArray
     log_stray: FloatArray
     distances: FloatArray
+    edges: NearEdges | None = None
 
 
 def polish(
@@ -93,23 +95,45 @@ def polish(
         priors: rate of clutter, and the size of the workspace.
         iterations: of expectation and maximisation together.
     """
-    Ts, z, at = _climb(touches, Ts, target, priors, iterations)
-    behind = _material_in_front(touches, Ts, z, target)
-    log_hit = np.where(behind, -np.inf, at.log_hit)
-    belongs = 1 / (1 + np.exp(np.clip(at.log_stray - log_hit, -700, 700)))
+    Ts, z, at = _climb(touches, free, Ts, target, priors, iterations)
+    log = _log_posterior(touches, free, Ts, z, target, priors, at)
+    belongs = _responsibility(at)
     A, b = _normal_equations(touches, at, belongs, z)
-    log = np.logaddexp(log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
-    log += _add_prior(priors, target, Ts, A, b) + prior_log_density(priors.pose, target.part, Ts, priors.radius)
-    log += _free_paths(free, Ts, target, priors)
+    _add_prior(priors, target, Ts, A, b)
     if z.shape[1]:
-        log -= 0.5 * np.linalg.slogdet(A[:, 6:, 6:])[1]
-    log += pose_volume(without_spins(target.part, pose_information(A)), priors.radius)
+        log = log - 0.5 * np.linalg.slogdet(A[:, 6:, 6:])[1]
+    log = log + pose_volume(without_spins(target.part, pose_information(A)), priors.radius)
     n = len(touches)
     return Polished(Ts, z, A, log, belongs, at.r[:, :n], at.distances, at.J[:, :n, :6])
 
 
+def log_posterior(
+    touches: Touches, free: FreePaths, Ts: Transforms, z: FloatArray, target: Target, priors: Priors
+) -> FloatArray:
+    """Log density of readings, pose and shared errors ``(S,)``, that of the pose over "anywhere".
+
+    Args:
+        touches: the readings.
+        free: paths on which nothing was met.
+        Ts: poses ``(S, 4, 4)``.
+        z: whitened shared errors ``(S, D)``.
+        target: the part.
+        priors: rate of clutter, the size of the workspace, what is known of the pose.
+    """
+    return _log_posterior(touches, free, Ts, z, target, priors, _linearise(touches, Ts, z, target, priors))
+
+
+def _log_posterior(
+    touches: Touches, free: FreePaths, Ts: Transforms, z: FloatArray, target: Target, priors: Priors, at: _At
+) -> FloatArray:
+    log = np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
+    r = prior_rows(priors.pose, target.part, Ts)[0]
+    log += prior_log_density(priors.pose, target.part, Ts, priors.radius) - 0.5 * np.sum(r * r, axis=1)
+    return np.asarray(log + _free_paths(free, Ts, target, priors))
+
+
 def _climb(
-    touches: Touches, Ts: Transforms, target: Target, priors: Priors, iterations: int
+    touches: Touches, free: FreePaths, Ts: Transforms, target: Target, priors: Priors, iterations: int
 ) -> tuple[Transforms, FloatArray, _At]:
     """Expectation and Levenberg-Marquardt together, each pose with its own damping; no step makes a pose worse.
 
@@ -120,7 +144,8 @@ def _climb(
         at = _linearise(touches, Ts, z, target, priors)
         A, b = _normal_equations(touches, at, _responsibility(at), z)
         log = np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
-        return log + _add_prior(priors, target, Ts, A, b), A, b
+        log += _add_prior(priors, target, Ts, A, b)
+        return log + _free_paths(free, Ts, target, priors), A, b
 
     Ts, z = np.array(Ts), np.zeros((len(Ts), touches.gains.shape[-1]))
     log, A, b = look(Ts, z)
@@ -171,13 +196,18 @@ def _linearise(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, 
     cosine = -np.einsum("sni,ni->sn", normal, touches.directions)
     directed = touches.directed
     aimed = np.where(cosine > 0, np.log(np.maximum(cosine, GRAZING)), AWAY)
-    log += np.where(directed, aimed, -np.log(target.part.area)) + np.log1p(-priors.clutter)
+    log += np.where(directed, aimed, -np.log(target.part.area))
+    edges = near_edges(touches, target, R, p)
+    if edges is not None:
+        log[edges.poses, edges.readings] = edges.log
+    log += np.log1p(-priors.clutter)
+    log[_material_in_front(touches, Ts, z, target)] = -np.inf
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     stray = np.log(priors.clutter) - np.where(directed, np.log(2 * priors.radius), ball)
     stray = np.broadcast_to(stray, r.shape)
     if not touches.oriented.any():
-        return _At(r, J, log, stray, distance)
-    return _with_normals(touches, R, g, _At(r, J, log, stray, distance))
+        return _At(r, J, log, stray, distance, edges)
+    return _with_normals(touches, R, g, _At(r, J, log, stray, distance, edges))
 
 
 def _with_normals(touches: Touches, R: FloatArray, g: Vectors, at: _At) -> _At:
@@ -198,7 +228,7 @@ def _with_normals(touches: Touches, R: FloatArray, g: Vectors, at: _At) -> _At:
     k = 3 * len(rows)
     r = np.concatenate([at.r, gap.reshape(S, k)], axis=1)
     J = np.concatenate([at.J, turn.reshape(S, k, at.J.shape[-1])], axis=1)
-    return _At(r, J, log, stray, at.distances)
+    return _At(r, J, log, stray, at.distances, at.edges)
 
 
 def _responsibility(at: _At) -> FloatArray:
@@ -206,11 +236,21 @@ def _responsibility(at: _At) -> FloatArray:
 
 
 def _normal_equations(touches: Touches, at: _At, belongs: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Information and gradient with every reading weighted by the probability that it belongs."""
-    rows = np.flatnonzero(touches.oriented)
+    """Information and gradient with every reading weighted by the probability that it belongs.
+
+    The faces of readings near edges are taken as known, each with its share.
+    """
+    rows, edges, all_ = np.flatnonzero(touches.oriented), at.edges, belongs
+    if edges is not None:
+        belongs = np.array(belongs)
+        belongs[edges.poses, edges.readings] = 0.0
     w = belongs if not len(rows) else np.concatenate([belongs, np.repeat(belongs[:, rows], 3, axis=1)], axis=1)
     JtW = np.swapaxes(at.J, 1, 2) * w[:, None, :]
     A, b = JtW @ at.J, -(JtW @ at.r[..., None])[..., 0]
+    if edges is not None:
+        share = all_[edges.poses, edges.readings, None]
+        np.add.at(A, edges.poses, share[..., None] * edges.resistance)
+        np.add.at(b, edges.poses, share * edges.gradient)
     D = z.shape[1]
     A[:, 6:, 6:] += np.eye(D)
     b[:, 6:] -= z
@@ -239,10 +279,22 @@ def _material_in_front(touches: Touches, Ts: Transforms, z: FloatArray, target: 
     start = points - touches.reach[rows, None] * touches.directions[rows]
     local = (start - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
     along = np.einsum("sji,nj->sni", Ts[:, :3, :3], touches.directions[rows])
-    hits = target.surface.cast(local, along).distances
-    margin = _IN_FRONT * touches.sd[rows] + 0.01 * target.part.diagonal
-    out[:, rows] = hits < touches.reach[rows] - margin
+    free = touches.reach[rows] - _IN_FRONT * touches.sd[rows] - 0.01 * target.part.diagonal
+    s, n = np.nonzero(target.surface.cast(local, along).distances < free)
+    if len(s):  # a path that only grazes the part may have passed beside it
+        aside = _IN_FRONT * touches.sd[rows[n], None, None] * _across(along[s, n])
+        hits = target.surface.cast(local[s, n, None] + aside, along[s, n, None]).distances
+        out[s, rows[n]] = np.all(hits < free[n, None], axis=1)
     return out
+
+
+def _across(directions: Vectors) -> FloatArray:
+    """Four unit vectors across each direction ``(k, 4, 3)``."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    u = SO3.cross(directions, least)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = SO3.cross(directions, u)
+    return np.stack([u, v, -u, -v], axis=1)
 
 
 def _free_paths(free: FreePaths, Ts: Transforms, target: Target, priors: Priors) -> FloatArray:

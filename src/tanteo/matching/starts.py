@@ -63,7 +63,8 @@ def triple_poses(touches: Touches, base: tuple[int, int, int], target: Target, l
     pair, third = np.divmod(_thinned(np.flatnonzero(close(0, 2)[first] & close(1, 2)[second]), limit), count)
     chosen = np.stack([first[pair], second[pair], third], axis=1)
     Ts = _align([places[m].take(chosen[:, m], axis=0) for m in range(3)], p)
-    return Ts[_facing(touches, index, Ts, target.normals, chosen)]
+    proper = np.linalg.det(Ts[:, :3, :3]) > 0.5  # three samples in a line give no attitude
+    return Ts[proper & _facing(touches, index, Ts, target.normals, chosen)]
 
 
 def pair_poses(touches: Touches, base: tuple[int, int], target: Target, limit: int) -> Transforms:

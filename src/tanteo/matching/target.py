@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.lie import SE3
 from tanteo.matching.model import PartModel
 from tanteo.parts import Part
-from tanteo.shapes import DistanceField, Surface, distance_field
+from tanteo.shapes import Borders, DistanceField, Surface, borders, distance_field
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 SAMPLES = 320
@@ -58,6 +58,7 @@ class Target:
         gaps: distances between samples ``(K, K)``, single precision [m].
         spacing: typical distance from any surface point to the nearest sample [m].
         turns: half turns about the axes of the box and about the principal axes ``(6, 4, 4)``, in the part frame.
+        borders: the sharp edges, where faces end.
     """
 
     part: Part
@@ -68,6 +69,7 @@ class Target:
     gaps: np.ndarray
     spacing: float
     turns: Transforms
+    borders: Borders
     _pairs: list[SamplePairs] = attribute(default_factory=list, repr=False)
 
     @property
@@ -89,7 +91,7 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     gaps = np.linalg.norm(points[:, None] - points, axis=-1).astype(np.float32)
     spacing = float(np.sqrt(part.area / samples) * 0.6)
     turns = _half_turns(part, points)
-    return Target(part, surface, distance_field(surface), points, normals, gaps, spacing, turns)
+    return Target(part, surface, distance_field(surface), points, normals, gaps, spacing, turns, borders(surface))
 
 
 def _half_turns(part: Part, samples: Vectors) -> Transforms:

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import bdtrc, chdtrc, logsumexp
+from scipy.special import bdtrc, chdtrc
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.fitting import SUSPECT
-from tanteo.lie import SE3
-from tanteo.localization import covariance_with_free, describe_motion, pose_information, weak_motions
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
+from tanteo.matching.modes import NEGLIGIBLE, Mode, weigh
 from tanteo.matching.polish import Polished, polish
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
@@ -30,19 +29,11 @@ from tanteo.matching.surface import (
     search,
 )
 from tanteo.matching.target import Target, prepare_target
+from tanteo.matching.touch_answer import as_hypothesis, what_limits
 from tanteo.matching.touches import FreePaths, Touches
-from tanteo.matching.verdict import (
-    CONFIDENCE,
-    corner_sd,
-    excuse,
-    spins,
-    verdict,
-    where_to_sense,
-    without_spins,
-    world_axis,
-)
+from tanteo.matching.verdict import CONFIDENCE, verdict
 from tanteo.parts import Part
-from tanteo.typing import Covariances, FloatArray, IntArray, Tangents
+from tanteo.typing import FloatArray
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
@@ -50,14 +41,8 @@ LEAST = 3
 _DETERMINES = 6
 """Readings without normals that can fix a pose; fewer leave a direction free in any case."""
 
-NEGLIGIBLE = 12.0
-"""Log odds below the best mode at which another is not reported."""
-
 _TOO_MANY_STRAYS = 1e-4
 """If so many readings off the part are less likely than this, it is not the part, whatever else fits."""
-
-_NOTABLE = 0.5
-"""Share of the worst corner's standard deviation from which an error that all readings share is worth a sentence."""
 
 _ENOUGH, _MOST_SCATTER = 6, 2.0
 """Spare readings from which, and ratio up to which, scatter is put down to the stated standard deviation."""
@@ -104,24 +89,22 @@ def identify_touches(
     found = _search_all(touches, free, targets, priors)
     clock.lap("search")
     log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
-    ranked, unknown = _ranked(found, log_unknown, len(parts), priors)
-    ratio = _scatter(ranked)
+    modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
+    ratio = _scatter(modes)
     if ratio > 1:
         touches = replace(touches, covs=ratio**2 * touches.covs, sd=ratio * touches.sd)
         found = [
-            (target, distinct_maxima(polish(touches, free, modes.Ts, target, priors), target))
-            for target, modes in found
+            (target, distinct_maxima(polish(touches, free, maxima.Ts, target, priors), target))
+            for target, maxima in found
         ]
-        ranked, unknown = _ranked(found, log_unknown, len(parts), priors)
-    hypotheses = tuple(
-        _hypothesis(touches, target, modes, k, probability) for probability, target, modes, k in ranked[:top]
-    )
+        modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
+    hypotheses = tuple(as_hypothesis(touches, mode) for mode in modes[:top])
     clock.lap("locate")
     status, message = verdict(hypotheses, unknown, alpha)
     if status in ("recognized", "ambiguous") and _too_many_strays(hypotheses[0], priors):
         status, message = "unknown", _strays_message(hypotheses[0], len(touches))
     if hypotheses and status == "recognized":
-        message += _what_limits(touches, ranked[0], shared)
+        message += what_limits(modes[0], shared)
     if ratio > 1:
         message += f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
@@ -213,129 +196,14 @@ def unknown_log_density(touches: Touches, priors: Priors) -> FloatArray:
     return np.asarray(log - np.where(touches.oriented, np.log(4 * np.pi), 0.0))
 
 
-def _ranked(
-    found: Sequence[tuple[Target, Polished]], log_unknown: float, count: int, priors: Priors
-) -> tuple[list[tuple[float, Target, Polished, int]], float]:
-    """All modes of all parts with their probabilities, best first, and that of "none of these"."""
-    prior = np.log1p(-priors.unknown) - np.log(max(count, 1))
-    logs = [modes.log_evidence + np.log(target.part.symmetry.order) + prior for target, modes in found]
-    total = float(logsumexp(np.concatenate([[log_unknown], *logs])))
-    ranked = [
-        (float(np.exp(log[k] - total)), target, modes, k)
-        for (target, modes), log in zip(found, logs, strict=True)
-        for k in range(len(log))
-        if log[k] > total - NEGLIGIBLE
-    ]
-    ranked.sort(key=lambda row: -row[0])
-    return ranked, float(np.exp(log_unknown - total))
-
-
-def _scatter(ranked: Sequence[tuple[float, Target, Polished, int]]) -> float:
+def _scatter(modes: Sequence[Mode]) -> float:
     """How many times more the readings scatter than stated, if the part is sure and nothing else is wrong; else 1."""
-    if not ranked or sum(row[0] for row in ranked if row[1] is ranked[0][1]) < CONFIDENCE:
+    if not modes or sum(mode.probability for mode in modes if mode.target is modes[0].target) < CONFIDENCE:
         return 1.0
-    _, _, modes, k = ranked[0]
-    belongs = modes.belongs[k] > 0.5
-    chi2, dof = float(np.sum(modes.residuals[k, belongs] ** 2)), int(belongs.sum()) - 6
+    found, k = modes[0].found, modes[0].k
+    belongs = found.belongs[k] > 0.5
+    chi2, dof = float(np.sum(found.residuals[k, belongs] ** 2)), int(belongs.sum()) - 6
     if dof < _ENOUGH or chdtrc(dof, chi2) > SUSPECT:
         return 1.0
     ratio = float(np.sqrt(chi2 / dof))
     return ratio if ratio <= _MOST_SCATTER else 1.0
-
-
-def _hypothesis(touches: Touches, target: Target, modes: Polished, k: int, probability: float) -> Hypothesis:
-    part, T = target.part, modes.Ts[k]
-    faces = _faces(touches, target, modes, k)
-    information = without_spins(part, pose_information(modes.information[k]))
-    free = weak_motions(information, part.diagonal, fixed=spins(part))
-    covariance = covariance_with_free(information, free, part.diagonal)
-    covariance = covariance + _common_tolerance(touches, modes, k, faces, free, part.diagonal)
-    words = tuple(describe_motion(xi, T, part.diagonal) for xi in free)
-    unobserved, observed = excuse(part, free, words, covariance)
-    belongs, names = modes.belongs[k] > 0.5, [part.faces[f].name for f in faces]
-    chi2 = float(np.sum(modes.residuals[k, belongs] ** 2) + np.sum(modes.z[k] ** 2))
-    dof = int(belongs.sum()) - (6 - len(free))
-    return Hypothesis(
-        part=part.name,
-        file=part.source,
-        probability=probability,
-        T_world_part=T,
-        covariance=covariance,
-        worst_corner_sd=corner_sd(part, observed),
-        unobserved=unobserved,
-        symmetry_order=part.symmetry.order,
-        symmetry_poses=T @ part.symmetry.Ts[1:],
-        chi2=chi2,
-        dof=max(dof, 0),
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 else 1.0,
-        rms=float(np.sqrt(np.mean(modes.distances[k, belongs] ** 2))) if belongs.any() else 0.0,
-        outliers=tuple(name for name, ok in zip(touches.ids, belongs, strict=True) if not ok),
-        pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
-        outlier_distances=tuple(float(d) for d, ok in zip(modes.distances[k], belongs, strict=True) if not ok),
-        covariance_same_robot=_same_robot(part, modes, k, free),
-        symmetry_axis=world_axis(part, T),
-        advice=where_to_sense(part, T, free[len(spins(part))]) if unobserved else "",
-    )
-
-
-def _same_robot(part: Part, modes: Polished, k: int, free: Tangents) -> Covariances | None:
-    """Covariance with the shared errors known; none if there are none."""
-    if modes.z.shape[1] == 0:
-        return None
-    return covariance_with_free(without_spins(part, modes.information[k][:6, :6]), free, part.diagonal)
-
-
-def _faces(touches: Touches, target: Target, modes: Polished, k: int) -> IntArray:
-    """Index of the face that each reading is nearest to."""
-    points = touches.points + touches.gains @ modes.z[k]
-    near = target.surface.closest(SE3.apply(SE3.inverse(modes.Ts[k]), points))
-    return target.part.triangle_face[near.triangles]
-
-
-def _common_tolerance(
-    touches: Touches, modes: Polished, k: int, faces: IntArray, free: Tangents, length: float
-) -> Covariances:
-    """What the covariance lacks because a made face deviates as a whole, not anew at every reading ``(6, 6)``.
-
-    The estimate weighs readings as if their deviations were independent; for that estimator, readings of one face
-    with one deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``.
-    """
-    if touches.tolerance == 0:
-        return np.zeros((6, 6))
-    J, w = modes.rows[k], modes.belongs[k]
-    sd = 1 / np.linalg.norm(J[:, :3], axis=1)  # the translation part of a row is the normal over its sd
-    weighted = J * (w * touches.tolerance / sd)[:, None]
-    scale = np.r_[np.full(3, length), np.ones(3)]
-    hold = 1e9 * np.abs(modes.information[k]).max()
-    held = np.array(modes.information[k])
-    held[:6, :6] += hold * (free / scale).T @ (free / scale)
-    gain = np.linalg.inv(held)[:6, :6]
-    extra = -weighted.T @ weighted
-    for face in np.unique(faces):
-        together = weighted[faces == face].sum(axis=0)
-        extra = extra + np.outer(together, together)
-    values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
-    return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
-
-
-def _what_limits(touches: Touches, best: tuple[float, Target, Polished, int], shared: Sequence[SharedError]) -> str:
-    """A sentence on the largest of the errors that all readings share, if it matters."""
-    _, target, modes, k = best
-    information, start = modes.information[k], 6
-    total = corner_sd(target.part, np.asarray(np.linalg.inv(pose_information(information))))
-    worst, name = 0.0, ""
-    for error in shared:
-        stop = start + len(error.covariance)
-        known = np.array(information)
-        known[start:stop, start:stop] += 1e12 * np.eye(stop - start)
-        without = corner_sd(target.part, np.asarray(np.linalg.inv(pose_information(known))))
-        part_of = float(np.sqrt(max(total**2 - without**2, 0.0)))
-        if part_of > worst:
-            worst, name = part_of, error.meaning or error.name
-        start = stop
-    if worst < _NOTABLE * total:
-        return ""
-    known_well = float(np.sqrt(total**2 - worst**2))
-    what = f"{name}, which all readings share: {1e3 * worst:.2g} mm of the {1e3 * total:.2g} mm"
-    says = f"What limits it is not the readings but {what}" if worst > known_well else f"Part of it is {what}"
-    return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then), or turn the hand more between readings."

@@ -1,0 +1,160 @@
+"""The maxima of all parts with their probabilities, each with the mass of its whole region."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.special import logsumexp
+
+from tanteo.localization import covariance_with_free, pose_information, weak_motions
+from tanteo.matching.belief import equivalent
+from tanteo.matching.evidence import Priors
+from tanteo.matching.moments import Moments, posterior_moments
+from tanteo.matching.polish import Polished, log_posterior
+from tanteo.matching.target import Target
+from tanteo.matching.touches import FreePaths, Touches
+from tanteo.matching.verdict import spins, without_spins
+from tanteo.typing import Covariances, FloatArray, Tangents
+
+NEGLIGIBLE = 12.0
+"""Log odds below the best mode at which another is not reported."""
+
+_WEIGHED, _MOST = 0.03, 4
+"""Modes of at least this probability, and no more of them, are weighed over their whole region."""
+
+_WITHIN = 9.0
+"""Squared Mahalanobis distance from a weighed mode within which another maximum is part of it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mode:
+    """One maximum of one part.
+
+    Attributes:
+        target: the part.
+        found: the maxima of that part.
+        k: which of them.
+        log_mass: log evidence, the part's own probability and symmetry included.
+        moments: of the posterior about it, where it is not normal or was not looked at.
+        probability: posterior over all parts, poses and "none of these".
+    """
+
+    target: Target
+    found: Polished
+    k: int
+    log_mass: float
+    moments: Moments | None = None
+    probability: float = 0.0
+
+    @property
+    def free(self) -> Tangents:
+        """Motions that nothing resists, those of the part's symmetry first, scaled by its diagonal ``(m, 6)``."""
+        part = self.target.part
+        return weak_motions(self.information, part.diagonal, fixed=spins(part))
+
+    @property
+    def information(self) -> FloatArray:
+        """On the pose, at the maximum, none along the symmetry ``(6, 6)``."""
+        return without_spins(self.target.part, pose_information(self.found.information[self.k]))
+
+    @property
+    def covariance(self) -> Covariances:
+        """Of the pose ``(6, 6)``; along free motions that of a uniform draw."""
+        return self._with_free(None if self.moments is None else self.moments.covariance, self.information)
+
+    @property
+    def covariance_given_shared(self) -> Covariances | None:
+        """Of the pose if the shared errors were known; None if there are none."""
+        if self.found.z.shape[1] == 0:
+            return None
+        known = without_spins(self.target.part, self.found.information[self.k][:6, :6])
+        return self._with_free(None if self.moments is None else self.moments.covariance_given_shared, known)
+
+    def _with_free(self, covariance: Covariances | None, information: FloatArray) -> Covariances:
+        if covariance is not None:
+            scale = np.r_[np.full(3, self.target.part.diagonal), np.ones(3)]
+            unit = covariance / np.outer(scale, scale)
+            information = np.linalg.pinv(unit, rcond=1e-12, hermitian=True) / np.outer(scale, scale)
+        return covariance_with_free(information, self.free, self.target.part.diagonal)
+
+
+def weigh(
+    touches: Touches,
+    free: FreePaths,
+    found: Sequence[tuple[Target, Polished]],
+    log_unknown: float,
+    count: int,
+    priors: Priors,
+) -> tuple[list[Mode], float]:
+    """All modes of all parts with their probabilities, best first, and that of "none of these".
+
+    Args:
+        touches: the readings.
+        free: paths on which nothing was met.
+        found: the maxima of each part.
+        log_unknown: log evidence of "none of these", its prior included.
+        count: number of parts.
+        priors: what is assumed beforehand.
+    """
+    prior = np.log1p(-priors.unknown) - np.log(max(count, 1))
+    modes = [
+        Mode(target, maxima, k, float(log) + np.log(target.part.symmetry.order) + prior)
+        for target, maxima in found
+        for k, log in enumerate(maxima.log_evidence)
+    ]
+    modes.sort(key=lambda mode: -mode.log_mass)
+    weighed: list[Mode] = []
+    while (
+        modes and len(weighed) < _MOST and modes[0].log_mass > _total(modes + weighed, log_unknown) + np.log(_WEIGHED)
+    ):
+        weighed.append(_weighed(touches, free, modes.pop(0), priors))
+        if weighed[-1].moments is not None:
+            modes = [mode for mode in modes if not _part_of(weighed[-1], mode)]
+    modes = sorted(weighed + modes, key=lambda mode: -mode.log_mass)
+    total = _total(modes, log_unknown)
+    kept = [
+        Mode(m.target, m.found, m.k, m.log_mass, m.moments, float(np.exp(m.log_mass - total)))
+        for m in modes
+        if m.log_mass > total - NEGLIGIBLE
+    ]
+    return kept, float(np.exp(log_unknown - total))
+
+
+def _total(modes: Sequence[Mode], log_unknown: float) -> float:
+    return float(logsumexp([log_unknown, *(mode.log_mass for mode in modes)]))
+
+
+def _weighed(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> Mode:
+    """The mode with the moments and the mass of the posterior about it, where they are not those of its curvature."""
+    if len(mode.free) > len(spins(mode.target.part)):
+        return mode  # a direction is free: no covariance tells how the posterior looks
+    target, found, k = mode.target, mode.found, mode.k
+    information = np.array(found.information[k])
+    keep = np.eye(len(information))
+    rows = spins(target.part)
+    if len(rows):
+        scale = np.r_[np.full(3, target.part.diagonal), np.ones(3)]
+        keep[:6, :6] -= (rows.T @ rows) * (scale[:, None] / scale[None, :])
+        information = keep.T @ information @ keep
+    density = partial(_density, touches, free, target, priors)
+    moments = posterior_moments(density, found.Ts[k], found.z[k], information)
+    log = mode.log_mass + (0.0 if moments is None else moments.log_mass)
+    return Mode(target, found, k, log, moments)
+
+
+def _density(
+    touches: Touches, free: FreePaths, target: Target, priors: Priors, Ts: FloatArray, z: FloatArray
+) -> FloatArray:
+    return log_posterior(touches, free, Ts, z, target, priors)
+
+
+def _part_of(mode: Mode, other: Mode) -> bool:
+    """Whether another maximum lies within the region of a weighed mode."""
+    if other.target is not mode.target:
+        return False
+    information = np.asarray(np.linalg.pinv(mode.covariance, hermitian=True, rcond=1e-13), dtype=np.float64)
+    T = other.found.Ts[other.k]
+    return bool(equivalent(mode.target.part, mode.found.Ts[mode.k], T[None], information[None], _WITHIN)[0])

@@ -1,0 +1,156 @@
+"""Mean, covariance and mass of the posterior about a maximum, where its curvature there does not tell them.
+
+With few readings a face can end, or a reading change its face, within the uncertainty of the pose. The posterior is
+then skewed, cut or flat, and the inverse of the curvature at its highest point is not its covariance. Points along
+the axes of the supposed ellipsoid tell whether that is so; if it is, the moments are taken from weighted draws
+(adaptive importance sampling with a heavy-tailed proposal, Ionides' truncated weights while it adapts).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.special import gammaln, logsumexp
+
+from tanteo.lie import SE3
+from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+
+LogDensity = Callable[[Transforms, FloatArray], FloatArray]
+"""Log posterior density, up to a constant, at poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)``."""
+
+_PROBED, _SCATTERED = 2.0, 24
+"""The density is looked at this far along each axis of the ellipsoid, and at so many draws from it."""
+
+_NORMAL = 0.2
+"""There its logarithm may differ by this from a normal one, root mean square; by twice that along an axis."""
+
+_DRAWS, _ROUNDS, _TAIL = 400, 10, 6
+"""Draws in each round, rounds at most, and degrees of freedom of the proposal."""
+
+_LEAST_ROUNDS, _STEADY = 4, 1.3
+"""Rounds at least; no more are needed when no variance changed by more than this factor in the last one."""
+
+_LEAST = 40.0
+"""Effective draws with which the moments are believed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """The posterior about one maximum.
+
+    Attributes:
+        mean: of the pose, as a right perturbation of the maximum ``(6,)`` [m, rad].
+        covariance: of the pose ``(6, 6)``.
+        covariance_given_shared: of the pose if the shared errors were known ``(6, 6)``.
+        log_mass: log of its integral over that of the normal density with the curvature of the maximum.
+    """
+
+    mean: Tangents
+    covariance: Covariances
+    covariance_given_shared: Covariances
+    log_mass: float
+
+
+def posterior_moments(log_density: LogDensity, T: Transforms, z: FloatArray, information: FloatArray) -> Moments | None:
+    """Moments about a maximum; None if the normal approximation holds, or if nothing better was found.
+
+    Args:
+        log_density: of the posterior.
+        T: the maximum ``(4, 4)``.
+        z: whitened shared errors there ``(D,)``.
+        information: over pose and shared errors ``(6 + D, 6 + D)``; directions without any are left alone.
+    """
+    d = np.diag(information)
+    scale = 1 / np.sqrt(np.r_[np.full(3, d[:3].max()), np.full(3, d[3:6].max()), d[6:]])
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    held = values > 1e-10 * values[-1]
+    axes = (scale[:, None] * vectors[:, held]) / np.sqrt(values[held])  # information is the inverse of axes axes'
+
+    def at(u: FloatArray) -> FloatArray:
+        x = u @ axes.T
+        return log_density(T @ SE3.exp(x[:, :6]), z + x[:, 6:])
+
+    peak = float(at(np.zeros((1, axes.shape[1])))[0])
+    if not np.isfinite(peak) or _is_normal(at, axes, peak):
+        return None
+    found = _sampled(at, axes.shape[1], peak)
+    return None if found is None else _as_moments(axes, *found)
+
+
+def _is_normal(at: Callable[[FloatArray], FloatArray], axes: FloatArray, peak: float) -> bool:
+    """Whether the density falls as a normal one, along the axes of the ellipsoid and at draws from it."""
+    d = axes.shape[1]
+    drawn = _draws(d)[0][0][:: _DRAWS // _SCATTERED]
+    u = np.concatenate([_PROBED * np.eye(d), -_PROBED * np.eye(d), drawn])
+    off = peak - at(u) - 0.5 * np.sum(u * u, axis=1)
+    return bool(np.all(np.abs(off[: 2 * d]) <= 2 * _NORMAL) and np.sqrt(np.mean(off[2 * d :] ** 2)) <= _NORMAL)
+
+
+def _sampled(
+    at: Callable[[FloatArray], FloatArray], d: int, peak: float
+) -> tuple[FloatArray, FloatArray, float] | None:
+    """Mean and covariance in the coordinates of the ellipsoid, and log mass; None if too few draws count.
+
+    Every round draws from what the rounds before it found; all draws count in the end, each weighed against the
+    mixture of all proposals (Cornuet et al. 2012, adaptive multiple importance sampling).
+    """
+    mean, C = np.zeros(d), np.eye(d)
+    us, logs = np.zeros((0, d)), np.zeros(0)
+    proposals: list[tuple[FloatArray, FloatArray]] = []
+    for normal, spread in _draws(d):
+        L = np.asarray(np.linalg.cholesky(C), dtype=np.float64)
+        proposals.append((mean, L))
+        u = mean + (normal * spread[:, None]) @ L.T
+        us, logs = np.concatenate([us, u]), np.concatenate([logs, at(u) - peak])
+        log_q = logsumexp([_log_t(us, *proposal) for proposal in proposals], axis=0) - np.log(len(proposals))
+        top = float(np.max(logs - log_q))
+        w = np.exp(logs - log_q - top)
+        mean, C = _weighted(us, np.minimum(w, w.mean() * np.sqrt(len(w))))
+        C = C + 1e-6 * np.trace(C) / d * np.eye(d)
+        change = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, C).T))
+        if len(proposals) >= _LEAST_ROUNDS and change[0] > 1 / _STEADY and change[-1] < _STEADY:
+            break
+    if w.sum() ** 2 < _LEAST * np.sum(w**2):
+        return None
+    log_mass = top + float(np.log(w.mean())) - 0.5 * d * np.log(2 * np.pi)
+    return *_weighted(us, w), log_mass
+
+
+def _log_t(u: FloatArray, mean: FloatArray, L: FloatArray) -> FloatArray:
+    """Log density of the heavy-tailed proposal with that mean and factor."""
+    d = len(mean)
+    white = np.linalg.solve(L, (u - mean).T)
+    constant = gammaln(0.5 * (_TAIL + d)) - gammaln(0.5 * _TAIL) - 0.5 * d * np.log(_TAIL * np.pi)
+    log = constant - np.log(np.diag(L)).sum()
+    return np.asarray(log - 0.5 * (_TAIL + d) * np.log1p(np.sum(white * white, axis=0) / _TAIL))
+
+
+def _weighted(u: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    w = w / w.sum()
+    mean = w @ u
+    gap = u - mean
+    return mean, (w[:, None] * gap).T @ gap
+
+
+@cache
+def _draws(d: int) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """The same standard normal draws and heavy-tailed factors every time, so that an answer can be repeated."""
+    rng = np.random.default_rng((1991, d))
+    half = _DRAWS // 2
+    out = []
+    for _ in range(_ROUNDS):
+        normal, factor = rng.normal(size=(half, d)), np.sqrt(_TAIL / rng.chisquare(_TAIL, half))
+        out.append((np.concatenate([normal, -normal]), np.concatenate([factor, factor])))
+    return tuple(out)
+
+
+def _as_moments(axes: FloatArray, mean: FloatArray, C: FloatArray, log_mass: float) -> Moments:
+    joint = axes @ C @ axes.T
+    pose = joint[:6, :6]
+    given = pose
+    if len(joint) > 6:
+        given = pose - joint[:6, 6:] @ np.linalg.solve(joint[6:, 6:], joint[6:, :6])
+    return Moments((axes @ mean)[:6], pose, given, log_mass)

@@ -1,0 +1,162 @@
+"""Readings near an edge of the part: how likely they are on each of the faces that meet there.
+
+The density of a sensed point is the integral of its noise over the surface, ``p(x) = int w(q) N(x; q, C) dq``, with
+``w`` one over the area if nobody knows how it was aimed, and the cosine of incidence if its direction is known. On a
+plane that reaches beyond the noise this is a normal density of the distance. Near an edge two faces have a share
+each, and each share is cut where its face ends: ``N(d; 0, s^2) Phi(b / t)``, ``d`` off the plane, ``b`` inside the
+line. The distance to the nearest surface point instead says too much within a few standard deviations of every edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr, logsumexp
+
+from tanteo.lie import SO3
+from tanteo.matching.sensed_face import AWAY, GRAZING
+from tanteo.matching.target import Target
+from tanteo.matching.touches import Touches
+from tanteo.shapes import SHARP, Junctions
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+
+REACH = 4.0
+"""Edges farther off than this many standard deviations do not matter."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearEdges:
+    """The ``k`` readings near edges, among all readings ``n`` at all poses ``S``.
+
+    Attributes:
+        poses: row of the pose ``(k,)``.
+        readings: row of the reading ``(k,)``.
+        log: log density if the reading is on the part ``(k,)``.
+        gradient: of it by pose and shared errors ``(k, 6 + D)``.
+        resistance: information of it given the faces, never negative ``(k, 6 + D, 6 + D)``.
+    """
+
+    poses: IntArray
+    readings: IntArray
+    log: FloatArray
+    gradient: FloatArray
+    resistance: FloatArray
+
+
+def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors) -> NearEdges | None:
+    """Look at the readings near edges; None if there are none.
+
+    Readings with a sensed normal, or of a ball that is large beside the noise, are not concerned: the first know their
+    face, and the second's surface is round where the part's is sharp.
+
+    Args:
+        touches: the readings.
+        target: the part.
+        R: its attitudes ``(S, 3, 3)``.
+        p: the readings in the part's frame ``(S, n, 3)`` [m].
+    """
+    concerned = ~touches.oriented & (touches.radii < touches.sd)
+    if not concerned.any():
+        return None
+    reach = REACH * touches.sd
+    s, n = np.nonzero(concerned & target.borders.near(p, np.broadcast_to(reach, p.shape[:2])))
+    if len(s):
+        gaps, rows = target.borders.nearest(p[s, n], reach[n])
+        s, n, rows = (a[gaps < reach[n]] for a in (s, n, rows))
+    if not len(s):
+        return None
+    at, turn = p[s, n], R[s]
+    gains = np.swapaxes(turn, 1, 2) @ touches.gains[n]
+    C = np.swapaxes(turn, 1, 2) @ touches.covs[n] @ turn
+    along = (touches.directions[n, None] @ turn)[:, 0]
+    faces, past = _with_others(touches, target, target.borders.junctions.take(rows), at, along, n)
+    log = _weights(touches, target, faces, along, n) - past
+    return NearEdges(s, n, *_mixture(faces, at, C, gains, log))
+
+
+def _with_others(
+    touches: Touches, target: Target, faces: Junctions, at: Vectors, along: Vectors, n: IntArray
+) -> tuple[Junctions, FloatArray]:
+    """The faces at the edge, the nearest one and the one a beam came through, if these are others; each once.
+
+    Where noise is as large as walls are thick, the nearest edge need not be one of the face that was met.
+
+    Returns:
+        The faces ``(k, 6)``, and half the squared distance past the border of the last two, in deviations ``(k, 6)``.
+    """
+    sd = touches.sd[n]
+    away = np.where(touches.directed[n], 2 * sd, 0.0)[:, None] * along
+    near = target.surface.closest(np.stack([at, at - away], axis=1))
+    normals = target.surface.normals[near.triangles]
+    offsets = np.sum(normals * near.points, axis=-1)
+    gaps = np.sum(normals * at[:, None], axis=-1) - offsets
+    foot = at[:, None] - gaps[..., None] * normals
+    past = 0.5 * (target.surface.closest(foot).distances / sd[:, None]) ** 2
+    known = np.sum(faces.normals * at[:, None], axis=-1) - faces.offsets
+    alike = (normals @ np.swapaxes(faces.normals, 1, 2) > np.cos(SHARP)) & faces.valid[:, None]
+    alike &= np.abs(gaps[..., None] - known[:, None]) < sd[:, None, None]
+    twice = (np.sum(normals[:, 0] * normals[:, 1], axis=-1) > np.cos(SHARP)) & (np.abs(np.diff(gaps)[:, 0]) < sd)
+    new = ~alike.any(axis=2) & np.stack([np.ones_like(twice), ~twice], axis=1)
+    lines = np.zeros((len(at), 2, 2))
+    others = Junctions(normals, offsets, np.zeros((*lines.shape, 3)), lines, np.zeros_like(new), new)
+    return faces.beside(others), np.concatenate([np.zeros(faces.valid.shape), past], axis=1)
+
+
+def _weights(touches: Touches, target: Target, faces: Junctions, along: Vectors, n: IntArray) -> FloatArray:
+    """Log of ``w`` for each face ``(k, 6)``."""
+    cosine = -(faces.normals @ along[:, :, None])[..., 0]
+    aimed = np.where(cosine > 0, np.log(np.maximum(cosine, GRAZING)), AWAY)
+    log = np.where(touches.directed[n, None], aimed, -np.log(target.part.area))
+    return np.asarray(np.where(faces.valid, log, -np.inf))
+
+
+def _mixture(
+    faces: Junctions, at: Vectors, C: FloatArray, gains: FloatArray, log: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log density ``(k,)``, its gradient, and the information if the faces were known."""
+    n, m = faces.normals, faces.inward
+    Cn = n @ C
+    s2 = np.where(faces.valid, np.sum(Cn * n, axis=-1), 1.0)
+    d = np.where(faces.valid, (n @ at[:, :, None])[..., 0] - faces.offsets, 0.0)
+    slant = np.sum(m * Cn[:, :, None], axis=-1) / s2[..., None]  # what the distance says of the place across
+    t2 = np.einsum("kfji,kil,kfjl->kfj", m, C, m) - slant**2 * s2[..., None]
+    lines = np.any(m != 0, axis=-1)
+    t = np.sqrt(np.where(lines, np.maximum(t2, 1e-6 * s2[..., None]), 1.0))
+    inside = (m @ at[:, None, :, None])[..., 0] - faces.limits - slant * d[..., None]
+    beta = np.where(lines, inside / t, np.inf)
+    cover, pull, hold = _covered(beta, faces.reflex)
+    log = log - 0.5 * (d * d / s2 + np.log(2 * np.pi * s2)) + cover
+    total = logsumexp(log, axis=1)
+    share = np.exp(log - total[:, None])
+    row_d = _rows(n, at, gains)
+    row_b = (_rows(m, at, gains) - slant[..., None] * row_d[:, :, None]) / t[..., None]
+    slopes = -(d / s2)[..., None] * row_d + np.sum(pull[..., None] * row_b, axis=2)
+    gradient = np.sum(share[..., None] * slopes, axis=1)
+    rows = np.concatenate([row_d[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * row_b], axis=2)
+    rows = (np.sqrt(share)[..., None, None] * rows).reshape(len(at), -1, rows.shape[-1])
+    return total, gradient, np.swapaxes(rows, 1, 2) @ rows
+
+
+def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:
+    """Derivative of ``direction . point`` by pose and shared errors ``(k, ..., 6 + D)``."""
+    at = at.reshape(len(at), *(1,) * (directions.ndim - 2), 3)
+    shared = np.einsum("k...i,kid->k...d", directions, gains)
+    return np.concatenate([-directions, SO3.cross(directions, np.broadcast_to(at, directions.shape)), shared], axis=-1)
+
+
+def _covered(beta: FloatArray, reflex: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log of the share of the noise that is on the face ``(k, 4)``, and its first and negative second derivatives.
+
+    Inside both lines, or at a reflex corner inside one; exact where the lines are at right angles.
+    """
+    log = log_ndtr(beta)
+    density = np.exp(np.where(np.isfinite(beta), -0.5 * beta * beta, -np.inf) - 0.5 * np.log(2 * np.pi))
+    outside = np.exp(log_ndtr(-beta))
+    either = np.log(np.maximum(-np.expm1(np.sum(log_ndtr(-beta), axis=-1)), 1e-300))
+    cover = np.where(reflex, either, np.sum(log, axis=-1))
+    others = np.where(reflex[..., None], outside[..., ::-1] * np.exp(-np.minimum(either, 0.0))[..., None], np.exp(-log))
+    pull = density * others
+    finite = np.where(np.isfinite(beta), beta, 0.0)
+    hold = np.where(reflex[..., None], 0.0, np.maximum(pull * (pull + finite), 0.0))
+    return cover, pull, hold

@@ -1,0 +1,118 @@
+"""From a maximum of the surface search to a hypothesis: pose, covariance, what is free, what does not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import chdtrc
+
+from tanteo.features import SharedError
+from tanteo.lie import SE3
+from tanteo.localization import describe_motion, pose_information
+from tanteo.matching.modes import Mode
+from tanteo.matching.results import Hypothesis
+from tanteo.matching.touches import Touches
+from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, world_axis
+from tanteo.typing import Covariances, IntArray
+
+_NOTABLE = 0.5
+"""Share of the worst corner's standard deviation from which an error that all readings share is worth a sentence."""
+
+
+def as_hypothesis(touches: Touches, mode: Mode) -> Hypothesis:
+    """The hypothesis: the pose is the posterior's mean where the posterior is not normal, else its maximum.
+
+    Args:
+        touches: the readings.
+        mode: where they are on a part.
+    """
+    part, found, k = mode.target.part, mode.found, mode.k
+    T = found.Ts[k] if mode.moments is None else found.Ts[k] @ SE3.exp(mode.moments.mean)
+    free, faces = mode.free, _faces(touches, mode)
+    covariance = mode.covariance + _common_tolerance(touches, mode, faces)
+    words = tuple(describe_motion(xi, T, part.diagonal) for xi in free)
+    unobserved, observed = excuse(part, free, words, covariance)
+    belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
+    chi2 = float(np.sum(found.residuals[k, belongs] ** 2) + np.sum(found.z[k] ** 2))
+    dof = int(belongs.sum()) - (6 - len(free))
+    return Hypothesis(
+        part=part.name,
+        file=part.source,
+        probability=mode.probability,
+        T_world_part=T,
+        covariance=covariance,
+        worst_corner_sd=corner_sd(part, observed),
+        unobserved=unobserved,
+        symmetry_order=part.symmetry.order,
+        symmetry_poses=T @ part.symmetry.Ts[1:],
+        chi2=chi2,
+        dof=max(dof, 0),
+        p_value=float(chdtrc(dof, chi2)) if dof > 0 else 1.0,
+        rms=float(np.sqrt(np.mean(found.distances[k, belongs] ** 2))) if belongs.any() else 0.0,
+        outliers=tuple(name for name, ok in zip(touches.ids, belongs, strict=True) if not ok),
+        pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
+        outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
+        covariance_same_robot=mode.covariance_given_shared,
+        symmetry_axis=world_axis(part, T),
+        advice=where_to_sense(part, T, free[len(spins(part))]) if unobserved else "",
+    )
+
+
+def _faces(touches: Touches, mode: Mode) -> IntArray:
+    """Index of the face that each reading is nearest to."""
+    points = touches.points + touches.gains @ mode.found.z[mode.k]
+    near = mode.target.surface.closest(SE3.apply(SE3.inverse(mode.found.Ts[mode.k]), points))
+    return mode.target.part.triangle_face[near.triangles]
+
+
+def _common_tolerance(touches: Touches, mode: Mode, faces: IntArray) -> Covariances:
+    """What the covariance lacks because a made face deviates as a whole, not anew at every reading ``(6, 6)``.
+
+    The estimate weighs readings as if their deviations were independent; for that estimator, readings of one face
+    with one deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``.
+    """
+    if touches.tolerance == 0:
+        return np.zeros((6, 6))
+    found, k, free, length = mode.found, mode.k, mode.free, mode.target.part.diagonal
+    J, w = found.rows[k], found.belongs[k]
+    sd = 1 / np.linalg.norm(J[:, :3], axis=1)  # the translation part of a row is the normal over its sd
+    weighted = J * (w * touches.tolerance / sd)[:, None]
+    scale = np.r_[np.full(3, length), np.ones(3)]
+    hold = 1e9 * np.abs(found.information[k]).max()
+    held = np.array(found.information[k])
+    held[:6, :6] += hold * (free / scale).T @ (free / scale)
+    gain = np.linalg.inv(held)[:6, :6]
+    extra = -weighted.T @ weighted
+    for face in np.unique(faces):
+        together = weighted[faces == face].sum(axis=0)
+        extra = extra + np.outer(together, together)
+    values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
+    return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
+
+
+def what_limits(mode: Mode, shared: Sequence[SharedError]) -> str:
+    """A sentence on the largest of the errors that all readings share, if it matters; empty if not.
+
+    Args:
+        mode: the answer.
+        shared: the errors behind its ``z``, in that order.
+    """
+    part, information, start = mode.target.part, mode.found.information[mode.k], 6
+    total = corner_sd(part, np.asarray(np.linalg.inv(pose_information(information))))
+    worst, name = 0.0, ""
+    for error in shared:
+        stop = start + len(error.covariance)
+        known = np.array(information)
+        known[start:stop, start:stop] += 1e12 * np.eye(stop - start)
+        without = corner_sd(part, np.asarray(np.linalg.inv(pose_information(known))))
+        part_of = float(np.sqrt(max(total**2 - without**2, 0.0)))
+        if part_of > worst:
+            worst, name = part_of, error.meaning or error.name
+        start = stop
+    if worst < _NOTABLE * total:
+        return ""
+    known_well = float(np.sqrt(total**2 - worst**2))
+    what = f"{name}, which all readings share: {1e3 * worst:.2g} mm of the {1e3 * total:.2g} mm"
+    says = f"What limits it is not the readings but {what}" if worst > known_well else f"Part of it is {what}"
+    return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then), or turn the hand more between readings."
