@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, ReadingsError
 from tanteo.lie import SE3
 from tanteo.sensors import Readings, Rig, RigSensor, measure, robot_preset, sensor_preset
 
@@ -230,3 +230,18 @@ def test_inputs_are_not_changed_and_outputs_are_read_only():
     for array in (r.points, r.sds, m.points, m.covs, m.jacobians[0], m.shared[0].covariance, m.rows):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
+
+
+def test_a_spread_across_the_beam_replaces_that_of_the_cone():
+    rng = np.random.default_rng(3)
+    rig = Rig((rig_sensor(),))
+    columns = {"ranges": np.full(2, 0.04), "sensors": ["eye"] * 2, "Ts_world_hand": hands(rng, 2)}
+    m = measure(Readings.from_columns(across_sds=[3e-4, np.nan], **columns), rig=rig)
+    for cov, beam, across in zip(m.covs, m.directions, (3e-4, 0.5 * 0.04 * 0.05), strict=True):
+        expected = across**2 * (np.eye(3) - np.outer(beam, beam)) + 1e-6 * np.outer(beam, beam)
+        np.testing.assert_allclose(cov, expected, rtol=1e-9, atol=1e-16)
+
+
+def test_a_spread_across_needs_to_be_positive():
+    with pytest.raises(ReadingsError, match="across_sds of reading '1'"):
+        Readings.from_columns(np.zeros((1, 3)), sds=[1e-3], across_sds=[-1e-3])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from tanteo.errors import InputError, ReadingsError, UnitError
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
-LENGTHS = ("x", "y", "z", "radius", "sd", "range", "max", "hand_x", "hand_y", "hand_z")
+LENGTHS = ("x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z")
 ANGLES = ("normal_sd",)
 PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "hand_qw", "hand_qx", "hand_qy", "hand_qz")
 TEXTS = ("id", "feature", "kind", "sensor", "status")

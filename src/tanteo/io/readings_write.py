@@ -39,7 +39,8 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
         columns |= {name + suffix: _cells(vectors[:, i]) for i, name in enumerate(group)}
     columns[f"normal_sd_{angle_unit}"] = _cells(readings.normal_sds / radians)
     radii = np.where(readings.radii > 0, readings.radii, np.nan)
-    lengths = {"radius": radii, "sd": readings.sds, "range": readings.ranges, "max": readings.max_ranges}
+    lengths = {"radius": radii, "sd": readings.sds, "across_sd": readings.across_sds}
+    lengths |= {"range": readings.ranges, "max": readings.max_ranges}
     columns |= {f"{name}_{unit}": _cells(values / metres) for name, values in lengths.items()}
     hands = np.concatenate([readings.Ts_world_hand[:, :3, 3] / metres, _quaternions(readings)], axis=1)
     columns |= {name + (f"_{unit}" if i < 3 else ""): _cells(hands[:, i]) for i, name in enumerate(HAND)}

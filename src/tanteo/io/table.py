@@ -20,7 +20,7 @@ from tanteo.typing import BoolArray, FloatArray
 LARGEST = 100.0
 """Coordinates and ranges beyond this [m] are a wrong unit, not a robot cell."""
 
-_POSITIVE = ("sd", "range", "max", "normal_sd")
+_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd")
 _QUATERNION_SLACK = 1e-3
 _STATUSES = ("ok", "none")
 
@@ -192,6 +192,7 @@ class Table:
                 normals=vectors(NORMAL),
                 normal_sds=numbers.get("normal_sd"),
                 sds=numbers.get("sd"),
+                across_sds=numbers.get("across_sd"),
                 radii=None if radii is None else np.nan_to_num(radii),
                 features=self._texts.get("feature"),
                 kinds=self._texts.get("kind"),

@@ -21,9 +21,10 @@ MIN_ROWS = {"plane": 3, "edge": 2, "vertex": 1}
 """How many readings a labelled feature needs before it says anything as a feature."""
 
 _ARRAYS = (
-    "points", "directions", "normals", "normal_sds", "sds", "radii", "Ts_world_hand", "ranges", "max_ranges",
+    "points", "directions", "normals", "normal_sds", "sds", "across_sds", "radii", "Ts_world_hand", "ranges",
+    "max_ranges",
 )  # fmt: skip
-_POSITIVE = {"normal_sds": "rad", "sds": "m", "ranges": "m", "max_ranges": "m"}
+_POSITIVE = {"normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m"}
 
 
 def check_readings(readings: Readings) -> None:

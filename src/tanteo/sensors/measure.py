@@ -137,6 +137,9 @@ def _independent(
     cone = 0.5 * placed.ranges * half_angles
     is_beam = ~np.isnan(cone) & ~np.isnan(placed.directions[:, 0])
     across = np.where(is_beam, np.maximum(cone, _ACROSS_FLOOR * sds), sds)
+    aimed = ~np.isnan(readings.across_sds) & ~np.isnan(placed.directions[:, 0])
+    across = np.where(aimed, readings.across_sds, across)
+    is_beam |= aimed
     axis = np.where(is_beam[:, None], placed.directions, [0.0, 0.0, 1.0])
     covs = beam_cov(axis, sds**2, across**2)
     tilted = (radii < readings.radii) & ~np.isnan(readings.normal_sds)

@@ -13,7 +13,7 @@ from tanteo.sensors.checks import check_readings
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _COLUMNS = {
-    "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "radii": (),
+    "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "across_sds": (), "radii": (),
     "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (),
 }  # fmt: skip
 _NAMES = ("ids", "features", "kinds", "sensors")
@@ -33,6 +33,8 @@ class Readings:
         normals: Unit outward surface normals, world, where they were sensed.
         normal_sds: Standard deviation of the normal about each of its two tilts [rad].
         sds: One standard deviation along the beam or normal [m].
+        across_sds: One standard deviation across the beam [m], where it is known better than by the beam's cone: how
+            well an edge was placed by crossing it.
         radii: Radius of the tip's ball [m], 0 for none.
         features: Labels: rows with one label were taken on one feature.
         kinds: ``plane``, ``edge``, ``vertex``, ``point`` or ``free``, one a row.
@@ -50,6 +52,7 @@ class Readings:
     normals: Vectors
     normal_sds: FloatArray
     sds: FloatArray
+    across_sds: FloatArray
     radii: FloatArray
     features: tuple[str, ...]
     kinds: tuple[str, ...]
@@ -84,6 +87,7 @@ class Readings:
         normals: Vectors | None = None,
         normal_sds: FloatArray | None = None,
         sds: FloatArray | None = None,
+        across_sds: FloatArray | None = None,
         radii: FloatArray | None = None,
         features: Sequence[str] | None = None,
         kinds: Sequence[str] | None = None,
@@ -110,6 +114,7 @@ class Readings:
         columns = {
             "points": points, "directions": _units("directions", directions),
             "normals": _units("normals", normals), "normal_sds": normal_sds, "sds": sds,
+            "across_sds": across_sds,
             "radii": np.zeros(n) if radii is None else radii, "Ts_world_hand": Ts_world_hand,
             "ranges": ranges, "max_ranges": max_ranges,
         }  # fmt: skip
