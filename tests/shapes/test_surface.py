@@ -136,3 +136,18 @@ def test_broken_queries_are_refused_by_name(box):
         box.cast(np.zeros((2, 3)), [[1, 0, 0], [0, 0, 0]])
     with pytest.raises(InputError, match="broadcasts with origins"):
         box.cast(np.zeros((2, 3)), np.ones((3, 3)))
+
+
+def test_unchecked_rays_are_the_checked_ones():
+    rng = np.random.default_rng(8)
+    surface = Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    starts = rng.normal(size=(500, 3)) * 2
+    rays = 0.2 - starts + 0.3 * rng.normal(size=(500, 3))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    distances, triangles = surface.cast_unit(starts, rays)
+    expected = surface.cast(starts, rays)
+    same = triangles == expected.triangles  # rays through an edge may choose either side
+    assert same.mean() > 0.99
+    np.testing.assert_allclose(distances[same], expected.distances[same], rtol=1e-12)
+    assert (triangles < 0).any()
+    assert np.isinf(distances[triangles < 0]).all()

@@ -9,11 +9,14 @@ from tanteo.io.readings_csv import read_readings
 from tanteo.io.readings_write import write_readings
 from tanteo.io.result_json import recognition_document, recognition_json
 from tanteo.io.rig_toml import read_rig, shipped_rigs
+from tanteo.io.scene_toml import SceneFile, read_scene
+from tanteo.io.sensed_json import sensed_document, sensed_json
 from tanteo.io.units import parse_angle, parse_length, parse_lengths
 
 __all__ = [
     "BRANDS",
     "Brand",
+    "SceneFile",
     "parse_angle",
     "parse_length",
     "parse_lengths",
@@ -21,8 +24,11 @@ __all__ = [
     "pose_from_brand",
     "read_readings",
     "read_rig",
+    "read_scene",
     "recognition_document",
     "recognition_json",
+    "sensed_document",
+    "sensed_json",
     "shipped_rigs",
     "write_readings",
 ]

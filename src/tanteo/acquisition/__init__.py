@@ -1,0 +1,26 @@
+"""From a rough idea of a face, an edge or a corner to the sensed feature with its covariance (paper, section 3).
+
+An idea may come from an image, from a belief or from a person; thirty millimetres and sixty degrees are near enough.
+The hand looks around from a distance, takes the patch that fits the idea, and senses it with the motions of
+:mod:`tanteo.motion`. What it read is the record: :func:`features_of` makes the same features of it again, to the last
+bit, whether it comes from the run or from a file.
+"""
+
+from tanteo.acquisition.acquired import Acquired, Outcome
+from tanteo.acquisition.edge import sense_edge
+from tanteo.acquisition.ideas import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition.plane import sense_plane
+from tanteo.acquisition.record import features_of
+from tanteo.acquisition.vertex import sense_vertex
+
+__all__ = [
+    "Acquired",
+    "CornerIdea",
+    "EdgeIdea",
+    "FaceIdea",
+    "Outcome",
+    "features_of",
+    "sense_edge",
+    "sense_plane",
+    "sense_vertex",
+]

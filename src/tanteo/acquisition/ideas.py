@@ -1,0 +1,102 @@
+"""Rough ideas of where a feature is: what acquisition starts from. World frame, metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tanteo.errors import InputError
+from tanteo.frames import frozen_array
+from tanteo.typing import FloatArray
+
+
+def _point(name: str, value: npt.ArrayLike) -> FloatArray:
+    array = frozen_array(np.asarray(value, dtype=np.float64))
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise InputError(f"{name}: expected three finite numbers, got {np.asarray(value).tolist()}. Give x, y, z.")
+    return array
+
+
+def _unit(name: str, value: npt.ArrayLike) -> FloatArray:
+    array = _point(name, value)
+    length = float(np.linalg.norm(array))
+    if length < 1e-9:
+        raise InputError(f"{name}: expected a direction that is not zero, got {array.tolist()}. Correct it.")
+    return frozen_array(array / length)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceIdea:
+    """Somewhere on a flat face.
+
+    Attributes:
+        point: About there ``(3,)`` [m].
+        normal: About its outward normal ``(3,)``; made unit.
+    """
+
+    point: FloatArray
+    normal: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", _point("point", self.point))
+        object.__setattr__(self, "normal", _unit("normal", self.normal))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeIdea:
+    """Somewhere on a straight edge, and the face from which it is to be sensed.
+
+    Attributes:
+        point: About there ``(3,)`` [m].
+        direction: About along the edge, with the face on its left as seen from outside ``(3,)``; made unit.
+        normal: About the outward normal of that face ``(3,)``; made unit.
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    normal: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", _point("point", self.point))
+        object.__setattr__(self, "direction", _unit("direction", self.direction))
+        object.__setattr__(self, "normal", _unit("normal", self.normal))
+        if np.linalg.norm(np.cross(self.direction, self.normal)) < 0.1:
+            raise InputError("direction: expected one across the normal, got one along it. An edge lies in its face.")
+
+    def face(self, inset: float) -> FaceIdea:
+        """The idea of the face, this far inside of the edge [m]."""
+        inwards = np.cross(self.normal, self.direction)
+        return FaceIdea(self.point + inset * inwards / np.linalg.norm(inwards), self.normal)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CornerIdea:
+    """About where two edges of one face meet.
+
+    Attributes:
+        point: About the corner ``(3,)`` [m].
+        arriving: Direction of the edge that ends in it, with the face on its left ``(3,)``; made unit.
+        leaving: Direction of the edge that begins in it, with the face on its left ``(3,)``; made unit.
+        normal: About the outward normal of the face ``(3,)``; made unit.
+    """
+
+    point: FloatArray
+    arriving: FloatArray
+    leaving: FloatArray
+    normal: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", _point("point", self.point))
+        for name in ("arriving", "leaving", "normal"):
+            object.__setattr__(self, name, _unit(name, getattr(self, name)))
+        if np.linalg.norm(np.cross(self.arriving, self.leaving)) < 0.1:
+            raise InputError("leaving: expected an edge that meets the other, got parallel ones. A corner has two.")
+
+    def edges(self, along: float) -> tuple[EdgeIdea, EdgeIdea]:
+        """Both edges, this far from the corner [m]."""
+        return (
+            EdgeIdea(self.point - along * self.arriving, self.arriving, self.normal),
+            EdgeIdea(self.point + along * self.leaving, self.leaving, self.normal),
+        )

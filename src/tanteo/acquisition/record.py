@@ -1,0 +1,117 @@
+"""The record of an acquisition: labelled raw ranges with the hand's pose, and the features that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.errors import DegenerateError
+from tanteo.features import Feature
+from tanteo.fitting import fit_labelled
+from tanteo.hand import MET, Hand, Sensed
+from tanteo.lie import SO3
+from tanteo.motion import EdgeEvent
+from tanteo.sensors import Readings, Rig, RobotPreset, measure
+from tanteo.typing import Transforms
+
+_ATTEMPTS = 500
+"""Poses are nudged by less than 1e-12 until they survive the way through a quaternion; half of them do at once."""
+
+
+def features_of(
+    readings: Readings, rig: Rig, robot: RobotPreset | str | None = None, *, tolerance: float = 0.0
+) -> tuple[dict[str, Feature], tuple[str, ...]]:
+    """The feature of every label of a record, the same to the last bit whether it was kept or read from its file.
+
+    Args:
+        readings: Ranges with hand poses and labels.
+        rig: Where the sensors sit.
+        robot: Errors of the robot; none are assumed without it.
+        tolerance: sd of the made surface against its ideal form [m].
+
+    Returns:
+        Features by label, and notes on what could not be used.
+    """
+    fitted = fit_labelled(measure(readings, rig=rig, robot=robot), tolerance)
+    notes = [*fitted.notes, *(f"reading {name} was left out" for name in fitted.rejected)]
+    features = {f.label: f for f in fitted.features if isinstance(f, Feature)}
+    return features, tuple(notes)
+
+
+def plane_readings(hand: Hand, log: Sequence[Sensed], label: str, most: int) -> Readings | None:
+    """Readings of the frontal sensors along a scan, at most so many, evenly spread; none if there are none."""
+    pairs = [(k, i) for k, s in enumerate(log) for i in hand.frontal if s.states[i] == MET]
+    if not pairs:
+        return None
+    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(int))
+    rows = [pairs[k] for k in chosen]
+    n = len(rows)
+    return Readings.from_columns(
+        ids=[f"{label} {k + 1}" for k in range(n)],
+        ranges=np.array([log[k].ranges[i] for k, i in rows]),
+        sensors=[hand.rig.sensors[i].name for _, i in rows],
+        Ts_world_hand=exact_poses(np.array([log[k].T_world_hand for k, _ in rows])),
+        features=[label] * n,
+        kinds=["plane"] * n,
+        source="acquisition",
+    )
+
+
+def edge_readings(hand: Hand, events: Sequence[EdgeEvent], label: str) -> Readings:
+    """Readings of the crossings of an edge."""
+    n = len(events)
+    return Readings.from_columns(
+        ids=[f"{label} {k + 1}" for k in range(n)],
+        ranges=np.array([e.distance for e in events]),
+        sds=np.array([e.along_sd for e in events]),
+        across_sds=np.array([e.across_sd for e in events]),
+        sensors=[hand.rig.sensors[e.sensor].name for e in events],
+        Ts_world_hand=exact_poses(np.array([e.T_world_hand for e in events])),
+        features=[label] * n,
+        kinds=["edge"] * n,
+        source="acquisition",
+    )
+
+
+def join(parts: Sequence[Readings]) -> Readings | None:
+    """Several records as one; none of none."""
+    if not parts:
+        return None
+    return Readings.from_columns(
+        ids=[x for p in parts for x in p.ids],
+        ranges=np.concatenate([p.ranges for p in parts]),
+        sds=np.concatenate([p.sds for p in parts]),
+        across_sds=np.concatenate([p.across_sds for p in parts]),
+        sensors=[x for p in parts for x in p.sensors],
+        Ts_world_hand=np.concatenate([p.Ts_world_hand for p in parts]),
+        features=[x for p in parts for x in p.features],
+        kinds=[x for p in parts for x in p.kinds],
+        source="acquisition",
+    )
+
+
+def exact_poses(Ts: Transforms) -> Transforms:
+    """Poses that are the same to the last bit after a readings file has kept them as quaternions."""
+    Ts = np.array(Ts, dtype=np.float64)
+    R = Ts[:, :3, :3]
+    for k in range(_ATTEMPTS):
+        q = SO3.as_quaternion(R)
+        stays = (SO3.from_quaternion(q) == R).all(axis=(1, 2))
+        if stays.all():
+            break
+        q[:, k % 4] += (k % 8 >= 4) * 2e-16 * (1 + k // 8)
+        R = np.where(stays[:, None, None], R, SO3.from_quaternion(q))
+    Ts[:, :3, :3] = R
+    return Ts
+
+
+def fitted_feature(
+    readings: Readings, label: str, rig: Rig, robot: RobotPreset | str | None
+) -> tuple[Feature | None, str]:
+    """One label's feature, or None and why."""
+    try:
+        features, notes = features_of(readings, rig, robot)
+    except DegenerateError as error:
+        return None, str(error)
+    return features.get(label), "; ".join(notes)

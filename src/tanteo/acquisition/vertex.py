@@ -1,0 +1,71 @@
+"""A corner: the two edges of one face that meet in it (paper: vertices are computed from intersections of edges)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.acquisition.acquired import Acquired
+from tanteo.acquisition.edge import INSET, acquire_edge
+from tanteo.acquisition.ideas import CornerIdea, FaceIdea
+from tanteo.acquisition.plane import Session, acquire_plane, finish
+from tanteo.constraints import relate_all
+from tanteo.errors import DegenerateError
+from tanteo.fitting import intersect_edges
+from tanteo.hand import Robot
+from tanteo.motion import Rules
+from tanteo.sensors import RobotPreset
+
+ALONG = 0.035
+"""Each edge is sensed this far from the corner [m]."""
+
+
+_GATE = 3.5
+"""Edges that pass each other at more than so many standard deviations do not meet."""
+
+
+def sense_vertex(
+    robot: Robot,
+    idea: CornerIdea,
+    *,
+    standoff: float,
+    rules: Rules,
+    label: str = "vertex",
+    errors: RobotPreset | str | None = None,
+) -> Acquired:
+    """Acquire a corner of a face; face and edges are acquired with it (:attr:`Acquired.others`).
+
+    Args:
+        robot: The hand, some way before the face, so that its beams reach it.
+        idea: About where the corner is, and how the two edges of the face run.
+        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
+        rules: What to keep to.
+        label: Of the feature; readings are labelled ``<label> face``, ``<label> edge 1`` and ``<label> edge 2``.
+        errors: Of the robot's poses, for the covariance.
+
+    Raises:
+        InputError: A stand-off too near to the clearance of the rules.
+    """
+    session = Session(robot, standoff, rules, errors)
+    arriving, leaving = idea.edges(ALONG)
+    middle = 0.5 * (arriving.face(INSET).point + leaving.face(INSET).point)
+    status, message, face = acquire_plane(session, FaceIdea(middle, idea.normal), f"{label} face")
+    if face is None:
+        return finish("vertex", session, status, f"the face of the corner: {message}", None)
+    session.others.append(face)
+    edges = []
+    for number, edge_idea in enumerate((arriving, leaving), start=1):
+        status, message, edge = acquire_edge(session, face, edge_idea, f"{label} edge {number}")
+        if edge is None:
+            return finish("vertex", session, status, f"edge {number} of the corner: {message}", None)
+        edges.append(edge)
+    session.others.extend(edges)
+    try:
+        vertex, _ = intersect_edges(edges, label)
+    except DegenerateError as error:
+        return finish("vertex", session, "unclear", str(error), None)
+    gap = relate_all(edges).column("edge_gap")
+    off, sd = float(gap.value[0, 0]), float(np.sqrt(gap.covariance[0, 0, 0]))
+    if abs(off) > _GATE * sd:
+        why = f"its edges pass each other at {1e3 * abs(off):.2g} mm, {abs(off) / sd:.1f} standard deviations"
+        return finish("vertex", session, "unclear", why, None)
+    return finish("vertex", session, "acquired", "two edges meet", vertex)

@@ -1,0 +1,179 @@
+"""``tanteo sense``: one acquisition in the simulator, told in words."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import typer
+
+from tanteo.cli.options import misuse
+from tanteo.cli.printing import bold, emit, printable
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from tanteo.acquisition import Acquired
+    from tanteo.features import Feature
+    from tanteo.io.scene_toml import SceneFile
+    from tanteo.simulator import SimulatedHand
+
+_UNDECIDED = 3
+
+
+def sense(
+    kind: str,
+    scene_path: str,
+    *,
+    standoff: str | None,
+    seed: int | None,
+    record: str | None,
+    as_json: bool,
+    verbose: bool,
+) -> None:
+    """Acquire one feature of a scene file, print it; exits with 3 when it is not acquired."""
+    from tanteo.io import sensed_json, write_readings
+    from tanteo.io.scene_toml import read_scene
+    from tanteo.simulator import clearances
+
+    with misuse():
+        distance = _distance(standoff)
+        if seed is not None and seed < 0:
+            raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
+    scene = read_scene(scene_path)
+    if seed is not None:
+        scene = replace(scene, seed=seed)
+    if distance is not None:
+        scene = replace(scene, standoff=distance, clearance=scene.clearance * distance / scene.standoff)
+    got, robot = run(kind, scene)
+    least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
+    if record is not None:
+        if got.readings is None:
+            emit(["warning: nothing was read on purpose, so there is no record."], sys.stderr)
+        else:
+            try:
+                write_readings(got.readings, record, unit="m")
+            except OSError as error:
+                raise InputError(
+                    f"--record: expected a file to write, got: {error.strerror or error}. Check the path."
+                ) from None
+    if as_json:
+        sys.stdout.write(sensed_json(got, seed=scene.seed, clearance=least))
+    else:
+        emit(sensed_lines(got, scene, least, record, verbose=verbose))
+    if not got.acquired:
+        raise typer.Exit(_UNDECIDED)
+
+
+def run(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
+    """The acquisition, and the robot that did it.
+
+    Raises:
+        InputError: The file has no idea of such a feature.
+    """
+    from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea, sense_edge, sense_plane, sense_vertex
+    from tanteo.motion import Rules
+    from tanteo.simulator import SimulatedHand
+
+    idea = scene.ideas.get(kind)
+    robot = SimulatedHand(
+        scene.scene, scene.hand, scene.T_world_hand, rng=np.random.default_rng(scene.seed), cell=scene.cell
+    )
+    rules = Rules(clearance=scene.clearance, workspace=scene.workspace)
+    errors = scene.cell.robot
+    if isinstance(idea, FaceIdea):
+        return sense_plane(robot, idea, standoff=scene.standoff, rules=rules, errors=errors), robot
+    if isinstance(idea, EdgeIdea):
+        return sense_edge(robot, idea, standoff=scene.standoff, rules=rules, errors=errors), robot
+    if isinstance(idea, CornerIdea):
+        return sense_vertex(robot, idea, standoff=scene.standoff, rules=rules, errors=errors), robot
+    raise InputError(f"{scene.source}: expected a table [sense.{kind}] with a rough idea of it, got none. Add it.")
+
+
+def sensed_lines(
+    got: Acquired, scene: SceneFile, least: float, record: str | None, *, verbose: bool = False
+) -> list[str]:
+    """The lines for a person."""
+    lines = [
+        bold(
+            printable(
+                f"{got.status}: {got.kind} {_where(got.feature)}" if got.feature else f"{got.status}: no {got.kind}"
+            )
+        )
+    ]
+    if got.feature is not None:
+        lines += _spread(got.feature)
+    lines += [f"  also        {f.kind.name} '{printable(f.label)}' {_where(f)}" for f in got.others]
+    if got.readings is not None:
+        used = ", ".join(dict.fromkeys(got.readings.sensors))
+        lines.append(
+            f"  readings    {len(got.readings)} ranges of {used}" + (f", written to {record}" if record else "")
+        )
+    lines.append(f"  time        {got.seconds:.1f} s simulated, {len(got.motions)} motions, seed {scene.seed}")
+    lines.append(
+        f"  clearance   {1e3 * least:.1f} mm at least, of the whole hand from everything; the stand-off was "
+        f"{1e3 * scene.standoff:.3g} mm"
+    )
+    if verbose:
+        lines += [f"    {m.seconds:6.2f} s  {m.name:10}  {m.status:8}  {printable(m.message)}" for m in got.motions]
+    return [*lines, "", printable(_sentence(got))]
+
+
+def _sentence(got: Acquired) -> str:
+    message = got.message[:1].upper() + got.message[1:]
+    advice = {
+        "acquired": "",
+        "nothing": " Give a better idea of where it is, or start nearer to it.",
+        "lost": " Start more squarely before the face, or choose one that is wider.",
+        "limit": " Give the hand more room, a smaller stand-off, or a start from another side.",
+        "timeout": " Start nearer.",
+        "unclear": " Sense it from another place, or sense the faces beside it.",
+    }[got.status]
+    return f"{message}.{advice}"
+
+
+def _where(feature: Feature | None) -> str:
+    if feature is None:
+        return ""
+    T = feature.T_world_feature
+    place = "at x {:.2f} y {:.2f} z {:.2f} mm".format(*(1e3 * T[:3, 3]))
+    if feature.kind.name == "plane":
+        return place + ", outward normal ({:.4f}, {:.4f}, {:.4f}) in the world".format(*T[:3, 2])
+    if feature.kind.name == "edge":
+        return place + ", along ({:.4f}, {:.4f}, {:.4f}) in the world".format(*T[:3, 0])
+    return place + " in the world"
+
+
+def _spread(feature: Feature) -> list[str]:
+    """One standard deviation, all errors and without those that the readings share."""
+    from tanteo.features import feature_covariance
+
+    rows = list(feature.kind.rows)
+    whole = np.sqrt(np.diag(feature_covariance(feature))[rows])
+    own = np.sqrt(np.diag(feature.P))
+    names = {0: "along x", 1: "along y", 2: "along z", 3: "about x", 4: "about y", 5: "about z"}
+    if feature.kind.name == "plane":
+        names[2] = "along the normal"
+
+    def words(sds: np.ndarray) -> str:
+        return ", ".join(
+            f"{1e3 * s:.3g} mm {names[r]}" if r < 3 else f"{np.degrees(s):.3g} deg {names[r]}"
+            for s, r in zip(sds, rows, strict=True)
+        )
+
+    return [
+        f"  sd          {words(whole)}, in the feature's own frame ({feature.kind.frame})",
+        f"  of readings {words(own)}, with the errors known that all readings of a sensor share",
+    ]
+
+
+def _distance(text: str | None) -> float | None:
+    from tanteo.io.units import parse_length
+
+    if text is None:
+        return None
+    value = parse_length(text, "--standoff")
+    if not 1e-3 <= value <= 1:
+        raise InputError(f"--standoff: expected a length of 1 mm to 1 m, got '{text}'. Write it as 20mm.")
+    return value

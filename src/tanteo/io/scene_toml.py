@@ -1,0 +1,223 @@
+"""Scene files: parts, table, occluders, the hand and what it shall sense (TOML, ``docs/formats.md``)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.errors import InputError, PartError
+from tanteo.hand import Hand, Workspace, gripper_body
+from tanteo.io.rig_toml import read_rig
+from tanteo.io.toml_keys import Keys, load_toml
+from tanteo.lie import SE3, SO3
+from tanteo.sensors import robot_preset
+from tanteo.simulator import Cell, Scene, Solid, box
+from tanteo.typing import FloatArray, IntArray, Transforms
+
+MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
+"""From a CAD file and the unit of files that carry none to vertices [m] and triangles."""
+
+_TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "sense")
+_POSE = {"position": "length", "quaternion_wxyz": "plain", "turn": "angle"}
+_HAND = {
+    "front": "length", "looks": "plain", "pair": "plain", "rate": "rate", "latency": "time", "speed": "speed",
+    "turn": "turn", "cone_rays": "plain",
+}  # fmt: skip
+_SENSE = {"standoff": "length", "clearance": "length"}
+_PLACE = {"point": "length", "normal": "plain", "direction": "plain", "arriving": "plain", "leaving": "plain"}
+
+AHEAD = 0.06
+"""Without an idea of a face, it is looked for so far ahead of the hand [m]."""
+
+CLEARANCE = 0.6
+"""Without one of its own, the clearance is this share of the stand-off."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneFile:
+    """What a scene file says.
+
+    Attributes:
+        scene: The solids in the world.
+        hand: The hand.
+        T_world_hand: Where it starts ``(4, 4)``.
+        cell: How the robot behaves.
+        workspace: Where the hand may be.
+        seed: Of all errors.
+        standoff: [m].
+        clearance: [m].
+        ideas: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``.
+        source: The file.
+    """
+
+    scene: Scene
+    hand: Hand
+    T_world_hand: Transforms
+    cell: Cell
+    workspace: Workspace
+    seed: int
+    standoff: float
+    clearance: float
+    ideas: Mapping[str, FaceIdea | EdgeIdea | CornerIdea]
+    source: str
+
+
+def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFile:
+    """Read a scene file.
+
+    Args:
+        path: The file; the CAD files that it names are beside it.
+        read_mesh: How a CAD file is read; :func:`tanteo.parts.read_part` if not given.
+
+    Raises:
+        InputError: The file cannot be read, is not TOML, or says something that a scene cannot say; the message names
+            file, table, key and value.
+        UnitError: A unit in a key is missing or unknown.
+        PartError: A part cannot be read.
+    """
+    path = Path(path)
+    document = load_toml(path, "scene file")
+    for key in document:
+        if key not in _TABLES:
+            raise InputError(f"{path}: expected one of {', '.join(_TABLES)}, got '{key}'. Correct the name.")
+    seed = document.get("seed", 0)
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"{path}, seed: expected a whole number of zero or more, got {seed!r}. Correct it.")
+    table, top = _table(document.get("table"), f"{path}, table")
+    parts = [_part(name, entry, path, read_mesh or _mesh) for name, entry in _entries(document, "parts", path)]
+    if not parts:
+        raise InputError(f"{path}: expected at least one table [parts.NAME], got none. Add one.")
+    occluders = [
+        _occluder(name, entry, f"{path}, occluder '{name}'") for name, entry in _entries(document, "occluders", path)
+    ]
+    hand, T_world_hand, cell = _hand(document.get("hand", {}), path)
+    return SceneFile(
+        scene=Scene.of([*table, *parts, *occluders]),
+        hand=hand,
+        T_world_hand=T_world_hand,
+        cell=cell,
+        workspace=_workspace(document.get("workspace", {}), f"{path}, workspace", top),
+        seed=seed,
+        source=str(path),
+        **_sense(document.get("sense", {}), f"{path}, sense", T_world_hand, hand),
+    )
+
+
+def _entries(document: Mapping[str, Any], name: str, path: Path) -> list[tuple[str, Any]]:
+    tables = document.get(name, {})
+    if not isinstance(tables, dict):
+        raise InputError(f"{path}, {name}: expected tables [{name}.NAME], got {tables!r}. Write one for each.")
+    return list(tables.items())
+
+
+def _table(entry: Any, place: str) -> tuple[list[Solid], float]:
+    """The table, if there is one, and the height above which everything happens."""
+    if entry is None:
+        return [], -math.inf
+    keys = Keys(entry, place, {"top": "length", "size": "length"})
+    top, (x, y) = keys.number("top", 0.0), keys.vector("size", (1.0, 1.0), n=2)
+    if not (x > 0 and y > 0):
+        raise InputError(f"{place}, size: expected two positive lengths, got {[x, y]}. Correct it.")
+    return [box("table", [-x / 2, -y / 2, top - 0.05], [x / 2, y / 2, top])], top
+
+
+def _part(name: str, entry: Any, path: Path, read_mesh: MeshReader) -> Solid:
+    place = f"{path}, part '{name}'"
+    keys = Keys(entry, place, _POSE, ("file", "units"))
+    vertices, triangles = read_mesh(path.parent / keys.word("file"), keys.word("units") if "units" in keys else None)
+    return Solid.at(name, vertices, triangles, _pose(keys))
+
+
+def _mesh(file: Path, unit: str | None) -> tuple[FloatArray, IntArray]:
+    from tanteo.parts import read_part
+
+    if not file.exists():
+        raise PartError(f"{file}: expected a CAD file, got nothing there. Name it relative to the scene file.")
+    part = read_part(file, unit=unit) if unit else read_part(file)
+    return part.vertices, part.triangles
+
+
+def _pose(keys: Keys) -> Transforms:
+    if "turn" in keys and "quaternion_wxyz" in keys:
+        raise InputError(f"{keys.place}: expected turn_deg or quaternion_wxyz, got both. Give one.")
+    if "quaternion_wxyz" in keys:
+        q = keys.vector("quaternion_wxyz", n=4)
+        if abs(np.linalg.norm(q) - 1) > 1e-3:
+            raise InputError(f"{keys.place}, quaternion_wxyz: expected unit length, got {np.linalg.norm(q):.6g}.")
+        R = SO3.from_quaternion(q)
+    else:
+        roll, pitch, yaw = keys.vector("turn", (0.0, 0.0, 0.0))
+        R = SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
+    return SE3.from_parts(R, keys.vector("position", (0.0, 0.0, 0.0)))
+
+
+def _occluder(name: str, entry: Any, place: str) -> Solid:
+    keys = Keys(entry, place, {"low": "length", "high": "length", **_POSE})
+    return box(name, keys.vector("low"), keys.vector("high"), _pose(keys))
+
+
+def _hand(entry: Any, path: Path) -> tuple[Hand, Transforms, Cell]:
+    keys = Keys(entry, f"{path}, hand", _HAND, ("rig", "robot"))
+    name = keys.word("rig", "paper-gripper")
+    rig = read_rig(path.parent / name if (path.parent / name).exists() else name)
+    hand = Hand(rig, gripper_body(rig))
+    z = _direction(keys, "looks", (0.0, 0.0, -1.0))
+    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
+    pair = _direction(keys, "pair", tuple(helper - (helper @ z) * z))
+    across = np.cross(z, pair)
+    if np.linalg.norm(across) < 0.1:
+        raise InputError(f"{keys.place}, pair: expected a direction across looks, got one along it. Turn it.")
+    y = across / np.linalg.norm(across)
+    own = np.stack([hand.pair, np.cross([0.0, 0.0, 1.0], hand.pair), [0.0, 0.0, 1.0]], axis=1)
+    R = np.stack([np.cross(y, z), y, z], axis=1) @ own.T
+    cell = Cell(
+        period=1 / keys.number("rate", 100.0, least=1.0),
+        latency=keys.number("latency", 0.03, least=0.0),
+        max_speed=keys.number("speed", 0.25, least=1e-3),
+        max_turn=keys.number("turn", 1.5, least=1e-2),
+        robot=robot_preset(keys.word("robot")) if "robot" in keys else None,
+        cone=int(keys.number("cone_rays", 0.0, least=0.0)),
+    )
+    return hand, SE3.from_parts(R, keys.vector("front") - R @ hand.front), cell
+
+
+def _direction(keys: Keys, name: str, default: tuple[float, ...]) -> FloatArray:
+    d = keys.vector(name, default)
+    if np.linalg.norm(d) < 1e-9:
+        raise InputError(f"{keys.place}, {name}: expected a direction that is not zero, got {d.tolist()}. Correct it.")
+    return np.asarray(d / np.linalg.norm(d))
+
+
+def _workspace(entry: Any, place: str, top: float) -> Workspace:
+    keys = Keys(entry, place, {"low": "length", "high": "length"})
+    low = keys.vector("low", (-math.inf, -math.inf, top))
+    return Workspace(low, keys.vector("high", (math.inf,) * 3))
+
+
+def _sense(entry: Any, place: str, T: Transforms, hand: Hand) -> dict[str, Any]:
+    """Stand-off, clearance and ideas; without one, a face is looked for ahead of the hand."""
+    if not isinstance(entry, dict):
+        raise InputError(f"{place}: expected a table [sense], got {entry!r}. Write it so.")
+    kinds = {k: entry[k] for k in ("plane", "edge", "vertex") if k in entry}
+    keys = Keys({k: v for k, v in entry.items() if k not in kinds}, place, _SENSE)
+    standoff = keys.number("standoff", 0.02, least=1e-3)
+    ideas: dict[str, FaceIdea | EdgeIdea | CornerIdea] = {
+        "plane": FaceIdea(SE3.apply(T, hand.front + np.array([0.0, 0.0, AHEAD])), -T[:3, 2])
+    }
+    for kind, table in kinds.items():
+        idea = Keys(table, f"{place}.{kind}", _PLACE)
+        point, normal = idea.vector("point"), idea.vector("normal")
+        if kind == "plane":
+            ideas[kind] = FaceIdea(point, normal)
+        elif kind == "edge":
+            ideas[kind] = EdgeIdea(point, idea.vector("direction"), normal)
+        else:
+            ideas[kind] = CornerIdea(point, idea.vector("arriving"), idea.vector("leaving"), normal)
+    clearance = keys.number("clearance", CLEARANCE * standoff, least=1e-4)
+    return {"standoff": standoff, "clearance": clearance, "ideas": ideas}

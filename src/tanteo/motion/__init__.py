@@ -1,0 +1,32 @@
+"""Motions that sense without touching (paper, section 3; Sagues, Montano and Neira 1989; Montano and Sagues 1991).
+
+Each is a function over a :class:`~tanteo.hand.Robot` that ends in a :class:`Motion`: a status, a sentence and the log
+of all that was sensed. Before every command :class:`Steering` slows it so that no sensor comes nearer to what it sees
+than the clearance, and no part of the hand to the bounds of its workspace. This room knows no estimator.
+"""
+
+from tanteo.motion.approaching import approach, retreat
+from tanteo.motion.control import Loop
+from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
+from tanteo.motion.following import follow, settle
+from tanteo.motion.looking import look
+from tanteo.motion.result import Ending, Motion
+from tanteo.motion.steering import Rules, Steering
+from tanteo.motion.travelling import go_to
+
+__all__ = [
+    "Crossing",
+    "EdgeEvent",
+    "Ending",
+    "Loop",
+    "Motion",
+    "Rules",
+    "Steering",
+    "approach",
+    "cross_edge",
+    "follow",
+    "go_to",
+    "look",
+    "retreat",
+    "settle",
+]

@@ -1,0 +1,133 @@
+"""Along a surface without touching it: stand-off and tilt are held by the two frontal sensors.
+
+The two ranges give the height ``h`` of the front over the surface and its tilt ``a`` about the axis across the pair.
+Both are driven to their references by the gain of :class:`~tanteo.motion.control.Loop`; the hand turns about the point
+of the surface that it looks at, so that the tilt loop does not disturb the height loop.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.hand import Robot, shift, turn
+from tanteo.motion.result import Motion
+from tanteo.motion.steering import Rules, Steering, blind, frontal
+from tanteo.typing import FloatArray, Tangents, Transforms, Vectors
+
+JUMP = 0.5
+"""A range that leaves the last one by this share of the stand-off has lost the surface."""
+
+SLOWEST_ANSWER = 0.15
+"""Along the surface the hand goes at most this share of stand-off times gain: on a slope of 45 degrees the height is
+then wrong by less than a sixth of the stand-off."""
+
+_BENT, _CREEP = math.radians(6.0), 0.1
+"""The more the hand is tilted the slower it goes on, down to this share at this tilt: first it turns, then it goes."""
+
+_ASTRAY = 3
+"""Readings in a row that must be astray: a single one may be an echo from the rim of the cone."""
+
+_AT_REST, _LEVEL = 0.03, math.radians(1.0)
+"""The hand has settled with the height within this share of the stand-off and the tilt within this angle [rad]."""
+
+
+def settle(robot: Robot, standoff: float, rules: Rules) -> Motion:
+    """Turn the hand square to the surface in the plane of its two frontal sensors, at the stand-off.
+
+    The tilt about the line that joins them stays as it is: the paper's second direction needs a turn of the hand by a
+    quarter, or a scan across.
+
+    Returns:
+        ``reached``; ``lost`` where one of the two sensors meets no surface; ``limit``; ``timeout``.
+    """
+    run = Steering("settle", robot, rules)
+    window = 8 + run.loop.delay
+    recent: list[tuple[float, float]] = []
+    while True:
+        height, tilt, both = seen_surface(run)
+        if not both:
+            why = "gives no ranges" if blind(run) else "is not under both frontal sensors"
+            return run.end("lost", f"the surface {why}")
+        recent.append((height - standoff, tilt))
+        mean = np.abs(np.mean(recent[-window:], axis=0))
+        if len(recent) >= window and mean[0] < _AT_REST * standoff and mean[1] < _LEVEL:
+            return run.end("reached", f"square to the surface, {1e3 * standoff:.3g} mm from it")
+        if ending := run.step(hold(run, standoff, height, tilt)):
+            return run.end(ending)
+
+
+def follow(robot: Robot, direction: Vectors, distance: float, standoff: float, rules: Rules) -> Motion:
+    """Go along a surface in a direction of the hand, held at the stand-off and square to it by the frontal sensors.
+
+    Args:
+        robot: The hand, near the surface.
+        direction: In the hand's frame, across z ``(3,)``.
+        distance: How far [m].
+        standoff: Height to hold [m].
+        rules: What to keep to.
+
+    Returns:
+        ``reached`` after the distance; ``lost`` where the surface ends under a sensor; ``limit``; ``timeout``.
+    """
+    heading = level(direction)
+    run = Steering("follow", robot, rules)
+    speed = min(rules.speed, SLOWEST_ANSWER * standoff * run.loop.gain)
+    gone, astray, last = 0.0, 0, frontal(run)[0]
+    if not np.isfinite(last).all():
+        return run.end("lost", "the surface is not under both frontal sensors")
+    while gone < distance:
+        height, tilt, both = seen_surface(run)
+        ranges = frontal(run)[0]
+        jumped = not both or bool((np.abs(ranges - last) > JUMP * standoff).any())
+        astray, last = (astray + 1, last) if jumped else (0, ranges)
+        if astray >= _ASTRAY:
+            return run.end("lost", f"the surface ended after {1e3 * gone:.3g} mm")
+        correction = hold(run, standoff, height, tilt) if not jumped else np.zeros(6)
+        before = run.sensed.T_world_hand
+        slower = max(_CREEP, 1.0 - abs(tilt) / _BENT)
+        if ending := run.step(shift(slower * speed * heading) + correction):
+            return run.end(ending)
+        moved = _front(run, run.sensed.T_world_hand) - _front(run, before)
+        gone += max(float(before[:3, :3] @ heading @ moved), 0.0)
+    return run.end("reached", f"{1e3 * distance:.3g} mm along the surface")
+
+
+def _front(run: Steering, T: Transforms) -> Vectors:
+    return np.asarray(T[:3, :3] @ run.hand.front + T[:3, 3])
+
+
+def seen_surface(run: Steering) -> tuple[float, float, bool]:
+    """Height [m] and tilt [rad] of the surface under the two frontal sensors, and whether both met it."""
+    ranges, met = frontal(run)
+    if not met.all():
+        return float(ranges.min()), 0.0, False
+    slope = (ranges[1] - ranges[0]) / run.hand.baseline
+    tilt = math.atan(slope)
+    return float(0.5 * (ranges[0] + ranges[1]) * math.cos(tilt)), tilt, True
+
+
+def hold(run: Steering, standoff: float, height: float, tilt: float) -> Tangents:
+    """The twist that brings height and tilt back, within the rules."""
+    gain, rules = run.loop.gain, run.rules
+    speed = max(-rules.speed, min(rules.speed, gain * (height - standoff)))
+    rate = max(-rules.turn, min(rules.turn, gain * tilt))
+    x, y, _ = run.hand.pair
+    axis = np.array([y, -x, 0.0])
+    front = run.hand.front
+    return shift(np.array([0.0, 0.0, speed])) + turn(rate * axis, front + np.array([0.0, 0.0, height]))
+
+
+def level(direction: Vectors) -> FloatArray:
+    """A unit direction across the hand's z.
+
+    Raises:
+        InputError: It has no part across z.
+    """
+    across = np.array([float(direction[0]), float(direction[1]), 0.0])
+    length = float(np.linalg.norm(across))
+    if not length > 1e-9:
+        raise InputError(f"direction: expected one across the hand's z, got {list(direction)}. Give x and y.")
+    return np.asarray(across / length)

@@ -1,0 +1,64 @@
+"""A look around from a safe distance: the hand's axis runs along a spiral of tilts about its thickest part.
+
+Nothing looks where the back of the hand goes, so that the back stays where it is and the fingers, which carry the
+sensors, swing and turn.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tanteo.hand import Robot, advance, turn
+from tanteo.motion.result import Motion
+from tanteo.motion.steering import Rules, Steering
+from tanteo.motion.travelling import towards
+from tanteo.typing import FloatArray, Transforms
+
+_SPIN, _SPIN_OVER = 0.8, 2.8
+"""Meanwhile the hand turns about its axis to both sides by so much [rad], slower than the spiral by so many times: four
+lateral beams a quarter apart then sweep all the way round."""
+
+_LAG = 0.15
+"""The spiral waits while the hand is this far behind it [rad]."""
+
+
+def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09) -> Motion:
+    """Turn the hand so that its beams sweep a cone, and back.
+
+    Args:
+        robot: The hand, some way off what it shall see.
+        widest: Tilt of the hand's axis at the end of the spiral [rad].
+        rules: What to keep to. Where the hand cannot go, it leaves that part of the spiral out.
+        spacing: From turn to turn of the spiral [rad].
+
+    Returns:
+        ``reached``; ``nothing`` if no frontal beam met anything; ``timeout``.
+    """
+    run = Steering("look", robot, rules)
+    start, seen, angle = run.sensed.T_world_hand, False, 0.0
+    frontal = list(run.hand.frontal)
+    pivot = run.hand.body.centres[int(np.argmax(run.hand.body.radii))]
+    while (tilt := spacing * angle / (2 * math.pi)) < widest:
+        target = _tilted(start, pivot, tilt, angle)
+        twist, _, behind = towards(run, target)
+        ending = run.step(twist)
+        if ending == "timeout":
+            return run.end(ending)
+        seen |= bool(np.isfinite(run.sensed.ranges[frontal]).any())
+        if behind < _LAG or run.share < 0.5:
+            angle += rules.turn * robot.period / max(tilt, 0.5 * spacing)
+    while True:
+        twist, missing, behind = towards(run, start)
+        if missing < 1e-3 and behind < 0.01:
+            break
+        if ending := run.step(twist):
+            return run.end(ending)
+    return run.end("reached", "looked around") if seen else run.end("nothing", "nothing was within range")
+
+
+def _tilted(T: Transforms, pivot: FloatArray, tilt: float, angle: float) -> Transforms:
+    """A pose turned by ``tilt`` about an axis across z at ``angle``, and about z, through a point of the hand."""
+    tilted = advance(T, turn(np.array([tilt * math.cos(angle), tilt * math.sin(angle), 0.0]), pivot), 1.0)
+    return advance(tilted, turn(np.array([0.0, 0.0, _SPIN * math.sin(angle / _SPIN_OVER)]), pivot), 1.0)

@@ -1,0 +1,164 @@
+"""From a rough idea to a feature: statuses that are true, covariances that hold, records that replay."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from felt_scenes import PARTS, gripper, make_task, nees
+from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea, features_of, sense_edge, sense_plane, sense_vertex
+from tanteo.acquisition.cloud import cloud_of, over, room
+from tanteo.acquisition.patch import find_patch, stands
+from tanteo.acquisition.plane import facing
+from tanteo.acquisition.record import exact_poses
+from tanteo.errors import InputError
+from tanteo.hand import Workspace
+from tanteo.io import read_readings, write_readings
+from tanteo.lie import SE3, SO3
+from tanteo.motion import Rules, look
+from tanteo.simulator import Scene, SimulatedHand, box, clearances
+
+SENSE = {"plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex}
+BLOCK = Scene.of([box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0]), box("block", [0, 0, 0], [0.12, 0.08, 0.05])])
+RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
+FACE = FaceIdea([0.06, 0.04, 0.055], [0.1, 0, 1])
+EDGE = EdgeIdea([0.06, -0.005, 0.055], [1, 0.1, 0], [0, 0.1, 1])
+CORNER = CornerIdea([0.115, 0.005, 0.05], [1, 0, 0], [0, 1, 0], [0, 0, 1])
+IDEAS = {"plane": FACE, "edge": EDGE, "vertex": CORNER}
+
+
+def start(x=0.05, y=0.04, height=0.12, tilt=(0.0, 0.1, 0.2)):
+    R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array(tilt))
+    return SE3.from_parts(R, np.array([x, y, height]) - R @ gripper().front)
+
+
+def robot_on(scene=BLOCK, T=None, seed=0):
+    return SimulatedHand(scene, gripper(), start() if T is None else T, rng=np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("kind", list(SENSE))
+def test_a_block_is_felt_where_it_is(kind):
+    robot = robot_on()
+    got = SENSE[kind](robot, IDEAS[kind], standoff=0.02, rules=RULES, label="it")
+    assert got.acquired, got.message
+    assert got.feature.kind.name == got.kind == kind
+    assert got.feature.label == "it"
+    value, solid, _ = nees(BLOCK, got.feature)
+    assert value < chi2.ppf(0.9999, got.feature.kind.size)
+    assert solid == "block"
+    assert clearances(BLOCK, gripper().body, np.array(robot.truth)).min() > 0.010
+    assert got.seconds == pytest.approx(robot.sensed.time)
+    assert len(got.others) == {"plane": 0, "edge": 1, "vertex": 3}[kind]
+
+
+@pytest.mark.parametrize("kind", list(SENSE))
+def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, kind):
+    got = SENSE[kind](robot_on(seed=3), IDEAS[kind], standoff=0.02, rules=RULES)
+    write_readings(got.readings, tmp_path / "record.csv", unit="m")
+    kept, _ = features_of(got.readings, gripper().rig)
+    replayed, _ = features_of(read_readings(tmp_path / "record.csv"), gripper().rig)
+    sensed = {f.label: f for f in (*got.others, got.feature) if f.kind.name != "vertex"}
+    assert set(kept) == set(replayed) == set(sensed)
+    for label, feature in sensed.items():
+        for other in (kept[label], replayed[label]):
+            np.testing.assert_array_equal(feature.T_world_feature, other.T_world_feature)
+            np.testing.assert_array_equal(feature.P, other.P)
+            for a, b in zip(feature.shared, other.shared, strict=True):
+                np.testing.assert_array_equal(a.gain, b.gain)
+
+
+def test_poses_survive_a_quaternion():
+    rng = np.random.default_rng(0)
+    T = SE3.exp(rng.normal(size=(3000, 6)) * 3)
+    exact = exact_poses(T)
+    R = exact[:, :3, :3]
+    np.testing.assert_array_equal(SO3.from_quaternion(SO3.as_quaternion(R)), R)
+    np.testing.assert_allclose(exact, T, atol=1e-12)
+
+
+def test_one_seed_one_answer():
+    first, second = (sense_plane(robot_on(seed=5), FACE, standoff=0.02, rules=RULES) for _ in range(2))
+    np.testing.assert_array_equal(first.feature.T_world_feature, second.feature.T_world_feature)
+
+
+def test_nothing_is_there():
+    got = sense_plane(robot_on(T=start(height=0.4)), FACE, standoff=0.02, rules=RULES)
+    assert (got.status, got.feature, got.readings) == ("nothing", None, None)
+
+
+def test_a_face_that_is_too_narrow_is_not_felt():
+    scene = Scene.of([box("pin", [-0.006, -0.006, 0], [0.006, 0.006, 0.05])])
+    got = sense_plane(robot_on(scene, T=start(0, 0)), FaceIdea([0, 0, 0.05], [0, 0, 1]), standoff=0.02, rules=RULES)
+    assert got.status in ("nothing", "lost", "unclear")
+    assert got.feature is None
+
+
+def test_no_room_is_a_limit():
+    walls = [([0.045, -0.1], [0.06, 0.1]), ([-0.06, -0.1], [-0.045, 0.1])]
+    walls += [([-0.1, 0.035], [0.1, 0.05]), ([-0.1, -0.05], [0.1, -0.035])]
+    solids = [box(f"wall {k}", [*low, 0.05], [*high, 0.1]) for k, (low, high) in enumerate(walls)]
+    scene = Scene.of([box("floor", [-0.1, -0.1, 0], [0.1, 0.1, 0.05]), *solids])
+    rules = Rules(clearance=0.02)
+    robot = robot_on(scene, T=start(0, 0, 0.14, (0, 0, 0)))
+    got = sense_plane(robot, FaceIdea([0, 0, 0.05], [0, 0, 1]), standoff=0.03, rules=rules)
+    assert got.status in ("limit", "nothing")
+    assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.012
+
+
+def test_an_edge_that_is_not_there_is_not_felt():
+    """The middle of a wide face, far from all its edges."""
+    scene = Scene.of([box("plate", [-0.4, -0.4, -0.02], [0.4, 0.4, 0.0])])
+    idea = EdgeIdea([0, 0, 0], [1, 0, 0], [0, 0, 1])
+    got = sense_edge(robot_on(scene, T=start(0, 0, 0.07)), idea, standoff=0.02, rules=Rules(clearance=0.012))
+    assert got.status == "nothing"
+    assert got.feature is None
+    assert got.others[0].kind.name == "plane"
+
+
+def test_ideas_must_make_sense():
+    with pytest.raises(InputError, match="normal: expected a direction that is not zero"):
+        FaceIdea([0, 0, 0], [0, 0, 0])
+    with pytest.raises(InputError, match="point: expected three finite numbers"):
+        FaceIdea([0, 0, np.nan], [0, 0, 1])
+    with pytest.raises(InputError, match="direction: expected one across the normal"):
+        EdgeIdea([0, 0, 0], [0, 0, 1], [0, 0, 1])
+    with pytest.raises(InputError, match="leaving: expected an edge that meets"):
+        CornerIdea([0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 0, 1])
+    with pytest.raises(InputError, match="standoff: expected at least"):
+        sense_plane(robot_on(), FACE, standoff=0.014, rules=RULES)
+    inside = EdgeIdea([0, 0, 0], [1, 0, 0], [0, 0, 1]).face(0.02)
+    np.testing.assert_allclose(inside.point, [0, 0.02, 0], atol=1e-15)
+
+
+def test_the_patch_and_the_stands_of_a_block():
+    robot = robot_on()
+    cloud = cloud_of(gripper(), [look(robot, 0.25, RULES)])
+    patch = find_patch(cloud, FACE)
+    assert np.degrees(np.arccos(patch.normal[2])) < 3
+    assert abs(patch.point[2] - 0.05) < 2e-3
+    for width, place, along in stands(patch, 0.04, FACE.point)[:20]:
+        feet = place + np.outer([-0.02, 0.02], along)
+        assert width > 0
+        assert ((feet[:, :2] > -2e-3) & (feet[:, :2] < [0.122, 0.082])).all()
+    assert not over(cloud, patch.point, patch.normal).met.any()
+    far, near = (facing(gripper(), patch.point, patch.normal, [1, 0, 0], h, start()) for h in (0.06, 0.005))
+    assert room(cloud, gripper().body, far[None]) > 0.055 > room(cloud, gripper().body, near[None])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "n"), [("plane", 10), ("edge", 6), ("vertex", 4)])
+def test_scenes_at_random(kind, n):
+    """A small part of ``benchmarks/motions.py``: nothing is touched, and what is stated holds."""
+    total, dof, acquired = 0.0, 0, 0
+    for k in range(n):
+        rng = np.random.default_rng((7, k))
+        task = make_task(rng, kind, PARTS[k % len(PARTS)])
+        robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng)
+        rules = Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
+        got = SENSE[kind](robot, task.idea, standoff=task.standoff, rules=rules)
+        assert clearances(task.scene, gripper().body, np.array(robot.truth)).min() > 0.5 * task.standoff
+        acquired += got.acquired
+        if got.acquired:
+            total, dof = total + nees(task.scene, got.feature)[0], dof + got.feature.kind.size
+    assert acquired >= 0.7 * n
+    low, high = chi2.ppf([0.001, 0.999], dof)
+    assert low < total < high

@@ -1,0 +1,138 @@
+"""Scene files: what they say becomes a scene, and what they cannot say is refused by name."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.errors import InputError, PartError, TanteoError
+from tanteo.io import read_scene
+
+CUBE = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)])
+TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+                      [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])  # fmt: skip
+WHOLE = """
+seed = 3
+[table]
+top_mm = 10
+size_mm = [400, 300]
+[parts.cube]
+file = "cube.stl"
+units = "mm"
+position_mm = [0, 0, 10]
+turn_deg = [0, 0, 90]
+[occluders.clamp]
+low_in = [1, 1, 0]
+high_in = [2, 2, 4]
+[hand]
+front_mm = [-50, 50, 200]
+looks = [0, 0.0, -1]
+pair = [0, 1, 0]
+rate_hz = 50
+latency_ms = 20
+speed_mm_s = 100
+turn_deg_s = 45
+robot = "calibrated_small"
+cone_rays = 16
+[workspace]
+low_mm = [-300, -300, 12]
+[sense]
+standoff_mm = 15
+clearance_mm = 8
+[sense.plane]
+point_mm = [-40, 40, 110]
+normal = [0, 0, 2]
+[sense.edge]
+point_mm = [-40, 0, 110]
+direction = [1, 0, 0]
+normal = [0, 0, 1]
+[sense.vertex]
+point_mm = [0, 0, 110]
+arriving = [1, 0, 0]
+leaving = [0, 1, 0]
+normal = [0, 0, 1]
+"""
+LEAST = '[parts.cube]\nfile = "cube.stl"\n[hand]\nfront_mm = [50, 50, 200]\n'
+
+
+def read(tmp_path, text):
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_scene(path, lambda file, unit: (CUBE, TRIANGLES))
+
+
+def test_all_of_it(tmp_path):
+    scene = read(tmp_path, WHOLE)
+    assert [s.name for s in scene.scene.solids] == ["table", "cube", "clamp"]
+    _, cube, clamp = scene.scene.solids
+    np.testing.assert_allclose(
+        [cube.vertices.min(0), cube.vertices.max(0)], [[-0.1, 0, 0.01], [0, 0.1, 0.11]], atol=1e-12
+    )
+    np.testing.assert_allclose(clamp.vertices.max(0), np.array([2, 2, 4]) * 0.0254)
+    np.testing.assert_allclose(scene.T_world_hand[:3, :3] @ scene.hand.pair, [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(scene.T_world_hand @ [*scene.hand.front, 1], [-0.05, 0.05, 0.2, 1], atol=1e-12)
+    cell = scene.cell
+    assert (cell.period, cell.latency, cell.max_speed, cell.cone) == pytest.approx((0.02, 0.02, 0.1, 16))
+    assert cell.max_turn == pytest.approx(np.pi / 4)
+    assert cell.robot.name == "calibrated_small"
+    np.testing.assert_allclose(scene.workspace.low, [-0.3, -0.3, 0.012])
+    assert np.isinf(scene.workspace.high).all()
+    assert (scene.seed, scene.standoff, scene.clearance) == pytest.approx((3, 0.015, 0.008))
+    assert [type(scene.ideas[k]) for k in ("plane", "edge", "vertex")] == [FaceIdea, EdgeIdea, CornerIdea]
+    np.testing.assert_allclose(scene.ideas["plane"].normal, [0, 0, 1])
+
+
+def test_the_least_there_must_be(tmp_path):
+    scene = read(tmp_path, LEAST)
+    assert scene.seed == 0
+    assert scene.clearance == pytest.approx(0.6 * scene.standoff)
+    assert np.isinf(scene.workspace.low).all()
+    idea = scene.ideas["plane"]
+    np.testing.assert_allclose(idea.point, [0.05, 0.05, 0.14], atol=1e-12)
+    np.testing.assert_allclose(idea.normal, [0, 0, 1], atol=1e-12)
+    assert set(scene.ideas) == {"plane"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("seed = 3", "seed = -1"), "seed: expected a whole number"),
+        (("[table]", "[tabel]"), "expected one of seed, table"),
+        (("top_mm", "top"), "top: expected one of top_mm"),
+        (("size_mm = [400, 300]", "size_mm = [400]"), "size: expected 2 numbers, got 1"),
+        (("low_in = [1, 1, 0]", "low_in = [3, 1, 0]"), "clamp: expected a low and a high corner"),
+        (("front_mm", "fronts_mm"), "Did you mean 'front_mm'"),
+        (("looks = [0, 0.0, -1]", "looks = [0, 0, 0]"), "looks: expected a direction that is not zero"),
+        (("pair = [0, 1, 0]", "pair = [0, 0, 1]"), "pair: expected a direction across looks"),
+        (("rate_hz = 50", "rate_hz = true"), "rate_hz: expected finite numbers"),
+        (("latency_ms = 20", "latency_ms = -5"), "latency: expected one number of 0 or more"),
+        (('robot = "calibrated_small"', 'robot = "r2d2"'), "robot: expected one of"),
+        (("point_mm = [-40, 40, 110]\n", ""), "sense.plane: expected 'point_mm'"),
+        (("arriving = [1, 0, 0]", "arriving = [0, 1, 0]"), "leaving: expected an edge that meets"),
+        (('file = "cube.stl"\n', ""), "part 'cube': expected 'file'"),
+        (("turn_deg = [0, 0, 90]", "turn_deg = [0, 0, 90]\nquaternion_wxyz = [1, 0, 0, 0]"), "got both"),
+        (("standoff_mm = 15", "standoff_mm = 15\nstandoff_m = 1"), "expected 'standoff' once"),
+        (("[table]", "table ="), "expected TOML"),
+    ],
+)
+def test_what_a_scene_cannot_say(tmp_path, change, message):
+    assert change[0] in WHOLE
+    with pytest.raises(TanteoError, match=message):
+        read(tmp_path, WHOLE.replace(*change, 1))
+
+
+def test_files_that_are_missing(tmp_path):
+    with pytest.raises(InputError, match="expected a scene file, got"):
+        read_scene(tmp_path / "none.toml")
+    (tmp_path / "scene.toml").write_text(LEAST, encoding="utf-8")
+    with pytest.raises(PartError, match="expected a CAD file, got nothing there"):
+        read_scene(tmp_path / "scene.toml")
+    with pytest.raises(InputError, match=r"expected at least one table \[parts.NAME\]"):
+        read(tmp_path, "seed = 1\n")
+
+
+def test_the_example():
+    scene = read_scene(Path(__file__).parents[2] / "examples" / "scenes" / "bracket.toml")
+    assert [s.name for s in scene.scene.solids] == ["table", "bracket", "clamp", "riser"]
+    assert set(scene.ideas) == {"plane", "edge"}
