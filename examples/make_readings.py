@@ -181,6 +181,36 @@ def ranges(thing, faces, per_face, seed, *story):
     return sheet
 
 
+def plane_log(seed, *story):
+    """A time-of-flight sensor in front of a table and a wall from many sides: for ``tanteo sensor fit``.
+
+    It sits a little off where ``tof_rig.toml`` has it, reads too far by a constant and a share of the range, and never
+    reports more than 450 mm.
+    """
+    rng = np.random.default_rng(seed)
+    place, beam, bias, scale = np.array([1.4, 38.2, 61.7]), np.array([0.021, -0.015, 1.0]), 2.6, 0.012
+    sheet = Sheet(
+        *story,
+        "truth: beam from (1.4, 38.2, 61.7) mm along (0.021, -0.015, 1), reads 1.012 times the range and 2.6 mm more",
+        "every place is off by 0.8 mm, every reading by 1.2 mm (one standard deviation); nothing beyond 450 mm",
+    )
+    beam /= np.linalg.norm(beam)
+    for label, n, level in (("table", (0.0, 0.0, 1.0), 0.0), ("wall", (0.0, -1.0, 0.0), -600.0)):
+        n = np.array(n)
+        for _ in range(24):
+            R = _looking(-n, rng, tilt_deg=32.0)
+            middle = np.array([400.0, 100.0, 250.0])
+            spot = middle + rng.uniform(-150, 150, 3)
+            spot += (level - spot @ n) * n
+            hand = spot - R @ (place + rng.uniform(90, 480) * beam)
+            d = n @ (spot - hand - R @ place) / (n @ R @ beam)
+            read = (1 + scale) * d + bias + 0.8 * rng.normal() + 1.2 * rng.normal(size=6)
+            pose = [*hand, *SO3.as_quaternion(R)]
+            for r in np.minimum(read, 450.0):
+                sheet.add(**{"range_mm": round(r), "sensor": "eye", HAND: pose, "feature": label, "kind": "plane"})
+    return sheet
+
+
 def _looking(direction, rng, tilt_deg):
     """A rotation whose z axis is the direction, up to a random tilt, turned about it at random."""
     tilt = np.append(rng.normal(scale=np.radians(tilt_deg) / 2, size=2), rng.uniform(-np.pi, np.pi))
@@ -257,6 +287,7 @@ def make():
         "clamp_ball_tip": ball_tip(clamp, CLAMP, 5, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stick"),
         "bracket_bare": bare(left, BRACKET, 2, 0.05, 10, "twelve touches of the bracket; nobody noted which face"),
         "wedge_ranges": ranges(wedge, WEDGE, 5, 9, "a laser on the wrist; see laser_rig.toml"),
+        "plane_log": plane_log(11, "ranges of a table and a wall from 48 poses; see tof_rig.toml"),
     }  # fmt: skip
 
 

@@ -76,6 +76,7 @@ def runs():
         out["beam"].append(e @ np.linalg.solve(beam.cov, e))
         for fit, plane in zip(found.planes, (floor, wall), strict=True):
             n = fit.T_world_plane[:3, :3].T @ plane[:3, 2]
+            assert n[2] > 0.9  # towards the sensors
             q = np.array([-n[1], n[0], (plane[:3, 3] - fit.T_world_plane[:3, 3]) @ plane[:3, 2]])
             out["plane"].append(q @ np.linalg.solve(fit.cov, q))
         angle, sd = plane_angle(found, "floor", found, "wall")

@@ -120,6 +120,35 @@ def test_a_preset_says_the_limits_of_a_sensor_without_rig():
     assert calibrated_rig(found, sensor=sensor_preset("vl53l4cd")).sensors[0].max_range == 1.2
 
 
+def test_readings_that_are_no_planes_are_not_explained_away():
+    """Ranges drawn at random: the answer is not a calibration of those few that happen to fit."""
+    for seed in range(13, 18):
+        rng = np.random.default_rng(seed)
+        log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T), repeats=1)
+        noise = Readings.from_columns(
+            ranges=rng.uniform(0.1, 0.5, len(log)), sensors=log.sensors, Ts_world_hand=log.Ts_world_hand
+        )
+        found = calibrate(noise)
+        assert found.status == "insufficient"
+        assert "better than chance" in found.message
+
+
+def test_few_places_on_each_of_many_planes():
+    """Five planes with five places each share one beam."""
+    rng = np.random.default_rng(14)
+    logs = []
+    for k in range(5):
+        plane = SE3.exp(rng.normal(size=6) * [0.3, 0.3, 0.3, 2, 2, 2])
+        logs.append(simulated_log(rng, T, plane, random_hands(rng, 5, plane, T), label=f"p{k}"))
+    found = calibrate(joined(*logs))
+    assert found.status == "calibrated"
+    beam = found.beams[0]
+    aim = beam.T_hand_beam[:3, :3].T @ T[:3, 2]
+    assert np.hypot(aim[0], aim[1]) < 4 * np.sqrt(beam.cov[3, 3] + beam.cov[4, 4])
+    origin = beam.T_hand_beam[:3, :3].T @ (T[:3, 3] - beam.T_hand_beam[:3, 3])
+    assert (np.abs(origin) < 4.5 * np.sqrt(np.diag(beam.cov)[:3])).all()
+
+
 GOOD = simulated_log(np.random.default_rng(10), T, PLANE, random_hands(np.random.default_rng(11), 6, PLANE, T))
 POINTS = Readings.from_columns(np.zeros((5, 3)))
 

@@ -60,6 +60,8 @@ def test_version_and_help(run):
         ["locate", "--help"],
         ["part", "--help"],
         ["part", "show", "--help"],
+        ["sensor", "--help"],
+        *(["sensor", command, "--help"] for command in ("list", "show", "rig", "fit")),
     ):
         result = run(*args)
         assert result.code == 0
@@ -68,16 +70,6 @@ def test_version_and_help(run):
     for option in ("--parts", "--units", "--sensor", "--sd", "--tolerance", "--robot", "--tip-sd", "--alpha", "--top",
                    "--as-published", "--json", "--seed", "-v"):  # fmt: skip
         assert option in text
-
-
-def test_presets_are_listed_with_their_verification(run):
-    result = run("presets")
-    assert result.code == 0
-    assert "vl53l0x" in result.out
-    assert "xarm" in result.out
-    document = json.loads(run("presets", "--json").out, parse_constant=pytest.fail)
-    assert len(document["sensors"]) == 22
-    assert all(row["source"] for rows in document.values() for row in rows)
 
 
 def test_ctrl_c_is_130_without_traceback(run, parts, monkeypatch):

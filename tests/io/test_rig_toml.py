@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, UnitError
-from tanteo.io import read_rig
+from tanteo.io import read_rig, rig_text, write_rig
+from tanteo.lie import SE3
+from tanteo.sensors import Rig, RigSensor, sensor_preset
 
 RIG = """
 [sensors.left]
@@ -78,6 +80,18 @@ GOOD = '[sensors.a]\npreset = "vl53l0x"\nposition_mm = [0, 0, 0]\ndirection = [0
         (GOOD.replace('"vl53l0x"', "7"), InputError, "expected a name, got 7"),
         (GOOD.replace('preset = "vl53l0x"\n', ""), InputError, "expected a preset, or sd_mm"),
         (GOOD + "axis = [0, 0, -1]", InputError, "within 90 degrees of the beam"),
+        (GOOD.replace("[0, 0, 0]", "[0, 0, 2500]"), UnitError, "expected within 2 m of the hand's origin, got 2.5 m"),
+        (GOOD + "beam_half_angle_rad = 2", UnitError, "expected 60 degrees or less, got 114.592"),
+        (GOOD.replace("[0, 0, 0]", "[0, 1, 80]").replace("[0, 0, 1]", "[0, 0, -1]"), InputError, "within 1 mm. Turn"),
+        (GOOD + GOOD.replace("sensors.a", "sensors.b"), InputError, "got 'a' and 'b' with the same"),
+        (GOOD + "sd_per_range = -1", InputError, "sd_per_range: expected one number of zero or more"),
+        (GOOD + "sd_per_range = 0.01", InputError, "expected sd beside it"),
+        (GOOD + "scale = -1", InputError, "scale: expected one number above -1"),
+        (GOOD + "bias_mm = [1, 2]", InputError, "bias: expected one number, got"),
+        (GOOD + "mount_covariance_m_rad = [1, 2]", InputError, "expected 6 x 6 numbers"),
+        (GOOD + f"mount_covariance_m_rad = {(-np.eye(6)).tolist()}", InputError, "got a negative variance"),
+        (GOOD + f"mount_sd_mm = 1\nmount_covariance_m_rad = {np.eye(6).tolist()}", InputError, "got both. Keep one"),
+        (GOOD + "scale_covariance_m_rad = [1, 0, 0, 0, 0, 0]\nscale_sd = 0", InputError, "expected scale_sd beside it"),
     ],
 )
 def test_refusals(tmp_path, text, error, message):
@@ -104,3 +118,35 @@ def test_the_paper_s_gripper_is_there_by_name_unless_a_file_is_called_so(tmp_pat
     assert [s.name for s in read_rig("paper-gripper").sensors] == ["a"]
     with pytest.raises(InputError, match="one of paper-gripper"):
         read_rig("paper-griper")
+
+
+def test_beams_across_the_hand_are_no_mistake(tmp_path):
+    """Fingers that look at each other, and sensors beside each other."""
+    across = GOOD.replace("[0, 0, 0]", "[30, 0, 100]").replace("[0, 0, 1]", "[-1, 0, 0]")
+    beside = GOOD.replace("sensors.a", "sensors.b").replace("[0, 0, 0]", "[0, 5, 0]")
+    assert len(read_rig(rig_file(tmp_path, across + beside)).sensors) == 2
+
+
+def test_what_is_written_is_read_back(tmp_path):
+    rng = np.random.default_rng(0)
+    A = 1e-3 * rng.normal(size=(7, 7))
+    C = A @ A.T
+    rich = RigSensor(
+        name="left eye", T_hand_sensor=SE3.exp(rng.normal(size=6) * [0.1, 0.1, 0.1, 0.5, 0.5, 0.5]), preset=None,
+        sd=1e-3, beam_half_angle=0.03, max_range=0.8, bias_sd=0.0, cov_mount=C[:6, :6], axis_cosine=0.9, sd_prop=0.004,
+        bias=1e-3, scale=-0.02, scale_sd=float(np.sqrt(C[6, 6])), cov_scale=C[:6, 6],
+    )  # fmt: skip
+    preset = sensor_preset("vl53l4cd")
+    plain = RigSensor("b", SE3.exp(np.r_[0.1, np.zeros(5)]), preset, np.nan, 0.1, 1.2, 0.003, np.zeros((6, 6)))
+    path = tmp_path / "rig.toml"
+    write_rig(Rig((rich, plain)), path, comment="two lines\nof comment")
+    assert path.read_text().startswith("# two lines\n# of comment\n\n[sensors.")
+    back = read_rig(path)
+    for old, new in zip((rich, plain), back.sensors, strict=True):
+        assert (old.name, old.preset) == (new.name, new.preset)
+        for name in ("T_hand_sensor", "cov_mount", "cov_scale"):
+            np.testing.assert_allclose(getattr(new, name), getattr(old, name), atol=1e-11)
+        for name in ("sd", "sd_prop", "beam_half_angle", "max_range", "bias", "bias_sd", "scale", "scale_sd"):
+            np.testing.assert_allclose(getattr(new, name), getattr(old, name), rtol=1e-5)
+        assert new.axis_cosine == pytest.approx(old.axis_cosine)
+    assert rig_text(back).count("[sensors.") == 2

@@ -67,6 +67,12 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) ->
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
     told = [untold(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
     status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
+    if not fit.explains:
+        status = "insufficient"
+        message = (
+            "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
+            "take more places on each plane."
+        )
     basis = place_basis(log.ranges, fit.prediction.incidences)
     squares = law_cov(fit.law, log, 1 - fit.stray, basis, fit.prediction.jacobian, fit.cov)
     beams = tuple(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.calibration.geometry import BEAM, Prediction, Setup, predict
+from tanteo.calibration.geometry import BEAM, Prediction, Setup, facing, predict
 from tanteo.calibration.log import PlaneLog
 from tanteo.calibration.noise import PlaceLaw, first_law, improved, place_basis
 from tanteo.calibration.prior import Prior
@@ -35,6 +35,8 @@ class Fit:
         cov: Of all parameters, ``(size, size)``.
         evidence: Logarithm of the probability of the stations under the mixture, with the setup integrated out
             around its best (Laplace); comparable between fits of one log.
+        gain: Log likelihood more than that of readings which are anywhere by chance, less one a parameter (Akaike's
+            criterion): below zero there is nothing in the log.
         settled: It came to rest.
     """
 
@@ -46,7 +48,13 @@ class Fit:
     stray: FloatArray
     cov: FloatArray
     evidence: float
+    gain: float
     settled: bool
+
+    @property
+    def explains(self) -> bool:
+        """Most places are no strays, and chance does not explain them as well."""
+        return bool(np.mean(self.stray > 0.5) < 0.5) and self.gain > 0
 
 
 def refine(
@@ -71,14 +79,13 @@ def refine(
         v = law.variances(log, basis)
         weights = 1 - _strays(log, residuals, v)
         J = now.jacobian
-        information = (J * (weights / v)[:, None]).T @ J + prior.precision
-        cov = _inverse(information)
+        cov = _covariance((J * (weights / v)[:, None]).T @ J, prior)
         step = cov @ (J.T @ (weights / v * residuals) - prior.precision @ prior.deviation(setup))
         hat = np.einsum("mi,ij,mj->m", J, cov, J)
         better = improved(law, log, residuals, weights, basis, hat)
         change = np.max(np.abs(np.log(better.squares / law.squares)) * _weight(better, basis, log, v))
         setup, law = setup.moved(_bounded(step)), better
-        if np.max(np.abs(step) / np.sqrt(np.diag(cov))) < _SETTLED and change < _SETTLED:
+        if np.max(np.abs(step) / np.sqrt(np.maximum(np.diag(cov), 1e-30))) < _SETTLED and change < _SETTLED:
             settled = True
             break
     return _result(setup, log, prior, law, settled)
@@ -86,12 +93,13 @@ def refine(
 
 def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw | None, settled: bool) -> Fit:
     assert law is not None
+    setup = facing(setup, log)
     now = predict(setup, log)
     residuals = log.ranges - now.ranges
     v = law.variances(log, place_basis(log.ranges, now.incidences))
     stray = _strays(log, residuals, v)
     J = now.jacobian
-    cov = _inverse((J * ((1 - stray) / v)[:, None]).T @ J + prior.precision)
+    cov = _covariance((J * ((1 - stray) / v)[:, None]).T @ J, prior)
     likelihood = sum(
         mixture_log_likelihood(residuals[mine], v[mine], log.widths[k])
         for k in range(len(log.beams))
@@ -99,8 +107,11 @@ def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw | None, set
     )
     deviation = prior.deviation(setup)
     evidence = likelihood - 0.5 * float(deviation @ prior.precision @ deviation)
-    evidence += 0.5 * float(np.linalg.slogdet(cov)[1])
-    return Fit(setup, law, now, residuals, v, stray, cov, evidence, settled)
+    evidence += 0.5 * float(np.linalg.slogdet(cov)[1] + np.linalg.slogdet(prior.precision)[1])
+    chance = -float(np.sum(np.log(log.widths[log.beam])))
+    # every parameter, variances as well, gains half a unit by fitting and as much again by luck (Akaike)
+    gain = likelihood - chance - setup.size - law.squares.size
+    return Fit(setup, law, now, residuals, v, stray, cov, evidence, gain, settled)
 
 
 def _strays(log: PlaneLog, residuals: FloatArray, v: FloatArray) -> FloatArray:
@@ -126,11 +137,14 @@ def _bounded(step: FloatArray) -> FloatArray:
     return np.asarray(step * min(1.0, 0.3 / max(float(np.max(np.abs(step))), 1e-12)))
 
 
-def _inverse(information: FloatArray) -> FloatArray:
-    """Inverse of a positive definite matrix whose rows have different units."""
-    s = 1 / np.sqrt(np.diag(information))
-    inverse = np.linalg.inv(information * np.outer(s, s)) * np.outer(s, s)
-    return np.asarray(0.5 * (inverse + inverse.T))
+def _covariance(information: FloatArray, prior: Prior) -> FloatArray:
+    """Of all parameters, from what the stations tell and the prior.
+
+    In the coordinates that make the prior a unit ball: what the stations leave open keeps exactly its prior.
+    """
+    values, vectors = np.linalg.eigh(prior.root.T @ information @ prior.root)
+    root = prior.root @ (vectors / np.sqrt(1 + np.maximum(values, 0.0)))
+    return np.asarray(root @ root.T)
 
 
 def best_fit(log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior]) -> tuple[Fit, Prior]:
@@ -143,9 +157,9 @@ def best_fit(log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior]) ->
         for setup, prior in zip(setups, priors, strict=True)
         for share in _TRUSTED
     ]
-    fits.sort(key=lambda f: -f[0].evidence)
+    fits.sort(key=lambda f: (-f[0].explains, -f[0].evidence))
     settled = [(refine(fit.setup, log, prior, law=fit.law), prior) for fit, prior in fits[:_CONTINUED]]
-    return max(settled, key=lambda f: f[0].evidence)
+    return max(settled, key=lambda f: (f[0].explains, f[0].evidence))
 
 
 def beam_slice(k: int) -> slice:

@@ -21,6 +21,8 @@ BEAM = ("x", "y", "z", "turn x", "turn y", "scale", "slant")
 PLANE = ("tilt x", "tilt y", "shift")
 """Parameters of a plane in its own frame, whose z is the normal."""
 
+_TURNED = np.diag([1.0, -1.0, -1.0, 1.0])
+
 _GRAZING = 0.02
 """Least cosine of the incidence: beyond it a beam hardly meets the plane."""
 
@@ -108,6 +110,16 @@ def predict(setup: Setup, log: PlaneLog) -> Prediction:
     plane[:, 2] = gain / slope
     J = _scattered(beam, log.beam, len(setup.scales), plane, log.plane, len(setup.T_world_planes))
     return Prediction(gain * d, np.arccos(np.minimum(np.abs(slope), 1.0)), J, points)
+
+
+def facing(setup: Setup, log: PlaneLog) -> Setup:
+    """The same setup with every plane's z towards the sensors that looked at it."""
+    aims = (log.Ts_world_hand @ setup.T_hand_beams[log.beam])[:, :3, 2]
+    slopes = np.sum(aims * setup.T_world_planes[log.plane, :3, 2], axis=1)
+    away = np.bincount(log.plane, weights=slopes, minlength=len(setup.T_world_planes)) > 0
+    return replace(
+        setup, T_world_planes=np.where(away[:, None, None], setup.T_world_planes @ _TURNED, setup.T_world_planes)
+    )
 
 
 def _scattered(beam: FloatArray, beams: IntArray, k: int, plane: FloatArray, planes: IntArray, p: int) -> FloatArray:

@@ -19,6 +19,9 @@ from tanteo.typing import FloatArray
 TERMS = ("floor", "per range", "across")
 """Standard deviations of the place law: [m], per metre of range, per metre of range and tangent of the incidence."""
 
+_LEAST = 1e-12
+"""Least variance: a micrometre. A log without any scatter shall not be believed more than numbers can be told apart."""
+
 _LARGEST_DENSE = 1500
 """Stations up to which the covariance of the variances takes account of how they were fitted."""
 
@@ -35,7 +38,7 @@ class PlaceLaw:
 
     def variances(self, log: PlaneLog, basis: FloatArray) -> FloatArray:
         """Variance of a station's mean range: of its place, and what its repeats leave of theirs [m^2]."""
-        return np.sum(self.squares[log.beam] * basis, axis=1) + repeat_variances(log)
+        return np.maximum(np.sum(self.squares[log.beam] * basis, axis=1) + repeat_variances(log), _LEAST)
 
 
 def place_basis(ranges: FloatArray, incidences: FloatArray) -> FloatArray:
@@ -90,7 +93,7 @@ def improved(
         down = rest[mine] @ basis[mine]
         ratio = np.divide(pull[mine] @ basis[mine], down, out=np.ones(len(TERMS)), where=down > 0)
         squares[k] *= np.sqrt(ratio)
-    return PlaceLaw(squares)
+    return PlaceLaw(np.maximum(squares, 1e-3 * _LEAST))
 
 
 def law_cov(

@@ -14,8 +14,8 @@ from tanteo.typing import FloatArray, Transforms
 WEAK = {"x": 0.3, "y": 0.3, "z": 0.3, "turn x": 1.0, "turn y": 1.0, "scale": 0.02, "slant": 0.01}
 """Standard deviations [m, rad] where nobody said anything: a sensor is on the hand, and its scale is not far off."""
 
-_PLANE_SD = 1e3
-"""Of the planes, which are not known at all; only so that a log that tells nothing can be inverted."""
+_PLANE_SD = 1.0
+"""Of tilts and shifts of the planes around where the search begins [rad, m]: they are not known at all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,12 +27,14 @@ class Prior:
         scales: Scale errors that are expected, ``(k,)``.
         covs: Of the parameters of every beam, ``(k, 7, 7)``.
         precision: Of all parameters of the setup.
+        root: A square root of its inverse: ``root root^T`` is the prior covariance.
     """
 
     T_hand_beams: Transforms
     scales: FloatArray
     covs: FloatArray
     precision: FloatArray
+    root: FloatArray
 
     def deviation(self, setup: Setup) -> FloatArray:
         """Of a setup from what is expected, over all its parameters; planes are not judged."""
@@ -79,4 +81,5 @@ def make_prior(
     precision = np.eye(7 * k + 3 * n_planes) / _PLANE_SD**2
     for i in range(k):
         precision[7 * i : 7 * i + 7, 7 * i : 7 * i + 7] = np.linalg.inv(covs[i])
-    return Prior(Ts, scales, covs, precision)
+    root = np.linalg.inv(np.linalg.cholesky(precision)).T
+    return Prior(Ts, scales, covs, precision, root)

@@ -21,6 +21,9 @@ _PASSES = 12
 _FARTHEST = 0.3
 """A beam starts about this near to the hand's origin [m]: only to settle what the log leaves open."""
 
+_OPEN = 1e-8
+"""Scatter of points [m^2] across the beams that counts as none."""
+
 
 def starts(log: PlaneLog, T_hand_beams: Transforms | None) -> list[Setup]:
     """Setups to refine, the best first.
@@ -130,12 +133,16 @@ def _planes(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Transforms:
     for p in range(len(log.planes)):
         mine = (log.plane == p) & use if ((log.plane == p) & use).any() else log.plane == p
         q, weights = points[mine], np.ones(int(mine.sum()))
+        aim = T[mine, :3, 2].mean(axis=0)
+        # where the points leave the normal open it is against the beams
+        open_ = _OPEN * (aim @ aim * np.eye(3) - np.outer(aim, aim))
         for _ in range(_PASSES):
             middle = np.average(q, axis=0, weights=weights)
-            n = np.linalg.svd((q - middle) * np.sqrt(weights)[:, None], full_matrices=False)[2][2]
+            scatter = ((q - middle) * weights[:, None]).T @ (q - middle) / weights.sum()
+            n = np.linalg.eigh(scatter + open_)[1][:, 0]
             off = np.abs((q - middle) @ n)
             weights = 1 / np.maximum(off, 1e-4 + 0.1 * np.median(off))
-        towards = -np.sign(np.sum(T[mine, :3, 2] @ n)) or 1.0
+        towards = -np.sign(aim @ n) or 1.0
         out[p] = plane_frame(towards * n, middle)
     return out
 

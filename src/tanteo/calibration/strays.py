@@ -13,6 +13,9 @@ from tanteo.typing import FloatArray
 _PASSES = 100
 _SETTLED = 1e-9
 
+_LARGEST_SHARE = 0.5
+"""A device whose readings are mostly strays is not a sensor: the rest must be explained."""
+
 
 def stray_probabilities(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> FloatArray:
     """How probable it is that each residual is a stray.
@@ -28,17 +31,21 @@ def stray_probabilities(residuals: FloatArray, variances: FloatArray, width: Flo
     p = np.zeros_like(good)
     for _ in range(_PASSES):
         p = share * stray / (share * stray + (1 - share) * good)
-        # half a stray and half a good one are added, so that no share is ever certain (Jeffreys)
-        fresh = (p.sum() + 0.5) / (len(p) + 1)
+        fresh = _share(p)
         if abs(fresh - share) < _SETTLED:
             break
         share = fresh
     return np.asarray(p)
 
 
+def _share(p: FloatArray) -> float:
+    """Share of strays: half a stray and half a good one are added (Jeffreys), and most are good."""
+    return float(min((p.sum() + 0.5) / (len(p) + 1), _LARGEST_SHARE))
+
+
 def mixture_log_likelihood(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> float:
     """Log likelihood of the residuals under the mixture, at the share that :func:`stray_probabilities` settles at."""
     p = stray_probabilities(residuals, variances, width)
-    share = (p.sum() + 0.5) / (len(p) + 1)
+    share = _share(p)
     good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
     return float(np.sum(np.log(share / np.broadcast_to(width, good.shape) + (1 - share) * good)))

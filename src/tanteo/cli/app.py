@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.sensor_app import sensor_app
+
 app = typer.Typer(
     help="Which part is it, where is it, and how sure are we: from touches and ranges against CAD files.",
     rich_markup_mode=None,
@@ -20,6 +22,7 @@ sense_app = typer.Typer(
     help="Sense a feature in the simulator, without contact.", rich_markup_mode=None, no_args_is_help=True
 )
 app.add_typer(sense_app, name="sense")
+app.add_typer(sensor_app, name="sensor")
 
 ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="Readings file (CSV).")]
 PartPaths = Annotated[
@@ -204,12 +207,3 @@ def _sense(
 
     with guarded():
         sense(kind, scene, standoff=standoff, seed=seed, record=record, as_json=json, verbose=verbose)
-
-
-@app.command()
-def presets(json: Json = False) -> None:
-    """List the sensor and robot presets with how far their figures were verified."""
-    from tanteo.cli.running import guarded, show_presets
-
-    with guarded():
-        show_presets(as_json=json)

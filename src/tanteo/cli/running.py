@@ -155,22 +155,3 @@ def show_part(file: str, unit: str | None, *, as_json: bool, verbose: bool) -> N
         from tanteo.cli.part_text import part_lines
 
         emit(part_lines(part, verbose=verbose))
-
-
-def show_presets(*, as_json: bool) -> None:
-    """Print the presets of sensors and robots."""
-    import json
-    from dataclasses import asdict
-
-    from tanteo.sensors.presets import robot_presets, sensor_presets
-
-    if as_json:
-        both = {
-            "sensors": [asdict(p) for p in sensor_presets().values()],
-            "robots": [asdict(p) for p in robot_presets().values()],
-        }
-        finite = {k: [{f: v if v == v else None for f, v in row.items()} for row in rows] for k, rows in both.items()}
-        sys.stdout.write(json.dumps(finite, indent=2, allow_nan=False) + "\n")
-        return
-    for title, presets in (("Sensors (--sensor)", sensor_presets()), ("Robots (--robot)", robot_presets())):
-        emit([title, *(f"  {name:28} {p.check}" for name, p in presets.items()), ""])

@@ -13,15 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.errors import InputError, UnitError
+from tanteo.errors import CovarianceError, InputError, UnitError
+from tanteo.frames import check_covariance
+from tanteo.io.rig_checks import check_beam, check_twins
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
-from tanteo.typing import FloatArray, Rotations
+from tanteo.typing import Covariances, FloatArray, Rotations
 
-_LENGTHS = ("position", "sd", "max", "bias_sd", "mount_sd")
+_LENGTHS = ("position", "sd", "max", "bias", "bias_sd", "mount_sd")
 _ANGLES = ("beam_half_angle", "mount_turn_sd")
-_PLAIN = ("preset", "direction", "quaternion_wxyz", "axis")
+_PLAIN = ("preset", "direction", "quaternion_wxyz", "axis", "sd_per_range", "scale", "scale_sd")
+_COVARIANCES = {"mount_covariance_m_rad": (6, 6), "scale_covariance_m_rad": (6,)}
 
 
 def read_rig(path: str | Path) -> Rig:
@@ -51,7 +54,9 @@ def read_rig(path: str | Path) -> Rig:
     tables = document.get("sensors")
     if not isinstance(tables, dict) or not tables:
         raise InputError(f"{path}: expected tables [sensors.NAME], one a sensor, got none. Add one.")
-    return Rig(tuple(_sensor(name, table, f"{path}, sensor '{name}'") for name, table in tables.items()), str(path))
+    rig = Rig(tuple(_sensor(name, table, f"{path}, sensor '{name}'") for name, table in tables.items()), str(path))
+    check_twins(rig, str(path))
+    return rig
 
 
 @cache
@@ -70,24 +75,46 @@ def _sensor(name: str, table: Any, place: str) -> RigSensor:
     if preset is None and not {"sd", "beam_half_angle"} <= values.keys():
         raise InputError(f"{place}: expected a preset, or sd_mm and beam_half_angle_deg, got neither. Add them.")
     R = _rotation(values, place)
-    mount = np.concatenate([_per_axis(values, "mount_sd", place), _per_axis(values, "mount_turn_sd", place)])
-    return RigSensor(
+    sensor = RigSensor(
         name=name,
         T_hand_sensor=SE3.from_parts(R, _numbers(values, "position", 3, place)),
         preset=preset,
-        sd=_positive(values, "sd", math.nan, place),
-        beam_half_angle=_positive(values, "beam_half_angle", preset.beam_half_angle if preset else 0.0, place),
-        max_range=_positive(values, "max", preset.max_range if preset else math.nan, place),
-        bias_sd=_positive(values, "bias_sd", preset.bias_std if preset else 0.0, place),
-        cov_mount=np.diag(mount**2),
+        sd=_number(values, "sd", math.nan, place, above=0),
+        beam_half_angle=_number(values, "beam_half_angle", preset.beam_half_angle if preset else 0.0, place, least=0),
+        max_range=_number(values, "max", preset.max_range if preset else math.nan, place, above=0),
+        bias_sd=_number(values, "bias_sd", preset.bias_std if preset else 0.0, place, least=0),
+        cov_mount=_mount(values, place),
         axis_cosine=_axis_cosine(values, R, place),
+        sd_prop=_number(values, "sd_per_range", 0.0, place, least=0),
+        bias=_number(values, "bias", 0.0, place),
+        scale=_number(values, "scale", 0.0, place, above=-1),
+        scale_sd=_number(values, "scale_sd", math.nan, place, least=0),
+        cov_scale=values.get("scale_covariance_m_rad", np.zeros(6)),
     )
+    check_beam(sensor, place)
+    return sensor
+
+
+def _mount(values: Mapping[str, Any], place: str) -> Covariances:
+    """Covariance of the mounting: from standard deviations, or whole as a calibration writes it."""
+    if "mount_covariance_m_rad" not in values:
+        sds = np.concatenate([_per_axis(values, "mount_sd", place), _per_axis(values, "mount_turn_sd", place)])
+        return np.diag(sds**2)
+    if {"mount_sd", "mount_turn_sd"} & values.keys():
+        raise InputError(f"{place}: expected mount_covariance_m_rad or mount_sd and mount_turn_sd, got both. Keep one.")
+    try:
+        return check_covariance(f"{place}, mount_covariance_m_rad", values["mount_covariance_m_rad"], 6)
+    except CovarianceError as error:
+        raise InputError(f"{error} Copy it as the calibration wrote it.") from None
 
 
 def _in_si(table: Mapping[str, Any], place: str) -> dict[str, Any]:
     """Values by key without unit, in metres and radians."""
     out: dict[str, Any] = {}
     for key, value in table.items():
+        if key in _COVARIANCES:
+            out[key] = _matrix(value, key, _COVARIANCES[key], place)
+            continue
         base, factor = _key(key, place)
         if base in out:
             raise UnitError(f"{place}, {key}: expected '{base}' once, got it in two units. Keep one.")
@@ -105,7 +132,8 @@ def _key(key: str, place: str) -> tuple[str, float | None]:
         if key in bases or base in bases:
             listed = ", ".join(f"{base if base in bases else key}_{u}" for u in units)
             raise UnitError(f"{place}, {key}: expected one of {listed}, got '{key}'. Say the unit in the name.")
-    known = [*_PLAIN, *(f"{name}_mm" for name in _LENGTHS), *(f"{name}_deg" for name in _ANGLES)]
+    lengths, angles = (f"{name}_mm" for name in _LENGTHS), (f"{name}_deg" for name in _ANGLES)
+    known = [*_PLAIN, *lengths, *angles, *_COVARIANCES]
     _only({key: None}, known, place)
     raise AssertionError(key)
 
@@ -135,13 +163,37 @@ def _numbers(values: Mapping[str, Any], key: str, n: int, place: str) -> FloatAr
     return array
 
 
-def _positive(values: Mapping[str, Any], key: str, default: float, place: str) -> float:
+def _number(
+    values: Mapping[str, Any],
+    key: str,
+    default: float,
+    place: str,
+    *,
+    above: float = -math.inf,
+    least: float = -math.inf,
+) -> float:
+    """One number above ``above`` and not less than ``least``; the default without the key."""
     if key not in values:
         return default
-    array = np.asarray(values[key])
-    if array.ndim or not array > 0:
-        raise InputError(f"{place}, {key}: expected one positive number, got {array.tolist()}. Correct it.")
+    array = np.asarray(_numeric(values[key], key, place) if key in _PLAIN else values[key])
+    if array.ndim or not (array > above and array >= least):
+        expected = "one number"
+        if least == 0 or above == 0:
+            expected = "one number of zero or more" if least == 0 else "one positive number"
+        elif above > -math.inf:
+            expected = f"one number above {above:g}"
+        raise InputError(f"{place}, {key}: expected {expected}, got {array.tolist()}. Correct it.")
     return float(array)
+
+
+def _matrix(value: Any, key: str, shape: tuple[int, ...], place: str) -> FloatArray:
+    rows = value if isinstance(value, list) and len(shape) == 2 else [value]
+    numbers = [_numeric(row, key, place) for row in rows]
+    try:
+        return np.asarray(numbers, dtype=np.float64).reshape(shape)
+    except ValueError:
+        size = " x ".join(map(str, shape))
+        raise InputError(f"{place}, {key}: expected {size} numbers, got {value!r}. Copy them whole.") from None
 
 
 def _per_axis(values: Mapping[str, Any], key: str, place: str) -> FloatArray:

@@ -1,0 +1,72 @@
+"""What a rig that could be read may still have wrong: places, directions, sensors that are there twice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.errors import InputError, UnitError
+from tanteo.sensors import Rig, RigSensor
+
+_FARTHEST = 2.0
+"""A sensor farther than this from the hand's origin [m] is a wrong unit."""
+
+_WIDEST = np.pi / 3
+"""A cone wider than this [rad] is a wrong unit."""
+
+_INTO = 0.5
+"""A beam that comes back to within this share of its start's distance from the hand's origin runs into the hand."""
+
+_SAME = 1e-6
+
+
+def check_beam(sensor: RigSensor, place: str) -> None:
+    """Check that a beam starts at the hand and does not run into it.
+
+    Args:
+        sensor: The sensor.
+        place: File and sensor, for messages.
+
+    Raises:
+        UnitError: It is so far or so wide that a unit must be wrong.
+        InputError: Its beam runs through the middle of the hand.
+    """
+    origin, beam = sensor.T_hand_sensor[:3, 3], sensor.T_hand_sensor[:3, 2]
+    away = float(np.linalg.norm(origin))
+    if away > _FARTHEST:
+        raise UnitError(
+            f"{place}, position: expected within {_FARTHEST:g} m of the hand's origin, got {away:g} m. Check the unit "
+            "in the key."
+        )
+    if sensor.beam_half_angle > _WIDEST:
+        got = np.degrees(sensor.beam_half_angle)
+        raise UnitError(
+            f"{place}, beam_half_angle: expected 60 degrees or less, got {got:g}. Check the unit in the key."
+        )
+    ahead = max(-float(origin @ beam), 0.0)
+    nearest = float(np.linalg.norm(origin + ahead * beam))
+    if nearest < _INTO * away and ahead < _reach(sensor):
+        raise InputError(
+            f"{place}, direction: expected the beam to lead away from the hand, got one that passes its origin within "
+            f"{1e3 * nearest:.3g} mm. Turn it around, or move the hand's origin out of its way."
+        )
+
+
+def _reach(sensor: RigSensor) -> float:
+    """Farthest range of a sensor [m], infinite for unknown."""
+    return float(np.nan_to_num(sensor.max_range, nan=np.inf))
+
+
+def check_twins(rig: Rig, place: str) -> None:
+    """Check that no two sensors have one beam.
+
+    Raises:
+        InputError: Two do; the message names them.
+    """
+    for i, one in enumerate(rig.sensors):
+        for other in rig.sensors[:i]:
+            difference = one.T_hand_sensor[:3, 2:] - other.T_hand_sensor[:3, 2:]
+            if np.abs(difference).max() < _SAME:
+                raise InputError(
+                    f"{place}: expected every sensor at a place or with a direction of its own, got '{other.name}' and "
+                    f"'{one.name}' with the same. Correct one."
+                )
