@@ -10,7 +10,7 @@ import pytest
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.polish import polish
-from tanteo.matching.surface import ORIENTED, QUICK, search
+from tanteo.matching.surface import effort_for, groups, search
 from tanteo.matching.target import Target, prepare_target
 from tanteo.matching.touches import FreePaths, Touches
 from tanteo.parts import read_part
@@ -33,11 +33,12 @@ def touched(points, normals=None) -> Touches:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("effort", [QUICK, ORIENTED])
-def test_no_start_at_all_is_no_mode_and_no_exception(target, effort):
+@pytest.mark.parametrize("oriented", [False, True])
+def test_no_start_at_all_is_no_mode_and_no_exception(target, oriented):
     points = np.diag([1.0, 2.0, 3.0]) * 10 * target.part.diagonal
-    normals = np.eye(3) if effort is ORIENTED else None
-    assert len(search(touched(points, normals), FreePaths.none(), target, Priors(radius=1.0), effort).Ts) == 0
+    touches = touched(points, np.eye(3) if oriented else None)
+    base, effort = groups(touches, target, 1)[0], effort_for(touches, target, 0)
+    assert len(search(touches, FreePaths.none(), target, Priors(radius=1.0), effort, base).Ts) == 0
 
 
 def test_a_direction_that_nothing_resists_does_not_run_away(target):

@@ -47,7 +47,7 @@ def bases(touches: Touches, count: int, target: Target) -> list[tuple[int, int, 
     return out
 
 
-def triple_poses(touches: Touches, base: tuple[int, int, int], target: Target, limit: int) -> Transforms:
+def triple_poses(touches: Touches, base: tuple[int, ...], target: Target, limit: int) -> Transforms:
     """Poses ``(S, 4, 4)``, ``S`` up to about ``limit``, that put three readings on samples up to their spacing."""
     index = list(base)
     places = [_lifted(target, touches.radii[m]) for m in index]
@@ -67,7 +67,7 @@ def triple_poses(touches: Touches, base: tuple[int, int, int], target: Target, l
     return Ts[proper & _facing(touches, index, Ts, target.normals, chosen)]
 
 
-def pair_poses(touches: Touches, base: tuple[int, int], target: Target, limit: int) -> Transforms:
+def pair_poses(touches: Touches, base: tuple[int, ...], target: Target, limit: int) -> Transforms:
     """The same from two readings with sensed normals, which fix a pose by themselves."""
     index = list(base)
     (p, q), (m, n) = touches.points[index], touches.normals[index]

@@ -13,21 +13,12 @@ from tanteo.features import SharedError
 from tanteo.fitting import SUSPECT
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
-from tanteo.matching.modes import NEGLIGIBLE, Mode, weigh
-from tanteo.matching.polish import Polished, polish
+from tanteo.matching.modes import Mode, weigh
+from tanteo.matching.polish import polish
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.surface import (
-    DEEPEST,
-    EXHAUSTIVE,
-    Effort,
-    crowded,
-    distinct_maxima,
-    efforts_for,
-    explained,
-    leaves_many,
-    search,
-)
+from tanteo.matching.rounds import search_all
+from tanteo.matching.surface import distinct_maxima
 from tanteo.matching.target import Target, prepare_target
 from tanteo.matching.touch_answer import as_hypothesis, what_limits
 from tanteo.matching.touches import FreePaths, Touches
@@ -37,9 +28,6 @@ from tanteo.typing import FloatArray
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
-
-_DETERMINES = 6
-"""Readings without normals that can fix a pose; fewer leave a direction free in any case."""
 
 _TOO_MANY_STRAYS = 1e-4
 """If so many readings off the part are less likely than this, it is not the part, whatever else fits."""
@@ -86,9 +74,10 @@ def identify_touches(
     fitting = [part for part in parts if _large_enough(touches, _part(part))]
     targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
     clock.lap("prepare")
-    found = _search_all(touches, free, targets, priors)
-    clock.lap("search")
     log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
+    share = np.log1p(-priors.unknown) - np.log(len(parts))
+    found = search_all(touches, free, targets, priors, log_unknown - share)
+    clock.lap("search")
     modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
     ratio = _scatter(modes)
     if ratio > 1:
@@ -128,57 +117,6 @@ def _part(part: Part | PartModel | Target) -> Part:
         return part
     assert part.part is not None
     return part.part
-
-
-def _search_all(
-    touches: Touches, free: FreePaths, targets: Sequence[Target], priors: Priors
-) -> list[tuple[Target, Polished]]:
-    """All parts with a quick search; wider and wider while no part explains the readings."""
-    found: list[tuple[Target, Polished]] = []
-    efforts = [efforts_for(touches, target) for target in targets]
-    for level in range(max(map(len, efforts), default=0)):
-        found = _search_each(touches, free, targets, priors, [e[min(level, len(e) - 1)] for e in efforts], found)
-        if any(explained(modes, priors.clutter) for _, modes in found):
-            return _search_crowded(touches, free, found, priors)
-    best = max((modes for _, modes in found if len(modes.Ts)), key=lambda m: float(m.log_evidence[0]), default=None)
-    if best is not None and leaves_many(best, priors.clutter):
-        found = _search_each(touches, free, targets, priors, [DEEPEST] * len(targets), found)
-    return found
-
-
-def _search_crowded(
-    touches: Touches, free: FreePaths, found: Sequence[tuple[Target, Polished]], priors: Priors
-) -> list[tuple[Target, Polished]]:
-    """Search parts that matter exhaustively where so many poses explain the readings that some were missed."""
-    best = max(float(modes.log_evidence.max(initial=-np.inf)) for _, modes in found)
-    out = []
-    for target, modes in found:
-        if (
-            len(touches) > _DETERMINES
-            and touches.oriented.sum() < LEAST
-            and crowded(modes)
-            and modes.log_evidence[0] > best - NEGLIGIBLE
-        ):
-            out.append((target, search(touches, free, target, priors, EXHAUSTIVE, modes.Ts)))
-        else:
-            out.append((target, modes))
-    return out
-
-
-def _search_each(
-    touches: Touches,
-    free: FreePaths,
-    targets: Sequence[Target],
-    priors: Priors,
-    efforts: Sequence[Effort],
-    found: Sequence[tuple[Target, Polished]],
-) -> list[tuple[Target, Polished]]:
-    """One search of every part, the best poses so far among the starts."""
-    known = [modes.Ts[:4] for _, modes in found] if found else [None] * len(targets)
-    return [
-        (target, search(touches, free, target, priors, effort, Ts))
-        for target, effort, Ts in zip(targets, efforts, known, strict=True)
-    ]
 
 
 def _large_enough(touches: Touches, part: Part) -> bool:
