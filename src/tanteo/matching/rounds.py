@@ -83,7 +83,7 @@ class Search:
 
 
 def search_all(
-    touches: Touches, free: FreePaths, targets: Sequence[Target], priors: Priors, log_unknown: float
+    touches: Touches, free: FreePaths, targets: Sequence[Target], priors: Priors
 ) -> list[tuple[Target, Polished]]:
     """The maxima of all parts; round by round, each part as long as poses may be missing that matter.
 
@@ -92,7 +92,6 @@ def search_all(
         free: paths on which nothing was met.
         targets: the parts.
         priors: what is assumed beforehand.
-        log_unknown: log evidence of "none of these" over that of a part before anything was sensed.
     """
     searches = [Search(target, tuple(groups(touches, target, _ROUNDS))) for target in targets]
     determined = len(touches) >= _DETERMINES or touches.oriented.sum() >= LEAST_ORIENTED
@@ -103,13 +102,13 @@ def search_all(
             effort = effort_for(touches, s.target, k)
             searches[i] = s.after(search(touches, free, s.target, priors, effort, s.bases[k % len(s.bases)]))
         if k > 0:
-            left = _unfinished(searches, left, k, priors, log_unknown)
+            left = _unfinished(searches, left, k, priors)
         if not left:
             break
     return [(s.target, s.maxima) for s in searches if s.maxima is not None]
 
 
-def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors, log_unknown: float) -> list[int]:
+def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors) -> list[int]:
     """Parts to search again after round ``k``."""
     if not any(s.maxima is not None and explained(s.maxima, priors.clutter) for s in searches):
         return left if k + 1 < _HOPELESS_ROUNDS else []

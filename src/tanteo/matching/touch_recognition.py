@@ -75,8 +75,7 @@ def identify_touches(
     targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
     clock.lap("prepare")
     log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
-    share = np.log1p(-priors.unknown) - np.log(len(parts))
-    found = search_all(touches, free, targets, priors, log_unknown - share)
+    found = search_all(touches, free, targets, priors)
     clock.lap("search")
     modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
     ratio = _scatter(modes)
