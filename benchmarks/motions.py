@@ -31,10 +31,10 @@ CLEARANCE = 0.6
 """Of the rules, as a share of the stand-off."""
 
 
-def run_one(kind, seed, k):
+def run_one(kind, seed, k, clamp=False):
     """One scene: what was acquired, and what the truth says of it."""
     rng = np.random.default_rng((seed, list(SENSE).index(kind), k))
-    task = make_task(rng, kind, PARTS[k % len(PARTS)])
+    task = make_task(rng, kind, PARTS[k % len(PARTS)], clamp)
     cell = Cell(latency=rng.uniform(0, 0.06))
     robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=cell)
     rules = Rules(clearance=CLEARANCE * task.standoff, workspace=task.workspace)

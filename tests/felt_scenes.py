@@ -64,18 +64,18 @@ def gripper():
     return Hand(rig, gripper_body(rig))
 
 
-def make_task(rng, kind, name):
-    """Draw scenes until one can be done."""
+def make_task(rng, kind, name, clamp=False):
+    """Draw scenes until one can be done; with a clamp beside the part that nobody knows of, or without."""
     while True:
-        task = _try(rng, kind, name)
+        task = _try(rng, kind, name, clamp)
         if task is not None:
             return task
 
 
-def _try(rng, kind, name):
+def _try(rng, kind, name, clamp):
     part, hand = part_of(name), gripper()
     T_world_part = _fixed(rng, part)
-    scene = _scene(rng, part, T_world_part)
+    scene = _scene(rng, part, T_world_part, clamp)
     standoff = rng.uniform(*STANDOFFS)
     target = {"plane": _face, "edge": _edge, "vertex": _corner}[kind](rng, part, T_world_part)
     if target is None:
@@ -108,8 +108,8 @@ def _fixed(rng, part):
     return SE3.from_parts(R, np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.02, 0.15) - lowest]))
 
 
-def _scene(rng, part, T):
-    """Part, table, the fixture's post below it, and a box beside it."""
+def _scene(rng, part, T, clamp):
+    """Part, table, the fixture's post below it, and a box beside it if there shall be one."""
     vertices = SE3.apply(T, part.vertices)
     centre = vertices.mean(axis=0)
     solids = [
@@ -117,6 +117,8 @@ def _scene(rng, part, T):
         box("post", [*(centre[:2] - 0.01), 0.0], [*(centre[:2] + 0.01), vertices[:, 2].min()]),
         Solid.at("part", part.vertices, part.triangles, T),
     ]
+    if not clamp:
+        return Scene.of(solids)
     turn, away = rng.uniform(0, 2 * np.pi), part.radius + rng.uniform(0.06, 0.12)
     beside = centre[:2] + away * np.array([np.cos(turn), np.sin(turn)])
     half, tall = rng.uniform(0.01, 0.04, 2), rng.uniform(0.03, 0.25)

@@ -5,7 +5,16 @@ import pytest
 from scipy.stats import chi2
 
 from felt_scenes import PARTS, gripper, make_task, nees
-from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea, features_of, sense_edge, sense_plane, sense_vertex
+from tanteo.acquisition import (
+    CornerIdea,
+    EdgeIdea,
+    FaceIdea,
+    features_of,
+    plane_as_published,
+    sense_edge,
+    sense_plane,
+    sense_vertex,
+)
 from tanteo.acquisition.cloud import cloud_of, over, room
 from tanteo.acquisition.patch import find_patch, stands
 from tanteo.acquisition.plane import facing
@@ -64,6 +73,21 @@ def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, kind):
             np.testing.assert_array_equal(feature.P, other.P)
             for a, b in zip(feature.shared, other.shared, strict=True):
                 np.testing.assert_array_equal(a.gain, b.gain)
+
+
+def test_the_published_plane_holds_what_it_states():
+    """Four readings of the record instead of all: a greater covariance, and an honest one."""
+    total, n = 0.0, 12
+    for seed in range(n):
+        got = sense_plane(robot_on(seed=seed), FACE, standoff=0.02, rules=RULES)
+        published = plane_as_published(got.readings, gripper().rig, "plane")
+        total += nees(BLOCK, published)[0]
+        assert len(published.readings) == 4
+        assert np.linalg.det(published.P) > 8 * np.linalg.det(got.feature.P)
+    low, high = chi2.ppf([0.001, 0.999], 3 * n)
+    assert low < total < high
+    with pytest.raises(InputError, match="expected four readings or more of two sensors"):
+        plane_as_published(got.readings, gripper().rig, "no such label")
 
 
 def test_poses_survive_a_quaternion():

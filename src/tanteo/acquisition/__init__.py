@@ -11,6 +11,7 @@ from tanteo.acquisition.edge import sense_edge
 from tanteo.acquisition.ideas import CornerIdea, EdgeIdea, FaceIdea
 from tanteo.acquisition.plane import sense_plane
 from tanteo.acquisition.record import features_of
+from tanteo.acquisition.two_directions import plane_as_published
 from tanteo.acquisition.vertex import sense_vertex
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "FaceIdea",
     "Outcome",
     "features_of",
+    "plane_as_published",
     "sense_edge",
     "sense_plane",
     "sense_vertex",

@@ -12,7 +12,7 @@ from tanteo.motion import Motion
 from tanteo.sensors import error_model
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
-_MOST = 900
+_MOST = 1500
 """Beams that are kept, evenly over the logs."""
 
 _OUT, _FORM = 3.0, 1e-3

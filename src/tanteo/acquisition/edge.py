@@ -9,11 +9,25 @@ import numpy as np
 from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.cloud import Cloud, over
 from tanteo.acquisition.ideas import EdgeIdea
-from tanteo.acquisition.plane import HOVER, Session, acquire_plane, back_off, facing, finish, fits, moved, path
+from tanteo.acquisition.patch import all_seen
+from tanteo.acquisition.plane import (
+    HOVER,
+    LOOKS,
+    Session,
+    acquire_plane,
+    back_off,
+    facing,
+    feet,
+    finish,
+    fits,
+    moved,
+    path,
+    swing,
+)
 from tanteo.acquisition.record import edge_readings, fitted_feature
 from tanteo.features import Feature
 from tanteo.hand import Robot
-from tanteo.motion import Crossing, EdgeEvent, Rules, approach, cross_edge, go_to
+from tanteo.motion import Crossing, EdgeEvent, Rules, approach, cross_edge, go_to, look
 from tanteo.motion.result import Motion
 from tanteo.sensors import RobotPreset
 from tanteo.typing import FloatArray, Transforms, Vectors
@@ -163,9 +177,13 @@ def _cross_again(
     inset = session.standoff * 0.3 + 0.006
     last: Motion | None = None
     middle = point + ((first[0] - point) @ along) * along
-    for offset in OFFSETS:
+    places = [middle + offset * along - inset * outwards for offset in OFFSETS]
+    looked = _look_there(session, face, np.array(places), along)
+    if looked is not None and not looked.reached:
+        return failed(looked)
+    for place in places:
         way = (inset + 0.01) * outwards
-        last = stand(session, face, middle + offset * along - inset * outwards, along, way)
+        last = stand(session, face, place, along, way)
         if not last.reached:
             continue
         crossing = _cross(session, face, outwards, inset + 0.012, 0.010)
@@ -275,6 +293,26 @@ def _along_a_line(session: Session, events: list[EdgeEvent], along: FloatArray) 
     """Whether events are at three places or more: any two are on one line."""
     places = np.sort([_place(session, e) @ along for e in events])
     return 1 + int((np.diff(places) > 0.5 * _SHIFT).sum()) >= _PLACES
+
+
+def _look_there(session: Session, face: Feature, places: FloatArray, along: FloatArray) -> Motion | None:
+    """A look from over the first of some places, unless the face has been seen all around the fingers at them all."""
+    T = face.T_world_feature
+    origin, normal = T[:3, 3], T[:3, 2]
+    poses = np.stack([_over(session, face, p, along) for p in places])
+    if all_seen(session.seen(), origin, normal, feet(session.hand, poses)):
+        return None
+    back = back_off(session, HOVER)
+    if not back.reached:
+        return back
+    over = moved(_over(session, face, places[0], along), HOVER * normal)
+    if not fits(session, _raised(session, face), path(session.robot.sensed.T_world_hand, over, session.hand.front, 12)):
+        return Motion("look", "limit", "there is no room for the hand over the edge", ())
+    there = session.does(go_to(session.robot, over, session.rules))
+    if not there.reached:
+        return there
+    tilt, spacing = LOOKS[1]
+    return session.does(look(session.robot, swing(session, tilt), session.rules, spacing=spacing))
 
 
 def _distance(session: Session, event: EdgeEvent, line: tuple[FloatArray, FloatArray]) -> float:

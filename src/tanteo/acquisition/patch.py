@@ -30,6 +30,9 @@ _TRUST = 0.015
 _WIDEST = 0.015
 """More room than this to the border of a patch is no better [m]."""
 
+_RIM = 0.010
+"""The surface is known around a finger if beams have been around it at this distance [m]."""
+
 _STANDS = 150
 """Places that are proposed at most."""
 
@@ -105,16 +108,36 @@ def _score(count: int, point: FloatArray, normal: FloatArray, idea: FaceIdea) ->
 
 def _border(cloud: Cloud, point: FloatArray, normal: FloatArray, agree: BoolArray) -> Vectors:
     """Where frontal beams went through the plane of the patch, or ended before it."""
+    places, known = _places(cloud, point, normal)
+    return np.asarray(places[known & ~agree])
+
+
+def _places(cloud: Cloud, point: FloatArray, normal: FloatArray) -> tuple[Vectors, BoolArray]:
+    """Where in a plane each beam went through it or ended before it, and which of the frontal ones did either."""
     height = (cloud.starts - point) @ normal
     closing = -(cloud.beams @ normal)
-    other = ~agree & cloud.ahead & (closing > 0.1)
-    to_plane = height / np.where(other, closing, 1.0)
-    before = other & cloud.met & (cloud.ranges < to_plane)
-    through = other & (cloud.ranges > to_plane) & (to_plane > 0)
-    reach = np.where(before, cloud.ranges, to_plane)
-    ends = cloud.starts + reach[:, None] * cloud.beams
-    ends = ends - ((ends - point) @ normal)[:, None] * normal
-    return np.asarray(ends[before | through])
+    steep = closing > 0.1
+    to_plane = height / np.where(steep, closing, 1.0)
+    known = cloud.ahead & steep & (to_plane > 0) & (cloud.met | (cloud.ranges > to_plane))
+    ends = cloud.starts + np.minimum(cloud.ranges, to_plane)[:, None] * cloud.beams
+    return ends - ((ends - point) @ normal)[:, None] * normal, known
+
+
+def all_seen(cloud: Cloud, point: FloatArray, normal: FloatArray, feet: Vectors) -> bool:
+    """Whether beams have been all around these places of a plane: what no beam has met may still be there.
+
+    Args:
+        cloud: Everything that was seen.
+        point: On the plane ``(3,)`` [m].
+        normal: Of the plane ``(3,)``.
+        feet: Of the fingers on the plane ``(m, 3)`` [m].
+    """
+    places, known = _places(cloud, point, normal)
+    axes = np.stack([_across(normal), np.cross(normal, _across(normal))], axis=1)
+    turns = np.arange(8) * math.pi / 4
+    ring = _RIM * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    around = ((feet - point) @ axes)[:, None] + ring
+    return bool(known.any() and (_nearest(around, (places[known] - point) @ axes) < _SUPPORT).all())
 
 
 def stands(patch: Patch, baseline: float, wanted: FloatArray) -> list[tuple[float, FloatArray, FloatArray]]:

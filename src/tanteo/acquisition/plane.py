@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.acquisition.acquired import Acquired, Attempt, Outcome, failed
 from tanteo.acquisition.cloud import Cloud, beside, cloud_of, over, room
 from tanteo.acquisition.ideas import FaceIdea
-from tanteo.acquisition.patch import Patch, find_patch, stands
+from tanteo.acquisition.patch import Patch, all_seen, find_patch, stands
 from tanteo.acquisition.record import fitted_feature, join, plane_readings
 from tanteo.errors import InputError
 from tanteo.features import Feature
@@ -22,10 +22,10 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 HOVER = 0.03
 """The hand stands so much higher than the stand-off before it comes down [m]."""
 
-LOOKS = (0.25, 0.22, 0.22, 0.22)
-"""Tilt of the hand's axis at the end of each look around [rad]."""
+LOOKS = ((0.25, 0.09), (0.22, 0.06), (0.22, 0.06), (0.22, 0.06))
+"""Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
 
-_BETWEEN = 4e-3
+_BETWEEN = 5e-3
 """Something may be nearer than the points that were met on it, by so much [m]."""
 
 _SLACK = 2e-3
@@ -33,6 +33,8 @@ _SLACK = 2e-3
 
 _ELSEWHERE = 0.008
 """Another place to stand is this far from those that failed [m]."""
+
+_UNSURE: Attempt = ("unclear", "the face was not found at the same place twice", None)
 
 _LEAST_SWING = 0.08
 """A look with less tilt shows nothing new [rad]."""
@@ -144,23 +146,27 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str) -> Attempt:
     """
     attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
     wanted, first, failed_at = idea, len(session.motions), list[FloatArray]()
-    for tilt in LOOKS:
-        looked = session.does(look(session.robot, _swing(session, tilt), session.rules))
+    for tilt, spacing in LOOKS:
+        looked = session.does(look(session.robot, swing(session, tilt), session.rules, spacing=spacing))
         if looked.status == "timeout":
             return failed(looked)
         patch = find_patch(cloud_of(session.hand, session.motions[first:]), wanted) if looked.reached else None
         if patch is None:
             attempt = failed(looked) if not looked.reached else attempt
             continue
-        above = hover(session, patch, idea.point, failed_at)
+        turned = float(np.arccos(np.clip(patch.normal @ wanted.normal, -1, 1)))
+        above = hover(session, patch, idea.point, failed_at, closely=turned <= _ASTRAY)
+        if not above.reached and turned <= _ASTRAY:
+            attempt = failed(above)
+            above = hover(session, patch, idea.point, failed_at, closely=False)
+            turned = np.inf
         if not above.reached:
             attempt = failed(above)
             continue
-        turned = float(np.arccos(np.clip(patch.normal @ wanted.normal, -1, 1)))
         # the next look is from here: what it shows replaces what was seen before
         wanted, first = FaceIdea(patch.point, patch.normal), len(session.motions)
         if turned > _ASTRAY:
-            attempt = ("unclear", "the face was not found at the same place twice", None)
+            attempt = attempt if np.isinf(turned) else _UNSURE
             continue
         down = session.does(
             approach(session.robot, session.standoff, session.rules, reach=2 * HOVER + session.standoff)
@@ -176,7 +182,7 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str) -> Attempt:
     return attempt
 
 
-def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatArray]) -> Motion:
+def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatArray], *, closely: bool) -> Motion:
     """Bring the hand over a patch, where what was seen leaves room for it there and below at the stand-off.
 
     Args:
@@ -184,6 +190,7 @@ def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatA
         patch: Where the face seems to be.
         wanted: Where the hand should rather stand ``(3,)`` [m].
         avoid: Places where the face could not be scanned.
+        closely: Only where the face has been seen all around the fingers, because it comes down next.
     """
     hand, cloud, high = session.hand, session.seen(), session.standoff + HOVER
     raised, other = over(cloud, patch.point, patch.normal), beside(cloud, patch.point, patch.normal)
@@ -196,7 +203,8 @@ def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatA
         down, up = (facing(hand, place, patch.normal, along, h, now) for h in (session.standoff, high))
         across = SCAN * np.cross(patch.normal, along)
         low = np.stack([moved(down, across), down, moved(down, -across)])
-        if fits(session, raised, low) and fits(session, other, path(now, up, hand.front, 24)):
+        known = not closely or all_seen(cloud, patch.point, patch.normal, feet(hand, low))
+        if known and fits(session, raised, low) and fits(session, other, path(now, up, hand.front, 24)):
             session.places.append(place)
             return session.does(go_to(session.robot, up, session.rules))
         blocked = True
@@ -204,7 +212,7 @@ def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatA
     return Motion("hover", "limit" if blocked else "nothing", why, ())
 
 
-def _swing(session: Session, tilt: float) -> float:
+def swing(session: Session, tilt: float) -> float:
     """The tilt of a look, less where what was seen leaves no room for it."""
     if not session.motions:
         return tilt
@@ -232,6 +240,12 @@ def _allowed(session: Session, way: Transforms) -> bool:
 def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:
     """Whether the hand has room at some poses, as far as is known."""
     return _allowed(session, way) and room(cloud, session.hand.body, way) >= session.rules.clearance + _BETWEEN
+
+
+def feet(hand: Hand, Ts_world_hand: Transforms) -> Vectors:
+    """Where the frontal sensors are at some poses ``(m, 4, 4)``: ``(2 m, 3)`` in the world [m]."""
+    origins = hand.origins[list(hand.frontal)]
+    return np.concatenate([SE3.apply(T[None], origins) for T in Ts_world_hand])
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:

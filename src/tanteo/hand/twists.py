@@ -32,7 +32,7 @@ def about(points: Vectors, twist: Tangents) -> Vectors:
 
 def advance(T: Transforms, twist: Tangents, time: float) -> Transforms:
     """The pose after a constant velocity in the hand's frame: ``T exp(twist time)``, for one pose, in few steps."""
-    vx, vy, vz, wx, wy, wz = (float(x) * time for x in twist)
+    vx, vy, vz, wx, wy, wz = (twist * time).tolist()
     t2 = wx * wx + wy * wy + wz * wz
     t = math.sqrt(t2)
     if t < 1e-4:
@@ -44,11 +44,14 @@ def advance(T: Transforms, twist: Tangents, time: float) -> Transforms:
     d = wx * vx + wy * vy + wz * vz
     # p = v + b w x v + c w x (w x v), and w x (w x v) = w (w . v) - v |w|^2
     k = 1 - c * t2
-    out: FloatArray = np.empty((4, 4))
-    out[0] = 1 - b * (wy * wy + wz * wz), b * wx * wy - a * wz, b * wx * wz + a * wy, k * vx + b * ux + c * wx * d
-    out[1] = b * wx * wy + a * wz, 1 - b * (wx * wx + wz * wz), b * wy * wz - a * wx, k * vy + b * uy + c * wy * d
-    out[2] = b * wx * wz - a * wy, b * wy * wz + a * wx, 1 - b * (wx * wx + wy * wy), k * vz + b * uz + c * wz * d
-    out[3] = 0.0, 0.0, 0.0, 1.0
+    out: FloatArray = np.array(
+        [
+            [1 - b * (wy * wy + wz * wz), b * wx * wy - a * wz, b * wx * wz + a * wy, k * vx + b * ux + c * wx * d],
+            [b * wx * wy + a * wz, 1 - b * (wx * wx + wz * wz), b * wy * wz - a * wx, k * vy + b * uy + c * wy * d],
+            [b * wx * wz - a * wy, b * wy * wz + a * wx, 1 - b * (wx * wx + wy * wy), k * vz + b * uz + c * wz * d],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
     return T @ out
 
 

@@ -34,7 +34,7 @@ class Rules:
     clearance: float
     workspace: Workspace = field(default_factory=Workspace.everywhere)
     speed: float = 0.06
-    turn: float = 0.8
+    turn: float = 1.2
     patience: float = 0.3
     timeout: float = 30.0
 
@@ -60,6 +60,8 @@ class Steering:
         self.share, self.refused = 1.0, ""
         self._name, self._log = name, [robot.sensed]
         self._stuck, self._deadline = 0.0, robot.sensed.time + rules.timeout
+        corners = ((1.0, rules.workspace.low), (-1.0, rules.workspace.high))
+        self._bounds = [(k, sign, b[k]) for sign, b in corners for k in range(3) if np.isfinite(b[k])]
 
     @property
     def sensed(self) -> Sensed:
@@ -109,14 +111,17 @@ class Steering:
     def _within(self, twist: Tangents, share: float, why: str) -> tuple[float, str]:
         """The same for the bounds of the workspace."""
         T, body = self.sensed.T_world_hand, self.hand.body
-        speeds = about(body.centres, twist) @ T[:3, :3].T
-        low, high = self.rules.workspace.room(body.placed(T), body.radii)
-        for room, closing in ((low, -speeds), (high, speeds)):
-            limit = self.loop.gain * np.maximum(room - self.rules.clearance, 0.0)
-            if (closing > limit).any():
-                ratio = np.where(closing > limit, limit / np.where(closing > limit, closing, 1.0), 1.0)
-                if ratio.min() < share:
-                    share, why = float(ratio.min()), "the hand is at the bounds of its workspace"
+        speeds = about(body.centres, twist)
+        for axis, sign, bound in self._bounds:
+            row = T[axis, :3]
+            room = sign * (body.centres @ row + (T[axis, 3] - bound)) - body.radii - self.rules.clearance
+            closing = -sign * (speeds @ row)
+            limit = self.loop.gain * np.maximum(room, 0.0)
+            near = closing > limit
+            if near.any():
+                ratio = float((limit[near] / closing[near]).min())
+                if ratio < share:
+                    share, why = ratio, "the hand is at the bounds of its workspace"
         return share, why
 
 

@@ -137,7 +137,7 @@ class SimulatedHand:
         return self._sensed
 
     def _limited(self, twist: Tangents) -> Tangents:
-        vx, vy, vz, wx, wy, wz = (float(x) for x in twist)
+        vx, vy, vz, wx, wy, wz = np.asarray(twist, dtype=np.float64).tolist()
         speed, turn = math.sqrt(vx * vx + vy * vy + vz * vz), math.sqrt(wx * wx + wy * wy + wz * wz)
         if not math.isfinite(speed + turn):
             raise InputError(f"twist: expected six finite numbers, got {np.asarray(twist).tolist()}. Command zero.")

@@ -1,0 +1,64 @@
+"""How fast the simulated hand is: ``python benchmarks/simulator.py``.
+
+Steps of the six-sensor gripper at 100 Hz over a bracket on a table, one ray a reading and filled cones, and rays of a
+batch. The best of several rounds counts, as everywhere in these benchmarks.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from common import Table, seconds
+
+import tanteo
+from tanteo.hand import Hand, gripper_body
+from tanteo.io import read_rig
+from tanteo.simulator import Cell, Scene, SimulatedHand, Solid, box
+
+PART = Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step"
+STEPS = 500
+
+
+def scene_of_bracket():
+    part = tanteo.read_part(PART)
+    table = box("table", [-0.5, -0.5, -0.05], [0.5, 0.5, 0.0])
+    return Scene.of([table, Solid.at("part", part.vertices, part.triangles, np.eye(4))])
+
+
+def steps(scene, cone):
+    """Time of one step of a hand that circles over the part."""
+    rig = read_rig("paper-gripper")
+    hand = Hand(rig, gripper_body(rig))
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    T[:3, 3] = 0.06, 0.04, 0.2
+    twist = np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.5])
+
+    def work():
+        robot = SimulatedHand(scene, hand, T, rng=np.random.default_rng(0), cell=Cell(cone=cone))
+        for _ in range(STEPS):
+            robot.step(twist)
+
+    return seconds(work, repeats=15) / STEPS
+
+
+def rays(scene, n):
+    rng = np.random.default_rng(0)
+    starts = rng.uniform([-0.1, -0.1, 0.2], [0.2, 0.2, 0.5], (n, 3))
+    aims = rng.uniform(-0.1, 0.15, (n, 3)) - starts
+    return n / seconds(lambda: scene.surface.cast(starts, aims))
+
+
+def main():
+    scene = scene_of_bracket()
+    rows = []
+    for cone, name in ((0, "one ray a reading"), (64, "64 rays a cone")):
+        t = steps(scene, cone)
+        rows.append((f"six sensors at 100 Hz, {name}", f"{1e6 * t:.0f} µs a step", f"{0.01 / t:.0f} x real time"))
+    sizes = (1_000, 100_000)
+    rows += [(f"batches of {n} rays", "", f"{rays(scene, n) / 1e6:.1f} million rays a second") for n in sizes]
+    print(Table("The simulated hand", "`python benchmarks/simulator.py`", ("what", "time", "speed"), rows).markdown())
+
+
+if __name__ == "__main__":
+    main()
