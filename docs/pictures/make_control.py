@@ -123,7 +123,7 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
 
 def save(figure: plt.Figure, path: Path) -> None:
     """The same drawing gives the same file."""
-    mpl.rcParams["svg.hashsalt"] = "tanteo"
+    mpl.rcParams |= {"svg.hashsalt": "tanteo", "svg.fonttype": "none"}
     figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
 
