@@ -43,3 +43,9 @@ def runs(sensor):
         Ts_world_hand=np.concatenate([p.Ts_world_hand for p in parts]),
         **{k: [x for p in parts for x in getattr(p, k)] for k in ("sensors", "features", "kinds", "ids")},
     )
+
+
+def day(sensor, surface):
+    """On which day a run was taken."""
+    text = (FOLDER / f"{sensor}_{surface}_{SENSORS[sensor]}" / "measurements.csv").read_text()
+    return text.partition("T")[0]

@@ -134,6 +134,25 @@ def test_measure_assumes_what_emit_draws():
     assert np.mean(nees) == pytest.approx(6 * n, rel=0.04)
 
 
+@pytest.mark.parametrize("preset", RANGING, ids=name)
+def test_a_cone_on_a_flat_surface_spreads_as_the_model_says(preset):
+    """Straight on not at all, however wide; at 10 degrees by half the half angle times the tangent."""
+    rng, n = np.random.default_rng(10), 20_000
+    model = error_model(preset)
+    d, units = 0.5 * (preset.min_range + preset.max_range), draw_units(rng, model)
+    calm = type(units)(0 * units.bias, 0 * units.scale, units.T_hand_sensors)
+    aims = draw_aims(rng, model.beam_half_angle, (n,))
+    sigma = float(preset_sigma(preset, d))
+    r, _ = emit(rng, model, calm, d / aims[..., 2], 0.0, aims)
+    assert inside(np.nansum((r - d) ** 2) / sigma**2, np.isfinite(r).sum())
+    beta = np.deg2rad(10)
+    slanted = d * np.cos(beta) / (aims @ [np.sin(beta), 0, np.cos(beta)])
+    r, _ = emit(rng, model, calm, slanted, beta, aims)
+    expected = np.hypot(sigma, 0.5 * d * preset.beam_half_angle * np.tan(beta))
+    # second order: half the square of the half angle times the tangent
+    assert np.nanstd(r) / expected == pytest.approx(1, abs=0.02 + preset.beam_half_angle**2 / 2)
+
+
 def test_reported_poses_undo_to_the_measured_model():
     """T_true = exp(base) T_reported exp(repeat), to the last digit, when the repeatability is nothing."""
     rng = np.random.default_rng(5)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tanteo.calibration.fit import Fit, beam_slice, best_fit
 from tanteo.calibration.geometry import BEAM, PLANE
 from tanteo.calibration.log import PlaneLog, plane_log
-from tanteo.calibration.noise import law_cov, place_basis
+from tanteo.calibration.noise import law_cov, place_basis, with_noise_uncertain
 from tanteo.calibration.prior import Prior, make_prior
 from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, make_strays, robot_tilt_cov
 from tanteo.calibration.start import starts
@@ -64,6 +66,10 @@ def calibrate(
 
 
 def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) -> Calibration:
+    basis = place_basis(log.ranges, fit.prediction.incidences)
+    about = (fit.law, log, 1 - fit.stray, basis, fit.prediction.jacobian, fit.cov)
+    squares = law_cov(*about)
+    fit = replace(fit, cov=with_noise_uncertain(*about))
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
     told = [untold(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
     status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
@@ -73,8 +79,6 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) ->
             "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
             "take more places on each plane."
         )
-    basis = place_basis(log.ranges, fit.prediction.incidences)
-    squares = law_cov(fit.law, log, 1 - fit.stray, basis, fit.prediction.jacobian, fit.cov)
     beams = tuple(
         BeamFit(
             name=name,

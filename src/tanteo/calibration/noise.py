@@ -115,3 +115,34 @@ def law_cov(
         s = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
         out[k] = np.linalg.pinv(information * np.outer(s, s), rcond=1e-12, hermitian=True) * np.outer(s, s)
     return out
+
+
+def with_noise_uncertain(
+    law: PlaceLaw, log: PlaneLog, weights: FloatArray, basis: FloatArray, jacobian: FloatArray, cov: FloatArray
+) -> FloatArray:
+    """Covariance of the setup when the noise was estimated from the same stations: a little larger.
+
+    The weights of the stations are as uncertain as the variances, and were chosen to suit these very residuals
+    (Kenward and Roger, Biometrics 53, 1997; variances linear in their parameters).
+
+    Args:
+        law: The noise.
+        log: The stations.
+        weights: How probably each station is no stray, ``(m,)``.
+        basis: Of :func:`place_basis`.
+        jacobian: Of the ranges over all parameters, ``(m, size)``.
+        cov: Of all parameters as if the noise were known.
+    """
+    v = law.variances(log, basis)
+    W = law_cov(law, log, weights, basis, jacobian, cov)
+    more = np.zeros_like(cov)
+    for k in range(len(log.beams)):
+        mine = log.beam == k
+        J, B, w, u = jacobian[mine], basis[mine], weights[mine], v[mine]
+        P = [(J * (w * B[:, i] / u**2)[:, None]).T @ J for i in range(len(TERMS))]
+        for i in range(len(TERMS)):
+            for j in range(len(TERMS)):
+                Q = (J * (w * B[:, i] * B[:, j] / u**3)[:, None]).T @ J
+                more += W[k, i, j] * (Q - P[i] @ cov @ P[j])
+    out = cov + 2 * cov @ (0.5 * (more + more.T)) @ cov
+    return np.asarray(0.5 * (out + out.T))

@@ -9,7 +9,7 @@ One run, in the order of the calls::
     units = draw_units(rng, model)                # once: bias, scale, where the sensors truly sit
     aims = draw_aims(rng, model.beam_half_angle)  # every reading: where in the cone the echo comes from
     ...                                           # cast T_world_hand @ units.T_hand_sensors along the aims
-    readings, statuses = emit(rng, model, units, ranges, incidences)
+    readings, statuses = emit(rng, model, units, ranges, incidences, aims)
 
 and for the hand: ``base = draw_base(rng, robot)`` once, ``reported_poses(rng, robot, base, Ts_true)`` every reading.
 The last axis is always the sensors of the model; all axes before it are batches (time, scenes, units).
@@ -160,6 +160,7 @@ def emit(
     units: UnitErrors,
     ranges: FloatArray,
     incidences: FloatArray | float = 0.0,
+    aims: Vectors | None = None,
 ) -> tuple[FloatArray, IntArray]:
     """What the sensors report: ``cos(axis) ((1 + scale) d + bias + noise(d))``, and a :class:`Status` each.
 
@@ -171,6 +172,9 @@ def emit(
         units: Their errors that stay.
         ranges: True ranges along the rays [m], ``(*batch, k)``; infinite or NaN where a ray met nothing.
         incidences: True angles between ray and surface normal [rad], ``(*batch, k)``.
+        aims: Directions of the rays in the sensors' frames, ``(*batch, k, 3)``, from :func:`draw_aims`. The point met
+            is ``d`` along the beam and ``d eps`` across it (``math.md`` section 7), so that a ray's length counts along
+            the beam only; without ``aims`` the ranges are along the beam already.
 
     Returns:
         The reported ranges [m], NaN where there is none, and the statuses, both ``(*batch, k)``.
@@ -178,6 +182,8 @@ def emit(
     ranges = np.asarray(ranges, dtype=np.float64)
     met = np.isfinite(ranges)
     d = np.where(met, ranges, 0.0)
+    if aims is not None:
+        d = d * aims[..., 2]
     noise = model.law.sigma(d) * rng.standard_normal(d.shape)
     reported = model.axis_cosine * (d + units.scale * d + units.bias + noise)
     least = np.minimum(reported, d * model.axis_cosine)
