@@ -33,11 +33,11 @@ $(VENV)/.demo: pyproject.toml constraints.txt | $(BIN)/python
 	touch $@
 
 $(VENV)/.test: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) install --quiet -c constraints.txt -e '.[step,test]'
+	$(PIP) install --quiet -c constraints.txt -e '.[step,vision,test]'
 	touch $@
 
 $(VENV)/.bench: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) install --quiet -c constraints.txt -e '.[step,test,bench]'
+	$(PIP) install --quiet -c constraints.txt -e '.[step,vision,test,bench]'
 	touch $@
 
 clean:

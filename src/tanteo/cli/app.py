@@ -135,6 +135,37 @@ def locate(
     )  # fmt: skip
 
 
+@app.command()
+def see(
+    image: Annotated[str, typer.Argument(metavar="IMAGE", help="Image file (PNG, JPEG, ...).")],
+    camera: Annotated[
+        str, typer.Option("--camera", metavar="FILE", help="Calibration file of OpenCV or ROS (YAML, JSON).")
+    ],
+    parts: PartPaths,
+    units: Units = None,
+    marks: Annotated[
+        str | None,
+        typer.Option("--marks", metavar="FILE", help="Known points of the table, to place the camera (CSV)."),
+    ] = None,
+    picture: Annotated[
+        str | None, typer.Option("--picture", metavar="FILE", help="Draw what was seen to this file (PNG).")
+    ] = None,
+    top: Top = 5,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Say which parts an image shows and where they are: on a table, or one part anywhere."""
+    from tanteo.cli.options import misuse, read_top, read_unit
+    from tanteo.cli.running import guarded
+
+    with guarded():
+        with misuse():
+            unit, count = None if units is None else read_unit(units), read_top(top)
+        from tanteo.cli.seeing import SeeOptions, see_image
+
+        see_image(SeeOptions(image, camera, parts, unit, marks, picture, count), as_json=json, verbose=verbose)
+
+
 @part_app.command("show")
 def show(
     file: Annotated[str, typer.Argument(metavar="FILE", help="CAD file (STEP, STL, ...).")],

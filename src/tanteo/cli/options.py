@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from tanteo.errors import InputError, ReadingsError, TanteoError
 
 _MANY = ("--parts",)
-_READINGS_SUFFIXES = (".csv", ".txt")
+_READINGS_SUFFIXES = (".csv", ".txt", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
 class MisuseError(TanteoError):
@@ -84,8 +84,7 @@ def read_options(
         robot_preset(robot)
     if not 0 < alpha < 1:
         raise InputError(f"--alpha: expected a number between 0 and 1, got {alpha:g}. Use 0.01.")
-    if top < 1:
-        raise InputError(f"--top: expected 1 or more, got {top}. Use 5.")
+    read_top(top)
     if seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
     return RunOptions(
@@ -102,6 +101,17 @@ def read_options(
     )
 
 
+def read_top(top: int) -> int:
+    """The number of ``--top``.
+
+    Raises:
+        InputError: Less than one.
+    """
+    if top < 1:
+        raise InputError(f"--top: expected 1 or more, got {top}. Use 5.")
+    return top
+
+
 def read_unit(units: str) -> str:
     """The unit of ``--units``.
 
@@ -116,7 +126,7 @@ def read_unit(units: str) -> str:
 def spread_values(argv: Sequence[str]) -> list[str]:
     """``--parts A B C`` as ``--parts A --parts B --parts C``, which is what the parser understands.
 
-    The values end at the next option, or at a readings file (``.csv``), which is never a part: so the readings may
+    The values end at the next option, or at a readings file (``.csv``) or image, which is never a part: so these may
     come after the parts, too.
     """
     out: list[str] = []

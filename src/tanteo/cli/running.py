@@ -27,7 +27,7 @@ _FEW = 3
 _TOO_WIDE, _TOO_NARROW = 3.0, 0.01
 """Readings farther from their middle than this many diagonals, or all nearer, suggest a wrong unit."""
 
-_FAILED, _MISUSED, _UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
+_FAILED, _MISUSED, UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
 
 
 @contextmanager
@@ -62,7 +62,7 @@ def recognize(
     rig = None if rig_path is None else read_rig(rig_path)
     readings = read_readings(readings_path)
     points = _check_fit(readings, options, rig)
-    parts = _read_parts(part_paths, options.units, quiet=as_json)
+    parts = read_all_parts(part_paths, options.units, quiet=as_json)
     _check_scale(points, parts)
     from tanteo.matching import identify
 
@@ -83,7 +83,7 @@ def recognize(
 
         emit(answer_lines(result, verbose=verbose))
     if result.status != "recognized":
-        raise typer.Exit(_UNDECIDED)
+        raise typer.Exit(UNDECIDED)
 
 
 def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> Vectors:
@@ -115,7 +115,7 @@ def _check_scale(points: Vectors, parts: Sequence[Part]) -> None:
         complain("warning", f"all readings lie within {within}, and the smallest part measures {size}. {advice}")
 
 
-def _read_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
+def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
     """The parts; those that cannot be read are warnings as long as one can."""
     from tanteo.catalogue import read_parts
 
@@ -148,7 +148,7 @@ def show_part(file: str, unit: str | None, *, as_json: bool, verbose: bool) -> N
     from tanteo.io.part_json import part_json
 
     require_file("FILE", file)
-    (part,) = _read_parts([file], unit, quiet=as_json)
+    (part,) = read_all_parts([file], unit, quiet=as_json)
     if as_json:
         sys.stdout.write(part_json(part))
     else:

@@ -1,10 +1,14 @@
 """Border formats: readings, rigs, results, brand poses. Units are explicit here and SI inside.
 
 ``read_readings`` and ``write_readings`` for readings files, ``read_rig`` and ``write_rig`` for rig files,
-``recognition_json`` for results, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``parse_length`` for
+``recognition_json`` for results, ``read_camera``, ``read_marks`` and ``read_image`` for what a camera saw and
+``sight_json`` for what was made of it, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``parse_length`` for
 quantities with units.
 """
 
+from tanteo.io.camera_file import read_camera
+from tanteo.io.images import read_image, write_image
+from tanteo.io.marks_csv import read_marks
 from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
 from tanteo.io.readings_csv import read_readings
 from tanteo.io.readings_write import write_readings
@@ -13,6 +17,7 @@ from tanteo.io.rig_toml import read_rig, shipped_rigs
 from tanteo.io.rig_write import rig_text, write_rig
 from tanteo.io.scene_toml import SceneFile, read_scene
 from tanteo.io.sensed_json import sensed_document, sensed_json
+from tanteo.io.sight_json import sight_document, sight_json
 from tanteo.io.units import parse_angle, parse_length, parse_lengths
 
 __all__ = [
@@ -24,6 +29,9 @@ __all__ = [
     "parse_lengths",
     "pose_as_brand",
     "pose_from_brand",
+    "read_camera",
+    "read_image",
+    "read_marks",
     "read_readings",
     "read_rig",
     "read_scene",
@@ -33,6 +41,9 @@ __all__ = [
     "sensed_document",
     "sensed_json",
     "shipped_rigs",
+    "sight_document",
+    "sight_json",
+    "write_image",
     "write_readings",
     "write_rig",
 ]

@@ -1,0 +1,138 @@
+"""Parts on a table as a camera sees them, part of each hidden: ``python benchmarks/vision.py [parts images share]``.
+
+The parts are the twelve of ``examples/parts`` and random workpieces; of each, so many rendered images
+(``tests/rendered.py``: shading, cast shadows, blur, noise) with a plate in the way that hides a share of it, 0.3 if not
+given. Every tenth image is of a part that is not among them. Printed: how often the true part is among the first
+answers, how often the probabilities are right, and the normalised squared error of position and yaw.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from common import Table
+
+from random_parts import random_part
+from tanteo.catalogue import read_parts
+from tanteo.lie import SE3
+from tanteo.vision import prepare_vision, see_table
+from vision_scenes import random_shot
+
+SEED = 1991
+BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
+STRANGERS = 0.1
+"""Share of images whose part is not in the catalogue: what the vision's prior takes it to be."""
+
+TOLD = 0.95
+"""Probability from which the pose counts as claimed."""
+
+
+def models_of(count, folder):
+    """The example parts, then random ones, then as many strangers."""
+    parts = list(read_parts([Path(__file__).parents[1] / "examples" / "parts"]).parts)[:count]
+    rng = np.random.default_rng(SEED)
+    parts += [random_part(Path(folder, f"random{k}.off"), rng) for k in range(count - len(parts))]
+    strangers = [random_part(Path(folder, f"stranger{k}.off"), rng) for k in range(8)]
+    return [prepare_vision(p) for p in parts], [prepare_vision(p) for p in strangers]
+
+
+def pose_errors(model, best, truth):
+    """Error in the plane and in yaw over their covariance, for the symmetric image nearest to the truth; and in mm."""
+    T = best.T_world_part
+    images = truth @ model.part.symmetry.Ts
+    about = SE3.apply(T, model.part.centroid)
+    # motion of the middle in the world, and turn about the vertical
+    turns = SE3.log(images @ SE3.inverse(T))[:, 3:]
+    k = int(np.argmin(np.linalg.norm(turns, axis=1)))
+    move = SE3.apply(images[k], model.part.centroid) - about
+    R, c = T[:3, :3], model.part.centroid
+    J = np.zeros((3, 6))
+    J[:2, :3] = R[:2]
+    J[:2, 3:] = (R @ -np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]]))[:2]
+    J[2, 3:] = R[2]
+    e = np.array([move[0], move[1], turns[k, 2]])
+    return float(e @ np.linalg.solve(J @ best.covariance @ J.T, e)), 1e3 * float(np.linalg.norm(move[:2]))
+
+
+def look(models, strangers, k, image, hidden):
+    """One image: rank of the true part, what was claimed and whether it was right, pose error, time."""
+    rng = np.random.default_rng([SEED, k, image])
+    stranger = strangers[int(rng.integers(len(strangers)))] if rng.uniform() < STRANGERS else None
+    shot = random_shot([models[k]], rng, hidden, stranger)
+    start = time.process_time()
+    sight = see_table(shot.image, shot.camera, models, top=12)
+    spent = time.process_time() - start
+    if not sight.objects:
+        return None
+    # the object is what has most of the part's place in the image
+    answer = sight.objects[0].recognition
+    names = list(dict.fromkeys(h.part for h in answer.hypotheses))
+    known = stranger is None
+    truth = models[k].part.name if known else None
+    rank = names.index(truth) if truth in names else 99
+    best = answer.hypotheses[0] if answer.hypotheses else None
+    shares = {}
+    for h in answer.hypotheses:
+        shares[h.part] = shares.get(h.part, 0.0) + h.probability
+    first = max(shares, key=shares.get) if shares else None
+    none = answer.unknown_probability
+    claim, said = (none, None) if first is None or none > shares[first] else (shares[first], first)
+    nees = mm = np.nan
+    if known and best is not None and best.part == truth and best.probability > TOLD and not best.unobserved:
+        nees, mm = pose_errors(models[k], best, shot.T_world_part)
+    continuous = known and models[k].part.symmetry.continuous
+    return known, rank, claim, said == truth, nees if not continuous else np.nan, mm, spent, shot.hidden
+
+
+def report(rows, hidden):
+    """The rows as a table."""
+    known, rank, claim, right, nees, mm, spent, covered = (np.array(column) for column in zip(*rows, strict=True))
+    known = known.astype(bool)
+    table = []
+    table.append(("images, of a stranger", f"{len(rows)}, {(~known).sum()}"))
+    table.append(("hidden on the average", f"{100 * covered.mean():.0f} %"))
+    table.append(("true part is the first", f"{100 * np.mean(rank[known] == 0):.1f} %"))
+    table.append(("true part in the first three", f"{100 * np.mean(rank[known] < 3):.1f} %"))
+    table.append(("claimed, right (all)", f"{claim.mean():.3f}, {right.mean():.3f}"))
+    for low, high in pairwise(BINS):
+        inside = (claim > low) & (claim <= high)
+        if inside.any():
+            text = f"{claim[inside].mean():.3f}, {right[inside].mean():.3f} ({inside.sum()})"
+            table.append((f"claimed {low:g} to {high:g}, right", text))
+    z = nees[np.isfinite(nees)]
+    near = z[z < 50]
+    if len(z):
+        low, high = chi2.ppf([0.005, 0.995], 3 * len(z)) / (3 * len(z))
+        table.append(("position and yaw, NEES / dof", f"{z.mean() / 3:.2f} ({len(z)}); honest {low:.2f} to {high:.2f}"))
+        table.append(("the same without gross errors", f"{near.mean() / 3:.2f} ({len(near)})"))
+        table.append(("inside the 95 % region", f"{100 * np.mean(z < chi2.ppf(0.95, 3)):.1f} %"))
+        table.append(("error of position, median", f"{np.nanmedian(mm):.2f} mm"))
+    table.append(("time for an image, median", f"{np.median(spent):.1f} s"))
+    return Table(f"{hidden:.0%} hidden", "", ("", ""), table)
+
+
+def main():
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    images = int(sys.argv[2]) if len(sys.argv) > 2 else 50
+    hidden = float(sys.argv[3]) if len(sys.argv) > 3 else 0.3
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        models, strangers = models_of(count, folder)
+    for k in range(count):
+        for image in range(images):
+            row = look(models, strangers, k, image, hidden)
+            rows += [row] if row is not None else []
+    print(report(rows, hidden).markdown())
+
+
+if __name__ == "__main__":
+    main()

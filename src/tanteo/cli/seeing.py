@@ -1,0 +1,124 @@
+"""``tanteo see``: read image, camera and parts, look, draw, print."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import typer
+
+from tanteo.cli.answer import answer_lines
+from tanteo.cli.printing import emit, printable
+from tanteo.cli.running import UNDECIDED, read_all_parts
+
+if TYPE_CHECKING:
+    from tanteo.vision import Camera, Sight, Sighting
+
+
+@dataclass(frozen=True, slots=True)
+class SeeOptions:
+    """Options of ``see``.
+
+    Attributes:
+        image: File of the image.
+        camera: Calibration file.
+        parts: Files and folders of parts.
+        units: Of part files that carry none.
+        marks: File of known points of the table; None where the camera's file says where it stands.
+        picture: File to draw to; None for no picture.
+        top: How many hypotheses to report for each object.
+    """
+
+    image: str
+    camera: str
+    parts: Sequence[str]
+    units: str | None
+    marks: str | None
+    picture: str | None
+    top: int
+
+
+def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
+    """Read everything, look, draw, print; exits with 3 unless every object is recognized."""
+    start = time.perf_counter()
+    from tanteo.io.camera_file import read_camera
+    from tanteo.io.images import read_image, write_image
+    from tanteo.io.sight_json import sight_json
+
+    camera = _placed(read_camera(options.camera), options.marks, quiet=as_json)
+    image = read_image(options.image)
+    parts = read_all_parts(options.parts, options.units, quiet=as_json)
+    from tanteo.vision import draw_sight, see_anywhere, see_table
+
+    loaded = time.perf_counter() - start
+    look = see_anywhere if camera.T_world_camera is None else see_table
+    sight = look(image, camera, parts, top=options.top)
+    if options.picture is not None:
+        write_image(options.picture, draw_sight(image, camera, sight))
+    sight = _timed(sight, loaded, time.perf_counter() - start)
+    statuses = [seen.recognition.status for seen in sight.objects] or ["unknown"]
+    if as_json:
+        sys.stdout.write(sight_json(sight))
+    else:
+        emit(sight_lines(sight, verbose=verbose))
+    if any(status != "recognized" for status in statuses):
+        raise typer.Exit(UNDECIDED)
+
+
+def _placed(camera: Camera, marks: str | None, *, quiet: bool) -> Camera:
+    """The camera with its place, from marks if there are any."""
+    if marks is None:
+        return camera
+    from tanteo.io.marks_csv import read_marks
+    from tanteo.vision import fit_camera
+
+    pixels, points = read_marks(marks)
+    fit = fit_camera(camera, pixels, points)
+    if not quiet:
+        emit([f"Camera fitted to {len(points)} marks, {fit.rms:.2f} px rms."], sys.stderr)
+    return replace(camera, T_world_camera=fit.T_world_camera, covariance=fit.covariance)
+
+
+def _timed(sight: Sight, load: float, total: float) -> Sight:
+    def with_time(seen: Sighting) -> Sighting:
+        elapsed = {"load": load, "search": total - load, "total": total}
+        return replace(seen, recognition=replace(seen.recognition, elapsed=elapsed))
+
+    return replace(sight, objects=tuple(with_time(seen) for seen in sight.objects))
+
+
+def sight_lines(sight: Sight, *, verbose: bool = False) -> list[str]:
+    """The lines for a person: every object, largest first."""
+    if not sight.objects:
+        from tanteo.io.sight_json import EMPTY
+
+        return [f"unknown: {EMPTY.message}"]
+    lines: list[str] = []
+    for k, seen in enumerate(sight.objects, start=1):
+        lines += [""] if lines else []
+        lines.append(_heading(k, len(sight.objects), seen))
+        lines += answer_lines(seen.recognition, verbose=verbose)
+        if verbose and seen.alike:
+            lines.append(f"By the outline alone: {printable(', '.join(seen.alike[:3]))}.")
+        if seen.question is not None and seen.recognition.status != "ambiguous":
+            lines.append(f"To be sure, {printable(seen.question.words)}.")
+    return lines
+
+
+def _heading(k: int, n: int, seen: Sighting) -> str:
+    if seen.region is None:
+        return f"Object {k} of {n}"
+    x0, x1, y0, y1 = seen.region.box
+    words = f"Object {k} of {n}, columns {x0} to {x1}, rows {y0} to {y1}"
+    if seen.region.cut:
+        words += ", partly outside the image"
+    if seen.outline is not None:
+        o = seen.outline
+        words += (
+            f"; outline on the table {o['area'] * 1e4:.2f} +- {o.sd('area') * 1e4:.2f} cm2, "
+            f"perimeter {o['perimeter'] * 1e3:.1f} +- {o.sd('perimeter') * 1e3:.1f} mm"
+        )
+    return words

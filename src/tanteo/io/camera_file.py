@@ -1,0 +1,141 @@
+"""Calibration files: cameras as OpenCV (YAML, JSON) and ROS (``camera_info`` YAML) write them (``docs/vision.md``)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import InputError, MissingExtraError
+from tanteo.typing import FloatArray
+from tanteo.vision.camera import COEFFICIENTS, Camera
+
+_MATRIX = ("camera_matrix", "cameraMatrix", "K", "k", "M1")
+_DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "d", "D1")
+_WIDTH, _HEIGHT = ("image_width", "width", "imageWidth"), ("image_height", "height", "imageHeight")
+_MODELS = ("plumb_bob", "rational_polynomial", "")
+_POSE = "T_world_camera"
+
+
+def read_camera(path: str | Path) -> Camera:
+    """Read a calibration file.
+
+    Known are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``), ROS
+    ``camera_info`` (the file of ``camera_calibration``, or one message as text), and besides theirs one key
+    ``T_world_camera``: where the camera stands, 4 x 4, metres.
+
+    Args:
+        path: The file, YAML or JSON.
+
+    Raises:
+        InputError: The file cannot be read, or lacks what a camera needs; the message names file and key.
+        MissingExtraError: A YAML file without PyYAML.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{path}: expected a calibration file, got: {why}. Check the path.") from None
+    document = _parse(text, path)
+    K = _array(document, _MATRIX, path, 9)
+    if K is None:
+        raise InputError(f"{path}: expected a key camera_matrix (OpenCV, ROS) or k, got none. Give a calibration file.")
+    distortion = _distortion(document, path)
+    pose = _array(document, (_POSE,), path, 16)
+    T = None if pose is None else pose.reshape(4, 4)
+    try:
+        return Camera(K.reshape(3, 3), _size(document, path), distortion, T)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _parse(text: str, path: Path) -> Mapping[str, Any]:
+    if text.lstrip().startswith("{"):
+        try:
+            document = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InputError(f"{path}: expected JSON, got: {error}. Correct the file.") from None
+    else:
+        yaml = _yaml()
+        # OpenCV writes a directive that YAML does not know
+        lines = [line for line in text.splitlines() if not line.startswith(("%YAML", "---"))]
+        try:
+            document = yaml.load("\n".join(lines), Loader=_loader(yaml))
+        except yaml.YAMLError as error:
+            raise InputError(f"{path}: expected YAML, got: {' '.join(str(error).split())}. Correct the file.") from None
+    if not isinstance(document, Mapping):
+        raise InputError(f"{path}: expected keys and values, got {type(document).__name__}. Give a calibration file.")
+    return document
+
+
+def _yaml() -> ModuleType:
+    try:
+        import yaml
+    except ImportError as error:
+        raise MissingExtraError(
+            f"camera: expected PyYAML to read YAML, got {error}. Run pip install 'tanteo[vision]', or give JSON."
+        ) from error
+    return yaml
+
+
+def _loader(yaml: Any) -> Any:
+    """The safe loader, taking OpenCV's matrices for the mappings that they are."""
+
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        pass
+
+    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", lambda loader, node: loader.construct_mapping(node, True))
+    return Loader
+
+
+def _array(document: Mapping[str, Any], names: tuple[str, ...], path: Path, size: int | None) -> FloatArray | None:
+    """Numbers under the first of the names that is there, flat; None without."""
+    name = next((n for n in names if n in document), None)
+    if name is None:
+        return None
+    value = document[name]
+    if isinstance(value, Mapping):
+        value = value.get("data")
+    try:
+        out = np.array(value, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        raise InputError(f"{path}, {name}: expected numbers, got {value!r}. Correct the file.") from None
+    if size is not None and len(out) != size:
+        raise InputError(f"{path}, {name}: expected {size} numbers, got {len(out)}. Correct the file.")
+    if not np.all(np.isfinite(out)):
+        raise InputError(f"{path}, {name}: expected finite numbers, got {out.tolist()}. Correct the file.")
+    return out
+
+
+def _distortion(document: Mapping[str, Any], path: Path) -> FloatArray:
+    model = str(document.get("distortion_model", ""))
+    if model not in _MODELS:
+        raise InputError(
+            f"{path}, distortion_model: expected plumb_bob or rational_polynomial, got {model!r}. "
+            "Rectify the image first."
+        )
+    found = _array(document, _DISTORTION, path, None)
+    k = np.zeros(0) if found is None else found
+    if len(k) > max(COEFFICIENTS) and not k[max(COEFFICIENTS) :].any():
+        k = k[: max(COEFFICIENTS)]  # thin prism and tilt, unused
+    return k if k.any() else np.zeros(0)
+
+
+def _size(document: Mapping[str, Any], path: Path) -> tuple[int, int]:
+    width = next((document[n] for n in _WIDTH if n in document), None)
+    height = next((document[n] for n in _HEIGHT if n in document), None)
+    if width is None and "image_size" in document:
+        both = _array(document, ("image_size",), path, 2)
+        assert both is not None
+        width, height = both
+    try:
+        return int(width), int(height)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{path}: expected image_width and image_height in pixels, got {width!r} and {height!r}. Add them."
+        ) from None

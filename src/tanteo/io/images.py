@@ -1,0 +1,61 @@
+"""Images from files and to files, by OpenCV (the extra ``vision``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.typing import FloatArray
+from tanteo.vision.opencv import opencv
+
+
+def read_image(path: str | Path) -> FloatArray:
+    """Read an image as grey levels from 0 to 255, rows x columns; colours are weighed as usual, 16 bits scaled.
+
+    Args:
+        path: PNG, JPEG, TIFF, BMP or what else OpenCV reads.
+
+    Raises:
+        InputError: The file is not there, or no image.
+        MissingExtraError: OpenCV is not installed.
+    """
+    cv2 = opencv()
+    path = Path(path)
+    try:
+        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    except OSError as error:
+        raise InputError(f"{path}: expected an image, got: {error.strerror or error}. Check the path.") from None
+    # the file's own turn is not applied: the calibration is of the pixels as they come
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    image = cv2.imdecode(data, flags) if len(data) else None
+    if image is None:
+        raise InputError(f"{path}: expected an image (PNG, JPEG, TIFF), got a file that cannot be read as one.")
+    scale = 255.0 / 65535.0 if image.dtype == np.uint16 else 1.0
+    return np.asarray(image, dtype=np.float64) * scale
+
+
+def write_image(path: str | Path, picture: np.ndarray) -> None:
+    """Write a picture: rows x columns (grey) or rows x columns x 3 (red, green, blue), 0 to 255.
+
+    Raises:
+        InputError: The format is not known from the suffix, or the file cannot be written.
+        MissingExtraError: OpenCV is not installed.
+    """
+    cv2 = opencv()
+    path = Path(path)
+    levels = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    levels = levels[..., ::-1] if levels.ndim == 3 else levels
+    try:
+        done, data = cv2.imencode(path.suffix or ".", levels)
+    except cv2.error:
+        done = False
+    if not done:
+        raise InputError(f"{path}: expected a name that ends in .png or .jpg, got '{path.name}'. Add the suffix.")
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        raise InputError(
+            f"{path}: expected a place to write to, got: {error.strerror or error}. Name another."
+        ) from None

@@ -1,0 +1,59 @@
+"""Image -> what lies there: part, pose with covariance, and what the camera cannot tell.
+
+``see_table`` for things on a table that the camera knows, ``see_anywhere`` for one part in any pose, ``follow`` from
+image to image; ``image_edge`` and ``image_corner`` make what a camera sees of a single edge or corner a feature for
+``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
+"""
+
+from tanteo.vision.camera import Camera, on_plane, project, rays, without_distortion
+from tanteo.vision.descriptors import Descriptors, describe
+from tanteo.vision.edge_map import EdgeMap, map_edges
+from tanteo.vision.edges import EdgePoints, find_edges
+from tanteo.vision.features import image_corner, image_edge
+from tanteo.vision.models import VisionModel, prepare_vision
+from tanteo.vision.outlines import like_outline
+from tanteo.vision.picture import draw_sight
+from tanteo.vision.question import Question
+from tanteo.vision.regions import Region, find_regions
+from tanteo.vision.resting import Rest, rests
+from tanteo.vision.segments import Corners, Segments, find_corners, find_segments
+from tanteo.vision.sight import Sight, Sighting, see_table
+from tanteo.vision.solid import follow, see_anywhere
+from tanteo.vision.table import CameraPose, TableErrors, fit_camera
+
+__all__ = [
+    "Camera",
+    "CameraPose",
+    "Corners",
+    "Descriptors",
+    "EdgeMap",
+    "EdgePoints",
+    "Question",
+    "Region",
+    "Rest",
+    "Segments",
+    "Sight",
+    "Sighting",
+    "TableErrors",
+    "VisionModel",
+    "describe",
+    "draw_sight",
+    "find_corners",
+    "find_edges",
+    "find_regions",
+    "find_segments",
+    "fit_camera",
+    "follow",
+    "image_corner",
+    "image_edge",
+    "like_outline",
+    "map_edges",
+    "on_plane",
+    "prepare_vision",
+    "project",
+    "rays",
+    "rests",
+    "see_anywhere",
+    "see_table",
+    "without_distortion",
+]

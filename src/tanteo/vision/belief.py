@@ -1,0 +1,210 @@
+"""Which part lies in a region, in which stable pose, where: posterior over all of them and "none of these"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from tanteo.lie import SE3
+from tanteo.parts import Part
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.vision.camera import Camera
+from tanteo.vision.edge_map import EdgeMap
+from tanteo.vision.evidence import REACH, STRETCH, Evidence, chance_hits, weigh
+from tanteo.vision.fit import REACHES, meet, refine
+from tanteo.vision.models import VisionModel
+from tanteo.vision.propose import propose, small_distances
+from tanteo.vision.regions import Region
+from tanteo.vision.resting import lay
+from tanteo.vision.silhouettes import spilled
+from tanteo.vision.table import TableErrors, lying_information
+
+UNKNOWN = 0.1
+"""Probability beforehand that the object is none of the parts."""
+
+KEPT = 64
+"""Poses that are refined to the end."""
+
+_QUICK = (12.0, 12.0, 9.0, 7.0, 5.0)
+_MERGE_TURN, _MERGE_SHIFT = 0.04, 0.02
+"""Poses nearer than this are one [rad, diagonals]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """How much each kind of evidence counts, fitted on rendered scenes of random parts (``benchmarks/vision_fit.py``).
+
+    Neighbouring stretches of edge are not independent, shadows and occluders make edges of their own: what that does to
+    the sums of :class:`Evidence` is measured, not derived.
+
+    Attributes:
+        hits: of edges of the part that meet edges of the image.
+        misses: of those that do not.
+        explained: for each stretch of the image's edges that the part explains; below zero, as the ratios of hits take
+            chance for rarer than it is.
+        unknown: for each stretch of the image's edges, if the object is none of the parts.
+        base: log odds of "none of these" without edges, besides the prior.
+        spilled: for each square of a stretch that the silhouette covers where bare table is seen.
+    """
+
+    hits: float = 0.194
+    misses: float = 0.116
+    explained: float = -0.196
+    unknown: float = 0.057
+    base: float = 1.456
+    spilled: float = -0.169
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mode:
+    """A part at a pose.
+
+    Attributes:
+        model: the part.
+        rest: which stable pose; -1 where none was assumed.
+        T_camera_part: ``(4, 4)``.
+        log: log weight, up to a constant that all modes of the object share.
+        probability: posterior.
+    """
+
+    model: VisionModel
+    rest: int
+    T_camera_part: Transforms
+    log: float
+    probability: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """Posterior of one object.
+
+    Attributes:
+        modes: best first.
+        unknown: probability of "none of these".
+    """
+
+    modes: tuple[Mode, ...]
+    unknown: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Refined poses of one part with their evidence."""
+
+    model: VisionModel
+    T_camera_part: Transforms
+    rests: IntArray
+    priors: FloatArray
+    evidence: Evidence
+
+
+def own_edges(region: Region, edges: EdgeMap) -> BoolArray:
+    """Edge points that belong to a region ``(n,)``: in it or at its border."""
+    from tanteo.vision.opencv import opencv
+
+    mask = opencv().dilate(region.mask.astype(np.uint8), np.ones((5, 5), np.uint8))
+    at = np.rint(edges.points.pixels).astype(np.int64)
+    return np.asarray(mask[at[:, 1].clip(0, mask.shape[0] - 1), at[:, 0].clip(0, mask.shape[1] - 1)] > 0)
+
+
+def candidates_in(
+    models: Sequence[VisionModel],
+    camera: Camera,
+    T_camera_table: Transforms,
+    edges: EdgeMap,
+    region: Region,
+    table: TableErrors,
+) -> tuple[list[Candidates], float]:
+    """Poses of every part in a region with their evidence, and the stretches of edge that the region has."""
+    used = own_edges(region, edges)
+    chance = chance_hits(edges.points, used)
+    distances = small_distances(edges)
+    proposals = [propose(model, camera, T_camera_table, distances, region) for model in models]
+    quick = []
+    for model, proposal in zip(models, proposals, strict=True):
+        prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
+        T = refine(model.coarse, camera, edges, proposal.T_camera_part, prior=prior, reaches=_QUICK)
+        met = meet(model.coarse, camera, edges, T, 2 * REACH)
+        quick.append((T, weigh(model.coarse, met, chance, used).log if len(T) else np.zeros(0)))
+    scores = np.concatenate([score for _, score in quick])
+    least = np.sort(scores)[-KEPT] if len(scores) > KEPT else -np.inf
+    out = []
+    for model, proposal, (T, score) in zip(models, proposals, quick, strict=True):
+        # the best of each part stays, so that every part has an evidence
+        keep = (score >= least) | (score >= score.max(initial=-np.inf))
+        if not keep.any():
+            continue
+        which = proposal.rests[keep]
+        start = lie_down(model, which, T[keep], T_camera_table)
+        prior = _lying(model, T_camera_table, start, table)
+        found = refine(model.frame, camera, edges, start, prior=prior, reaches=REACHES[3:])
+        evidence = weigh(model.frame, meet(model.frame, camera, edges, found, REACH), chance, used)
+        evidence = replace(evidence, spilled=spilled(model.frame.surface, camera, found, region.mask))
+        priors = np.log([model.rests[k].probability for k in which])
+        out.append(Candidates(model, found, which, priors, evidence))
+    return out, float(used.sum()) / STRETCH
+
+
+def lie_down(model: VisionModel, which: IntArray, T: Transforms, T_camera_table: Transforms) -> Transforms:
+    """Poses at which the part lies exactly in its stable poses ``which``, nearest to the given ones."""
+    T_table = SE3.inverse(T_camera_table) @ T
+    Ts = np.stack([lay(model.part, model.rests[k], T_table[i]) for i, k in enumerate(which)])
+    return np.asarray(T_camera_table @ Ts)
+
+
+def _lying(model: VisionModel, T_camera_table: Transforms, Ts: Transforms, table: TableErrors) -> FloatArray:
+    return lying_information(SE3.inverse(T_camera_table) @ Ts, model.part.centroid, table)
+
+
+def believe(candidates: Sequence[Candidates], stretches: float, weights: Weights, parts: int) -> Belief:
+    """Posterior from candidates; poses that are one by symmetry or by convergence are merged, the best stands for them.
+
+    Args:
+        candidates: of every part.
+        stretches: of edge in the region.
+        weights: of the evidence.
+        parts: how many there are in the catalogue.
+    """
+    modes: list[Mode] = []
+    for c in candidates:
+        log = np.log((1 - UNKNOWN) / parts) + c.priors + log_weight(c.evidence, weights)
+        for k in np.argsort(-log, kind="stable"):
+            same = any(
+                m.model is c.model and one_pose(c.model.part, m.T_camera_part, c.T_camera_part[k]) for m in modes
+            )
+            if not same:
+                modes.append(Mode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])))
+    none = np.log(UNKNOWN) + weights.unknown * stretches + weights.base
+    total = float(logsumexp([m.log for m in modes] + [none]))
+    modes.sort(key=lambda m: -m.log)
+    scored = tuple(Mode(m.model, m.rest, m.T_camera_part, m.log, float(np.exp(m.log - total))) for m in modes)
+    return Belief(scored, float(np.exp(none - total)))
+
+
+def log_weight(evidence: Evidence, weights: Weights) -> FloatArray:
+    """Log weight of poses, without prior."""
+    explained = weights.explained * evidence.explained / STRETCH + weights.spilled * evidence.spilled / STRETCH**2
+    return np.asarray(weights.hits * evidence.hits + weights.misses * evidence.misses + explained)
+
+
+def one_pose(part: Part, first: Transforms, second: Transforms) -> bool:
+    """Whether two poses are one, or one by the part's symmetry."""
+    gap = SE3.inverse(first) @ second
+    if part.symmetry.spherical or part.symmetry.axis is not None:
+        return _one_axis(part, gap)
+    between = part.symmetry.Ts @ SE3.inverse(gap)
+    turn = np.linalg.norm(SE3.log(between)[:, 3:], axis=1)
+    shift = np.linalg.norm(SE3.apply(between, part.centroid) - part.centroid, axis=1)
+    return bool(np.any((turn < _MERGE_TURN) & (shift < _MERGE_SHIFT * part.diagonal)))
+
+
+def _one_axis(part: Part, gap: Transforms) -> bool:
+    near = np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid) < _MERGE_SHIFT * part.diagonal
+    if part.symmetry.axis is None:
+        return bool(near)
+    axis = part.symmetry.axis[1]
+    turned = np.einsum("kij,j->ki", part.symmetry.Ts[:, :3, :3], axis)
+    return bool(near and np.any(turned @ (gap[:3, :3] @ axis) > np.cos(_MERGE_TURN)))

@@ -1,0 +1,177 @@
+"""The camera: from points to pixels and back to rays, with the distortion of calibration files.
+
+Frame ``camera``: x to the right of the image, y down, z forward; pixel centres have whole coordinates. Distortion is
+the rational model with tangential terms (Brown 1966; the order of OpenCV and of ROS ``plumb_bob`` and
+``rational_polynomial``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.frames.covariances import check_covariance, frozen_array
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+
+_ROUNDS, _NEWTON = 8, 4
+"""Fixed-point rounds, then Newton's, that take a distorted point back."""
+
+COEFFICIENTS = (0, 4, 5, 8)
+"""How many distortion coefficients there may be: k1 k2 p1 p2, then k3, then k4 k5 k6."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """A calibrated camera.
+
+    Attributes:
+        K: ``(3, 3)``, focal lengths and principal point [px], no skew.
+        size: width and height [px].
+        distortion: ``k1 k2 p1 p2 [k3 [k4 k5 k6]]``; none for a camera without.
+        T_world_camera: where the camera stands ``(4, 4)``; None where that is not known.
+        covariance: of that ``(6, 6)``, camera frame, right [m, rad]; None where it is taken as exact.
+
+    Raises:
+        InputError: for a matrix that is no camera's, or a number of coefficients that no model has.
+    """
+
+    K: FloatArray
+    size: tuple[int, int]
+    distortion: FloatArray = field(default_factory=lambda: np.zeros(0))
+    T_world_camera: Transforms | None = None
+    covariance: Covariances | None = None
+
+    def __post_init__(self) -> None:
+        K, distortion = frozen_array(self.K), frozen_array(self.distortion).reshape(-1)
+        lower = K.shape == (3, 3) and np.allclose(K[[0, 1, 2, 2], [1, 0, 0, 1]], 0) and np.isclose(K[2, 2], 1)
+        if not (lower and np.all(np.isfinite(K)) and K[0, 0] > 0 and K[1, 1] > 0):
+            raise InputError(
+                f"K: expected fx, 0, cx; 0, fy, cy; 0, 0, 1 with fx, fy > 0, got {K.tolist()}. Give pixels, no skew."
+            )
+        if len(distortion) not in COEFFICIENTS or not np.all(np.isfinite(distortion)):
+            raise InputError(
+                f"distortion: expected 0, 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6), got {distortion.tolist()}. "
+                "Fisheye models are not known here: rectify the image first."
+            )
+        if min(self.size) < 1:
+            raise InputError(f"size: expected width and height in pixels, got {self.size}. Give the image's own.")
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "distortion", distortion)
+        if self.T_world_camera is not None:
+            object.__setattr__(self, "T_world_camera", rigid("T_world_camera", self.T_world_camera))
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", check_covariance("camera, covariance", self.covariance, 6))
+
+    @property
+    def focal(self) -> FloatArray:
+        """Focal lengths ``(2,)`` [px]."""
+        return np.array([self.K[0, 0], self.K[1, 1]])
+
+    @property
+    def centre(self) -> FloatArray:
+        """Principal point ``(2,)`` [px]."""
+        return self.K[:2, 2]
+
+
+def rigid(name: str, T: Transforms) -> Transforms:
+    """The motion, read-only.
+
+    Raises:
+        InputError: if it is none.
+    """
+    out = frozen_array(T)
+    R = out[:3, :3] if out.shape == (4, 4) else np.zeros((3, 3))
+    if not (np.all(np.isfinite(out)) and np.allclose(R.T @ R, np.eye(3), atol=1e-4) and np.linalg.det(R) > 0):
+        raise InputError(f"{name}: expected a rigid motion (4 x 4, metres), got {out.tolist()}. Check its rows.")
+    return out
+
+
+def project(camera: Camera, points: Vectors) -> FloatArray:
+    """Pixels ``(*batch, 2)`` of points ``(*batch, 3)`` in the camera's frame [m]; NaN for those not in front."""
+    z = points[..., 2]
+    ahead = np.where(z > 0, z, np.nan)
+    x, y = points[..., 0] / ahead, points[..., 1] / ahead
+    if len(camera.distortion):
+        x, y = _distort(camera.distortion, x, y)
+    return np.stack([camera.K[0, 0] * x + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]], axis=-1)
+
+
+def project_linearised(camera: Camera, points: Vectors) -> tuple[FloatArray, FloatArray]:
+    """Pixels and their derivative by the point ``(*batch, 2, 3)`` [px/m]."""
+    z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+    x, y = points[..., 0] / z, points[..., 1] / z
+    zero = np.zeros_like(z)
+    D = np.stack([np.stack([1 / z, zero, -x / z], axis=-1), np.stack([zero, 1 / z, -y / z], axis=-1)], axis=-2)
+    if len(camera.distortion):
+        D = _distortion_jacobian(camera.distortion, x, y) @ D
+        x, y = _distort(camera.distortion, x, y)
+    pixels = np.stack([x, y], axis=-1) * camera.focal + camera.centre
+    return pixels, camera.focal[:, None] * D
+
+
+def rays(camera: Camera, pixels: FloatArray) -> Vectors:
+    """Directions ``(*batch, 3)`` with z = 1, camera frame, of pixels ``(*batch, 2)``: distortion taken away."""
+    x, y = np.moveaxis((np.asarray(pixels, dtype=np.float64) - camera.centre) / camera.focal, -1, 0)
+    if len(camera.distortion):
+        x, y = _undistort(camera.distortion, x, y)
+    return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+
+def without_distortion(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Where the pixels would be without distortion ``(*batch, 2)`` [px]: straight edges become straight lines."""
+    return np.asarray(rays(camera, pixels)[..., :2] * camera.focal + camera.centre)
+
+
+def on_plane(camera: Camera, pixels: FloatArray, T_camera_plane: Transforms) -> Vectors:
+    """Where the pixels' rays meet the plane z = 0 of a frame: points in that frame [m]; NaN where they do not."""
+    return meet_plane(rays(camera, pixels), T_camera_plane)
+
+
+def meet_plane(rays_camera: Vectors, T_camera_plane: Transforms) -> Vectors:
+    """Where rays ``(*batch, 3)`` from the camera's centre meet the plane z = 0 of a frame: points in that frame [m]."""
+    directions = rays_camera @ T_camera_plane[:3, :3]
+    origin = -T_camera_plane[:3, :3].T @ T_camera_plane[:3, 3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = -origin[2] / directions[..., 2]
+    along = np.where(np.isfinite(along) & (along > 0), along, np.nan)
+    return np.asarray(origin + along[..., None] * directions)
+
+
+def _terms(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Radial factor, its derivative by ``r^2``, and the tangential shifts."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = np.r_[k, np.zeros(8 - len(k))]
+    r2 = x * x + y * y
+    up, down = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    d_up, d_down = k1 + r2 * (2 * k2 + 3 * r2 * k3), k4 + r2 * (2 * k5 + 3 * r2 * k6)
+    dx, dy = 2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return up / down, (d_up * down - up * d_down) / (down * down), dx, dy
+
+
+def _distort(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    radial, _, dx, dy = _terms(k, x, y)
+    return x * radial + dx, y * radial + dy
+
+
+def _distortion_jacobian(k: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """``(*batch, 2, 2)``: derivative of the distorted point by the ideal one."""
+    radial, slope, _, _ = _terms(k, x, y)
+    p1, p2 = k[2], k[3]
+    cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    xx = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+    yy = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+    return np.stack([np.stack([xx, cross], axis=-1), np.stack([cross, yy], axis=-1)], axis=-2)
+
+
+def _undistort(k: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    x, y = u, v
+    for _ in range(_ROUNDS):
+        radial, _, dx, dy = _terms(k, x, y)
+        x, y = (u - dx) / radial, (v - dy) / radial
+    for _ in range(_NEWTON):
+        J = _distortion_jacobian(k, x, y)
+        a, b = _distort(k, x, y)
+        step = np.linalg.solve(J, np.stack([u - a, v - b], axis=-1)[..., None])[..., 0]
+        x, y = x + step[..., 0], y + step[..., 1]
+    return x, y

@@ -1,0 +1,92 @@
+"""Edges and corners of an image as sensed features, for ``localization``.
+
+An edge in the image is a plane through the camera's centre that holds the model edge (relation ``plane_has_edge``, two
+equations); a corner is a line through the centre that holds the model vertex (``edge_has_vertex``, two equations).
+How far away they are, the camera does not say: neither fixes a pose alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.features import EDGE, PLANE, Feature
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.vision.camera import Camera
+from tanteo.vision.segments import Corners, Segments
+
+CENTRE_SD = 1e-6
+"""Standard deviation of the camera's centre across a plane or line through it [m]: a calibration is taken as exact."""
+
+
+def image_edge(camera: Camera, segments: Segments, index: int, T_world_camera: Transforms | None = None) -> Feature:
+    """The plane through the camera's centre and a segment, as a sensed plane to be paired with a model edge.
+
+    Its frame sits at the camera's centre: x along the ray to the middle of the segment, z across; the plane turns about
+    y with the offset of the segment and about x with its direction.
+
+    Args:
+        camera: that took the image.
+        segments: of the image.
+        index: which of them.
+        T_world_camera: where the camera stands; that of ``camera`` if not given.
+
+    Raises:
+        InputError: the camera's place is not known.
+    """
+    T = _standing(camera, T_world_camera)
+    middle, direction = segments.middles[index], segments.directions[index]
+    ray = np.append((middle - camera.centre) / camera.focal, 1.0)
+    along = np.append(direction / camera.focal, 0.0)
+    # a step of one pixel across, and a turn of one radian about the middle, as rotations of the plane
+    across = np.append(np.array([-direction[1], direction[0]]) / camera.focal, 0.0)
+    x = ray / np.linalg.norm(ray)
+    z = np.cross(x, along)
+    z /= np.linalg.norm(z)
+    R = np.stack([x, np.cross(z, x), z], axis=1)
+    turn_offset = -float(across @ z) / np.linalg.norm(ray)
+    length = float(along @ R[:, 1]) / np.linalg.norm(ray)
+    turn_angle = float(across @ z) / np.linalg.norm(ray) / length
+    G = np.array([[0.0, turn_angle], [turn_offset, 0.0]])
+    P = np.zeros((3, 3))
+    P[0, 0] = CENTRE_SD**2
+    P[1:, 1:] = G @ segments.covariances[index] @ G.T
+    return Feature(PLANE, T @ SE3.from_parts(R, np.zeros(3)), P, label=f"image edge {index}")
+
+
+def image_corner(camera: Camera, corners: Corners, index: int, T_world_camera: Transforms | None = None) -> Feature:
+    """The line through the camera's centre and a corner, as a sensed edge to be paired with a model vertex.
+
+    Args:
+        camera: that took the image.
+        corners: of the image.
+        index: which of them.
+        T_world_camera: where the camera stands; that of ``camera`` if not given.
+
+    Raises:
+        InputError: the camera's place is not known.
+    """
+    T = _standing(camera, T_world_camera)
+    return _ray_feature(camera, corners.pixels[index], corners.covariances[index], T, f"image corner {index}")
+
+
+def _ray_feature(camera: Camera, pixel: FloatArray, C: Covariances, T: Transforms, label: str) -> Feature:
+    ray = np.append((pixel - camera.centre) / camera.focal, 1.0)
+    R = SO3.frame_from_axis(ray / np.linalg.norm(ray), 0)
+    # d(unit ray) / d(pixel) across the ray; a turn w moves the x axis by w_z y - w_y z
+    D = np.zeros((3, 2))
+    D[0, 0], D[1, 1] = 1 / camera.focal
+    across = R[:, 1:].T @ D / np.linalg.norm(ray)
+    G = np.stack([-across[1], across[0]])
+    P = np.zeros((4, 4))
+    P[:2, :2] = CENTRE_SD**2 * np.eye(2)
+    P[2:, 2:] = G @ C @ G.T
+    return Feature(EDGE, T @ SE3.from_parts(R, np.zeros(3)), P, label=label)
+
+
+def _standing(camera: Camera, T_world_camera: Transforms | None) -> Transforms:
+    T = camera.T_world_camera if T_world_camera is None else T_world_camera
+    if T is None:
+        raise InputError("camera: expected where it stands (T_world_camera), got none. Fit it with fit_camera.")
+    return T

@@ -1,0 +1,180 @@
+"""Edges of the part at its pose against edge points of the image: which meet, and the pose at which they meet best.
+
+A sample of the part's edge at pixel ``u`` with normal ``n`` meets the nearest edge point ``e`` that runs the same way;
+``d = n (e - u)`` is what the pose is fitted to. All poses of one part are worked on together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.lie import SE3, SO3
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.vision.camera import Camera, project_linearised
+from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of
+from tanteo.vision.edges import CORRELATION, FLOOR
+from tanteo.vision.wireframe import Seen, Wireframe, in_camera, see_edges
+
+BIAS = 0.1
+"""Standard deviation of what moves a whole edge: shading, blur, wear [px]."""
+
+OWN = 4.0
+"""An edge point farther off than this many standard deviations is not the edge's own."""
+
+REACHES = (12.0, 9.0, 7.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.2, 1.0)
+"""How far off an edge point may be to be taken for the sample's own, round by round [px]."""
+
+_ASKED = (0, 3, 6)
+"""Rounds in which the part is asked again what of it is hidden."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Met:
+    """Samples of a wireframe at some poses and the edge points they meet.
+
+    Attributes:
+        seen: which samples make edges.
+        inside: ``(*batch, N)``, those of them in the image.
+        pixels: ``(*batch, N, 2)``, of the samples [px].
+        normals: ``(*batch, N, 2)``, unit, across the edges in the image.
+        spans: ``(*batch, N)``, length of image edge that a sample stands for [px].
+        hits: ``(*batch, N)``, whether an edge point is within reach.
+        offsets: ``(*batch, N)``, its distance along the normal [px]; 0 without.
+        sds: ``(*batch, N)``, its standard deviation [px]; 1 without.
+        points: ``(*batch, N)``, its index; -1 without.
+        jacobian: ``(*batch, N, 6)``, ``offset(T exp(xi)) ~ offset - jacobian xi`` [px/m, px/rad].
+    """
+
+    seen: Seen
+    inside: BoolArray
+    pixels: FloatArray
+    normals: FloatArray
+    spans: FloatArray
+    hits: BoolArray
+    offsets: FloatArray
+    sds: FloatArray
+    points: IntArray
+    jacobian: FloatArray
+
+
+def meet(
+    frame: Wireframe, camera: Camera, edges: EdgeMap, T_camera_part: Transforms, reach: float, seen: Seen | None = None
+) -> Met:
+    """Find the edge points that the part's edges meet.
+
+    Args:
+        frame: of the part.
+        camera: that took the image.
+        edges: of the image.
+        T_camera_part: poses ``(*batch, 4, 4)``.
+        reach: how far an edge point may be from its sample [px].
+        seen: what is visible there, if known.
+    """
+    seen = see_edges(frame, T_camera_part) if seen is None else seen
+    R = T_camera_part[..., None, :3, :3]
+    pixels, D = project_linearised(camera, in_camera(T_camera_part, frame.points))
+    J = D @ R
+    along = (J @ frame.tangents[..., None])[..., 0]
+    scale = np.linalg.norm(along, axis=-1)
+    safe = np.where(scale > 0, scale, 1.0)[..., None]
+    normals = np.stack([-along[..., 1], along[..., 0]], axis=-1) / safe
+    row, column, inside = cell_of(edges.points.shape, pixels)
+    # an edge seen end on is no edge
+    inside &= seen.shown & (scale * frame.diagonal > 1.0)
+    point = edges.nearest[channel_of(np.nan_to_num(normals)), row, column].astype(np.int64)
+    gap = edges.points.pixels[point] - np.nan_to_num(pixels) if len(edges.points) else np.zeros(pixels.shape)
+    off = np.sum(gap * normals, axis=-1)
+    aside = np.abs(gap[..., 0] * normals[..., 1] - gap[..., 1] * normals[..., 0])
+    hits = inside & (point >= 0) & (np.abs(off) < reach) & (aside < max(2.0, 0.5 * reach))
+    nJ = (normals[..., None, :] @ np.nan_to_num(J))[..., 0, :]
+    jacobian = np.concatenate([nJ, SO3.cross(frame.points, nJ)], axis=-1)
+    sds = edges.points.sds[point] if len(edges.points) else np.ones(point.shape)
+    return Met(
+        seen,
+        inside,
+        pixels,
+        normals,
+        np.where(inside, np.nan_to_num(scale) * frame.lengths, 0.0),
+        hits,
+        np.where(hits, off, 0.0),
+        np.where(hits, sds, 1.0),
+        np.where(hits, point, -1),
+        jacobian,
+    )
+
+
+def refine(
+    frame: Wireframe,
+    camera: Camera,
+    edges: EdgeMap,
+    T_camera_part: Transforms,
+    *,
+    prior: FloatArray | None = None,
+    reaches: tuple[float, ...] = REACHES,
+) -> Transforms:
+    """Better poses, by robust Gauss-Newton on the offsets.
+
+    Args:
+        frame: of the part.
+        camera: that took the image.
+        edges: of the image.
+        T_camera_part: first poses ``(B, 4, 4)``.
+        prior: information on ``Log(T_first^-1 T)`` ``(B, 6, 6)``; none if not given.
+        reaches: how far to look, round by round [px].
+    """
+    T = np.array(T_camera_part)
+    scale = np.r_[np.full(3, frame.diagonal), np.ones(3)]
+    seen = None
+    for k, reach in enumerate(reaches):
+        if k in _ASKED or seen is None:
+            seen = see_edges(frame, T)
+        met = meet(frame, camera, edges, T, reach, seen)
+        A, g = _normal_equations(met, reach)
+        if prior is not None:
+            A = A + prior
+            g = g - (prior @ SE3.log(SE3.inverse(T_camera_part) @ T)[..., None])[..., 0]
+        scaled = A * np.outer(scale, scale)
+        # directions that nothing resists stay where they are
+        hold = 1e-6 * np.trace(scaled, axis1=-2, axis2=-1)[..., None, None] + 1e-9
+        step = scale * np.linalg.solve(scaled + hold * np.eye(6), (scale * g)[..., None])[..., 0]
+        step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step / scale, axis=-1), 1e-12))[..., None]
+        T = T @ SE3.exp(step)
+    return np.asarray(T)
+
+
+def _normal_equations(met: Met, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Information ``(*batch, 6, 6)`` and gradient of the offsets under a redescending weight (Tukey 1960)."""
+    sd2 = met.sds**2 + BIAS**2 + (0.25 * reach) ** 2
+    robust = np.where(met.hits, (1 - (met.offsets / (1.01 * reach)) ** 2) ** 2, 0.0)
+    w = robust * met.spans / CORRELATION / sd2
+    JW = np.swapaxes(met.jacobian, -1, -2) * w[..., None, :]
+    return JW @ met.jacobian, (JW @ met.offsets[..., None])[..., 0]
+
+
+def information(frame: Wireframe, met: Met) -> tuple[FloatArray, float, float]:
+    """What the met edge points say about one pose, with the error that each edge has in common.
+
+    Neighbours share noise over a correlation length, and all points of one edge share its bias: with noise weights
+    ``W`` the inverse of ``W^-1 + bias^2 1 1'`` by Woodbury.
+
+    Args:
+        frame: of the part.
+        met: at the pose, no batch axes.
+
+    Returns:
+        Information on the pose ``(6, 6)``, chi-square of the offsets, and its equations (independent offsets).
+    """
+    # what is farther off than an edge's own errors is another edge: a shadow, a neighbour, a thing in the way
+    use = met.hits & (np.abs(met.offsets) < OWN * np.hypot(met.sds, BIAS))
+    w = np.where(use, np.minimum(met.spans / CORRELATION, 1.0) / (met.sds**2 + FLOOR**2), 0.0)
+    J, d = met.jacobian, met.offsets
+    A, chi2 = (J.T * w) @ J, float(w @ d**2)
+    for group in np.unique(frame.groups[use]):
+        k = use & (frame.groups == group)
+        total, JW1, dW1 = w[k].sum(), J[k].T @ w[k], float(w[k] @ d[k])
+        shared = 1.0 / (1.0 / BIAS**2 + total)
+        A -= shared * np.outer(JW1, JW1)
+        chi2 -= float(shared) * dW1**2
+    return A, chi2, float(np.minimum(met.spans[use] / CORRELATION, 1.0).sum())

@@ -1,0 +1,87 @@
+"""What was seen, drawn over the image: outlines, the edges of the best answers, names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.typing import FloatArray, Transforms
+from tanteo.vision.camera import Camera, project
+from tanteo.vision.edge_map import map_edges
+from tanteo.vision.edges import check_image
+from tanteo.vision.evidence import REACH
+from tanteo.vision.fit import meet
+from tanteo.vision.opencv import opencv
+from tanteo.vision.sight import Sight, Sighting
+
+_MET, _MISSED, _OUTLINE, _WORD = (40, 200, 60), (230, 60, 50), (70, 130, 230), (255, 220, 40)
+_AXES = ((230, 60, 50), (40, 200, 60), (70, 130, 230))
+_SCALE = 2
+_SHIFT = 4
+"""Fractional bits of the coordinates that OpenCV draws with."""
+
+
+def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
+    """A picture of what was seen, twice as large as the image.
+
+    Drawn are the outlines of the regions, the edges of each object's best answer (green where the image has them, red
+    where not), the part's axes, its name and probability.
+
+    Args:
+        image: that was looked at.
+        camera: that took it.
+        sight: what was seen.
+
+    Returns:
+        Red, green, blue, ``(2 rows, 2 columns, 3)``, 0 to 255.
+    """
+    cv2 = opencv()
+    grey = np.clip(np.rint(check_image(image)), 0, 255).astype(np.uint8)
+    large = cv2.resize(grey, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_LINEAR)
+    picture = np.ascontiguousarray(np.repeat(large[..., None], 3, axis=2))
+    edges = map_edges(sight.edges)
+    for seen in sight.objects:
+        if seen.region is not None:
+            cv2.polylines(picture, [_at(seen.region.contour)], True, _OUTLINE, 1, cv2.LINE_AA, _SHIFT)
+        if seen.modes:
+            best = seen.modes[0]
+            met = meet(best.model.frame, camera, edges, best.T_camera_part, REACH)
+            for pixel, inside, hit in zip(met.pixels, met.inside, met.hits, strict=True):
+                if inside:
+                    colour = _MET if hit else _MISSED
+                    cv2.circle(picture, _at(pixel), 2 << _SHIFT, colour, -1, cv2.LINE_AA, _SHIFT)
+            _draw_axes(picture, camera, best.T_camera_part, 0.3 * best.model.part.diagonal)
+        _write(picture, seen)
+    return picture
+
+
+def _at(pixels: FloatArray) -> np.ndarray:
+    """Coordinates in the enlarged picture as OpenCV wants them."""
+    scaled = (pixels + 0.5) * _SCALE - 0.5
+    whole = np.rint(np.nan_to_num(scaled) * (1 << _SHIFT)).astype(np.int32)
+    return whole if whole.ndim > 1 else tuple(int(v) for v in whole)  # type: ignore[return-value]
+
+
+def _draw_axes(picture: np.ndarray, camera: Camera, T_camera_part: Transforms, length: float) -> None:
+    cv2 = opencv()
+    tips = SE3.apply(T_camera_part, np.concatenate([np.zeros((1, 3)), length * np.eye(3)]))
+    pixels = project(camera, tips)
+    if not np.all(np.isfinite(pixels)):
+        return
+    for tip, colour in zip(pixels[1:], _AXES, strict=True):
+        cv2.line(picture, _at(pixels[0]), _at(tip), colour, 2, cv2.LINE_AA, _SHIFT)
+
+
+def _write(picture: np.ndarray, seen: Sighting) -> None:
+    cv2 = opencv()
+    answer = seen.recognition
+    best = answer.hypotheses[0] if answer.hypotheses else None
+    name = "unknown" if best is None or answer.status == "unknown" else best.part
+    p = answer.unknown_probability if name == "unknown" or best is None else best.probability
+    text = f"{name} {100 * min(p, 0.999):.1f} %"
+    corner = (10, 10) if seen.region is None else (seen.region.box[0], seen.region.box[2])
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.7, 1)
+    x = int(np.clip(_SCALE * corner[0], 4, max(picture.shape[1] - width - 4, 4)))
+    y = int(np.clip(_SCALE * corner[1] - 8, height + 6, picture.shape[0] - 6))
+    for shift, colour in ((1, (0, 0, 0)), (0, _WORD)):
+        cv2.putText(picture, text, (x + shift, y + shift), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, 1, cv2.LINE_AA)

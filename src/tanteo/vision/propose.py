@@ -1,0 +1,150 @@
+"""First poses of a part on the table: every stable pose at every yaw, slid over a region until its edges fall on edges.
+
+Distances to edges are looked up in a small table by direction (chamfer matching; Barrow and others 1977, Shotton and
+others 2008). What a part looks like is drawn once for each yaw, in the middle of the region; the perspective is put
+right when the pose is refined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.lie import SE3, SO3
+from tanteo.typing import FloatArray, IntArray, Transforms
+from tanteo.vision.camera import Camera, meet_plane, project, rays
+from tanteo.vision.edge_map import CHANNELS, EdgeMap, channel_of
+from tanteo.vision.models import VisionModel
+from tanteo.vision.regions import Region
+from tanteo.vision.wireframe import in_camera, see_edges
+
+YAWS = 48
+"""Yaws that are tried."""
+
+STEP = 8
+"""Steps by which a part is slid [px]."""
+
+_CELL = 4
+_CAP = 10.0
+"""Farther than this is as good as nowhere [px]."""
+
+_DRAWN = 56
+"""Samples of edges that are looked up."""
+
+_MARGIN = 480
+"""How far a part may reach out of the image [px]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """First poses of one part in one region.
+
+    Attributes:
+        T_camera_part: ``(k, 4, 4)``.
+        rests: ``(k,)``, which stable pose each is.
+        costs: ``(k,)``, mean distance of the part's edges to edges of the image, capped [px].
+    """
+
+    T_camera_part: Transforms
+    rests: IntArray
+    costs: FloatArray
+
+
+def small_distances(edges: EdgeMap) -> FloatArray:
+    """Capped distances on a coarse grid with a margin ``(CHANNELS, rows, columns)``."""
+    pad = _MARGIN // _CELL
+    low = np.minimum(edges.distances[:, ::_CELL, ::_CELL], _CAP).astype(np.float32)
+    return np.pad(low, ((0, 0), (pad, pad), (pad, pad)), constant_values=_CAP)
+
+
+def slides(region: Region) -> FloatArray:
+    """Places of the region ``(S, 2)`` where a part's centre may be [px]: a grid over its pixels."""
+    x0, x1, y0, y1 = region.box
+    x, y = np.meshgrid(np.arange(x0, x1 + 1, STEP), np.arange(y0, y1 + 1, STEP))
+    on = region.mask[y, x]
+    return np.stack([x[on], y[on]], axis=-1).astype(np.float64)
+
+
+def propose(
+    model: VisionModel,
+    camera: Camera,
+    T_camera_table: Transforms,
+    distances: FloatArray,
+    region: Region,
+    most: int = 10,
+) -> Proposal:
+    """First poses of a part in a region.
+
+    Args:
+        model: of the part.
+        camera: that took the image.
+        T_camera_table: the table, z = 0 of its frame.
+        distances: of :func:`small_distances`.
+        region: where.
+        most: how many poses to keep for each stable pose.
+    """
+    places = slides(region)
+    directions = rays(camera, places)
+    found = []
+    if not len(places):
+        return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
+    for k, rest in enumerate(model.rests):
+        turned = SO3.axis_rotation(2, 2 * np.pi * np.arange(YAWS) / YAWS)
+        Ts = SE3.from_parts(turned, np.zeros(3)) @ rest.T_table_part
+        lift = float((Ts[0, :3, :3] @ model.part.centroid + Ts[0, :3, 3])[2])
+        plane = T_camera_table @ SE3.from_parts(np.eye(3), np.array([0.0, 0.0, lift]))
+        at = meet_plane(directions, plane)
+        middle = at[np.argmin(np.linalg.norm(places - region.centre, axis=1))]
+        if not np.all(np.isfinite(at)):
+            continue
+        shifted = SE3.from_parts(np.eye(3), np.array([middle[0], middle[1], 0.0]))
+        costs = _costs(model, camera, T_camera_table @ shifted @ Ts, distances, places)
+        yaw, place = _best(costs, places, most)
+        move = SE3.from_parts(np.eye(3), np.concatenate([at[place, :2], np.zeros((len(place), 1))], axis=1))
+        found.append((T_camera_table @ move @ Ts[yaw], np.full(len(yaw), k), costs[yaw, place]))
+    if not found:
+        return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
+    poses, which, cost = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Proposal(poses, which, cost)
+
+
+def _costs(model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatArray, places: FloatArray) -> FloatArray:
+    """Mean capped distance ``(yaws, places)`` of the part's edges, drawn at ``Ts`` and slid to the places."""
+    frame = model.coarse
+    seen = see_edges(frame, Ts)
+    pixels = project(camera, in_camera(Ts, frame.points))
+    along = project(camera, in_camera(Ts, frame.points + 1e-3 * frame.tangents)) - pixels
+    span = np.linalg.norm(along, axis=-1) * frame.lengths * seen.shown
+    centre = project(camera, SE3.apply(Ts, model.part.centroid))
+    total = np.cumsum(span, axis=1)
+    at = (np.arange(_DRAWN) + 0.5) / _DRAWN
+    chosen = np.stack([np.searchsorted(t, at * t[-1]) for t in total]).clip(0, len(frame) - 1)
+    rows = np.arange(len(Ts))[:, None]
+    channel = channel_of(np.stack([-along[rows, chosen, 1], along[rows, chosen, 0]], axis=-1))
+    offset = np.rint((pixels[rows, chosen] - centre[:, None] + _MARGIN) / _CELL).astype(np.int64)
+    height, width = distances.shape[1:]
+    start = (channel * height + offset[..., 1]) * width + offset[..., 0]
+    cell = np.rint(places / _CELL).astype(np.int64)
+    slide = cell[:, 1] * width + cell[:, 0]
+    flat, size = distances.ravel(), CHANNELS * height * width
+    index = start[:, :, None] + slide
+    return np.asarray(flat.take(index.clip(0, size - 1)).mean(axis=1), dtype=np.float64)
+
+
+def _best(costs: FloatArray, places: FloatArray, most: int) -> tuple[IntArray, IntArray]:
+    """The best yaw and place, and the next ones that are not their neighbours."""
+    yaws, n = costs.shape
+    order = np.argsort(costs, axis=None)[: 40 * most]
+    kept: list[tuple[int, int]] = []
+    for flat in order:
+        yaw, place = divmod(int(flat), n)
+        near = any(
+            min((yaw - y) % yaws, (y - yaw) % yaws) <= 1 and np.abs(places[place] - places[p]).max() <= 2 * STEP
+            for y, p in kept
+        )
+        if not near:
+            kept.append((yaw, place))
+        if len(kept) == most:
+            break
+    return np.array([y for y, _ in kept]), np.array([p for _, p in kept])

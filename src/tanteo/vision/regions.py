@@ -1,0 +1,143 @@
+"""Where on the table something lies: regions that do not look like the table, and their contours.
+
+The table is taken to be the most of the image, its brightness a smooth function of place. A shadow is not table; it
+belongs to the region of what throws it, and what the region holds besides the part is found out when the part is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.frames.covariances import frozen_array
+from tanteo.typing import BoolArray, FloatArray
+from tanteo.vision.edges import CORRELATION, EdgePoints, check_image, image_noise
+from tanteo.vision.opencv import opencv
+
+_COARSE = 4
+_ROUNDS = 12
+_DIFFERS = 6.0
+"""A pixel this many standard deviations off the table's brightness is not table."""
+
+_LEAST_CONTRAST = 5.0
+"""Nor is one by fewer grey levels than this told from the table."""
+
+LEAST_AREA = 200
+"""Regions smaller than this are dirt [px]."""
+
+_SNAP = 3.0
+"""A contour runs through the edge points within this of it [px]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """Something that is not the table.
+
+    Attributes:
+        mask: rows x columns, the pixels of it; holes are part of it.
+        box: first and last column, first and last row [px].
+        contour: ``(n, 2)``, its outline, a point every correlation length, mathematically positive on the screen [px].
+        normals: ``(n, 2)``, unit, outward.
+        sds: ``(n,)``, standard deviation of each point along its normal [px].
+        cut: whether it leaves the image.
+    """
+
+    mask: BoolArray
+    box: tuple[int, int, int, int]
+    contour: FloatArray
+    normals: FloatArray
+    sds: FloatArray
+    cut: bool
+
+    def __post_init__(self) -> None:
+        for name in ("contour", "normals", "sds"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    @property
+    def centre(self) -> FloatArray:
+        """Middle of its pixels ``(2,)`` [px]."""
+        rows, columns = np.nonzero(self.mask)
+        return np.array([columns.mean(), rows.mean()])
+
+
+def table_brightness(image: FloatArray) -> FloatArray:
+    """Brightness of the table where nothing lies on it: a quadratic in x and y that most pixels follow."""
+    rows, columns = image.shape
+    y, x = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
+    X = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    coarse, target = X[::_COARSE, ::_COARSE].reshape(-1, 6), image[::_COARSE, ::_COARSE].ravel()
+    weights = np.ones(len(target))
+    # start from the middle of the brightness, as things may cover much of the image
+    beta = np.r_[np.median(target), np.zeros(5)]
+    for k in range(_ROUNDS):
+        off = target - coarse @ beta
+        scale = max(1.4826 * float(np.median(np.abs(off))), 1.0) * (4.0 if k < 4 else 3.0)
+        weights = np.clip(1 - (off / scale) ** 2, 0.0, None) ** 2
+        W = coarse.T * weights
+        beta = np.linalg.solve(W @ coarse + 1e-9 * np.eye(6), W @ target)
+    return np.asarray(X @ beta)
+
+
+def find_regions(image: FloatArray, edges: EdgePoints) -> tuple[Region, ...]:
+    """Find what lies on the table, largest first.
+
+    Args:
+        image: rows x columns, grey levels.
+        edges: its edge points.
+    """
+    cv2 = opencv()
+    image = check_image(image)
+    off = np.abs(cv2.GaussianBlur(image - table_brightness(image), (0, 0), 1.0))
+    differs = (off > max(_DIFFERS * image_noise(image) * 0.3, _LEAST_CONTRAST)).astype(np.uint8)
+    differs = cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    differs = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    outlines, _ = cv2.findContours(differs, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    regions = [_region(image.shape, outline, edges) for outline in outlines if cv2.contourArea(outline) > LEAST_AREA]
+    return tuple(sorted(regions, key=lambda region: -int(region.mask.sum())))
+
+
+def _region(shape: tuple[int, ...], outline: FloatArray, edges: EdgePoints) -> Region:
+    cv2 = opencv()
+    filled = np.zeros(shape, dtype=np.uint8)
+    cv2.drawContours(filled, [outline], -1, 1, thickness=cv2.FILLED)
+    points = outline[:, 0].astype(np.float64)
+    low, high = points.min(axis=0).astype(int), points.max(axis=0).astype(int)
+    cut = bool(np.any(low <= 1) or high[0] >= shape[1] - 2 or high[1] >= shape[0] - 2)
+    contour, normals, sds = _snapped(points, edges)
+    return Region(filled > 0, (int(low[0]), int(high[0]), int(low[1]), int(high[1])), contour, normals, sds, cut)
+
+
+def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Contour points at equal steps, each moved along its normal onto the edge that runs there."""
+    from scipy.spatial import cKDTree
+
+    if _signed_area(points) < 0:
+        points = points[::-1]
+    steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    upto = np.r_[0.0, np.cumsum(steps)]
+    count = max(8, int(upto[-1] / CORRELATION))
+    at = np.arange(count) * upto[-1] / count
+    closed = np.concatenate([points, points[:1]])
+    even = np.stack([np.interp(at, upto, closed[:, k]) for k in (0, 1)], axis=-1)
+    tangents = np.roll(even, -1, axis=0) - np.roll(even, 1, axis=0)
+    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
+    normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=-1)
+    sds = np.full(count, 1.0)
+    if len(edges):
+        far, which = cKDTree(edges.pixels).query(even, distance_upper_bound=_SNAP)
+        found = np.isfinite(far)
+        index = which[found]
+        aligned = np.abs(np.sum(edges.normals[index] * normals[found], axis=1)) > 0.5
+        rows = np.flatnonzero(found)[aligned]
+        own = edges.normals[index[aligned]]
+        own = own * np.sign(np.sum(own * normals[rows], axis=1, keepdims=True))
+        gap = np.sum((edges.pixels[index[aligned]] - even[rows]) * own, axis=1)
+        even[rows] += gap[:, None] * own
+        normals[rows], sds[rows] = own, edges.sds[index[aligned]]
+    return even, normals, sds
+
+
+def _signed_area(points: FloatArray) -> float:
+    x, y = points.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))

@@ -1,0 +1,259 @@
+"""What an image of a table shows: every object, which part it may be, where, and what the camera cannot tell."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.localization import covariance_with_free, describe_motion, weak_motions
+from tanteo.matching.results import Hypothesis, Recognition
+from tanteo.matching.verdict import corner_sd, excuse, spins, verdict, without_spins, world_axis
+from tanteo.parts import Part
+from tanteo.typing import FloatArray, Transforms
+from tanteo.vision.belief import Belief, Mode, Weights, believe, candidates_in, lie_down
+from tanteo.vision.camera import Camera, on_plane
+from tanteo.vision.descriptors import Descriptors, describe
+from tanteo.vision.edge_map import EdgeMap, map_edges
+from tanteo.vision.edges import EdgePoints, find_edges
+from tanteo.vision.evidence import REACH
+from tanteo.vision.fit import BIAS, Met, information, meet, refine
+from tanteo.vision.models import VisionModel, prepare_vision
+from tanteo.vision.outlines import like_outline
+from tanteo.vision.question import Question, ask
+from tanteo.vision.regions import Region, find_regions
+from tanteo.vision.table import TableErrors, lying_information, seen_table
+
+POSSIBLE = 0.01
+"""Answers less probable than this raise no question."""
+
+_LAST = (2.5, 1.5, 1.0, 0.8, 0.8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """One object in an image.
+
+    Attributes:
+        recognition: the answer, as from touches: ready for the same result document.
+        modes: the poses behind its hypotheses, as many and in the same order.
+        question: what a touch should settle first; None if the image leaves nothing open that a touch from above would.
+        region: the pixels it was seen in; None where none was asked for.
+        outline: descriptors of the region's outline as if it were drawn on the table, shadow and all [m]; None without
+            a region.
+        alike: names of parts by how like their outlines from above are to it, the likest first: a first look.
+    """
+
+    recognition: Recognition
+    modes: tuple[Mode, ...]
+    question: Question | None
+    region: Region | None
+    outline: Descriptors | None = None
+    alike: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """All that was made of one image.
+
+    Attributes:
+        objects: largest first.
+        edges: the edge points.
+        T_world_camera: where the camera stands; the world is the camera's frame where that is not known.
+    """
+
+    objects: tuple[Sighting, ...]
+    edges: EdgePoints
+    T_world_camera: Transforms
+
+
+def see_table(
+    image: FloatArray,
+    camera: Camera,
+    parts: Sequence[Part] | Sequence[VisionModel],
+    *,
+    T_world_table: Transforms | None = None,
+    table: TableErrors | None = None,
+    weights: Weights | None = None,
+    top: int = 5,
+) -> Sight:
+    """Recognize what lies on a table.
+
+    Args:
+        image: rows x columns, grey levels from 0 to 255.
+        camera: calibrated, standing at ``camera.T_world_camera``.
+        parts: candidates, as parts or prepared (``prepare_vision(part)``; do it once for many images).
+        T_world_table: the table is z = 0 of this frame, things lie on its upper side; the world's own if not given.
+        table: how well that is known.
+        weights: of the evidence.
+        top: how many hypotheses to report for each object.
+
+    Returns:
+        One sighting for each region that is not the table; none if nothing lies there.
+
+    Raises:
+        InputError: no parts, an image of another size, or a camera whose place is not known.
+        MissingExtraError: without OpenCV.
+    """
+    models = check_sight(image, camera, parts)
+    if camera.T_world_camera is None:
+        raise InputError("camera: expected where it stands (T_world_camera), got none. Fit it with fit_camera.")
+    start = time.perf_counter()
+    T_world_table = np.eye(4) if T_world_table is None else T_world_table
+    T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
+    table, weights = seen_table(table or TableErrors(), camera, T_world_table), weights or Weights()
+    points = find_edges(image)
+    edges = map_edges(points)
+    objects = []
+    for region in find_regions(image, points):
+        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table)
+        belief = believe(found, stretches, weights, len(models))
+        seen = _sighting(belief, camera, edges, T_world_table, table, top)
+        outline = outline_on_table(camera, region, T_camera_table)
+        order = [] if outline is None else [model.part.name for model, _, _ in like_outline(outline, models)]
+        objects.append(replace(seen, region=region, outline=outline, alike=tuple(dict.fromkeys(order))))
+    seconds = {"total": time.perf_counter() - start}
+    timed = [replace(o, recognition=replace(o.recognition, elapsed=seconds)) for o in objects]
+    return Sight(tuple(timed), points, camera.T_world_camera)
+
+
+def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms) -> Descriptors | None:
+    """Descriptors of a region's outline where its rays meet the table [m]; None if some do not."""
+    points, beside = (
+        on_plane(camera, pixels, T_camera_table)[:, :2] for pixels in (region.contour, region.contour + region.normals)
+    )
+    if not np.all(np.isfinite(points)):
+        return None
+    scale = np.linalg.norm(beside - points, axis=1)
+    return describe(points, (beside - points) / scale[:, None], region.sds * scale, BIAS * float(scale.mean()))
+
+
+def check_sight(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel]) -> list[VisionModel]:
+    """The parts prepared, if all fits together.
+
+    Raises:
+        InputError: it does not.
+    """
+    if not parts:
+        raise InputError("parts: expected at least one part, got none.")
+    if np.shape(image) != (camera.size[1], camera.size[0]):
+        raise InputError(
+            f"image: expected {camera.size[1]} rows x {camera.size[0]} columns as the camera has, got "
+            f"{np.shape(image)}. Give the calibration of this camera at this resolution."
+        )
+    return [part if isinstance(part, VisionModel) else prepare_vision(part) for part in parts]
+
+
+def _sighting(
+    belief: Belief, camera: Camera, edges: EdgeMap, T_world_table: Transforms, table: TableErrors, top: int
+) -> Sighting:
+    assert camera.T_world_camera is not None
+    T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
+    modes, hypotheses = [], []
+    for mode in belief.modes[:top]:
+        start = lie_down(mode.model, np.array([mode.rest]), mode.T_camera_part[None], T_camera_table)
+        prior = lying_information(SE3.inverse(T_camera_table) @ start, mode.model.part.centroid, table)
+        T = refine(mode.model.frame, camera, edges, start, prior=prior, reaches=_LAST)[0]
+        modes.append(replace(mode, T_camera_part=T))
+        hypotheses.append(hypothesis(modes[-1], camera.T_world_camera, camera, edges, prior[0]))
+    status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
+    question = _question(modes, T_world_table, camera.T_world_camera)
+    if status == "ambiguous" and question is not None:
+        message = f"The image leaves {_both(question)}: {question.words}."
+    recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
+    return Sighting(recognition, tuple(modes), question, None)
+
+
+def _both(question: Question) -> str:
+    a, b = question.answers
+    return f"two poses of {a}" if a == b else f"{a} and {b}"
+
+
+def hypothesis(
+    mode: Mode, T_world_camera: Transforms, camera: Camera, edges: EdgeMap, prior: FloatArray | None = None
+) -> Hypothesis:
+    """The answer that a mode is: pose and covariance in the world, what stays free, how well its edges fit.
+
+    Args:
+        mode: refined.
+        T_world_camera: where the camera stands.
+        camera: that took the image.
+        edges: of the image.
+        prior: what the table says about the pose ``(6, 6)``; none if not given.
+    """
+    part, frame = mode.model.part, mode.model.frame
+    met = clear_edges(mode.model, meet(frame, camera, edges, mode.T_camera_part, REACH))
+    A, chi2, equations = information(frame, met)
+    A = without_spins(part, A + (0.0 if prior is None else prior))
+    dof = max(round(equations) - 6 + (3 if prior is not None else 0), 1)
+    weak = weak_motions(A, part.diagonal, fixed=spins(part))
+    T = T_world_camera @ mode.T_camera_part
+    covariance = covariance_with_free(A, weak, part.diagonal) * max(1.0, chi2 / dof)
+    if camera.covariance is not None:
+        Ad = SE3.adjoint_inverse(mode.T_camera_part)
+        covariance = covariance + Ad @ camera.covariance @ Ad.T
+    words = tuple(describe_motion(xi, T, part.diagonal) for xi in weak)
+    unexplained, certain = excuse(part, weak, words, covariance)
+    return Hypothesis(
+        part=part.name,
+        file=part.source,
+        probability=mode.probability,
+        T_world_part=T,
+        covariance=covariance,
+        worst_corner_sd=corner_sd(part, certain),
+        unobserved=unexplained,
+        symmetry_order=part.symmetry.order,
+        symmetry_poses=T @ part.symmetry.Ts[1:],
+        chi2=chi2,
+        dof=dof,
+        p_value=float(chdtrc(dof, chi2)),
+        rms=_rms(met, camera, mode.T_camera_part, part),
+        outliers=(),
+        pairings=(),
+        symmetry_axis=world_axis(part, T),
+    )
+
+
+def clear_edges(model: VisionModel, met: Met, gap: float = 4.0) -> Met:
+    """Only those edges met at one pose that have no other edge of the part within ``gap`` px, which would pull them."""
+    from scipy.spatial import cKDTree
+
+    shown = np.flatnonzero(met.inside)
+    if not len(shown):
+        return met
+    pairs = cKDTree(met.pixels[shown]).query_pairs(gap, output_type="ndarray")
+    groups = model.frame.groups[shown]
+    turned = np.abs(np.sum(met.normals[shown[pairs[:, 0]]] * met.normals[shown[pairs[:, 1]]], axis=1)) < 0.95
+    other = pairs[(groups[pairs[:, 0]] != groups[pairs[:, 1]]) | turned]
+    crowded = np.zeros(len(met.inside), dtype=np.bool_)
+    crowded[shown[other.ravel()]] = True
+    hits = met.hits & ~crowded
+    return replace(met, hits=hits, offsets=np.where(hits, met.offsets, 0.0))
+
+
+def _rms(met: Met, camera: Camera, T_camera_part: Transforms, part: Part) -> float:
+    """Root mean square of the offsets, as a length at the part's distance [m]."""
+    if not met.hits.any():
+        return 0.0
+    distance = float(SE3.apply(T_camera_part, part.centroid)[2])
+    return float(np.sqrt(np.mean(met.offsets[met.hits] ** 2))) * distance / float(camera.focal.mean())
+
+
+def _question(modes: Sequence[Mode], T_world_table: Transforms, T_world_camera: Transforms) -> Question | None:
+    """Between the best answer and the most probable one whose surface is elsewhere."""
+    T_table_camera = SE3.inverse(T_world_table) @ T_world_camera
+    answers = [
+        (mode.model.part.name, mode.model.frame.surface, T_table_camera @ mode.T_camera_part)
+        for mode in modes
+        if mode.probability > POSSIBLE
+    ]
+    for other in answers[1:]:
+        question = ask(answers[0], other, T_world_table)
+        if question is not None:
+            return question
+    return None

@@ -1,0 +1,159 @@
+"""The pose of parts from one image, without a table and without a first guess; following a part through images.
+
+Every corner of the image is tried on every corner of the part (``paths.py``), poses are compared with all edges, the
+better ones refined, and what remains is a posterior over modes; poses that the part's symmetry maps onto each other are
+one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from tanteo.lie import SE3
+from tanteo.matching.results import Recognition
+from tanteo.matching.verdict import verdict
+from tanteo.parts import Part
+from tanteo.typing import FloatArray, Transforms
+from tanteo.vision.belief import UNKNOWN, Belief, Mode, Weights, log_weight, one_pose
+from tanteo.vision.camera import Camera, project
+from tanteo.vision.chance import chance_map
+from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of, map_edges
+from tanteo.vision.edges import find_edges
+from tanteo.vision.evidence import REACH, weigh
+from tanteo.vision.fit import REACHES, meet, refine
+from tanteo.vision.models import VisionModel
+from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
+from tanteo.vision.segments import find_corners, find_segments
+from tanteo.vision.sight import Sight, Sighting, check_sight, hypothesis
+from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
+
+TRIED, KEPT = 240, 48
+"""Poses of each part that are refined a little, and of these to the end."""
+
+_QUICK = (12.0, 9.0, 6.0, 4.0)
+_LAST = (2.5, 1.5, 1.0, 1.0)
+
+
+def see_anywhere(
+    image: FloatArray,
+    camera: Camera,
+    parts: Sequence[Part] | Sequence[VisionModel],
+    *,
+    weights: Weights | None = None,
+    top: int = 5,
+) -> Sight:
+    """Find a part that may lie or be held in any pose: one object, no table.
+
+    Args:
+        image: rows x columns, grey levels from 0 to 255.
+        camera: calibrated; the world is its own frame unless it says where it stands.
+        parts: candidates with corners (smooth parts have no path to start from and are not found).
+        weights: of the evidence.
+        top: how many hypotheses to report.
+
+    Returns:
+        One object with its modes, or none where no corner of the image fits any part.
+
+    Raises:
+        InputError: no parts, or an image of another size than the camera's.
+        MissingExtraError: without OpenCV.
+    """
+    models = check_sight(image, camera, parts)
+    points = find_edges(image)
+    edges = map_edges(points)
+    T_world_camera = np.eye(4) if camera.T_world_camera is None else camera.T_world_camera
+    belief = search(image, camera, edges, models, weights or Weights())
+    modes, hypotheses = [], []
+    for mode in belief.modes[:top]:
+        T = refine(mode.model.frame, camera, edges, mode.T_camera_part[None], reaches=_LAST)[0]
+        modes.append(replace(mode, T_camera_part=T))
+        hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, edges))
+    status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
+    recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
+    objects = (Sighting(recognition, tuple(modes), None, None),) if modes else ()
+    return Sight(objects, points, T_world_camera)
+
+
+def search(
+    image: FloatArray, camera: Camera, edges: EdgeMap, models: Sequence[VisionModel], weights: Weights
+) -> Belief:
+    """Posterior over parts and poses, from the corners of the image."""
+    segments = find_segments(image, camera, edges)
+    paths = image_paths(segments, find_corners(segments))
+    chance = chance_map(edges)
+    modes: list[Mode] = []
+    tried = 1
+    for model in models:
+        first = poses_from_paths(camera, paths, model_paths(model.part))
+        tried += len(first)
+        if not len(first):
+            continue
+        score = coarse_scores(model.coarse, camera, edges, first)
+        T = refine(model.coarse, camera, edges, first[np.argsort(-score)[:TRIED]], reaches=_QUICK)
+        score = coarse_scores(model.frame, camera, edges, T)
+        T = refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:])
+        met = meet(model.frame, camera, edges, T, REACH)
+        evidence = weigh(model.frame, met, chance.at(met.normals, met.pixels), None)
+        log = log_weight(evidence, weights) + np.log((1 - UNKNOWN) / len(models))
+        for k in np.argsort(-log, kind="stable"):
+            if not any(m.model is model and one_pose(model.part, m.T_camera_part, T[k]) for m in modes):
+                modes.append(Mode(model, -1, T[k], float(log[k])))
+    # the best of many tries is better than chance by about the logarithm of their number
+    none = np.log(UNKNOWN) + np.log(tried)
+    modes.sort(key=lambda mode: -mode.log)
+    total = float(logsumexp([none, *(mode.log for mode in modes)]))
+    scored = tuple(replace(mode, probability=float(np.exp(mode.log - total))) for mode in modes)
+    return Belief(scored, float(np.exp(none - total)))
+
+
+def follow(
+    image: FloatArray,
+    camera: Camera,
+    model: VisionModel,
+    T_camera_part: Transforms,
+    rng: np.random.Generator,
+    *,
+    shift: float = 0.015,
+    turn: float = np.radians(8.0),
+    starts: int = 300,
+) -> Transforms:
+    """The pose in the next image, near the one in the last.
+
+    Args:
+        image: rows x columns, grey levels.
+        camera: that took it.
+        model: of the part.
+        T_camera_part: pose in the image before ``(4, 4)``.
+        rng: where to look around it.
+        shift: standard deviation of the motion of its middle between two images [m].
+        turn: the same of its rotation about each axis [rad].
+        starts: how many poses around the last to begin from.
+    """
+    edges = map_edges(find_edges(image))
+    about = SE3.from_parts(np.eye(3), model.part.centroid)
+    moves = rng.normal(size=(starts, 6)) * np.r_[np.full(3, shift), np.full(3, turn)]
+    moves[0] = 0.0
+    first = T_camera_part @ about @ SE3.exp(moves) @ SE3.inverse(about)
+    T = refine(model.coarse, camera, edges, first, reaches=REACHES[:8])
+    best = T[np.argmax(coarse_scores(model.frame, camera, edges, T, cap=3.0))]
+    return np.asarray(refine(model.frame, camera, edges, best[None], reaches=_LAST)[0])
+
+
+def coarse_scores(frame: Wireframe, camera: Camera, edges: EdgeMap, Ts: Transforms, cap: float = 8.0) -> FloatArray:
+    """How well the part's edges fall on edges: one minus the mean capped distance ``(B,)``; hidden ones count."""
+    out = []
+    for k in range(0, len(Ts), 512):
+        T = Ts[k : k + 512]
+        seen = see_edges(frame, T, hidden=False)
+        pixels = project(camera, in_camera(T, frame.points))
+        along = project(camera, in_camera(T, frame.points + 1e-3 * frame.tangents)) - pixels
+        channel = channel_of(np.nan_to_num(np.stack([-along[..., 1], along[..., 0]], axis=-1)))
+        row, column, inside = cell_of(edges.points.shape, pixels)
+        distance = np.where(inside, np.minimum(edges.distances[channel, row, column], cap), cap)
+        weight = frame.lengths * seen.shown
+        out.append(1 - (distance * weight).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-12) / cap)
+    return np.concatenate(out) if out else np.zeros(0)

@@ -1,0 +1,163 @@
+"""The table: how well it is known, and where it is, from points whose places on it and in the image are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import DegenerateError, InputError
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.vision.camera import Camera, project_linearised, rays
+from tanteo.vision.opencv import opencv
+
+_TRUST = 2.0
+"""How many residuals the stated deviation of a pixel counts for."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableErrors:
+    """How far a part that lies on the table may be from where the table says.
+
+    Attributes:
+        height: standard deviation of its height [m].
+        tilt: standard deviation of its tilt about each direction of the table [rad].
+    """
+
+    height: float = 2e-4
+    tilt: float = 2e-3
+
+    def __post_init__(self) -> None:
+        if not (self.height > 0 and self.tilt > 0):
+            raise InputError(f"table: expected deviations above zero, got {self.height} m and {self.tilt} rad.")
+
+
+def lying_information(T_table_part: Transforms, centre: Vectors, errors: TableErrors) -> FloatArray:
+    """Information ``(*batch, 6, 6)`` on ``Log(T_lying^-1 T)`` of a part that lies on the table.
+
+    Height is that of the part's ``centre``; yaw and place on the table are free.
+    """
+    up, first, second = (T_table_part[..., k, :3] for k in (2, 0, 1))
+    zero = np.zeros_like(up)
+    rows = np.stack(
+        [
+            np.concatenate([up, np.cross(centre, up)], axis=-1) / errors.height,
+            np.concatenate([zero, first], axis=-1) / errors.tilt,
+            np.concatenate([zero, second], axis=-1) / errors.tilt,
+        ],
+        axis=-2,
+    )
+    return np.asarray(np.swapaxes(rows, -1, -2) @ rows)
+
+
+def seen_table(errors: TableErrors, camera: Camera, T_world_table: Transforms) -> TableErrors:
+    """The table's errors as the camera sees it: those of where the camera stands are added.
+
+    Args:
+        errors: of the table in the world.
+        camera: standing somewhere.
+        T_world_table: the table, z = 0 of its frame.
+    """
+    if camera.covariance is None or camera.T_world_camera is None:
+        return errors
+    T = SE3.inverse(T_world_table) @ camera.T_world_camera
+    # what the camera's error does to the table about where the camera looks
+    middle = np.array([0.0, 0.0, abs(T[2, 3] / min(T[2, 2], -0.1))])
+    up, first, second = T[2, :3], T[0, :3], T[1, :3]
+    height = np.concatenate([up, np.cross(middle, up)])
+    tilts = np.concatenate([np.zeros((2, 3)), np.stack([first, second])], axis=1)
+    tilt = float(np.trace(tilts @ camera.covariance @ tilts.T)) / 2
+    return TableErrors(
+        float(np.sqrt(errors.height**2 + height @ camera.covariance @ height)), float(np.sqrt(errors.tilt**2 + tilt))
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraPose:
+    """Where the camera stands, from known points.
+
+    Attributes:
+        T_world_camera: its pose ``(4, 4)``.
+        covariance: ``(6, 6)``, camera frame, right [m, rad].
+        rms: of the points in the image [px].
+    """
+
+    T_world_camera: Transforms
+    covariance: Covariances
+    rms: float
+
+
+def fit_camera(camera: Camera, pixels: FloatArray, points: Vectors, sd: float = 0.5) -> CameraPose:
+    """Pose of the camera from points of the table (or off it) whose pixels are known.
+
+    Args:
+        camera: with its lens; its own pose is not looked at.
+        pixels: ``(n, 2)`` [px].
+        points: ``(n, 3)``, in the world [m]; four or more, not on a line.
+        sd: of a pixel, as far as known beforehand: it counts as much as one mark's residuals.
+
+    Raises:
+        InputError: too few points.
+        DegenerateError: points on a line, or none that a camera in front of them could see so.
+        MissingExtraError: without OpenCV.
+    """
+    pixels, points = np.asarray(pixels, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    if len(points) < 4 or pixels.shape != (len(points), 2) or points.shape[1:] != (3,):
+        raise InputError(
+            f"points: expected four or more points with pixels, got {len(points)} and {len(pixels)}. Mark more of them."
+        )
+    centred = points - points.mean(axis=0)
+    spread = np.linalg.svd(centred, compute_uv=False)
+    if spread[1] < 1e-6 * max(spread[0], 1e-12):
+        raise DegenerateError("points: expected places that span the table, got a line. Mark one beside it.")
+    best: tuple[float, Transforms, FloatArray] | None = None
+    for T in _starts(rays(camera, pixels), points):
+        T, information, chi2 = _improve(camera, pixels, points, T)
+        if np.isfinite(chi2) and (best is None or chi2 < best[0]):
+            best = chi2, T, information
+    if best is None:
+        raise DegenerateError("points: expected places in front of a camera, got none that are. Check their order.")
+    chi2, T, information = best
+    rms = float(np.sqrt(chi2 / len(points)))
+    dof = 2 * len(points) - 6
+    covariance = np.linalg.inv(information) * (_TRUST * sd**2 + chi2) / (_TRUST + dof)
+    # the errors are of T_camera_world, right, in the world: those of the inverse are minus these, in the camera
+    Ad = SE3.adjoint(T)
+    return CameraPose(SE3.inverse(T), Ad @ covariance @ Ad.T, rms)
+
+
+def _starts(directions: Vectors, points: Vectors) -> list[Transforms]:
+    """First poses ``T_camera_world`` (Terzakis and Lourakis 2020, by OpenCV), nearly mirrored ones too."""
+    cv2 = opencv()
+    found = cv2.solvePnPGeneric(points, directions[:, :2].copy(), np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+    out = [SE3.from_parts(SO3.exp(w.ravel()), t.ravel()) for w, t in zip(found[1], found[2], strict=True)]
+    normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
+    for T in list(out):
+        # a plane seen from the mirrored side fits about as well where perspective is weak
+        middle = SE3.apply(T, points.mean(axis=0))
+        way, across = middle / np.linalg.norm(middle), T[:3, :3] @ normal
+        turn = SO3.exp(2 * np.cross(across, way * np.sign(across @ way)))
+        out.append(SE3.from_parts(turn, middle - turn @ middle) @ T)
+    return out
+
+
+def _improve(
+    camera: Camera, pixels: FloatArray, points: Vectors, T: Transforms
+) -> tuple[Transforms, FloatArray, float]:
+    """Gauss-Newton on the pixels; information for unit deviation, and the sum of squares."""
+    for _ in range(40):
+        local = SE3.apply(T, points)
+        seen, D = project_linearised(camera, local)
+        off = pixels - seen
+        if not np.all(np.isfinite(off)):
+            return T, np.eye(6), np.inf
+        JR = D @ T[:3, :3]
+        J = np.concatenate([JR, np.cross(points[:, None], JR)], axis=-1).reshape(-1, 6)
+        A = J.T @ J
+        step = np.linalg.solve(A + 1e-12 * np.trace(A) * np.eye(6), J.T @ off.ravel())
+        T = T @ SE3.exp(step * min(1.0, 0.5 / max(float(np.linalg.norm(step[3:])), 1e-12)))
+        if np.linalg.norm(step) < 1e-12:
+            break
+    off = pixels - project_linearised(camera, SE3.apply(T, points))[0]
+    return T, A, float(np.sum(off**2))

@@ -1,0 +1,147 @@
+"""What of a part makes edges in an image: sharp edges, and the rims where the surface turns away from the camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.parts import Part
+from tanteo.parts.topology import mesh_edges
+from tanteo.shapes import Surface
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+
+SHARP = np.radians(12.0)
+"""Two faces that meet at more than this make an edge that may be seen [rad]."""
+
+FLAT = 1e-3
+"""Triangles that meet at less than this are one plane: their common side is never seen [rad]."""
+
+SAMPLES = 220
+"""About how many samples a part's sharp edges get; rims of curved faces as many again."""
+
+_LIFT = 2e-4
+"""How far a sample is lifted off the surface when it is asked whether it is hidden, in diagonals."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wireframe:
+    """Samples of a part's edges.
+
+    Attributes:
+        points: ``(N, 3)``, part frame [m].
+        tangents: ``(N, 3)``, unit, along the edge.
+        normals: ``(N, 2, 3)``, of the two faces that meet there, outward.
+        lengths: ``(N,)``, how much edge each sample stands for [m].
+        sharp: ``(N,)``, False for the smooth ones, seen only where they are a rim.
+        groups: ``(N,)``, which edge or rim of the part each belongs to: the pair of faces, numbered.
+        surface: of the part.
+        diagonal: of its box [m].
+    """
+
+    points: Vectors
+    tangents: Vectors
+    normals: FloatArray
+    lengths: FloatArray
+    sharp: BoolArray
+    groups: IntArray
+    surface: Surface
+    diagonal: float
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def wireframe(part: Part, samples: int = SAMPLES) -> Wireframe:
+    """Sample the edges of a part.
+
+    Args:
+        part: with its mesh.
+        samples: of the sharp edges, about.
+    """
+    edges = mesh_edges(part.triangles)
+    surface = Surface(part.vertices, part.triangles)
+    normals = np.stack([surface.normals[edges.left], surface.normals[edges.right]], axis=1)
+    turn = np.arccos(np.clip(np.sum(normals[:, 0] * normals[:, 1], axis=1), -1.0, 1.0))
+    faces = np.sort(np.stack([part.triangle_face[edges.left], part.triangle_face[edges.right]], axis=1), axis=1)
+    sharp = (turn > SHARP) & (faces[:, 0] != faces[:, 1])
+    pieces = [_sampled(part, edges.ends, chosen, samples) for chosen in (sharp, ~sharp & (turn > FLAT))]
+    edge = np.concatenate([piece[0] for piece in pieces])
+    _, groups = np.unique(faces[edge], axis=0, return_inverse=True)
+    a, b = part.vertices[edges.ends[edge, 0]], part.vertices[edges.ends[edge, 1]]
+    return Wireframe(
+        points=a + np.concatenate([piece[1] for piece in pieces])[:, None] * (b - a),
+        tangents=(b - a) / np.linalg.norm(b - a, axis=1, keepdims=True),
+        normals=normals[edge],
+        lengths=np.concatenate([piece[2] for piece in pieces]),
+        sharp=sharp[edge],
+        groups=groups.ravel(),
+        surface=surface,
+        diagonal=part.diagonal,
+    )
+
+
+def _sampled(part: Part, ends: IntArray, chosen: BoolArray, samples: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Places at equal steps along the chosen mesh edges, as edge, share of it and length that it stands for."""
+    index = np.flatnonzero(chosen)
+    lengths = np.linalg.norm(part.vertices[ends[index, 1]] - part.vertices[ends[index, 0]], axis=1)
+    total = float(lengths.sum())
+    if not total:
+        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+    step = total / samples
+    # long edges have whole numbers of samples, chords of curves have every so many of them one
+    whole = np.where(lengths > step, np.ceil(lengths / step), lengths / step)
+    upto = np.cumsum(whole)
+    at = np.arange(0.5, upto[-1])
+    k = np.searchsorted(upto, at, side="right")
+    share = (at - (upto[k] - whole[k])) / whole[k]
+    return index[k], share, lengths[k] / whole[k]
+
+
+def in_camera(T_camera_part: Transforms, points: Vectors) -> Vectors:
+    """Points ``(N, 3)`` of a part in the camera's frame at every pose ``(*batch, N, 3)``."""
+    return np.asarray(points @ np.swapaxes(T_camera_part[..., :3, :3], -1, -2) + T_camera_part[..., None, :3, 3])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Samples of a wireframe as seen at some poses.
+
+    Attributes:
+        shown: ``(*batch, N)``, whether each makes an edge in the image.
+        rims: ``(*batch, N)``, whether the part ends there: one of the two faces looks away.
+    """
+
+    shown: BoolArray
+    rims: BoolArray
+
+
+def see_edges(frame: Wireframe, T_camera_part: Transforms, *, hidden: bool = True) -> Seen:
+    """Which samples make edges in the image.
+
+    Args:
+        frame: of the part.
+        T_camera_part: poses ``(*batch, 4, 4)``.
+        hidden: whether to ask what the part itself hides; without, only which faces look at the camera.
+    """
+    eye = SE3.inverse(T_camera_part)[..., :3, 3]
+    first, second = (eye @ frame.normals[:, k].T > np.sum(frame.points * frame.normals[:, k], axis=1) for k in (0, 1))
+    rims = first ^ second
+    shown = rims | (frame.sharp & first & second)
+    if hidden and shown.any():
+        shown = shown & ~_hidden(frame, np.broadcast_to(eye[..., None, :], (*shown.shape, 3)), shown)
+    return Seen(shown, rims)
+
+
+def _hidden(frame: Wireframe, eye: FloatArray, asked: BoolArray) -> BoolArray:
+    """Whether the part's own surface stands between the eye and each sample; False where not asked."""
+    lift = frame.normals.sum(axis=1)
+    lift = lift / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-9) * (_LIFT * frame.diagonal)
+    targets = np.broadcast_to(frame.points + lift, eye.shape)[asked]
+    starts = eye[asked]
+    way = targets - starts
+    hits = frame.surface.cast(starts, way)
+    out = np.zeros(asked.shape, dtype=np.bool_)
+    out[asked] = hits.distances < np.linalg.norm(way, axis=-1) - _LIFT * frame.diagonal
+    return out

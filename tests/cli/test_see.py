@@ -1,0 +1,84 @@
+"""``tanteo see``: the example images as a new user would look at them, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tanteo.io import read_image
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+IMAGES = EXAMPLES / "images"
+CAMERA = IMAGES / "camera.yaml"
+PLACED = ("--camera", CAMERA, "--marks", IMAGES / "marks.csv")
+
+
+@pytest.fixture
+def few(tmp_path):
+    """Four of the parts."""
+    folder = tmp_path / "few"
+    folder.mkdir()
+    for name in ("step_12mm", "clamp", "flange", "housing"):
+        (folder / f"{name}.step").write_bytes((EXAMPLES / "parts" / f"{name}.step").read_bytes())
+    return folder
+
+
+def truth(image):
+    rows = [line.split(",") for line in (IMAGES / "truth.csv").read_text().splitlines()[1:]]
+    return {row[1]: np.array(row[2:5], dtype=float) * 1e-3 for row in rows if row[0] == image}
+
+
+def test_a_hidden_part_is_named_and_placed(run, few, tmp_path):
+    picture = tmp_path / "seen.png"
+    result = run("see", IMAGES / "half_hidden.png", *PLACED, "--parts", few, "--picture", picture)
+    assert "clamp at x" in result.out
+    assert "Camera fitted to 12 marks" in result.err
+    assert read_image(picture).shape == (960, 1280)
+
+
+@pytest.mark.slow
+def test_one_document_with_every_object(run, few):
+    result = run("see", IMAGES / "three_parts.png", "--parts", few, *PLACED, "--json")
+    document = json.loads(result.out)
+    assert document["schema"] == "tanteo.recognition/1"
+    assert len(document["objects"]) == 3
+    assert document["hypotheses"] == document["objects"][0]["hypotheses"]
+    places = truth("three_parts")
+    for seen in document["objects"]:
+        total = seen["unknown_probability"] + sum(h["probability"] for h in seen["hypotheses"])
+        assert total <= 1 + 1e-9
+        assert seen["region"]["outline"]["area"]["sd"] > 0
+    best = [seen["hypotheses"][0] for seen in document["objects"]]
+    for part in ("flange", "housing"):
+        apart = [np.linalg.norm(np.array(h["pose"]["position_m"]) - places[part]) for h in best if h["part"] == part]
+        assert min(apart) < 1.5e-3
+    # the bracket is not among these parts
+    assert result.code == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        ((IMAGES / "none.png", *PLACED), 1, "none.png"),
+        ((IMAGES / "twins.png", "--camera", IMAGES / "none.yaml"), 1, "none.yaml"),
+        ((IMAGES / "twins.png", "--camera", CAMERA, "--marks", CAMERA), 1, "camera.yaml"),
+        ((IMAGES / "twins.png", *PLACED, "--top", "0"), 2, "--top"),
+        ((IMAGES / "twins.png", *PLACED, "--units", "paces"), 2, "paces"),
+        ((IMAGES / "twins.png", *PLACED, "--picture", IMAGES / "seen.unknown"), 1, "suffix"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(run, parts, arguments, code, word):
+    result = run("see", *arguments, "--parts", parts, *(() if "--units" in arguments else ("--units", "mm")))
+    assert result.code == code
+    assert word in result.err
+    assert "Traceback" not in result.err
+    assert result.out == ""
+
+
+def test_an_image_may_come_after_the_parts(run, parts):
+    result = run("see", "--parts", parts, IMAGES / "none.png", *PLACED, "--units", "mm")
+    assert result.code == 1
+    assert "none.png" in result.err

@@ -1,0 +1,190 @@
+"""Calibration files of OpenCV and ROS, marks, images: what they say, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from tanteo.errors import InputError
+from tanteo.io import read_camera, read_image, read_marks, write_image
+
+OPENCV_YAML = """%YAML:1.0
+---
+calibration_time: "Mon 02 Mar 2026"
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 6.2e+02, 0., 317., 0., 615., 243., 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.12, 0.05, 4.e-4, -3.e-4, 0. ]
+avg_reprojection_error: 0.21
+"""
+ROS_YAML = """image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [620.0, 0.0, 317.0, 0.0, 615.0, 243.0, 0.0, 0.0, 1.0]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.12, 0.05, 0.0004, -0.0003, 0.0]
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [620.0, 0.0, 317.0, 0.0, 0.0, 615.0, 243.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+"""
+ROS_MESSAGE = """header:
+  frame_id: camera
+height: 480
+width: 640
+distortion_model: plumb_bob
+d: [-0.12, 0.05, 0.0004, -0.0003, 0.0]
+k: [620.0, 0.0, 317.0, 0.0, 615.0, 243.0, 0.0, 0.0, 1.0]
+r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+p: [620.0, 0.0, 317.0, 0.0, 0.0, 615.0, 243.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+"""
+OPENCV_JSON = json.dumps(
+    {
+        "image_size": [640, 480],
+        "cameraMatrix": {
+            "type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d",
+            "data": [620.0, 0, 317.0, 0, 615.0, 243.0, 0, 0, 1],
+        },
+        "distCoeffs": [[-0.12, 0.05, 0.0004, -0.0003, 0.0, 0, 0, 0, 0, 0, 0, 0]],
+    }
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("opencv.yaml", OPENCV_YAML), ("ros.yaml", ROS_YAML), ("message.yaml", ROS_MESSAGE), ("opencv.json", OPENCV_JSON)],
+)
+def test_every_format_gives_the_same_camera(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    camera = read_camera(path)
+    assert camera.K.tolist() == [[620, 0, 317], [0, 615, 243], [0, 0, 1]]
+    assert camera.size == (640, 480)
+    assert camera.distortion[:4] == pytest.approx([-0.12, 0.05, 4e-4, -3e-4])
+    assert not camera.distortion[4:].any()
+    assert camera.T_world_camera is None
+
+
+def test_what_opencv_writes_is_read(tmp_path):
+    path = tmp_path / "camera.yml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    K, k = np.array([[700.5, 0, 320.25], [0, 701.5, 239.75], [0, 0, 1]]), np.array([[0.1, -0.2, 1e-3, 2e-3, 0.05]])
+    storage.write("image_width", 1280)
+    storage.write("image_height", 720)
+    storage.write("camera_matrix", K)
+    storage.write("distortion_coefficients", k)
+    storage.release()
+    camera = read_camera(path)
+    assert pytest.approx(K) == camera.K
+    assert camera.distortion == pytest.approx(k.ravel())
+    assert camera.size == (1280, 720)
+
+
+def test_the_camera_s_place_is_read_in_metres(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(ROS_YAML + "T_world_camera: [1, 0, 0, 0.1, 0, -1, 0, 0.2, 0, 0, -1, 0.7, 0, 0, 0, 1]\n")
+    assert read_camera(path).T_world_camera[:3, 3] == pytest.approx([0.1, 0.2, 0.7])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("image_width: 640\nimage_height: 480\n", ("camera_matrix",)),
+        (ROS_YAML.replace("image_width: 640\n", ""), ("image_width",)),
+        (ROS_YAML.replace("plumb_bob", "equidistant"), ("distortion_model", "equidistant")),
+        (ROS_YAML.replace("[620.0, 0.0, 317.0", "[620.0, 317.0", 1), ("camera_matrix", "9")),
+        (ROS_YAML.replace("-0.12", "minus"), ("distortion_coefficients", "minus")),
+        (ROS_YAML.replace("-0.12", ".nan"), ("finite",)),
+        (ROS_YAML + "T_world_camera: [1, 2]\n", ("T_world_camera", "16")),
+        (ROS_YAML + "T_world_camera: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n", ("rigid",)),
+        ("{", ("JSON",)),
+        ("a: [", ("YAML",)),
+        ("- 1\n- 2\n", ("keys",)),
+        ("x: !!python/object/apply:os.system ['true']\n", ("YAML",)),
+    ],
+)
+def test_what_is_no_camera_is_refused_by_name(tmp_path, text, words):
+    path = tmp_path / "camera.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_camera(path)
+    for word in ("camera.yaml", *words):
+        assert word in str(caught.value)
+
+
+def test_a_camera_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(InputError, match="Check the path"):
+        read_camera(tmp_path / "none.yaml")
+
+
+def test_marks_come_in_metres(tmp_path):
+    path = tmp_path / "marks.csv"
+    path.write_text("# crosses on the table\nu_px,v_px,x_mm,y_mm\n10.5,20,100,-50\n30,40,0,25\n")
+    pixels, points = read_marks(path)
+    assert pixels.tolist() == [[10.5, 20], [30, 40]]
+    assert points == pytest.approx(np.array([[0.1, -0.05, 0], [0, 0.025, 0]]))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ("empty",)),
+        ("u_px,v_px,x_mm\n1,2,3\n", ("u, v, x, y",)),
+        ("u_px,v_px,x_mm,y\n1,2,3,4\n", ("'y'",)),
+        ("u_px,v_px,x_mm,y_mm\n1,2,three,4\n", ("line 2", "three")),
+        ("u_px,v_px,x_mm,y_mm\n1,2,3\n", ("line 2", "4 cells")),
+        ("u_px,v_px,x_mm,x_m,y_mm\n1,2,3,4,5\n", ("once",)),
+    ],
+)
+def test_marks_that_cannot_be_read_are_refused_by_place(tmp_path, text, words):
+    path = tmp_path / "marks.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_marks(path)
+    for word in ("marks.csv", *words):
+        assert word in str(caught.value)
+
+
+def test_images_come_as_grey_levels(tmp_path):
+    grey = np.random.default_rng(1).integers(0, 256, (40, 50))
+    write_image(tmp_path / "grey.png", grey)
+    assert read_image(tmp_path / "grey.png").tolist() == grey.tolist()
+    cv2.imwrite(str(tmp_path / "deep.png"), (grey * 257).astype(np.uint16))
+    assert read_image(tmp_path / "deep.png") == pytest.approx(grey)
+    colour = np.zeros((40, 50, 3))
+    colour[..., 0] = 255  # red
+    write_image(tmp_path / "red.png", colour)
+    assert read_image(tmp_path / "red.png")[0, 0] == pytest.approx(76, abs=1)
+
+
+def test_what_is_no_image_is_refused(tmp_path):
+    (tmp_path / "words.png").write_text("not an image")
+    (tmp_path / "empty.png").write_bytes(b"")
+    for name in ("words.png", "empty.png", "none.png"):
+        with pytest.raises(InputError, match=name):
+            read_image(tmp_path / name)
+    with pytest.raises(InputError, match="suffix"):
+        write_image(tmp_path / "picture.xyz", np.zeros((40, 40)))
+    with pytest.raises(InputError, match="place to write"):
+        write_image(tmp_path / "none" / "picture.png", np.zeros((40, 40)))

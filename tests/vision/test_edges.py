@@ -1,0 +1,113 @@
+"""Edge points: where a blurred step is, how sure, and nothing where there is none."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from tanteo.errors import InputError
+from tanteo.vision.edge_map import CHANNELS, map_edges
+from tanteo.vision.edges import CORRELATION, find_edges, image_noise
+
+
+def step_image(angle, offset, rng=None, noise=0.0, contrast=80.0, blur=0.8, size=96):
+    """A straight step at ``normal (p - middle) = offset``, blurred and integrated over pixels."""
+    fine = 4
+    at = (np.arange(size * fine) + 0.5) / fine - 0.5
+    x, y = np.meshgrid(at, at)
+    n = np.array([np.cos(angle), np.sin(angle)])
+    far = (x - size / 2) * n[0] + (y - size / 2) * n[1] - offset
+    smooth = ndtr(far / blur).reshape(size, fine, size, fine).mean(axis=(1, 3))
+    image = 90 + contrast * smooth
+    return (image if rng is None else image + rng.normal(0, noise, image.shape)), n
+
+
+def offsets(image, n, offset, size=96, margin=8):
+    edges = find_edges(image)
+    inner = np.all((edges.pixels > margin) & (edges.pixels < size - margin), axis=1)
+    return (edges.pixels[inner] - size / 2) @ n - offset, edges.normals[inner] @ n, edges.sds[inner]
+
+
+@pytest.mark.parametrize("angle", np.linspace(0, 2 * np.pi, 13)[:-1] + 0.1)
+@pytest.mark.parametrize("offset", [0.0, 0.27, -0.4])
+def test_a_step_is_found_where_it_is(angle, offset):
+    image, n = step_image(angle, offset)
+    off, aligned, _ = offsets(image, n, offset)
+    assert len(off) > 60
+    assert np.abs(off).max() < 0.002
+    assert aligned.min() > 0.995
+
+
+@pytest.mark.parametrize(("noise", "contrast"), [(2.0, 80.0), (4.0, 60.0), (5.0, 35.0)])
+def test_the_spread_is_as_stated(noise, contrast):
+    rng = np.random.default_rng(5)
+    squares, count, blocks = 0.0, 0, []
+    for _ in range(30):
+        offset = rng.uniform(-0.5, 0.5)
+        image, n = step_image(rng.uniform(0, np.pi), offset, rng, noise, contrast)
+        off, aligned, sd = offsets(image, n, offset)
+        good = aligned > 0.9
+        z = off[good] / sd[good]
+        squares += float(np.sum(np.clip(z, -4, 4) ** 2))
+        count += int(good.sum())
+        blocks.append(float(np.mean(np.clip(z, -4, 4) ** 2)))
+    # neighbours share noise: the images are the independent draws
+    spread = np.std(blocks) / np.sqrt(len(blocks))
+    print(squares / count, spread)
+    assert 0.8 - 3 * spread < squares / count < 1.2 + 3 * spread
+
+
+def test_the_mean_along_an_edge_errs_as_the_correlation_length_says():
+    rng, noise, z = np.random.default_rng(6), 4.0, []
+    for _ in range(150):
+        angle, offset = rng.uniform(0, np.pi), rng.uniform(-0.5, 0.5)
+        image, n = step_image(angle, offset, rng, noise, 60.0)
+        off, _, sd = offsets(image, n, offset)
+        length = 96 - 16
+        z.append(off.mean() / (np.sqrt(np.mean(sd**2)) / np.sqrt(length / CORRELATION)))
+    # the factor of two on either side of one covers edges that run aslant and are longer than the window
+    print(np.mean(np.square(z)))
+    assert 0.5 < np.mean(np.square(z)) < 1.6
+
+
+def test_noise_is_measured_beside_texture_and_slopes():
+    rng = np.random.default_rng(7)
+    y, x = np.mgrid[0:200, 0:200]
+    image = 100 + 0.2 * x - 0.1 * y + rng.normal(0, 3.0, (200, 200))
+    assert image_noise(image) == pytest.approx(3.0, rel=0.03)
+    image[60:120, 60:120] += 40 * (((x + y) // 4) % 2)[60:120, 60:120]
+    assert image_noise(image) == pytest.approx(3.0, rel=0.15)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0, 6.0])
+def test_an_empty_image_has_next_to_no_edges(noise):
+    rng = np.random.default_rng(8)
+    y, x = np.mgrid[0:200, 0:200]
+    image = np.rint(100 + 0.15 * x + 0.05 * y + rng.normal(0, noise, (200, 200)))
+    assert len(find_edges(image)) < 40
+
+
+def test_what_is_no_grey_image_is_refused():
+    for image in (np.zeros((4, 4)), np.zeros((40, 40, 3)), np.full((40, 40), np.nan)):
+        with pytest.raises(InputError, match="image"):
+            find_edges(image)
+
+
+def test_the_map_knows_the_nearest_edge_of_a_direction():
+    image = np.full((120, 120), 60.0)
+    image[30:90, 40:100] = 180.0
+    edges = find_edges(cv2.GaussianBlur(image, (0, 0), 0.8))
+    found = map_edges(edges)
+    upright, level = 0, CHANNELS // 2  # channels are of normals
+    point = edges.pixels[found.nearest[upright, 60, 50]]
+    assert point[0] == pytest.approx(39.5, abs=0.1)
+    assert found.distances[upright, 60, 50] == pytest.approx(10.5, abs=1.0)
+    assert edges.pixels[found.nearest[level, 60, 50]][1] in (pytest.approx(29.5, abs=0.1), pytest.approx(89.5, abs=0.1))
+    assert found.nearest[2, 60, 50] == -1 or found.distances[2, 60, 50] > 9
+
+
+def test_an_image_without_edges_has_an_empty_map():
+    found = map_edges(find_edges(np.full((64, 64), 100.0)))
+    assert (found.nearest == -1).all()

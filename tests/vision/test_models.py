@@ -1,0 +1,140 @@
+"""Parts made ready for the camera: stable poses, visible edges, silhouettes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from random_parts import random_part, write_off
+from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+from tanteo.vision.camera import Camera
+from tanteo.vision.models import prepare_vision
+from tanteo.vision.outlines import like_outline
+from tanteo.vision.resting import lay, rests
+from tanteo.vision.silhouettes import silhouette, spilled
+from tanteo.vision.wireframe import see_edges, wireframe
+
+CAMERA = Camera(np.array([[620.0, 0, 320.0], [0, 620.0, 240.0], [0, 0, 1]]), (640, 480))
+QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+BOX = np.array([t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))])
+
+
+def block(folder, a, b, c):
+    corners = np.array([[x, y, z] for x in (0, a) for y in (0, b) for z in (0, c)], dtype=float)
+    write_off(folder / "block.off", corners, BOX)
+    return read_part(folder / "block.off", unit="mm")
+
+
+def test_a_block_lies_in_three_ways(tmp_path):
+    found = rests(block(tmp_path, 90, 50, 20))
+    assert [round(1e3 * rest.height) for rest in found] == [20, 50, 90]
+    assert sum(rest.probability for rest in found) == pytest.approx(1)
+    assert found[0].probability > found[1].probability > found[2].probability
+
+
+def test_a_cube_lies_in_one(tmp_path):
+    assert len(rests(block(tmp_path, 40, 40, 40))) == 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_lies_lies_stably(tmp_path, seed):
+    part = random_part(tmp_path / "part.off", np.random.default_rng(seed))
+    for rest in rests(part):
+        lying = SE3.apply(rest.T_table_part, part.vertices)
+        assert lying[:, 2].min() == pytest.approx(0, abs=1e-9)
+        foot = lying[lying[:, 2] < 1e-6, :2]
+        centre = SE3.apply(rest.T_table_part, part.centroid)
+        assert centre[:2] == pytest.approx([0, 0], abs=1e-9)
+        # the middle is over the foot: no direction in which all of the foot is on one side
+        for angle in np.linspace(0, 2 * np.pi, 60):
+            assert (foot @ [np.cos(angle), np.sin(angle)]).max() > -1e-9
+
+
+def test_a_part_is_laid_down_where_it_was(tmp_path):
+    rng = np.random.default_rng(5)
+    part = random_part(tmp_path / "part.off", rng)
+    for rest in rests(part):
+        turned = SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-3, 3)), np.array([*rng.normal(size=2), 0]))
+        truth = turned @ rest.T_table_part
+        tipped = truth @ SE3.exp(rng.normal(size=6) * np.r_[np.full(3, 1e-3), np.full(3, 0.02)])
+        laid = lay(part, rest, tipped)
+        assert SE3.apply(laid, part.vertices)[:, 2].min() == pytest.approx(0, abs=1e-9)
+        assert np.abs(SE3.log(SE3.inverse(truth) @ laid)[3:]).max() < 0.05
+        assert lay(part, rest, truth) == pytest.approx(truth, abs=1e-9)
+
+
+def test_a_block_shows_nine_edges_and_six_of_them_are_rims(tmp_path):
+    frame = wireframe(block(tmp_path, 90, 50, 20))
+    T = SE3.from_parts(SO3.exp(np.array([2.4, 0.5, 0.3])), np.array([0.0, 0.0, 0.6]))
+    for hidden in (True, False):
+        seen = see_edges(frame, T, hidden=hidden)
+        shown, rims = (np.unique(frame.groups[mask]) for mask in (seen.shown, seen.rims))
+        assert (len(np.unique(frame.groups)), len(shown), len(rims)) == (12, 9, 6)
+
+
+def test_a_step_hides_what_is_behind_it(tmp_path):
+    part = read_part(Path(__file__).parents[2] / "examples" / "parts" / "housing.step")
+    frame = wireframe(part)
+    T = SE3.from_parts(SO3.exp(np.array([2.0, 0.4, 0.2])), np.array([0.0, 0.0, 0.6]))
+    all_of_it, seen = see_edges(frame, T, hidden=False), see_edges(frame, T)
+    assert (seen.shown <= all_of_it.shown).all()
+    assert seen.shown.sum() < all_of_it.shown.sum()
+    # a sample is hidden exactly where a ray to it meets the surface first
+    eye = SE3.inverse(T)[:3, 3]
+    inside = frame.points + 2e-4 * part.diagonal * (n := frame.normals.sum(axis=1)) / np.linalg.norm(
+        n, axis=1, keepdims=True
+    )
+    for k in np.flatnonzero(all_of_it.shown)[::7]:
+        way = inside[k] - eye
+        free = frame.surface.cast(eye, way).distances > np.linalg.norm(way) - 2e-4 * part.diagonal
+        assert bool(free) == bool(seen.shown[k])
+
+
+def test_lengths_of_samples_add_up(tmp_path):
+    part = block(tmp_path, 90, 50, 20)
+    frame = wireframe(part)
+    assert frame.lengths[frame.sharp].sum() == pytest.approx(4 * 0.16)
+    assert not (~frame.sharp).any()
+
+
+def test_outlines_from_above_are_those_of_the_block(tmp_path):
+    part = block(tmp_path, 90, 50, 20)
+    model = prepare_vision(part)
+    for rest, outline in zip(model.rests, model.outlines, strict=True):
+        sides = [side for side in (0.09, 0.05, 0.02) if abs(side - rest.height) > 1e-6]
+        assert outline["area"] == pytest.approx(np.prod(sides), rel=0.02)
+        assert outline["perimeter"] == pytest.approx(2 * sum(sides), rel=0.02)
+        assert outline["long_axis"] == pytest.approx(sides[0] / np.sqrt(12), rel=0.02)
+
+
+def test_a_region_is_like_its_own_part_and_pose(tmp_path):
+    rng = np.random.default_rng(9)
+    models = [prepare_vision(random_part(tmp_path / f"part{k}.off", rng)) for k in range(5)]
+    for model in models:
+        for k, outline in enumerate(model.outlines):
+            first = like_outline(outline, models)[0]
+            assert (first[0] is model and first[1] == k) or first[2] < 0.2
+            assert min(d for m, j, d in like_outline(outline, models) if m is model and j == k) < 1e-9
+
+
+def test_a_silhouette_covers_what_rays_meet(tmp_path):
+    part = random_part(tmp_path / "part.off", np.random.default_rng(8))
+    frame = wireframe(part)
+    T = SE3.from_parts(SO3.exp(np.array([2.2, 0.3, 0.9])), np.array([0.0, 0.02, 0.6])) @ SE3.from_parts(
+        np.eye(3), -part.centroid
+    )
+    mask = silhouette(frame.surface, CAMERA, T)
+    x, y = np.meshgrid(np.arange(640), np.arange(480))
+    rays = np.stack([(x - 320) / 620, (y - 240) / 620, np.ones(x.shape)], axis=-1)
+    hits = frame.surface.cast(SE3.inverse(T)[:3, 3], rays @ T[:3, :3]).triangles >= 0
+    # polygons are filled to the border, half a pixel more than rays through the middles meet
+    wide, narrow = (f(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0 for f in (cv2.dilate, cv2.erode))
+    assert (hits <= wide).all()
+    assert (narrow <= hits).all()
+    assert spilled(frame.surface, CAMERA, T[None], mask)[0] == 0
+    half = mask & (x < np.nonzero(mask)[1].mean())
+    assert spilled(frame.surface, CAMERA, T[None], half)[0] > 0.3 * mask.sum()

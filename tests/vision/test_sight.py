@@ -1,0 +1,202 @@
+"""Whole images: what lies there, where, how sure; nothing invented about what is hidden or unknown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from rendered import Look, Scene, render, table_camera, thing
+from tanteo.errors import InputError, MissingExtraError
+from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+from tanteo.vision import (
+    Camera,
+    draw_sight,
+    find_edges,
+    find_regions,
+    map_edges,
+    prepare_vision,
+    see_anywhere,
+    see_table,
+)
+from tanteo.vision.belief import UNKNOWN, one_pose
+from tanteo.vision.fit import REACHES, meet, refine
+from tanteo.vision.question import ask, heights
+from vision_scenes import random_shot
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.fixture(scope="module")
+def models():
+    names = ("bracket_left", "bracket_right", "step_12mm", "step_15mm", "clamp")
+    return [prepare_vision(read_part(EXAMPLES / f"{name}.step")) for name in names]
+
+
+def lay_down(model, k, x, y, yaw):
+    turned = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([x, y, 0.0]))
+    return turned @ model.rests[k].T_table_part
+
+
+@pytest.fixture(scope="module")
+def two(models):
+    """Two parts on a table, far apart."""
+    camera = table_camera()
+    poses = [lay_down(models[0], 0, -0.08, 0.05, 0.6), lay_down(models[4], 1, 0.08, -0.04, -1.0)]
+    things = [thing(models[0].part, poses[0], 110), thing(models[4].part, poses[1], 130)]
+    image, whose = render(Scene(camera, things), np.random.default_rng(2))
+    return image, camera, poses, whose
+
+
+def test_every_part_of_a_scene_is_recognized(two, models):
+    image, camera, poses, _ = two
+    sight = see_table(image, camera, models)
+    assert len(sight.objects) == 2
+    by_part = {seen.recognition.hypotheses[0].part: seen for seen in sight.objects}
+    for model, truth in ((models[0], poses[0]), (models[4], poses[1])):
+        seen = by_part[model.part.name]
+        best = seen.recognition.hypotheses[0]
+        assert seen.recognition.status == "recognized"
+        assert best.probability > 0.95
+        e = SE3.log(SE3.inverse(truth) @ best.T_world_part)
+        assert np.linalg.norm(e[:3]) < 1e-3
+        assert e @ np.linalg.solve(best.covariance, e) < 30
+        total = sum(h.probability for h in seen.recognition.hypotheses) + seen.recognition.unknown_probability
+        assert total <= 1 + 1e-9
+        assert seen.outline is not None
+        assert seen.outline["area"] > 0
+
+
+def test_the_same_image_gives_the_same_answer(two, models):
+    image, camera, _, _ = two
+    first, second = (see_table(image, camera, models[:2]) for _ in range(2))
+    for a, b in zip(first.objects, second.objects, strict=True):
+        assert a.recognition.unknown_probability == b.recognition.unknown_probability
+        for one, other in zip(a.recognition.hypotheses, b.recognition.hypotheses, strict=True):
+            assert np.array_equal(one.T_world_part, other.T_world_part)
+
+
+def test_regions_are_the_things_and_their_shadows(two):
+    image, _, _, whose = two
+    regions = find_regions(image, find_edges(image))
+    for k in (0, 1):
+        covers = [(region.mask & (whose == k)).sum() / (whose == k).sum() for region in regions]
+        assert max(covers) > 0.99
+    assert not any(region.cut for region in regions)
+
+
+def test_an_empty_table_shows_nothing(models):
+    rng = np.random.default_rng(3)
+    camera = table_camera()
+    y, x = np.mgrid[0:480, 0:640]
+    image = np.rint(180 + 0.03 * x - 0.02 * y + rng.normal(0, 2.0, (480, 640)))
+    assert see_table(image, camera, models).objects == ()
+
+
+@pytest.mark.slow
+def test_a_stranger_is_not_called_by_a_part_s_name(models):
+    shots = [random_shot(models, np.random.default_rng([4, k]), 0.0, models[4]) for k in range(4)]
+    called = [see_table(shot.image, shot.camera, models[:4]).objects[0].recognition for shot in shots]
+    assert sum(answer.status == "recognized" for answer in called) == 0
+    # more so than before the image was seen
+    assert np.mean([answer.unknown_probability for answer in called]) > 2 * UNKNOWN
+
+
+def test_the_question_is_where_two_answers_differ(models):
+    twelve, fifteen = models[2], models[3]
+    T12, T15 = lay_down(twelve, 0, 0, 0, 0), lay_down(fifteen, 0, 0, 0, 0)
+    question = ask(("step_12mm", twelve.frame.surface, T12), ("step_15mm", fifteen.frame.surface, T15), np.eye(4))
+    place = question.point[None, :2]
+    found = [heights(m.frame.surface, T, place)[0] for m, T in ((twelve, T12), (fifteen, T15))]
+    assert question.heights == pytest.approx(found)
+    assert abs(found[0] - found[1]) > 1e-3
+    assert "step_12mm" in question.words
+    assert ask(("a", twelve.frame.surface, T12), ("b", twelve.frame.surface, T12), np.eye(4)) is None
+
+
+def test_a_pose_is_one_with_its_symmetric_images(models):
+    block = read_part(EXAMPLES / "block.step")
+    T = SE3.exp(np.array([0.1, 0.2, 0.5, 0.3, -0.2, 0.9]))
+    for S in block.symmetry.Ts:
+        assert one_pose(block, T, T @ S)
+    assert not one_pose(block, T, T @ SE3.exp(np.array([0, 0, 0, 0, 0, 0.3])))
+    assert not one_pose(block, T, T @ SE3.exp(np.array([0.02, 0, 0, 0, 0, 0])))
+
+
+def test_the_offset_s_derivative_is_one(two, models):
+    image, camera, poses, _ = two
+    edges, frame = map_edges(find_edges(image)), models[0].frame
+    T = SE3.inverse(camera.T_world_camera) @ poses[0]
+    met = meet(frame, camera, edges, T, 2.5)
+    seen, h, checked = met.seen, 1e-6, 0
+    for k, e in enumerate(h * np.eye(6)):
+        plus, minus = (meet(frame, camera, edges, T @ SE3.exp(s * e), 2.5, seen) for s in (1, -1))
+        # the same edge point, measured from a sample that has moved: along the sample's own normal, which turns too
+        same = met.hits & (plus.points == met.points) & (minus.points == met.points)
+        moved = np.sum((plus.pixels - minus.pixels) * met.normals, axis=-1) / (2 * h)
+        assert met.jacobian[same, k] == pytest.approx(moved[same], rel=1e-4, abs=0.05)
+        checked += int(same.sum())
+    assert checked > 300
+
+
+def test_poses_come_in_from_about_ten_pixels(two, models):
+    image, camera, poses, _ = two
+    rng, edges = np.random.default_rng(5), map_edges(find_edges(image))
+    truth = SE3.inverse(camera.T_world_camera) @ poses[0]
+    moves = rng.normal(size=(30, 6)) * np.r_[np.full(3, 2e-3), np.full(3, 0.025)]
+    found = refine(models[0].frame, camera, edges, truth @ SE3.exp(moves), reaches=REACHES)
+    off = np.linalg.norm(SE3.log(SE3.inverse(truth) @ found)[:, :3], axis=1)
+    assert np.mean(off < 2e-3) > 0.8
+
+
+def test_a_part_in_the_air_is_found_without_a_table(models):
+    camera = Camera(table_camera().K, (640, 480))
+    rng = np.random.default_rng(6)
+    model = models[0]
+    R = SO3.exp(np.array([2.3, -0.6, 0.4]))
+    truth = SE3.from_parts(R, np.array([0.02, -0.01, 0.55]) - R @ model.part.centroid)
+    above = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 5.0], [0, 0, 0, 1]])
+    far = Camera(camera.K, camera.size, T_world_camera=above)
+    scene = Scene(far, [thing(model.part, far.T_world_camera @ truth, 120)], Look(light=(0.3, -0.5, 1.0)))
+    image, _ = render(scene, rng)
+    sight = see_anywhere(image, camera, [model])
+    best = sight.objects[0].recognition.hypotheses[0]
+    e = SE3.log(SE3.inverse(truth) @ best.T_world_part)
+    assert np.degrees(np.linalg.norm(e[3:])) < 1.0
+    assert np.linalg.norm(best.T_world_part[:3, 3] - truth[:3, 3]) < 4e-3
+    assert e @ np.linalg.solve(best.covariance, e) < 40
+
+
+def test_an_image_of_noise_shows_no_part(models):
+    image = np.random.default_rng(7).normal(120, 5, (480, 640))
+    sight = see_anywhere(image, Camera(table_camera().K, (640, 480)), models[:1])
+    assert not sight.objects or sight.objects[0].recognition.status != "recognized"
+
+
+def test_the_picture_shows_what_was_seen(two, models):
+    image, camera, _, _ = two
+    sight = see_table(image, camera, models[:1])
+    picture = draw_sight(image, camera, sight)
+    assert picture.shape == (960, 1280, 3)
+    grey = np.repeat(cv2.resize(image.astype(np.uint8), None, fx=2, fy=2)[..., None], 3, axis=2)
+    changed = (picture.astype(int) - grey != 0).any(axis=2)
+    assert 0.002 < changed.mean() < 0.1
+
+
+def test_what_does_not_fit_together_is_refused(two, models):
+    image, camera, _, _ = two
+    with pytest.raises(InputError, match="at least one part"):
+        see_table(image, camera, [])
+    with pytest.raises(InputError, match="640 columns"):
+        see_table(image[:-1], camera, models[:1])
+    with pytest.raises(InputError, match="where it stands"):
+        see_table(image, Camera(camera.K, camera.size), models[:1])
+
+
+def test_without_opencv_the_message_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "cv2", None)
+    with pytest.raises(MissingExtraError, match=r"tanteo\[vision\]"):
+        find_edges(np.zeros((40, 40)))

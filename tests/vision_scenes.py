@@ -1,0 +1,87 @@
+"""Random scenes for the camera: a part as it may lie, light, paint, noise, and something in the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rendered import Look, Scene, render, slab_thing, table_camera, thing
+from tanteo.lie import SE3, SO3
+from tanteo.vision.camera import on_plane
+
+TABLE = 0.09
+"""Half side of the square of the table in which parts lie [m]."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture with its truth: which part (None: not in the catalogue), how it lies, how much of it is hidden."""
+
+    image: np.ndarray
+    camera: object
+    model: object
+    rest: int
+    T_world_part: np.ndarray
+    hidden: float
+
+
+def random_look(rng):
+    """Light from above, somewhere; a table brighter than most parts."""
+    turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0.15, 0.6)
+    light = (np.cos(turn) * tilt, np.sin(turn) * tilt, 1.0)
+    slope = tuple(rng.uniform(-60, 60, 2))
+    return Look(light, rng.uniform(0.35, 0.6), rng.uniform(170, 215), slope, rng.uniform(0.6, 1.0), rng.uniform(1, 4))
+
+
+def lying(model, rng, reach=TABLE):
+    """A stable pose, as probable as the model says, at a random place and yaw."""
+    k = int(rng.choice(len(model.rests), p=[rest.probability for rest in model.rests]))
+    place = np.r_[rng.uniform(-reach, reach, 2), 0.0]
+    return k, SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place) @ model.rests[k].T_table_part
+
+
+def plate_over(scene, share, rng, paint):
+    """A plate with a random outline that hides about a share of the first thing, as a hand or a gripper would."""
+    camera = scene.camera
+    x0, x1, y0, y1 = scene.extent()
+    pixels = np.stack(np.meshgrid(np.arange(x0, x1, 2), np.arange(y0, y1, 2)), axis=-1).reshape(-1, 2).astype(float)
+    own = pixels[scene.shade(pixels)[2] == 0]
+    z = float(scene.things[0].vertices[:, 2].max()) + 0.006
+    T_camera_plane = SE3.inverse(camera.T_world_camera) @ SE3.from_parts(np.eye(3), np.array([0.0, 0.0, z]))
+    over = on_plane(camera, own, T_camera_plane)[:, :2]
+    way = rng.uniform(0, 2 * np.pi)
+    u = np.array([np.cos(way), np.sin(way)])
+    v = np.array([-u[1], u[0]])
+    edge, middle, span = np.quantile(over @ u, 1 - share), over.mean(axis=0) @ v, np.ptp(over @ v)
+    R = np.array([[u[0], v[0], 0], [u[1], v[1], 0], [0, 0, 1]])
+    T = SE3.from_parts(R, np.array([*(edge * u + middle * v), z]))
+    depth = (over @ u).max() - edge + rng.uniform(0.005, 0.02)
+    half = 0.5 * span + rng.uniform(0.005, 0.02)
+    # the side over the part waves by a few millimetres, the others are as irregular as they come
+    y = np.linspace(-half, half, 9)
+    wave = rng.normal(0.0, 0.0025, 9)
+    front = np.stack([wave - wave.mean(), y], axis=1)
+    back = np.stack([depth + rng.uniform(0.0, 0.015, 5), np.linspace(half, -half, 5)], axis=1)
+    return slab_thing(np.concatenate([back, front]), 0.004, T, paint)
+
+
+def random_shot(models, rng, hidden=0.0, stranger=None):
+    """A picture of one of the models, or of a stranger, ``hidden`` of it covered."""
+    model = stranger or models[int(rng.integers(len(models)))]
+    camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
+    rest, T = lying(model, rng)
+    look = random_look(rng)
+    scene = Scene(camera, [thing(model.part, T, rng.uniform(70, 150))], look)
+    if hidden:
+        plate = plate_over(scene, hidden, rng, rng.uniform(30, 235))
+        scene = Scene(camera, [*scene.things, plate], look)
+    image, whose = render(scene, rng)
+    covered = 0.0
+    if hidden:
+        alone = Scene(camera, scene.things[:1], look)
+        x0, x1, y0, y1 = scene.extent()
+        pixels = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).reshape(-1, 2)
+        before = (alone.shade(pixels.astype(float))[2] == 0).sum()
+        covered = 1 - (whose == 0).sum() / max(before, 1)
+    return Shot(image, camera, model if stranger is None else None, rest, T, float(covered))
