@@ -2,8 +2,9 @@
 
 With few readings a face can end, or a reading change its face, within the uncertainty of the pose. The posterior is
 then skewed, cut or flat, and the inverse of the curvature at its highest point is not its covariance. Points along
-the axes of the supposed ellipsoid tell whether that is so; if it is, the moments are taken from weighted draws
-(adaptive importance sampling with a heavy-tailed proposal, Ionides' truncated weights while it adapts).
+and between the axes of the supposed ellipsoid tell whether that is so. If a normal density with other moments fits
+them, it is taken; else the moments come from weighted draws (adaptive importance sampling with a heavy-tailed
+proposal, Ionides' truncated weights while it adapts).
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 LogDensity = Callable[[Transforms, FloatArray], FloatArray]
 """Log posterior density, up to a constant, at poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)``."""
 
-_PROBED, _SCATTERED = 2.0, 24
-"""The density is looked at this far along each axis of the ellipsoid, and at so many draws from it."""
+_PROBED = 2.0
+"""The density is looked at this far along each axis of the ellipsoid, and at draws from it."""
 
 _NORMAL = 0.2
 """There its logarithm may differ by this from a normal one, root mean square; by twice that along an axis."""
+
+_ALIKE = 1.7
+"""No variance may be larger than supposed by more than this if a normal density is to be believed beyond there."""
 
 _DRAWS, _ROUNDS, _TAIL = 400, 10, 6
 """Draws in each round, rounds at most, and degrees of freedom of the proposal."""
@@ -43,8 +47,8 @@ class Moments:
 
     Attributes:
         mean: of the pose, as a right perturbation of the maximum ``(6,)`` [m, rad].
-        covariance: of the pose ``(6, 6)``.
-        covariance_given_shared: of the pose if the shared errors were known ``(6, 6)``.
+        covariance: of the pose about the maximum, which is not its mean: mean squares and products ``(6, 6)``.
+        covariance_given_shared: the same if the shared errors were known ``(6, 6)``.
         log_mass: log of its integral over that of the normal density with the curvature of the maximum.
     """
 
@@ -73,20 +77,43 @@ def posterior_moments(log_density: LogDensity, T: Transforms, z: FloatArray, inf
         x = u @ axes.T
         return log_density(T @ SE3.exp(x[:, :6]), z + x[:, 6:])
 
-    peak = float(at(np.zeros((1, axes.shape[1])))[0])
-    if not np.isfinite(peak) or _is_normal(at, axes, peak):
+    d = axes.shape[1]
+    u = np.concatenate([np.zeros((1, d)), _PROBED * np.eye(d), -_PROBED * np.eye(d), _scattered(d)])
+    log = at(u)
+    if not np.isfinite(log[0]) or _agree(u, log - log[0] + 0.5 * np.sum(u * u, axis=1)):
         return None
-    found = _sampled(at, axes.shape[1], peak)
+    found = _fitted(u, log - log[0]) or _sampled(at, d, float(log[0]))
     return None if found is None else _as_moments(axes, *found)
 
 
-def _is_normal(at: Callable[[FloatArray], FloatArray], axes: FloatArray, peak: float) -> bool:
-    """Whether the density falls as a normal one, along the axes of the ellipsoid and at draws from it."""
-    d = axes.shape[1]
-    drawn = _draws(d)[0][0][:: _DRAWS // _SCATTERED]
-    u = np.concatenate([_PROBED * np.eye(d), -_PROBED * np.eye(d), drawn])
-    off = peak - at(u) - 0.5 * np.sum(u * u, axis=1)
-    return bool(np.all(np.abs(off[: 2 * d]) <= 2 * _NORMAL) and np.sqrt(np.mean(off[2 * d :] ** 2)) <= _NORMAL)
+def _agree(u: FloatArray, off: FloatArray) -> bool:
+    """Whether what is left at the places looked at is small: at the middle, along the axes, and at the draws."""
+    along = 2 * u.shape[1] + 1
+    return bool(np.all(np.abs(off[:along]) <= 2 * _NORMAL) and np.sqrt(np.mean(off[along:] ** 2)) <= _NORMAL)
+
+
+def _fitted(u: FloatArray, log: FloatArray) -> tuple[FloatArray, FloatArray, float] | None:
+    """Mean, covariance and log mass of the normal density that fits best; None if none fits."""
+    d = u.shape[1]
+    if not np.isfinite(log).all():
+        return None
+    i, j = np.triu_indices(d)
+    A = np.concatenate([np.ones((len(u), 1)), u, -0.5 * np.where(i == j, 1.0, 2.0) * u[:, i] * u[:, j]], axis=1)
+    x = np.linalg.lstsq(A, log, rcond=None)[0]
+    H = np.zeros((d, d))
+    H[i, j] = H[j, i] = x[1 + d :]
+    if not _agree(u, log - A @ x) or not (np.linalg.eigvalsh(H) > 1 / _ALIKE).all():
+        return None
+    C = np.asarray(np.linalg.inv(H), dtype=np.float64)
+    mean = np.asarray(C @ x[1 : 1 + d])
+    return mean, C, float(x[0] + 0.5 * mean @ H @ mean + 0.5 * np.linalg.slogdet(C)[1])
+
+
+@cache
+def _scattered(d: int) -> FloatArray:
+    """Draws from the ellipsoid, twice as many as a quadratic function has coefficients."""
+    half = np.random.default_rng((1991, d)).normal(size=((d + 1) * (d + 2) // 2, d))
+    return np.concatenate([half, -half])
 
 
 def _sampled(
@@ -153,4 +180,6 @@ def _as_moments(axes: FloatArray, mean: FloatArray, C: FloatArray, log_mass: flo
     given = pose
     if len(joint) > 6:
         given = pose - joint[:6, 6:] @ np.linalg.solve(joint[6:, 6:], joint[6:, :6])
-    return Moments((axes @ mean)[:6], pose, given, log_mass)
+    shift = (axes @ mean)[:6]
+    about = np.outer(shift, shift)
+    return Moments(shift, pose + about, given + about, log_mass)

@@ -99,7 +99,7 @@ def _with_others(
     twice = (np.sum(normals[:, 0] * normals[:, 1], axis=-1) > np.cos(SHARP)) & (np.abs(np.diff(gaps)[:, 0]) < sd)
     new = ~alike.any(axis=2) & np.stack([np.ones_like(twice), ~twice], axis=1)
     lines = np.zeros((len(at), 2, 2))
-    others = Junctions(normals, offsets, np.zeros((*lines.shape, 3)), lines, np.zeros_like(new), new)
+    others = Junctions(normals, offsets, np.zeros((*lines.shape, 3)), lines, lines, np.zeros_like(new), new)
     return faces.beside(others), np.concatenate([np.zeros(faces.valid.shape), past], axis=1)
 
 
@@ -125,7 +125,8 @@ def _mixture(
     t = np.sqrt(np.where(lines, np.maximum(t2, 1e-6 * s2[..., None]), 1.0))
     inside = (m @ at[:, None, :, None])[..., 0] - faces.limits - slant * d[..., None]
     beta = np.where(lines, inside / t, np.inf)
-    cover, pull, hold = _covered(beta, faces.reflex)
+    beyond = np.where(lines & ~faces.reflex[..., None], (inside - faces.widths) / t, -np.inf)
+    cover, pull, hold = _covered(beta, beyond, faces.reflex)
     log = log - 0.5 * (d * d / s2 + np.log(2 * np.pi * s2)) + cover
     total = logsumexp(log, axis=1)
     share = np.exp(log - total[:, None])
@@ -145,18 +146,37 @@ def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:
     return np.concatenate([-directions, SO3.cross(directions, np.broadcast_to(at, directions.shape)), shared], axis=-1)
 
 
-def _covered(beta: FloatArray, reflex: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log of the share of the noise that is on the face ``(k, 4)``, and its first and negative second derivatives.
+def _covered(beta: FloatArray, beyond: FloatArray, reflex: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log of the share of the noise that is on the face ``(k, F)``, and its first and negative second derivatives.
 
-    Inside both lines, or at a reflex corner inside one; exact where the lines are at right angles.
+    Between both lines and the far sides of the face from them, or at a reflex corner inside one of the two lines; exact
+    where all are at right angles.
+
+    Args:
+        beta: distance inside each line, in standard deviations ``(k, F, 2)``.
+        beyond: distance past the far side ``(k, F, 2)``.
+        reflex: whether one line is enough ``(k, F)``.
     """
-    log = log_ndtr(beta)
-    density = np.exp(np.where(np.isfinite(beta), -0.5 * beta * beta, -np.inf) - 0.5 * np.log(2 * np.pi))
-    outside = np.exp(log_ndtr(-beta))
+    log = _log_between(beyond, beta)
+    near, far = _normal_density(beta), _normal_density(beyond)
     either = np.log(np.maximum(-np.expm1(np.sum(log_ndtr(-beta), axis=-1)), 1e-300))
     cover = np.where(reflex, either, np.sum(log, axis=-1))
-    others = np.where(reflex[..., None], outside[..., ::-1] * np.exp(-np.minimum(either, 0.0))[..., None], np.exp(-log))
-    pull = density * others
-    finite = np.where(np.isfinite(beta), beta, 0.0)
-    hold = np.where(reflex[..., None], 0.0, np.maximum(pull * (pull + finite), 0.0))
-    return cover, pull, hold
+    outside = np.exp(log_ndtr(-beta))[..., ::-1] * np.exp(-either)[..., None]
+    share = np.exp(-np.maximum(log, -700.0))
+    pull = np.where(reflex[..., None], near * outside, (near - far) * share)
+    finite, past = np.where(np.isfinite(beta), beta, 0.0), np.where(np.isfinite(beyond), beyond, 0.0)
+    hold = pull**2 + (finite * near - past * far) * share
+    return cover, pull, np.where(reflex[..., None], 0.0, np.maximum(hold, 0.0))
+
+
+def _normal_density(x: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(-0.5 * np.minimum(x * x, 1500.0)) / np.sqrt(2 * np.pi))
+
+
+def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Log of the normal probability between two limits, accurate in both tails."""
+    with np.errstate(invalid="ignore"):  # no line at all: between minus and plus infinity
+        mirrored = low + high > 0
+        a, b = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
+    top = log_ndtr(b)
+    return np.asarray(top + np.log1p(-np.exp(np.minimum(log_ndtr(a) - top, -1e-12))))

@@ -21,15 +21,14 @@ _NOTABLE = 0.5
 
 
 def as_hypothesis(touches: Touches, mode: Mode) -> Hypothesis:
-    """The hypothesis: the pose is the posterior's mean where the posterior is not normal, else its maximum.
+    """The hypothesis: the pose at the maximum, with the covariance of the posterior about it.
 
     Args:
         touches: the readings.
         mode: where they are on a part.
     """
     part, found, k = mode.target.part, mode.found, mode.k
-    T = found.Ts[k] if mode.moments is None else found.Ts[k] @ SE3.exp(mode.moments.mean)
-    free, faces = mode.free, _faces(touches, mode)
+    T, free, faces = found.Ts[k], mode.free, _faces(touches, mode)
     covariance = mode.covariance + _common_tolerance(touches, mode, faces)
     words = tuple(describe_motion(xi, T, part.diagonal) for xi in free)
     unobserved, observed = excuse(part, free, words, covariance)

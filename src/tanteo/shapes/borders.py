@@ -11,6 +11,8 @@ from typing import Any
 
 import igl
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from tanteo.shapes.surface import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
@@ -20,6 +22,9 @@ SHARP = np.deg2rad(20.0)
 
 FACES = 4
 """Faces at one corner; where more meet, only the two of the nearest edge are looked at."""
+
+_SEAM = 0.004
+"""A face that goes on this far past an edge, in diagonals of the mesh, only has a seam there."""
 
 _CELLS = 24
 """Cells of the grid of distances, along its longest side."""
@@ -37,6 +42,7 @@ class Junctions:
         offsets: planes are ``n . x = offset`` ``(*batch, 4)`` [m].
         inward: in the face, across a line, into the face ``(*batch, 4, 2, 3)``; zero for a line that is not there.
         limits: a point is on the face where ``inward . x >= limit`` ``(*batch, 4, 2)`` [m].
+        widths: how far the face reaches from there ``(*batch, 4, 2)`` [m].
         reflex: the face fills more than a half turn about the corner: past one of the lines is enough ``(*batch, 4)``.
         valid: whether there is such a face ``(*batch, 4)``.
     """
@@ -45,6 +51,7 @@ class Junctions:
     offsets: FloatArray
     inward: FloatArray
     limits: FloatArray
+    widths: FloatArray
     reflex: BoolArray
     valid: BoolArray
 
@@ -127,12 +134,13 @@ def borders(surface: Surface) -> Borders:
         surface: a mesh; edges that do not have exactly two triangles are left out.
     """
     edges, sides = _sharp_edges(surface)
-    junctions, corners = [_at_edges(surface, edges, sides)], np.full(len(surface.vertices), -1)
+    smooth = _smooth_faces(surface, edges)
+    junctions, corners = [_at_edges(surface, edges, sides, smooth)], np.full(len(surface.vertices), -1)
     valence = np.bincount(edges.ravel(), minlength=len(surface.vertices))
     incident = _incident(surface, np.flatnonzero(valence >= 3))
     sharp = {(int(a), int(b)) for a, b in edges}
     for vertex, triangles in incident.items():
-        found = _at_corner(surface, vertex, triangles, sharp)
+        found = _at_corner(surface, vertex, triangles, sharp, smooth)
         if found is not None:
             corners[vertex] = sum(len(j.offsets) for j in junctions)
             junctions.append(found)
@@ -166,16 +174,50 @@ def _sharp_edges(surface: Surface) -> tuple[IntArray, IntArray]:
     return np.ascontiguousarray(ends[first][sharp], dtype=np.int64), sides[sharp]
 
 
-def _at_edges(surface: Surface, edges: IntArray, sides: IntArray) -> Junctions:
-    count = len(edges)
-    out = _empty(count)
+def _smooth_faces(surface: Surface, sharp: IntArray) -> IntArray:
+    """Number of the smooth face that each triangle belongs to ``(T,)``: across shared edges that are not sharp."""
+    T, V = surface.triangles, len(surface.vertices)
+    ends = np.sort(T[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    keys, owner = ends[:, 0] * V + ends[:, 1], np.repeat(np.arange(len(T)), 3)
+    order = np.argsort(keys, kind="stable")
+    keys, owner = keys[order], owner[order]
+    joined = (keys[1:] == keys[:-1]) & ~np.isin(keys[1:], sharp[:, 0] * V + sharp[:, 1])
+    a, b = owner[:-1][joined], owner[1:][joined]
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(T), len(T)))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _at_edges(surface: Surface, edges: IntArray, sides: IntArray, smooth: IntArray) -> Junctions:
+    out = _empty(len(edges))
     a, b = surface.vertices[edges[:, 0]], surface.vertices[edges[:, 1]]
     for side in range(2):
         n = surface.normals[sides[:, side]]
         m = _into(n, a, b, surface.vertices[surface.triangles[sides[:, side]]].mean(axis=1))
+        m[_goes_on(surface, 0.5 * (a + b), n, m)] = 0.0
         out.normals[:, side], out.inward[:, side, 0] = n, m
         out.offsets[:, side], out.limits[:, side, 0] = np.sum(n * a, axis=1), np.sum(m * a, axis=1)
+        out.widths[:, side, 0] = _widths(surface, smooth, smooth[sides[:, side]], m) - out.limits[:, side, 0]
         out.valid[:, side] = True
+    return out
+
+
+def _goes_on(surface: Surface, points: Vectors, normals: Vectors, inward: Vectors) -> BoolArray:
+    """Whether faces go on past points of their border, on a plate or body beside them: a seam, not an edge."""
+    if not len(points):
+        return np.zeros(0, dtype=bool)
+    step = _SEAM * float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
+    near = surface.closest(points - step * inward)
+    alike = np.sum(surface.normals[near.triangles] * normals, axis=1) > np.cos(SHARP)
+    return np.asarray(alike & (near.distances < 0.25 * step))
+
+
+def _widths(surface: Surface, smooth: IntArray, faces: IntArray, inward: Vectors) -> FloatArray:
+    """Largest ``inward . x`` over the face of each row."""
+    out = np.zeros(len(faces))
+    for face in np.unique(faces):
+        rows = faces == face
+        corners = surface.vertices[np.unique(surface.triangles[smooth == face])]
+        out[rows] = (inward[rows] @ corners.T).max(axis=1)
     return out
 
 
@@ -189,7 +231,8 @@ def _into(normals: Vectors, a: Vectors, b: Vectors, inside: Vectors) -> Vectors:
 def _empty(count: int) -> Junctions:
     return Junctions(
         np.zeros((count, FACES, 3)), np.zeros((count, FACES)), np.zeros((count, FACES, 2, 3)),
-        np.zeros((count, FACES, 2)), np.zeros((count, FACES), dtype=bool), np.zeros((count, FACES), dtype=bool),
+        np.zeros((count, FACES, 2)), np.zeros((count, FACES, 2)),
+        np.zeros((count, FACES), dtype=bool), np.zeros((count, FACES), dtype=bool),
     )  # fmt: skip
 
 
@@ -205,7 +248,9 @@ def _incident(surface: Surface, vertices: IntArray) -> dict[int, IntArray]:
     return {int(v): some for v, some in zip(names, np.split(rows[order], starts[1:]), strict=True)}
 
 
-def _at_corner(surface: Surface, vertex: int, triangles: IntArray, sharp: set[tuple[int, int]]) -> Junctions | None:
+def _at_corner(
+    surface: Surface, vertex: int, triangles: IntArray, sharp: set[tuple[int, int]], smooth: IntArray
+) -> Junctions | None:
     """The faces about a vertex, each a fan of triangles between two sharp edges; none if it is not that simple."""
     fans = _fans(surface, vertex, triangles, sharp)
     if not 3 <= len(fans) <= FACES:
@@ -223,7 +268,10 @@ def _at_corner(surface: Surface, vertex: int, triangles: IntArray, sharp: set[tu
         out.reflex[0, k] = angles.sum() > np.pi
         for j, (far, inside) in enumerate(lines):
             m = _into(n, v, surface.vertices[far], surface.vertices[inside])
+            middle = 0.5 * (v + surface.vertices[far])
+            m = m * ~_goes_on(surface, middle[None], n[None], m[None])
             out.inward[0, k, j], out.limits[0, k, j] = m, m @ v
+            out.widths[0, k, j] = _widths(surface, smooth, smooth[fan[:1]], m[None])[0] - m @ v
     return out
 
 
