@@ -101,6 +101,60 @@ def test_refusals(tmp_path, text, error, message):
     assert message in str(caught.value)
 
 
+ZONES = """
+[sensors.tof]
+preset = "vl53l5cx_zone8x8"
+position_mm = [0, 30, 50]
+quaternion_wxyz = [0.9238795, 0.3826834, 0, 0]
+zones = [4, 8]
+field_deg = [30, 45]
+mount_sd_mm = 1
+"""
+
+
+def test_zones_are_beams_of_one_device(tmp_path):
+    rig = read_rig(rig_file(tmp_path, ZONES))
+    assert len(rig.sensors) == 32
+    assert [s.name for s in rig.sensors][:2] == ["tof.1.1", "tof.1.2"]
+    assert {s.device for s in rig.sensors} == {"tof"}
+    device = rig.sensors[0].T_hand_unit
+    for s in rig.sensors:
+        np.testing.assert_array_equal(s.T_hand_unit, device)
+        np.testing.assert_allclose(s.T_hand_sensor[:3, 3], [0, 0.03, 0.05])
+        assert s.axis_cosine == pytest.approx(s.T_hand_sensor[:3, 2] @ device[:3, 2])
+    local = np.array([device[:3, :3].T @ s.T_hand_sensor[:3, 2] for s in rig.sensors]).reshape(4, 8, 3)
+    angles = np.degrees(np.arctan2(local[..., :2], local[..., 2:]))
+    np.testing.assert_allclose(angles[0, :, 0], 45 * ((np.arange(8) + 0.5) / 8 - 0.5))
+    np.testing.assert_allclose(angles[:, 0, 1], 30 * ((np.arange(4) + 0.5) / 4 - 0.5))
+    path = tmp_path / "again.toml"
+    write_rig(rig, path)
+    back = read_rig(path)
+    assert [(s.name, s.device) for s in back.sensors] == [(s.name, s.device) for s in rig.sensors]
+    np.testing.assert_allclose(back.sensors[9].T_hand_unit, device, atol=1e-9)
+    assert back.sensors[9].axis_cosine == pytest.approx(rig.sensors[9].axis_cosine)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[4, 8]", "[4]", "zones: expected [rows, columns], got [4]"),
+        ("[4, 8]", '"many"', "zones: expected [rows, columns], got many"),
+        ("[4, 8]", "[0, 8]", "zones: expected [rows, columns]"),
+        ("[4, 8]", "[1000, 1000]", "zones: expected [rows, columns]"),
+        ("[30, 45]", "[30, 200]", "field: expected field_deg = [height, width] below 180"),
+        ("field_deg = [30, 45]\n", "", "field: expected field_deg"),
+        ("zones = [4, 8]\n", "", "zones: expected [rows, columns], got None"),
+        ("mount_sd_mm = 1", "axis = [0, 0, 1]", "neither axis nor unit"),
+        ("quaternion_wxyz = [0.9238795, 0.3826834, 0, 0]", "direction = [0, 0, 1]", "which way are the rows"),
+        ("zones = [4, 8]\nfield_deg = [30, 45]", 'unit = "a"', "unit_position_mm and unit_quaternion_wxyz together"),
+    ],
+)
+def test_refused_zones(tmp_path, old, new, message):
+    with pytest.raises(InputError) as caught:
+        read_rig(rig_file(tmp_path, ZONES.replace(old, new)))
+    assert message in str(caught.value)
+
+
 def test_a_missing_rig(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         read_rig(tmp_path / "none.toml")

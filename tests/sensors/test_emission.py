@@ -1,5 +1,7 @@
 """What simulated devices say against the model that measure assumes: chi-square for every preset, NEES for a rig."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
@@ -94,10 +96,12 @@ def skewed_rig():
     mount = mount @ np.diag(np.repeat([5e-4, 5e-3], 3) ** 2) @ mount.T
     common = {"beam_half_angle": 0.03, "max_range": 5.0, "bias_sd": 1e-3, "cov_mount": mount, "scale_sd": 0.004}
     T = SE3.exp(np.array([[0.01, 0.02, 0.05, 0.1, -0.2, 0.3], [0, -0.03, 0.04, 0.2, 0, 0]]))
+    zones = {"unit": "b", "T_hand_unit": T[1], "preset": sensor_preset("vl53l5cx_zone8x8"), "sd": np.nan}
     return Rig(
         (
             RigSensor("a", T[0], None, sd=1e-3, sd_prop=0.004, bias=0.02, scale=0.05, **common),
-            RigSensor("b", T[1], sensor_preset("vl53l5cx_zone8x8"), sd=np.nan, axis_cosine=0.9, **common),
+            RigSensor("b1", T[1] @ SE3.exp(np.array([0, 0, 0, 0.1, 0, 0])), axis_cosine=0.9, **zones, **common),
+            RigSensor("b2", T[1] @ SE3.exp(np.array([0, 0.01, 0, 0, -0.2, 0])), axis_cosine=0.95, **zones, **common),
         )
     )
 
@@ -122,7 +126,9 @@ def test_measure_assumes_what_emit_draws():
     def measured(ranges):
         columns = {"ranges": ranges.ravel(), "sensors": list(model.names) * n}
         return measure(
-            Readings.from_columns(**columns, Ts_world_hand=np.repeat(reported, 2, axis=0)), rig=rig, robot=robot
+            Readings.from_columns(**columns, Ts_world_hand=np.repeat(reported, len(model), axis=0)),
+            rig=rig,
+            robot=robot,
         )
 
     nees = []
@@ -131,7 +137,7 @@ def test_measure_assumes_what_emit_draws():
         e = (hits[i].reshape(-1, 3) - m.points).ravel()
         nees.append(e @ np.linalg.solve(m.joint_cov(), e))
     # across the beam the errors are a disc, not a normal: the mean is what a covariance promises
-    assert np.mean(nees) == pytest.approx(6 * n, rel=0.04)
+    assert np.mean(nees) == pytest.approx(9 * n, rel=0.03)
 
 
 @pytest.mark.parametrize("preset", RANGING, ids=name)
@@ -151,6 +157,35 @@ def test_a_cone_on_a_flat_surface_spreads_as_the_model_says(preset):
     expected = np.hypot(sigma, 0.5 * d * preset.beam_half_angle * np.tan(beta))
     # second order: half the square of the half angle times the tangent
     assert np.nanstd(r) / expected == pytest.approx(1, abs=0.02 + preset.beam_half_angle**2 / 2)
+
+
+def test_zones_of_one_device_share_bias_scale_and_mounting():
+    rng = np.random.default_rng(11)
+    rig = skewed_rig()
+    model = error_model(rig)
+    units = draw_units(rng, model, (50,))
+    np.testing.assert_allclose(units.bias[:, 1], units.bias[:, 2])
+    np.testing.assert_allclose(units.scale[:, 1], units.scale[:, 2])
+    assert np.abs(units.bias[:, 0] - 0.02 - units.bias[:, 1]).min() > 0
+    one, two = (SE3.inverse(s.T_hand_sensor) @ s.T_hand_unit for s in rig.sensors[1:])
+    np.testing.assert_allclose(units.T_hand_sensors[:, 1] @ one, units.T_hand_sensors[:, 2] @ two, atol=1e-14)
+    m = measure(
+        Readings.from_columns(ranges=[0.5] * 3, sensors=["a", "b1", "b2"], Ts_world_hand=np.stack([np.eye(4)] * 3)),
+        rig=rig,
+    )
+    assert [e.name for e in m.shared] == [
+        f"{what} of {unit}" for unit in "ab" for what in ("bias", "scale", "mounting")
+    ]
+    for error, J in zip(m.shared, m.jacobians, strict=True):
+        touched = np.abs(J).max(axis=(1, 2)) > 0
+        assert touched.tolist() == ([True, False, False] if error.name.endswith("a") else [False, True, True])
+
+
+def test_beams_of_one_device_agree_on_it():
+    one = skewed_rig().sensors[1]
+    other = replace(one, name="c", bias_sd=9.0)
+    with pytest.raises(InputError, match="unit 'b': expected one pose, mounting error"):
+        Rig((one, other))
 
 
 def test_reported_poses_undo_to_the_measured_model():

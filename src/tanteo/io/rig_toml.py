@@ -16,14 +16,18 @@ import numpy as np
 from tanteo.errors import CovarianceError, InputError, UnitError
 from tanteo.frames import check_covariance
 from tanteo.io.rig_checks import check_beam, check_twins
+from tanteo.io.rig_zones import zones_of
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
-from tanteo.typing import Covariances, FloatArray, Rotations
+from tanteo.typing import Covariances, FloatArray, Rotations, Transforms
 
-_LENGTHS = ("position", "sd", "max", "bias", "bias_sd", "mount_sd")
-_ANGLES = ("beam_half_angle", "mount_turn_sd")
-_PLAIN = ("preset", "direction", "quaternion_wxyz", "axis", "sd_per_range", "scale", "scale_sd")
+_LENGTHS = ("position", "sd", "max", "bias", "bias_sd", "mount_sd", "unit_position")
+_ANGLES = ("beam_half_angle", "mount_turn_sd", "field")
+_PLAIN = (
+    "preset", "direction", "quaternion_wxyz", "axis", "sd_per_range", "scale", "scale_sd", "zones", "unit",
+    "unit_quaternion_wxyz",
+)  # fmt: skip
 _COVARIANCES = {"mount_covariance_m_rad": (6, 6), "scale_covariance_m_rad": (6,)}
 
 
@@ -54,7 +58,8 @@ def read_rig(path: str | Path) -> Rig:
     tables = document.get("sensors")
     if not isinstance(tables, dict) or not tables:
         raise InputError(f"{path}: expected tables [sensors.NAME], one a sensor, got none. Add one.")
-    rig = Rig(tuple(_sensor(name, table, f"{path}, sensor '{name}'") for name, table in tables.items()), str(path))
+    found = (_sensors(name, table, f"{path}, sensor '{name}'") for name, table in tables.items())
+    rig = Rig(tuple(sensor for sensors in found for sensor in sensors), str(path))
     check_twins(rig, str(path))
     return rig
 
@@ -67,7 +72,8 @@ def shipped_rigs() -> Mapping[str, str]:
     return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in sorted(files, key=lambda f: f.name)}
 
 
-def _sensor(name: str, table: Any, place: str) -> RigSensor:
+def _sensors(name: str, table: Any, place: str) -> tuple[RigSensor, ...]:
+    """The sensor of a table, or all the zones of a multi-zone one."""
     if not isinstance(table, dict):
         raise InputError(f"{place}: expected a table [sensors.{name}], got {table!r}. Write it so.")
     values = _in_si(table, place)
@@ -75,8 +81,11 @@ def _sensor(name: str, table: Any, place: str) -> RigSensor:
     if preset is None and not {"sd", "beam_half_angle"} <= values.keys():
         raise InputError(f"{place}: expected a preset, or sd_mm and beam_half_angle_deg, got neither. Add them.")
     R = _rotation(values, place)
+    unit, T_hand_unit = _unit(values, place)
     sensor = RigSensor(
         name=name,
+        unit=unit,
+        T_hand_unit=T_hand_unit,
         T_hand_sensor=SE3.from_parts(R, _numbers(values, "position", 3, place)),
         preset=preset,
         sd=_number(values, "sd", math.nan, place, above=0),
@@ -92,7 +101,22 @@ def _sensor(name: str, table: Any, place: str) -> RigSensor:
         cov_scale=values.get("scale_covariance_m_rad", np.zeros(6)),
     )
     check_beam(sensor, place)
-    return sensor
+    return (sensor,) if not {"zones", "field"} & values.keys() else zones_of(sensor, values, place)
+
+
+def _unit(values: Mapping[str, Any], place: str) -> tuple[str, Transforms]:
+    """Name and pose of the device that a beam is one of; nothing for a device of its own."""
+    keys = {"unit", "unit_position", "unit_quaternion_wxyz"} & values.keys()
+    if not keys:
+        return "", np.full((4, 4), np.nan)
+    if len(keys) < 3 or not isinstance(values["unit"], str) or not values["unit"]:
+        raise InputError(
+            f"{place}: expected unit (a name), unit_position_mm and unit_quaternion_wxyz together, got "
+            f"{', '.join(sorted(keys))}. Give all three, or none for a device of its own."
+        )
+    return values["unit"], SE3.from_parts(
+        _quaternion(values, "unit_quaternion_wxyz", place), _numbers(values, "unit_position", 3, place)
+    )
 
 
 def _mount(values: Mapping[str, Any], place: str) -> Covariances:
@@ -221,9 +245,13 @@ def _rotation(values: Mapping[str, Any], place: str) -> Rotations:
         raise InputError(f"{place}: expected direction or quaternion_wxyz, got both or neither. Give one.")
     if "direction" in values:
         return SO3.frame_from_axis(_direction(values, "direction", place), 2)
-    q = _numbers(values, "quaternion_wxyz", 4, place)
+    return _quaternion(values, "quaternion_wxyz", place)
+
+
+def _quaternion(values: Mapping[str, Any], key: str, place: str) -> Rotations:
+    q = _numbers(values, key, 4, place)
     if abs(np.linalg.norm(q) - 1) > 1e-3:
-        raise InputError(f"{place}, quaternion_wxyz: expected unit length, got {np.linalg.norm(q):.6g}. Normalise it.")
+        raise InputError(f"{place}, {key}: expected unit length, got {np.linalg.norm(q):.6g}. Normalise it.")
     return SO3.from_quaternion(q)
 
 

@@ -47,6 +47,12 @@ def _table(sensor: RigSensor) -> list[str]:
         f"position_mm = {_list(1e3 * T[:3, 3], 10)}",
         f"quaternion_wxyz = {_list(SO3.as_quaternion(T[:3, :3]), 12)}",
     ]
+    if sensor.unit:
+        lines += [
+            f"unit = {json.dumps(sensor.unit, ensure_ascii=False)}",
+            f"unit_position_mm = {_list(1e3 * sensor.T_hand_unit[:3, 3], 10)}",
+            f"unit_quaternion_wxyz = {_list(SO3.as_quaternion(sensor.T_hand_unit[:3, :3]), 12)}",
+        ]
     if sensor.sd > 0:
         lines += [f"sd_mm = {1e3 * sensor.sd:.6g}", f"sd_per_range = {sensor.sd_prop:.6g}"]
     if sensor.axis_cosine < 1:

@@ -25,6 +25,11 @@ class Device:
     mount: RigSensor | None
 
     @property
+    def unit(self) -> str:
+        """The device that shares its errors: itself, or the multi-zone sensor that it is a zone of."""
+        return self.mount.device if self.mount is not None else self.name
+
+    @property
     def min_range(self) -> float:
         """Nearest range [m], 0 for unknown."""
         return self.preset.min_range if self.preset is not None else 0.0
@@ -96,7 +101,7 @@ class Placed:
         ranges: Along the beam ``(n,)``, NaN where unknown.
         lengths: Of free beams ``(n,)``.
         by_rig: Rows that the rig placed.
-        T_world_sensors: Their sensors' poses ``(n, 4, 4)``; NaN for the others.
+        T_world_units: Poses of the devices that gave them ``(n, 4, 4)``; NaN for the others.
     """
 
     points: Vectors
@@ -104,7 +109,7 @@ class Placed:
     ranges: FloatArray
     lengths: FloatArray
     by_rig: BoolArray
-    T_world_sensors: FloatArray
+    T_world_units: FloatArray
 
 
 def find_devices(
@@ -156,14 +161,16 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
             "Add the column max_mm, or a preset to the rig."
         )
     points, directions = np.array(readings.points), np.array(readings.directions)
-    Ts = np.full((len(readings), 4, 4), np.nan)
+    units = np.full((len(readings), 4, 4), np.nan)
     if by_rig.any():
         T_hand_sensors = np.stack([d.mount.T_hand_sensor if d.mount else np.eye(4) for d in devices])
-        Ts[by_rig] = readings.Ts_world_hand[by_rig] @ T_hand_sensors[numbers[by_rig]]
-        directions[by_rig] = Ts[by_rig, :3, 2]
+        T_hand_units = np.stack([d.mount.T_hand_unit if d.mount else np.eye(4) for d in devices])
+        Ts = readings.Ts_world_hand[by_rig] @ T_hand_sensors[numbers[by_rig]]
+        units[by_rig] = readings.Ts_world_hand[by_rig] @ T_hand_units[numbers[by_rig]]
+        directions[by_rig] = Ts[:, :3, 2]
         reach = np.where(readings.is_free, 0.0, ranges)[by_rig, None]
-        points[by_rig] = Ts[by_rig, :3, 3] + reach * directions[by_rig]
-    return Placed(points, directions, ranges, lengths, by_rig, Ts)
+        points[by_rig] = Ts[:, :3, 3] + reach * directions[by_rig]
+    return Placed(points, directions, ranges, lengths, by_rig, units)
 
 
 def _check_ranges(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> None:

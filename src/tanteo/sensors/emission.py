@@ -62,7 +62,9 @@ class ErrorModel:
         scale: Known scale error of the ranges.
         axis_cosine: Between beam and optical axis, for devices that report the distance along the axis.
         T_hand_sensors: Where the sensors sit by the rig, ``(k, 4, 4)``; identity for bare presets.
-        cov_unit: Of mounting (body error) and scale error, one draw a unit, ``(k, 7, 7)``.
+        cov_unit: Of mounting (body error at the device) and scale error, one draw a unit, ``(k, 7, 7)``.
+        T_hand_units: Where the devices sit that the sensors are beams of, ``(k, 4, 4)``.
+        unit: Number of the first sensor of the same device, ``(k,)``: they share the draw.
     """
 
     names: tuple[str, ...]
@@ -77,10 +79,12 @@ class ErrorModel:
     axis_cosine: FloatArray
     T_hand_sensors: Transforms
     cov_unit: Covariances
+    T_hand_units: Transforms
+    unit: IntArray
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            if name not in ("names", "law"):
+            if name not in ("names", "law", "unit"):
                 object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
     def __len__(self) -> int:
@@ -127,7 +131,15 @@ def error_model(source: Rig | SensorPreset | Sequence[SensorPreset]) -> ErrorMod
         axis_cosine=np.array([m.axis_cosine if m else 1.0 for m in mounts]),
         T_hand_sensors=np.stack([m.T_hand_sensor if m else np.eye(4) for m in mounts]),
         cov_unit=np.stack([d.cov_unit for d in devices]),
+        T_hand_units=np.stack([m.T_hand_unit if m else np.eye(4) for m in mounts]),
+        unit=_first_of_unit(devices),
     )
+
+
+def _first_of_unit(devices: Sequence[Device]) -> IntArray:
+    """Sensors of a rig that are beams of one device; presets are devices of their own, even if they are the same."""
+    units = [d.unit if d.mount is not None else str(k) for k, d in enumerate(devices)]
+    return np.array([units.index(unit) for unit in units], dtype=np.int64)
 
 
 def _devices(source: Rig | SensorPreset | Sequence[SensorPreset]) -> list[Device]:
@@ -147,10 +159,12 @@ def draw_units(rng: np.random.Generator, model: ErrorModel, batch: tuple[int, ..
     values, vectors = np.linalg.eigh(model.cov_unit)
     roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     unit = np.einsum("kij,...kj->...ki", roots, rng.normal(size=(*shape, 7)))
+    unit, bias = unit[..., model.unit, :], rng.normal(size=shape)[..., model.unit]
+    T_unit_sensors = SE3.inverse(model.T_hand_units) @ model.T_hand_sensors
     return UnitErrors(
-        bias=model.bias + model.bias_sd * rng.normal(size=shape),
+        bias=model.bias + model.bias_sd * bias,
         scale=model.scale + unit[..., 6],
-        T_hand_sensors=model.T_hand_sensors @ SE3.exp(unit[..., :6]),
+        T_hand_sensors=model.T_hand_units @ SE3.exp(unit[..., :6]) @ T_unit_sensors,
     )
 
 

@@ -195,27 +195,31 @@ def _unaimed_bias(aims: Vectors, devices: tuple[Device, ...], numbers: IntArray)
 def _device_errors(
     placed: Placed, aims: Vectors, devices: tuple[Device, ...], numbers: IntArray, hit: BoolArray
 ) -> Shared:
-    """Bias, scale and mounting of every device that gave a point."""
+    """Bias, scale and mounting of every device that gave a point; zones of one device share them."""
     out: Shared = []
-    for k, device in enumerate(devices):
-        rows = hit & (numbers == k)
+    units: dict[str, Device] = {}
+    for device in devices:
+        units.setdefault(device.unit, device)
+    own = np.array([list(units).index(device.unit) for device in devices])[numbers]
+    for k, (unit, device) in enumerate(units.items()):
+        rows = hit & (own == k)
         aimed = rows & ~np.isnan(aims[:, 0])
         ranged = aimed & ~np.isnan(placed.ranges)
         if device.bias_sd > 0 and aimed.any():
             J = np.where(aimed[:, None], aims, 0.0)[..., None]
-            out.append((_one(f"bias of {device.name}", device.bias_sd, "along the beam [m]"), J))
+            out.append((_one(f"bias of {unit}", device.bias_sd, "along the beam [m]"), J))
         if device.mount is not None and device.mount.cov_scale.any():
             out += _mount_and_scale(placed, device, rows & placed.by_rig)
             continue
         if device.scale_sd > 0 and ranged.any():
             J = np.where(ranged[:, None], aims * placed.ranges[:, None], 0.0)[..., None]
-            out.append((_one(f"scale of {device.name}", device.scale_sd, "along the beam, per range [1]"), J))
+            out.append((_one(f"scale of {unit}", device.scale_sd, "along the beam, per range [1]"), J))
         mount = rows & placed.by_rig
         if device.mount is not None and device.mount.cov_mount.any() and mount.any():
             J = np.zeros((len(rows), 3, 6))
-            J[mount] = body_jacobian(placed.T_world_sensors[mount], placed.points[mount])
+            J[mount] = body_jacobian(placed.T_world_units[mount], placed.points[mount])
             meaning = "mounting of the sensor on the hand, body error [m, rad]"
-            out.append((SharedError(f"mounting of {device.name}", device.mount.cov_mount, meaning), J))
+            out.append((SharedError(f"mounting of {unit}", device.mount.cov_mount, meaning), J))
     return out
 
 
@@ -224,11 +228,11 @@ def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray) -> Shared:
     if not rows.any():
         return []
     J = np.zeros((len(rows), 3, 7))
-    J[rows, :, :6] = body_jacobian(placed.T_world_sensors[rows], placed.points[rows])
+    J[rows, :, :6] = body_jacobian(placed.T_world_units[rows], placed.points[rows])
     # the more it reads too far, the nearer is what it met
     J[rows, :, 6] = -placed.ranges[rows, None] * placed.directions[rows]
     meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
-    return [(SharedError(f"mounting and scale of {device.name}", device.cov_unit, meaning), J)]
+    return [(SharedError(f"mounting and scale of {device.unit}", device.cov_unit, meaning), J)]
 
 
 def _one(name: str, sd: float, meaning: str) -> SharedError:

@@ -33,6 +33,9 @@ class RigSensor:
         bias: Known offset of its ranges [m], from a calibration: what it reads too far. It is taken off.
         scale: Known scale error of its ranges: it reads ``1 + scale`` times the range. It is taken off.
         scale_sd: Standard deviation of the scale error that is left; NaN for the preset's.
+        unit: The device that it is one beam of, as a zone of a multi-zone sensor: beams of one unit share bias, scale
+            and mounting; ``''`` for a device of its own.
+        T_hand_unit: Pose of the device, at which its mounting error is stated; that of the beam if not given.
         cov_scale: Covariance ``(6,)`` between mounting error and scale error, as a calibration finds them together.
     """
 
@@ -50,9 +53,23 @@ class RigSensor:
     scale: float = 0.0
     scale_sd: float = math.nan
     cov_scale: FloatArray = field(default_factory=lambda: np.zeros(6))
+    unit: str = ""
+    T_hand_unit: Transforms = field(default_factory=lambda: np.full((4, 4), np.nan))
+
+    @property
+    def device(self) -> str:
+        """Name of the device that it is or belongs to."""
+        return self.unit or self.name
 
     def __post_init__(self) -> None:
-        for name, shape in (("T_hand_sensor", (4, 4)), ("cov_mount", (6, 6)), ("cov_scale", (6,))):
+        if np.isnan(self.T_hand_unit).all():
+            object.__setattr__(self, "T_hand_unit", self.T_hand_sensor)
+        for name, shape in (
+            ("T_hand_sensor", (4, 4)),
+            ("T_hand_unit", (4, 4)),
+            ("cov_mount", (6, 6)),
+            ("cov_scale", (6,)),
+        ):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.shape != shape or not np.isfinite(array).all():
                 raise InputError(f"{name} of sensor '{self.name}': expected finite numbers of shape {shape}.")
@@ -79,6 +96,19 @@ class RigSensor:
             )
 
 
+def _check_unit(sensor: RigSensor, first: RigSensor) -> None:
+    """Beams of one device have one pose and one set of errors that stay."""
+    same = all(
+        np.array_equal(getattr(sensor, name), getattr(first, name), equal_nan=True)
+        for name in ("T_hand_unit", "cov_mount", "cov_scale", "bias_sd", "scale_sd")
+    )
+    if not same:
+        raise InputError(
+            f"unit '{sensor.device}': expected one pose, mounting error, bias_sd and scale_sd of '{first.name}' and "
+            f"'{sensor.name}', got two. They are one device: make them equal, or give them units of their own."
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
     """The range sensors of one hand, by name."""
@@ -90,6 +120,8 @@ class Rig:
         names = [s.name for s in self.sensors]
         if not names or len(set(names)) < len(names):
             raise InputError(f"{self.source}: expected sensors with names of their own, got {names}.")
+        for sensor in self.sensors:
+            _check_unit(sensor, next(s for s in self.sensors if s.device == sensor.device))
 
     def numbers(self, names: Sequence[str]) -> np.ndarray:
         """Index into ``sensors`` for every name; -1 for ``''``.
