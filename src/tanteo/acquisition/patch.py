@@ -33,6 +33,9 @@ _WIDEST = 0.015
 _RIM = 0.010
 """The surface is known around a finger if beams have been around it at this distance [m]."""
 
+_GAP = 0.0055
+"""... and none of these places is farther from a beam: narrower ribs than twice this may stay unseen [m]."""
+
 _STANDS = 150
 """Places that are proposed at most."""
 
@@ -137,7 +140,7 @@ def all_seen(cloud: Cloud, point: FloatArray, normal: FloatArray, feet: Vectors)
     turns = np.arange(8) * math.pi / 4
     ring = _RIM * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     around = ((feet - point) @ axes)[:, None] + ring
-    return bool(known.any() and (_nearest(around, (places[known] - point) @ axes) < _SUPPORT).all())
+    return bool(known.any() and (_nearest(around, (places[known] - point) @ axes) < _GAP).all())
 
 
 def stands(patch: Patch, baseline: float, wanted: FloatArray) -> list[tuple[float, FloatArray, FloatArray]]:

@@ -22,7 +22,7 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 HOVER = 0.03
 """The hand stands so much higher than the stand-off before it comes down [m]."""
 
-LOOKS = ((0.25, 0.09), (0.22, 0.06), (0.22, 0.06), (0.22, 0.06))
+LOOKS = ((0.25, 0.09), (0.22, 0.05), (0.22, 0.05), (0.22, 0.05))
 """Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
 
 _BETWEEN = 5e-3
