@@ -33,6 +33,7 @@ SAYS = {
     "09_from_an_image": ["three_parts: 3 object(s)", "recognized: bracket_left", "clamp at", "sense from above"],
     "08_bare_touches": ["12 touches with directions: recognized. bracket_left"],
     "10_calibrate_a_sensor": ["calibrated: Calibrated eye.", "saturated places: 6", "calibrated: table at"],
+    "11_sense_without_contact": ["acquired", "edge face: plane", "to the last bit: True"],
 }
 
 

@@ -1,0 +1,42 @@
+"""A hand that touches nothing: an edge and its face from a rough idea, in a simulated cell.
+
+``SimulatedHand`` is a ``Robot``: a hand with range sensors that takes one velocity command a period. Put a driver with
+the same few members in its place and the rest stays as it is. The record of the readings gives the same features again.
+
+    python examples/11_sense_without_contact.py
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import tanteo
+from tanteo.acquisition import features_of, sense_edge
+from tanteo.io import read_scene, write_readings
+from tanteo.motion import Rules
+from tanteo.simulator import SimulatedHand, clearances
+
+scene = read_scene(Path(__file__).parent / "scenes" / "bracket.toml")
+robot = SimulatedHand(
+    scene.scene, scene.hand, scene.T_world_hand, rng=np.random.default_rng(scene.seed), cell=scene.cell
+)
+rules = Rules(clearance=scene.clearance, workspace=scene.workspace)
+got = sense_edge(robot, scene.ideas["edge"], standoff=scene.standoff, rules=rules)
+
+print(f"{got.status}: {got.message}, {len(got.readings)} readings, {got.seconds:.0f} s")
+for motion in got.motions[:6]:
+    print(f"  {motion.name:10} {motion.status:8} {motion.message}")
+for feature in (got.feature, *got.others):
+    sd = 1e3 * np.sqrt(feature.P[0, 0])
+    place = np.round(1e3 * feature.T_world_feature[:3, 3], 2)
+    print(f"{feature.label}: {feature.kind.name} at {place} mm, sd {sd:.2f} mm")
+
+# only the simulator can say this: how near the hand came to anything
+print(f"nearest {1e3 * clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min():.1f} mm")
+
+with tempfile.TemporaryDirectory() as folder:
+    write_readings(got.readings, Path(folder) / "record.csv", unit="m")
+    again, _ = features_of(tanteo.read_readings(Path(folder) / "record.csv"), scene.hand.rig)
+same = np.array_equal(again["edge"].T_world_feature, got.feature.T_world_feature)
+print(f"the record gives the same edge to the last bit: {same}")
