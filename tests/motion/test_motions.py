@@ -113,6 +113,17 @@ def test_following_over_a_bend(bend, latency):
     assert math.degrees(math.asin(-robot.truth[-1][2, 0])) == pytest.approx(bend, abs=3)
 
 
+def test_settling_does_not_turn_into_a_step():
+    """One sensor over a face, the other over the floor of a slot beside it: the hand stays out of it."""
+    solids = [box("floor", [-0.2, -0.2, -0.09], [0.2, 0.2, -0.05]), box("block", [-0.1, -0.1, -0.05], [0.005, 0.1, 0])]
+    scene = Scene.of(solids)
+    robot = robot_on(scene, over(height=STANDOFF))
+    motion = settle(robot, STANDOFF, RULES, most=math.radians(25))
+    assert motion.status == "lost"
+    assert "not over one surface" in motion.message
+    assert least(scene, robot) > 0.9 * STANDOFF
+
+
 def test_following_ends_with_the_surface():
     robot = robot_on(PLATE, over(x=0.06, height=STANDOFF))
     motion = follow(robot, [1, 0, 0], 0.1, STANDOFF, RULES)

@@ -36,6 +36,9 @@ _ELSEWHERE = 0.008
 
 _UNSURE: Attempt = ("unclear", "the face was not found at the same place twice", None)
 
+_MOST_ASKEW = np.radians(25.0)
+"""A face over which the hand stands by two looks is not more askew than this [rad]."""
+
 _LEAST_SWING = 0.08
 """A look with less tilt shows nothing new [rad]."""
 
@@ -283,7 +286,7 @@ def scan(session: Session, label: str) -> Attempt:
 def _scan_once(session: Session, width: float, label: str) -> tuple[Readings | None, Attempt, str]:
     """Settle, go across the pair to both sides, fit; and what speaks against one plane."""
     hand, robot, standoff, rules = session.hand, session.robot, session.standoff, session.rules
-    settled = session.does(settle(robot, standoff, rules))
+    settled = session.does(settle(robot, standoff, rules, most=_MOST_ASKEW))
     if not settled.reached:
         return None, failed(settled), ""
     across = np.cross([0.0, 0.0, 1.0], hand.pair)

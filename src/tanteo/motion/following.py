@@ -34,14 +34,20 @@ _AT_REST, _LEVEL = 0.03, math.radians(1.0)
 """The hand has settled with the height within this share of the stand-off and the tilt within this angle [rad]."""
 
 
-def settle(robot: Robot, standoff: float, rules: Rules) -> Motion:
+def settle(robot: Robot, standoff: float, rules: Rules, *, most: float = math.radians(60.0)) -> Motion:
     """Turn the hand square to the surface in the plane of its two frontal sensors, at the stand-off.
 
     The tilt about the line that joins them stays as it is: the paper's second direction needs a turn of the hand by a
     quarter, or a scan across.
 
+    Args:
+        robot: The hand, near the surface.
+        standoff: Height to hold [m].
+        rules: What to keep to.
+        most: A greater tilt is not that of one surface under both sensors, but a step between them [rad].
+
     Returns:
-        ``reached``; ``lost`` where one of the two sensors meets no surface; ``limit``; ``timeout``.
+        ``reached``; ``lost`` where one of the two sensors meets no surface, or another one; ``limit``; ``timeout``.
     """
     run = Steering("settle", robot, rules)
     window = 8 + run.loop.delay
@@ -51,6 +57,10 @@ def settle(robot: Robot, standoff: float, rules: Rules) -> Motion:
         if not both:
             why = "gives no ranges" if blind(run) else "is not under both frontal sensors"
             return run.end("lost", f"the surface {why}")
+        if abs(tilt) > most:
+            return run.end(
+                "lost", f"the two sensors are not over one surface: it seems {math.degrees(tilt):.0f} deg askew"
+            )
         recent.append((height - standoff, tilt))
         mean = np.abs(np.mean(recent[-window:], axis=0))
         if len(recent) >= window and mean[0] < _AT_REST * standoff and mean[1] < _LEVEL:
