@@ -25,6 +25,7 @@ from random_parts import random_part
 from tanteo.catalogue import read_parts
 from tanteo.lie import SE3
 from tanteo.vision import prepare_vision, see_table
+from tanteo.vision.silhouettes import silhouette
 from vision_scenes import random_shot
 
 SEED = 1991
@@ -63,26 +64,33 @@ def pose_errors(model, best, truth):
     return float(e @ np.linalg.solve(J @ best.covariance @ J.T, e)), 1e3 * float(np.linalg.norm(move[:2]))
 
 
+def in_camera(shot):
+    """Pose of the part in the camera's frame."""
+    return SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
+
+
 def look(models, strangers, k, image, hidden):
     """One image: rank of the true part, what was claimed and whether it was right, pose error, time."""
     rng = np.random.default_rng([SEED, k, image])
     stranger = strangers[int(rng.integers(len(strangers)))] if rng.uniform() < STRANGERS else None
     shot = random_shot([models[k]], rng, hidden, stranger)
     start = time.process_time()
-    sight = see_table(shot.image, shot.camera, models, top=12)
+    sight = see_table(shot.image, shot.camera, models, top=20)
     spent = time.process_time() - start
     if not sight.objects:
         return None
-    # the object is what has most of the part's place in the image
-    answer = sight.objects[0].recognition
-    names = list(dict.fromkeys(h.part for h in answer.hypotheses))
     known = stranger is None
+    # the object is the one that has most of the part's place in the image; the thing in the way may be another
+    there = silhouette((stranger or models[k]).frame.surface, shot.camera, in_camera(shot))
+    seen = max(sight.objects, key=lambda seen: (seen.region.mask & there).sum())
+    answer = seen.recognition
     truth = models[k].part.name if known else None
-    rank = names.index(truth) if truth in names else 99
     best = answer.hypotheses[0] if answer.hypotheses else None
     shares = {}
     for h in answer.hypotheses:
         shares[h.part] = shares.get(h.part, 0.0) + h.probability
+    names = sorted(shares, key=lambda name: -shares[name])
+    rank = names.index(truth) if truth in names else 99
     first = max(shares, key=shares.get) if shares else None
     none = answer.unknown_probability
     claim, said = (none, None) if first is None or none > shares[first] else (shares[first], first)
@@ -90,6 +98,8 @@ def look(models, strangers, k, image, hidden):
     if known and best is not None and best.part == truth and best.probability > TOLD and not best.unobserved:
         nees, mm = pose_errors(models[k], best, shot.T_world_part)
     continuous = known and models[k].part.symmetry.continuous
+    if known and rank > 2:
+        print(f"{truth}, image {image}: rank {rank}, {100 * shot.hidden:.0f} % hidden", file=sys.stderr)
     return known, rank, claim, said == truth, nees if not continuous else np.nan, mm, spent, shot.hidden
 
 

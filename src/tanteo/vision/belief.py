@@ -25,7 +25,7 @@ from tanteo.vision.table import TableErrors, lying_information
 UNKNOWN = 0.1
 """Probability beforehand that the object is none of the parts."""
 
-KEPT = 64
+KEPT = 144
 """Poses that are refined to the end."""
 
 _QUICK = (12.0, 12.0, 9.0, 7.0, 5.0)

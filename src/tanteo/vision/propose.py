@@ -72,7 +72,7 @@ def propose(
     T_camera_table: Transforms,
     distances: FloatArray,
     region: Region,
-    most: int = 10,
+    most: int = 16,
 ) -> Proposal:
     """First poses of a part in a region.
 
