@@ -15,7 +15,7 @@ import numpy as np
 
 import tanteo
 from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
-from tanteo.acquisition.plane import facing
+from tanteo.acquisition.ways import facing
 from tanteo.features import feature_covariance
 from tanteo.hand import Hand, Workspace, gripper_body
 from tanteo.io import read_rig

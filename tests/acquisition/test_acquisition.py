@@ -17,8 +17,8 @@ from tanteo.acquisition import (
 )
 from tanteo.acquisition.cloud import cloud_of, over, room
 from tanteo.acquisition.patch import find_patch, stands
-from tanteo.acquisition.plane import facing
 from tanteo.acquisition.record import exact_poses
+from tanteo.acquisition.ways import facing
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
 from tanteo.io import read_readings, write_readings

@@ -10,21 +10,10 @@ from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.cloud import Cloud, over
 from tanteo.acquisition.ideas import EdgeIdea
 from tanteo.acquisition.patch import all_seen
-from tanteo.acquisition.plane import (
-    HOVER,
-    LOOKS,
-    Session,
-    acquire_plane,
-    back_off,
-    facing,
-    feet,
-    finish,
-    fits,
-    moved,
-    path,
-    swing,
-)
+from tanteo.acquisition.plane import HOVER, LOOKS, acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
+from tanteo.acquisition.session import Session, back_off, finish
+from tanteo.acquisition.ways import facing, feet, fits, moved, path, swing
 from tanteo.features import Feature
 from tanteo.hand import Robot
 from tanteo.motion import Crossing, EdgeEvent, Rules, approach, cross_edge, go_to, look

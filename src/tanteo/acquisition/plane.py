@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
-from tanteo.acquisition.acquired import Acquired, Attempt, Outcome, failed
-from tanteo.acquisition.cloud import Cloud, beside, cloud_of, over, room
+from tanteo.acquisition.acquired import Acquired, Attempt, failed
+from tanteo.acquisition.cloud import beside, cloud_of, over
 from tanteo.acquisition.ideas import FaceIdea
 from tanteo.acquisition.patch import Patch, all_seen, find_patch, stands
-from tanteo.acquisition.record import fitted_feature, join, plane_readings
-from tanteo.errors import InputError
+from tanteo.acquisition.record import fitted_feature, plane_readings
+from tanteo.acquisition.session import Session, back_off, finish
+from tanteo.acquisition.ways import facing, feet, fits, moved, path, squared, swing
 from tanteo.features import Feature
-from tanteo.hand import Hand, Robot, Sensed, advance, gap
-from tanteo.lie import SE3, SO3
-from tanteo.motion import Motion, Rules, approach, follow, go_to, look, retreat, settle
+from tanteo.hand import Hand, Robot, Sensed
+from tanteo.motion import Motion, Rules, approach, follow, go_to, look, settle
 from tanteo.sensors import Readings, RobotPreset
-from tanteo.typing import FloatArray, Transforms, Vectors
+from tanteo.typing import FloatArray
 
 HOVER = 0.03
 """The hand stands so much higher than the stand-off before it comes down [m]."""
@@ -25,11 +23,6 @@ HOVER = 0.03
 LOOKS = ((0.25, 0.09), (0.22, 0.05), (0.22, 0.05), (0.22, 0.05))
 """Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
 
-_BETWEEN = 5e-3
-"""Something may be nearer than the points that were met on it, by so much [m]."""
-
-_SLACK = 2e-3
-"""Beyond the clearance to the bounds of the workspace: nearer, the guard would slow the hand to a stop [m]."""
 
 _ELSEWHERE = 0.008
 """Another place to stand is this far from those that failed [m]."""
@@ -39,14 +32,10 @@ _UNSURE: Attempt = ("unclear", "the face was not found at the same place twice",
 _MOST_ASKEW = np.radians(25.0)
 """A face over which the hand stands by two looks is not more askew than this [rad]."""
 
-_LEAST_SWING = 0.08
-"""A look with less tilt shows nothing new [rad]."""
 
 _ASTRAY = np.radians(12.0)
 """A face whose normal is this far from what it should be is looked at once more from above [rad]."""
 
-LEAST_STANDOFF = 1.25
-"""Stand-off in clearances: below, the guard would hold the hand before it arrives."""
 
 READINGS = 40
 """Readings of a scan that are kept."""
@@ -62,53 +51,6 @@ _SQUARE = np.radians(1.5)
 
 _SURE = np.radians(3.0)
 """A plane whose tilt is known no better than this is not acquired [rad]."""
-
-
-@dataclass(slots=True)
-class Session:
-    """One acquisition under way: its robot, its rules, the motions so far and the labelled readings.
-
-    Attributes:
-        robot: The hand.
-        standoff: Of the hand's front over the surface [m].
-        rules: What the motions keep to.
-        errors: Of the robot, for the covariance; none are assumed without it.
-        motions: All of them, in order.
-        readings: Records of the labels so far.
-        others: Features sensed on the way.
-        places: Where the hand has stood over a patch ``(3,)`` [m].
-    """
-
-    robot: Robot
-    standoff: float
-    rules: Rules
-    errors: RobotPreset | str | None
-    motions: list[Motion] = field(default_factory=list)
-    readings: list[Readings] = field(default_factory=list)
-    others: list[Feature] = field(default_factory=list)
-    places: list[FloatArray] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        least = LEAST_STANDOFF * self.rules.clearance
-        if not self.standoff >= least:
-            raise InputError(
-                f"standoff: expected at least {LEAST_STANDOFF:g} times the clearance ({1e3 * least:.3g} mm), got "
-                f"{1e3 * self.standoff:.3g} mm. Keep farther away, or lower the clearance."
-            )
-
-    @property
-    def hand(self) -> Hand:
-        """Its hand."""
-        return self.robot.hand
-
-    def does(self, motion: Motion) -> Motion:
-        """Remember a motion."""
-        self.motions.append(motion)
-        return motion
-
-    def seen(self) -> Cloud:
-        """What all motions so far have met."""
-        return cloud_of(self.hand, self.motions)
 
 
 def sense_plane(
@@ -215,49 +157,6 @@ def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatA
     return Motion("hover", "limit" if blocked else "nothing", why, ())
 
 
-def swing(session: Session, tilt: float) -> float:
-    """The tilt of a look, less where what was seen leaves no room for it."""
-    if not session.motions:
-        return tilt
-    hand, cloud, T = session.hand, session.seen(), session.robot.sensed.T_world_hand
-    pivot = hand.body.centres[int(np.argmax(hand.body.radii))]
-    turns = np.arange(12) * np.pi / 6
-    while tilt > _LEAST_SWING:
-        w = tilt * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=-1)
-        R = SO3.exp(w)
-        ring = T @ SE3.from_parts(R, pivot - R @ pivot)
-        if fits(session, cloud, ring):
-            break
-        tilt *= 0.75
-    return tilt
-
-
-def _allowed(session: Session, way: Transforms) -> bool:
-    """Whether the workspace has room for the hand at some poses, or as much as where it is now."""
-    body, space = session.hand.body, session.rules.workspace
-    now = session.robot.sensed.T_world_hand
-    here, least = (np.minimum(*space.room(body.placed(T), body.radii)).min() for T in (now, way))
-    return bool(least >= min(session.rules.clearance + _SLACK, here - 1e-3))
-
-
-def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:
-    """Whether the hand has room at some poses, as far as is known."""
-    return _allowed(session, way) and room(cloud, session.hand.body, way) >= session.rules.clearance + _BETWEEN
-
-
-def feet(hand: Hand, Ts_world_hand: Transforms) -> Vectors:
-    """Where the frontal sensors are at some poses ``(m, 4, 4)``: ``(2 m, 3)`` in the world [m]."""
-    origins = hand.origins[list(hand.frontal)]
-    return np.concatenate([SE3.apply(T[None], origins) for T in Ts_world_hand])
-
-
-def moved(T: Transforms, shift: Vectors) -> Transforms:
-    """A pose displaced in the world."""
-    out = np.array(T)
-    out[:3, 3] += shift
-    return out
-
-
 def scan(session: Session, label: str) -> Attempt:
     """Settle and scan, again and narrower where the hand was not square or the readings disagree with one plane."""
     width = SCAN
@@ -318,51 +217,3 @@ def _on_surface(log: tuple[Sensed, ...], hand: Hand, standoff: float) -> list[Se
     """Of a scan, the instants at which both frontal sensors read about the stand-off."""
     pair = list(hand.frontal)
     return [s for s in log if bool((np.abs(np.nan_to_num(s.ranges[pair]) - standoff) < 0.25 * standoff).all())]
-
-
-def facing(hand: Hand, place: Vectors, normal: Vectors, along: Vectors, height: float, near: Transforms) -> Transforms:
-    """The pose of the hand square to a plane, its front this high over a place, its pair along a line.
-
-    Of the two such poses the one that is less turned from ``near``.
-    """
-    z = -normal
-    y = np.cross(z, along)
-    P = np.stack([along, y / np.linalg.norm(y), z], axis=1)
-    P[:, 0] = np.cross(P[:, 1], z)
-    H = np.stack([hand.pair, np.cross([0.0, 0.0, 1.0], hand.pair), [0.0, 0.0, 1.0]], axis=1)
-    R = P @ H.T
-    other = R @ np.diag([-1.0, -1.0, 1.0])
-    if np.trace(near[:3, :3].T @ other) > np.trace(near[:3, :3].T @ R):
-        R = other
-    return SE3.from_parts(R, place + height * normal - R @ hand.front)
-
-
-def squared(session: Session, face: Feature) -> Transforms:
-    """The pose with the hand turned square to a plane about its front, as little as need be."""
-    hand, T, normal = session.hand, session.robot.sensed.T_world_hand, face.T_world_feature[:3, 2]
-    front = T[:3, :3] @ hand.front + T[:3, 3]
-    along = T[:3, :3] @ hand.pair
-    along = along - (along @ normal) * normal
-    return facing(hand, front, normal, along / np.linalg.norm(along), 0.0, T)
-
-
-def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Transforms:
-    """Poses on the way of :func:`tanteo.motion.go_to` ``(n, 4, 4)``: the front goes straight."""
-    w = gap(T_from, T_to)[1]
-    shares = np.linspace(0, 1, n)
-    out = np.stack([advance(T_from, np.array([0.0, 0.0, 0.0, *w]), s) for s in shares])
-    a, b = (T[:3, :3] @ front + T[:3, 3] for T in (T_from, T_to))
-    out[:, :3, 3] = a + shares[:, None] * (b - a) - out[:, :3, :3] @ front
-    return out
-
-
-def back_off(session: Session, distance: float) -> Motion:
-    """Away from the surface along the hand's axis."""
-    return session.does(retreat(session.robot, distance, session.rules))
-
-
-def finish(kind: str, session: Session, status: Outcome, message: str, feature: Feature | None) -> Acquired:
-    """The result of a session."""
-    others = tuple(f for f in session.others if feature is None or f.label != feature.label)
-    record = join(session.readings)
-    return Acquired(kind, status, message, feature, others, record, tuple(session.motions))

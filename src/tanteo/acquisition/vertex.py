@@ -7,7 +7,8 @@ import numpy as np
 from tanteo.acquisition.acquired import Acquired
 from tanteo.acquisition.edge import INSET, acquire_edge
 from tanteo.acquisition.ideas import CornerIdea, FaceIdea
-from tanteo.acquisition.plane import Session, acquire_plane, finish
+from tanteo.acquisition.plane import acquire_plane
+from tanteo.acquisition.session import Session, finish
 from tanteo.constraints import relate_all
 from tanteo.errors import DegenerateError
 from tanteo.fitting import intersect_edges

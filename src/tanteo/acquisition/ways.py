@@ -1,0 +1,102 @@
+"""Poses of the hand over a plane, ways between them, and whether there is room for them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.acquisition.cloud import Cloud, room
+from tanteo.acquisition.session import Session
+from tanteo.features import Feature
+from tanteo.hand import Hand, advance, gap
+from tanteo.lie import SE3, SO3
+from tanteo.typing import FloatArray, Transforms, Vectors
+
+_SLACK = 2e-3
+"""Beyond the clearance to the bounds of the workspace: nearer, the guard would slow the hand to a stop [m]."""
+
+
+_BETWEEN = 5e-3
+"""Something may be nearer than the points that were met on it, by so much [m]."""
+
+
+_LEAST_SWING = 0.08
+"""A look with less tilt shows nothing new [rad]."""
+
+
+def swing(session: Session, tilt: float) -> float:
+    """The tilt of a look, less where what was seen leaves no room for it."""
+    if not session.motions:
+        return tilt
+    hand, cloud, T = session.hand, session.seen(), session.robot.sensed.T_world_hand
+    pivot = hand.body.centres[int(np.argmax(hand.body.radii))]
+    turns = np.arange(12) * np.pi / 6
+    while tilt > _LEAST_SWING:
+        w = tilt * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=-1)
+        R = SO3.exp(w)
+        ring = T @ SE3.from_parts(R, pivot - R @ pivot)
+        if fits(session, cloud, ring):
+            break
+        tilt *= 0.75
+    return tilt
+
+
+def _allowed(session: Session, way: Transforms) -> bool:
+    """Whether the workspace has room for the hand at some poses, or as much as where it is now."""
+    body, space = session.hand.body, session.rules.workspace
+    now = session.robot.sensed.T_world_hand
+    here, least = (np.minimum(*space.room(body.placed(T), body.radii)).min() for T in (now, way))
+    return bool(least >= min(session.rules.clearance + _SLACK, here - 1e-3))
+
+
+def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:
+    """Whether the hand has room at some poses, as far as is known."""
+    return _allowed(session, way) and room(cloud, session.hand.body, way) >= session.rules.clearance + _BETWEEN
+
+
+def feet(hand: Hand, Ts_world_hand: Transforms) -> Vectors:
+    """Where the frontal sensors are at some poses ``(m, 4, 4)``: ``(2 m, 3)`` in the world [m]."""
+    origins = hand.origins[list(hand.frontal)]
+    return np.concatenate([SE3.apply(T[None], origins) for T in Ts_world_hand])
+
+
+def moved(T: Transforms, shift: Vectors) -> Transforms:
+    """A pose displaced in the world."""
+    out = np.array(T)
+    out[:3, 3] += shift
+    return out
+
+
+def facing(hand: Hand, place: Vectors, normal: Vectors, along: Vectors, height: float, near: Transforms) -> Transforms:
+    """The pose of the hand square to a plane, its front this high over a place, its pair along a line.
+
+    Of the two such poses the one that is less turned from ``near``.
+    """
+    z = -normal
+    y = np.cross(z, along)
+    P = np.stack([along, y / np.linalg.norm(y), z], axis=1)
+    P[:, 0] = np.cross(P[:, 1], z)
+    H = np.stack([hand.pair, np.cross([0.0, 0.0, 1.0], hand.pair), [0.0, 0.0, 1.0]], axis=1)
+    R = P @ H.T
+    other = R @ np.diag([-1.0, -1.0, 1.0])
+    if np.trace(near[:3, :3].T @ other) > np.trace(near[:3, :3].T @ R):
+        R = other
+    return SE3.from_parts(R, place + height * normal - R @ hand.front)
+
+
+def squared(session: Session, face: Feature) -> Transforms:
+    """The pose with the hand turned square to a plane about its front, as little as need be."""
+    hand, T, normal = session.hand, session.robot.sensed.T_world_hand, face.T_world_feature[:3, 2]
+    front = T[:3, :3] @ hand.front + T[:3, 3]
+    along = T[:3, :3] @ hand.pair
+    along = along - (along @ normal) * normal
+    return facing(hand, front, normal, along / np.linalg.norm(along), 0.0, T)
+
+
+def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Transforms:
+    """Poses on the way of :func:`tanteo.motion.go_to` ``(n, 4, 4)``: the front goes straight."""
+    w = gap(T_from, T_to)[1]
+    shares = np.linspace(0, 1, n)
+    out = np.stack([advance(T_from, np.array([0.0, 0.0, 0.0, *w]), s) for s in shares])
+    a, b = (T[:3, :3] @ front + T[:3, 3] for T in (T_from, T_to))
+    out[:, :3, 3] = a + shares[:, None] * (b - a) - out[:, :3, :3] @ front
+    return out
