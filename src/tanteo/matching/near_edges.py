@@ -25,6 +25,10 @@ REACH = 4.0
 """Edges farther off than this many standard deviations do not matter."""
 
 
+_BROAD = 2.0
+"""Faces narrower than this many standard deviations are no faces to the noise: facets of a curve, rims of a sheet."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class NearEdges:
     """The ``k`` readings near edges, among all readings ``n`` at all poses ``S``.
@@ -63,7 +67,10 @@ def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors) -> N
     s, n = np.nonzero(concerned & target.borders.near(p, np.broadcast_to(reach, p.shape[:2])))
     if len(s):
         gaps, rows = target.borders.nearest(p[s, n], reach[n])
-        s, n, rows = (a[gaps < reach[n]] for a in (s, n, rows))
+        faces = target.borders.junctions.take(rows)
+        narrow = np.any(faces.inward != 0, axis=-1) & (faces.widths < _BROAD * touches.sd[n, None, None])
+        concerns = (gaps < reach[n]) & ~narrow.any(axis=(1, 2))
+        s, n, rows = (a[concerns] for a in (s, n, rows))
     if not len(s):
         return None
     at, turn = p[s, n], R[s]
