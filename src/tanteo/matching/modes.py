@@ -112,7 +112,7 @@ def weigh(
     ):
         weighed.append(_weighed(touches, free, modes.pop(0), priors))
         if weighed[-1].moments is not None:
-            modes = [mode for mode in modes if not _part_of(weighed[-1], mode)]
+            modes = _not_part_of(weighed[-1], modes)
     modes = sorted(weighed + modes, key=lambda mode: -mode.log_mass)
     total = _total(modes, log_unknown)
     kept = [
@@ -151,10 +151,14 @@ def _density(
     return log_posterior(touches, free, Ts, z, target, priors)
 
 
-def _part_of(mode: Mode, other: Mode) -> bool:
-    """Whether another maximum lies within the region of a weighed mode."""
-    if other.target is not mode.target:
-        return False
+def _not_part_of(mode: Mode, others: list[Mode]) -> list[Mode]:
+    """Those maxima that do not lie within the region of a weighed mode."""
+    own = [k for k, other in enumerate(others) if other.target is mode.target]
+    if not own:
+        return others
     information = np.asarray(np.linalg.pinv(mode.covariance, hermitian=True, rcond=1e-13), dtype=np.float64)
-    T = other.found.Ts[other.k]
-    return bool(equivalent(mode.target.part, mode.found.Ts[mode.k], T[None], information[None], _WITHIN)[0])
+    Ts = np.stack([others[k].found.Ts[others[k].k] for k in own])
+    rows = np.broadcast_to(information, (len(Ts), 6, 6))
+    within = equivalent(mode.target.part, mode.found.Ts[mode.k], Ts, rows, _WITHIN)
+    gone = {k for k, inside in zip(own, within, strict=True) if inside}
+    return [other for k, other in enumerate(others) if k not in gone]

@@ -69,9 +69,13 @@ def posterior_moments(log_density: LogDensity, T: Transforms, z: FloatArray, inf
     """
     d = np.diag(information)
     scale = 1 / np.sqrt(np.r_[np.full(3, d[:3].max()), np.full(3, d[3:6].max()), d[6:]])
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    unit = information * np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(unit)
     held = values > 1e-10 * values[-1]
-    axes = (scale[:, None] * vectors[:, held]) / np.sqrt(values[held])  # information is the inverse of axes axes'
+    if held.all():  # axes whose product is the covariance; unlike eigenvectors they change as little as it does
+        axes = scale[:, None] * np.linalg.inv(np.linalg.cholesky(unit)).T
+    else:
+        axes = (scale[:, None] * vectors[:, held]) / np.sqrt(values[held])
 
     def at(u: FloatArray) -> FloatArray:
         x = u @ axes.T
