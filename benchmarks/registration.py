@@ -7,7 +7,6 @@ its own draws and returns poses, best first. A peer that is not installed raises
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -129,7 +128,6 @@ def trimesh_registration(part: Part, path: Path) -> Solver:
 
 
 def chsel(part: Part, path: Path) -> Solver:
-    sys.modules.setdefault("coverage", None)  # type: ignore[arg-type]  # numba asks for it, and would get coverage.py
     import chsel
     import pytorch_kinematics as kinematics
     import pytorch_volumetric as volumetric

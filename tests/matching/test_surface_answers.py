@@ -237,7 +237,7 @@ def test_none_of_these(targets):
 @pytest.mark.parametrize("name", ["bracket_left", "block", "flange", "wedge", "clamp"])
 @pytest.mark.parametrize("sensing", SENSORS, ids=lambda s: s.name)
 def test_the_truth_is_inside_the_reported_modes(targets, name, sensing):
-    """A small part of what ``benchmarks/coverage.py`` counts."""
+    """A small part of what ``benchmarks/region_coverage.py`` counts."""
     target = targets[name]
     for seed in range(2):
         T, touches, *_ = scene_of(target, 100 + seed, 25, sensing)

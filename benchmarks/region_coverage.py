@@ -1,4 +1,4 @@
-"""Does the region that is claimed hold the truth? ``python benchmarks/coverage.py [scenes] [processes] [seed]``.
+"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [processes] [seed]``.
 
 Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
