@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from tanteo.matching import Priors
 from tanteo.matching.polish import polish
 from tanteo.matching.surface import effort_for, groups, search
 from tanteo.matching.target import Target, prepare_target
+from tanteo.matching.touch_recognition import identify_touches
 from tanteo.matching.touches import FreePaths, Touches
 from tanteo.parts import read_part
 
@@ -39,6 +41,20 @@ def test_no_start_at_all_is_no_mode_and_no_exception(target, oriented):
     touches = touched(points, np.eye(3) if oriented else None)
     base, effort = groups(touches, target, 1)[0], effort_for(touches, target, 0)
     assert len(search(touches, FreePaths.none(), target, Priors(radius=1.0), effort, base).Ts) == 0
+
+
+@pytest.mark.parametrize("along", [0.0, 0.05])
+def test_readings_on_one_line_or_at_one_point_are_not_enough(target, along):
+    points = np.linspace(0.0, along, 10)[:, None] * np.array([0.6, 0.0, 0.8])
+    answer = identify_touches(touched(points), FreePaths.none(), [target])
+    assert answer.status == "insufficient"
+    assert "line" in answer.message
+
+
+def test_a_noise_larger_than_the_part_is_said_and_not_an_exception(target):
+    points = target.samples[:12]
+    touches = replace(touched(points), covs=np.tile(np.eye(3), (12, 1, 1)), sd=np.ones(12))
+    assert identify_touches(touches, FreePaths.none(), [target]).status == "insufficient"
 
 
 def test_a_direction_that_nothing_resists_does_not_run_away(target):

@@ -36,7 +36,7 @@ def bases(touches: Touches, count: int, target: Target) -> list[tuple[int, int, 
     a, b, c = (touches.points[triples[:, k]] for k in range(3))
     sides = np.sqrt(np.stack([_squared(p - q) for p, q in ((a, b), (b, c), (c, a))]))
     area = 0.5 * np.sqrt(_squared(SO3.cross(b - a, c - a)))
-    value = area / sides.max(axis=0)  # height over the longest side: neither small nor thin
+    value = area / np.maximum(sides.max(axis=0), 1e-300)  # height over the longest side: neither small nor thin
     value = np.where(sides.max(axis=0) > target.part.diagonal + 4 * touches.sd.max(), 0.0, value)
     out: list[tuple[int, int, int]] = []
     used = np.zeros(n)

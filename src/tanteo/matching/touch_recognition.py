@@ -69,6 +69,9 @@ def identify_touches(
     if len(touches) < LEAST:
         message = f"{len(touches)} readings fit any part: sense {LEAST} places or more, better eight, on several sides."
         return Recognition("insufficient", message, (), 1.0, {}, seed)
+    if (priors is None or priors.pose is None) and _on_one_line(touches):
+        message = "The readings lie on one line within their noise: sense places beside it, on several sides."
+        return Recognition("insufficient", message, (), 1.0, {}, seed)
     clock = Clock()
     priors = sized(priors, max(_part(part).radius for part in parts))
     fitting = [part for part in parts if _large_enough(touches, _part(part))]
@@ -96,6 +99,14 @@ def identify_touches(
     if ratio > 1:
         message += f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
+
+
+def _on_one_line(touches: Touches) -> bool:
+    """Whether nothing tells the readings from points of a line, or from one point; sensed normals would."""
+    if touches.oriented.any():
+        return False
+    across = np.linalg.svd(touches.points - touches.points.mean(axis=0), compute_uv=False)[1]
+    return bool(across <= np.median(touches.sd) * np.sqrt(len(touches)))
 
 
 def _too_many_strays(best: Hypothesis, priors: Priors) -> bool:
