@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from bare_scenes import box_centred_pose, touches_of
 from tanteo.lie import SE3
-from tanteo.matching.near_edges import near_edges
+from tanteo.matching.near_edges import _covered, near_edges
 from tanteo.matching.target import prepare_target
 
 SD = 1e-3
@@ -129,3 +129,33 @@ def test_balls_and_sensed_normals_are_not_concerned(block):
     oriented = touches_of(p, SD, normals=np.tile([0.0, 0.0, 1.0], (3, 1)), normal_sd=0.1)
     for touches in (ball, oriented):
         assert near_edges(touches, block, np.eye(3)[None], p[None]) is None
+
+
+def test_a_strip_holds_what_is_between_both_its_sides():
+    b, w, h = np.linspace(-3, 6, 19), 2.5, 1e-5
+
+    def cover(b):
+        beta, beyond = np.full((len(b), 1, 2), np.inf), np.full((len(b), 1, 2), -np.inf)
+        beta[:, 0, 0], beyond[:, 0, 0] = b, b - w
+        return [a.reshape(len(b), -1)[:, 0] for a in _covered(beta, beyond, np.zeros((len(b), 1), dtype=bool))]
+
+    log, pull, hold = cover(b)
+    np.testing.assert_allclose(np.exp(log), norm.cdf(b) - norm.cdf(b - w), rtol=1e-9)
+    np.testing.assert_allclose(pull, (cover(b + h)[0] - cover(b - h)[0]) / (2 * h), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(hold, -(cover(b + h)[1] - cover(b - h)[1]) / (2 * h), rtol=1e-4, atol=1e-6)
+
+
+def test_the_far_side_of_a_face_cuts_its_share(block):
+    """Noise a third of the block's thinnest side: a point near an edge of that side is cut by the next edge too."""
+    low, high = block.part.box
+    thin = int(np.argmin(high - low))
+    sd = float((high - low)[thin]) / 3
+    x = 0.5 * (low + high)
+    x[thin], x[(thin + 1) % 3] = low[thin] + sd, high[(thin + 1) % 3] + 0.5 * sd
+    near = near_edges(touches_of(x[None], sd), block, np.eye(3)[None], x[None, None])
+    rows = block.borders.nearest(x[None], np.array([0.0]))[1]
+    assert len(near.log) == 1
+    assert np.isfinite(block.borders.junctions.take(rows).widths).all()
+    side = norm.pdf(0.5 * sd, scale=sd) * (norm.cdf(1.0) - norm.cdf(1.0 - 3.0))
+    bottom = norm.pdf(sd, scale=sd) * norm.cdf(-0.5)
+    assert np.exp(near.log[0]) * block.part.area == pytest.approx(side + bottom, rel=0.05)

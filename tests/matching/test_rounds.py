@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -106,3 +107,22 @@ def test_a_wall_thinner_than_a_cell_of_the_grid_does_not_lead_away():
         answer = identify_touches(touches, no_paths(), [target], top=100)
         gaps = [np.linalg.norm(SE3.log(SE3.inverse(h.T_world_part) @ T)) for h in answer.hypotheses]
         assert min(gaps) < 2e-3
+
+
+@pytest.mark.parametrize(("again", "expected"), [(True, 2), (False, 7)])
+def test_what_was_found_only_once_asks_for_another_round(target, monkeypatch, again, expected):
+    """Rounds that find the same end the search; rounds that each find something else go on to the last."""
+    rng, calls = np.random.default_rng(6), []
+    touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 20, rng)
+    base = maxima_near(target, box_centred_pose(rng), touches)
+    information = np.tile(1e8 * np.eye(6), (1, 1, 1))
+
+    def found(*_):
+        calls.append(1)
+        moved = base.Ts @ SE3.exp(np.array([0.0 if again else 0.1 * len(calls), 0, 0, 0, 0, 0]))
+        return replace(base, Ts=moved, information=information, log_evidence=np.zeros(1))
+
+    monkeypatch.setattr(rounds, "search", found)
+    monkeypatch.setattr(rounds, "explained", lambda *_: True)
+    search_all(touches, no_paths(), [target], Priors(radius=0.1))
+    assert len(calls) == expected

@@ -97,3 +97,29 @@ def test_a_corner_is_taken_within_reach_only():
     _, rows = found.nearest(points, np.full(2, 0.1))
     assert rows[0] >= len(found.edges)
     assert rows[1] < len(found.edges)
+
+
+def test_a_face_that_goes_on_past_a_gap_has_only_a_seam_there():
+    """Two boxes side by side, a hair apart: their tops are one face, and end at the outer edges alone."""
+    left = trimesh.creation.box((1, 1, 1))
+    right = left.copy()
+    right.apply_translation((1.0005, 0, 0))
+    both = trimesh.util.concatenate(left, right)
+    found = borders(Surface(both.vertices, both.faces))
+    j = found.junctions.take(np.arange(len(found.edges)))
+    middle = found.vertices[found.edges].mean(axis=1)
+    top = np.abs(middle[:, 2] - 0.5) < 1e-9
+    seam = top & (np.abs(middle[:, 0] - 0.5) < 1e-2)
+    upward = j.normals[..., 2] > 0.9
+    line = np.any(j.inward[:, :, 0] != 0, axis=-1)
+    assert seam.sum() == 2
+    assert not line[seam & upward.any(axis=1)][upward[seam]].any()
+    outer = top & ~seam & (np.abs(middle[:, 1]) < 1e-9)
+    assert outer.sum() == 2
+    assert line[outer][upward[outer]].all()
+
+
+def test_a_face_knows_how_far_it_reaches():
+    found = borders(box(1.0, 2.0, 3.0))
+    widths = found.junctions.take(np.arange(len(found.edges))).widths[:, :2, 0]
+    np.testing.assert_allclose(np.unique(widths.round(9)), [1.0, 2.0, 3.0])
