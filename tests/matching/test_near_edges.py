@@ -158,4 +158,4 @@ def test_the_far_side_of_a_face_cuts_its_share(block):
     assert np.isfinite(block.borders.junctions.take(rows).widths).all()
     side = norm.pdf(0.5 * sd, scale=sd) * (norm.cdf(1.0) - norm.cdf(1.0 - 3.0))
     bottom = norm.pdf(sd, scale=sd) * norm.cdf(-0.5)
-    assert np.exp(near.log[0]) * block.part.area == pytest.approx(side + bottom, rel=0.05)
+    assert np.exp(near.log[0]) * block.part.area == pytest.approx(side + bottom, rel=0.003)
