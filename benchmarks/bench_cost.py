@@ -22,10 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from bare_scenes import box_centred_pose, surface_points, touches_of
 from random_parts import random_part, write_off
 from tanteo.lie import SE3
-from tanteo.matching.target import Target, prepare_target
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths, Touches
 from tanteo.parts import Part, read_part
+from tanteo.surface_search import FreePaths, Target, Touches, identify_touches, prepare_target
 
 SD, NORMAL_SD = 5e-4, np.radians(3)
 USUAL = 30

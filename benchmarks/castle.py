@@ -17,8 +17,7 @@ from common import Table
 from bare_scenes import nees, no_paths, off
 from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
 from tanteo.lie import SE3
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
+from tanteo.surface_search import identify_touches, prepare_target
 
 RIGHT = 3e-3, np.radians(1.5)
 

@@ -15,8 +15,7 @@ import test_cmm_bare as cmm
 
 import tanteo
 from bare_scenes import no_paths
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
+from tanteo.surface_search import identify_touches, prepare_target
 
 
 def main():

@@ -13,11 +13,9 @@ from pathlib import Path
 from common import Table
 
 import tanteo
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths, as_touches
 from tanteo.matching.verdict import corner_sd
 from tanteo.sensors import measure
+from tanteo.surface_search import FreePaths, as_touches, identify_touches, prepare_target
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "fixture_touches"
 SD, TIP = 0.3e-3, (1.5e-3, 1.5e-3, 0.3e-3)

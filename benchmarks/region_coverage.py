@@ -22,9 +22,7 @@ from common import Table
 import tanteo
 from bare_scenes import SENSORS, box_centred_pose, inside, nees, off, scene
 from tanteo.matching import Priors
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths
+from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 
 PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_slot", "wedge")
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"

@@ -17,11 +17,9 @@ import numpy as np
 
 from bare_scenes import surface_points, touches_of
 from tanteo.lie import SE3, SO3
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths
 from tanteo.parts import Part
 from tanteo.shapes import Surface
+from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 
 MM = 1e3
 CLOUD = 5_000

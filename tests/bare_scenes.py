@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from tanteo.features import SharedError
 from tanteo.lie import SE3, SO3
 from tanteo.matching.belief import _without_spin
-from tanteo.matching.touches import FreePaths, Touches
+from tanteo.surface_search import FreePaths, Touches
 
 REACH = 0.3
 """Free path before a beam's hit [m]."""

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from tanteo.features import Feature
     from tanteo.io import read_readings
     from tanteo.localization import ModelFeature, Pairing, estimate_pose
-    from tanteo.matching import Recognition, identify, identify_features, locate
+    from tanteo.matching import Recognition, identify_features
     from tanteo.parts import Part, read_part
+    from tanteo.recognition import identify, locate
     from tanteo.sensors import Readings
 
 __version__ = "0.1.0"
@@ -36,9 +37,9 @@ _HOME = {
     "Recognition": "matching",
     "TanteoError": "errors",
     "estimate_pose": "localization",
-    "identify": "matching",
+    "identify": "recognition",
     "identify_features": "matching",
-    "locate": "matching",
+    "locate": "recognition",
     "read_part": "parts",
     "read_parts": "catalogue",
     "read_readings": "io",

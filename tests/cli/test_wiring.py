@@ -37,7 +37,7 @@ def identified(monkeypatch):
             )  # fmt: skip
             return Recognition(status, "Do this next.", (best,), 0.1, {"search": 0.01, "total": 0.02}, options["seed"])
 
-        monkeypatch.setattr("tanteo.matching.identify", identify, raising=False)
+        monkeypatch.setattr("tanteo.recognition.identify", identify, raising=False)
         return calls
 
     return answer

@@ -5,8 +5,7 @@ import pytest
 
 from bare_scenes import nees, no_paths, off
 from castle_scene import FOLDER, FRAMES, castle, dense_fit, first_pose, pixels_of
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
+from tanteo.surface_search import identify_touches, prepare_target
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 

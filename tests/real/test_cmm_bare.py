@@ -10,8 +10,7 @@ import pytest
 import tanteo
 from bare_scenes import nees, no_paths, off, touches_of
 from tanteo.lie import SE3
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
+from tanteo.surface_search import identify_touches, prepare_target
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 FOLDER = DATA / "cmm_block"

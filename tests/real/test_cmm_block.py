@@ -16,7 +16,8 @@ from tanteo.catalogue import read_parts
 from tanteo.features import PLANE, VERTEX, Feature
 from tanteo.lie import SE3, SO3
 from tanteo.localization import ModelFeature, Pairing, estimate_pose
-from tanteo.matching import identify, prepare
+from tanteo.matching import prepare
+from tanteo.recognition import identify
 from tanteo.sensors import Readings
 
 BALL, SD, TOLERANCE = 1.5e-3, 0.05e-3, 0.15e-3

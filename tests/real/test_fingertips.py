@@ -12,8 +12,7 @@ import pytest
 import tanteo
 from bare_scenes import no_paths, touches_of
 from tanteo.lie import SE3
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
+from tanteo.surface_search import identify_touches, prepare_target
 
 FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "fingertip_touches"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")

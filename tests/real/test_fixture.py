@@ -9,12 +9,10 @@ from scipy.stats import chi2
 import tanteo
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.polish import polish
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths, as_touches
 from tanteo.matching.verdict import corner_sd
 from tanteo.sensors import measure
+from tanteo.surface_search import FreePaths, as_touches, identify_touches, prepare_target
+from tanteo.surface_search.polish import polish
 
 FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "fixture_touches"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")

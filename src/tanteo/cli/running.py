@@ -64,7 +64,7 @@ def recognize(
     points = _check_fit(readings, options, rig)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     _check_scale(points, parts)
-    from tanteo.matching import identify
+    from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
     result = identify(

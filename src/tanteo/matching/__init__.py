@@ -2,7 +2,6 @@
 
 from tanteo.matching.belief import Belief, Mode, believe
 from tanteo.matching.evidence import Priors
-from tanteo.matching.identify import identify, locate
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.prior import PosePrior, Table
 from tanteo.matching.recognition import identify_features
@@ -18,8 +17,6 @@ __all__ = [
     "Recognition",
     "Table",
     "believe",
-    "identify",
     "identify_features",
-    "locate",
     "prepare",
 ]

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
 from tanteo.lie import SO3
-from tanteo.matching.sensed_face import AWAY, GRAZING
-from tanteo.matching.target import Target
-from tanteo.matching.touches import Touches
 from tanteo.shapes import SHARP, Junctions
+from tanteo.surface_search.sensed_face import AWAY, GRAZING
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import Touches
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 REACH = 4.0

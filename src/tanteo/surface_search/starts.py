@@ -11,8 +11,8 @@ from itertools import combinations
 import numpy as np
 
 from tanteo.lie import SE3, SO3
-from tanteo.matching.target import Target
-from tanteo.matching.touches import Touches
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import Touches
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _BASES = 24

@@ -13,10 +13,9 @@ from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.matching.evidence import Priors
 from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import as_free_paths, as_touches
 from tanteo.parts import Part
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.surface_search import as_free_paths, as_touches, identify_touches
 
 
 def identify(

@@ -9,9 +9,8 @@ from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors, Table
 from tanteo.matching.prior import prior_rows
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths, Touches
 from tanteo.parts import read_part
+from tanteo.surface_search import FreePaths, Touches, identify_touches
 
 
 @pytest.fixture(scope="module")

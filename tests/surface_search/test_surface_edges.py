@@ -10,12 +10,10 @@ import pytest
 
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.polish import polish
-from tanteo.matching.surface import effort_for, groups, search
-from tanteo.matching.target import Target, prepare_target
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths, Touches
 from tanteo.parts import read_part
+from tanteo.surface_search import FreePaths, Target, Touches, identify_touches, prepare_target
+from tanteo.surface_search.polish import polish
+from tanteo.surface_search.search import effort_for, groups, search
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 SD, TILT = 5e-4, np.deg2rad(3.0)

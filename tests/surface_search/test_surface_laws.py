@@ -10,13 +10,12 @@ import pytest
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, off, scene, surface_points, touches_of
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.polish import _linearise, polish
-from tanteo.matching.refine import residuals
-from tanteo.matching.starts import bases, oriented_bases, pair_poses, triple_poses
-from tanteo.matching.surface import distinct_maxima
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
 from tanteo.shapes import signed_distance
+from tanteo.surface_search import identify_touches, prepare_target
+from tanteo.surface_search.polish import _linearise, polish
+from tanteo.surface_search.refine import residuals
+from tanteo.surface_search.search import distinct_maxima
+from tanteo.surface_search.starts import bases, oriented_bases, pair_poses, triple_poses
 
 TOUCH, LASER, FLIGHT = SENSORS
 RIGHT = 0.002, 0.03

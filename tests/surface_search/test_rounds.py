@@ -10,12 +10,11 @@ import pytest
 
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, touches_of
 from tanteo.lie import SE3
-from tanteo.matching import Priors, rounds
-from tanteo.matching.polish import polish
-from tanteo.matching.rounds import Search, search_all
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
+from tanteo.matching import Priors
 from tanteo.parts import read_part
+from tanteo.surface_search import identify_touches, prepare_target, rounds
+from tanteo.surface_search.polish import polish
+from tanteo.surface_search.rounds import Search, search_all
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH, LASER, FLIGHT = SENSORS

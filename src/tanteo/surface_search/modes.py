@@ -12,11 +12,11 @@ from scipy.special import logsumexp
 from tanteo.localization import covariance_with_free, pose_information, weak_motions
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
-from tanteo.matching.moments import Moments, posterior_moments
-from tanteo.matching.polish import Polished, log_posterior
-from tanteo.matching.target import Target
-from tanteo.matching.touches import FreePaths, Touches
 from tanteo.matching.verdict import spins, without_spins
+from tanteo.surface_search.moments import Moments, posterior_moments
+from tanteo.surface_search.polish import Polished, log_posterior
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import Covariances, FloatArray, Tangents
 
 NEGLIGIBLE = 12.0

@@ -11,13 +11,13 @@ from scipy.special import bdtrc, chdtrc
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
-from tanteo.matching.polish import HOPELESS, Polished, polish
 from tanteo.matching.prior import in_box, prior_rows, prior_starts
-from tanteo.matching.refine import Known, refine
-from tanteo.matching.starts import bases, distinct, lowest, oriented_bases, pair_poses, score, triple_poses
-from tanteo.matching.target import Target
-from tanteo.matching.touches import FreePaths, Touches
 from tanteo.shapes import signed_distance
+from tanteo.surface_search.polish import HOPELESS, Polished, polish
+from tanteo.surface_search.refine import Known, refine
+from tanteo.surface_search.starts import bases, distinct, lowest, oriented_bases, pair_poses, score, triple_poses
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray, Transforms, Vectors
 
 GRID_SD = 0.3

@@ -9,7 +9,7 @@ import pytest
 from tanteo.matching import prepare
 from tanteo.parts import read_part
 
-PARTS = Path(__file__).parents[2] / "examples" / "parts"
+PARTS = Path(__file__).parents[1] / "examples" / "parts"
 
 
 @pytest.fixture(scope="session")

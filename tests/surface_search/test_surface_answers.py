@@ -11,11 +11,9 @@ from bare_scenes import REACH, SENSORS, box_centred_pose, nees, no_paths, off, s
 from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.polish import polish
-from tanteo.matching.target import prepare_target
-from tanteo.matching.touch_recognition import identify_touches
-from tanteo.matching.touches import FreePaths
 from tanteo.parts import mirror_part, read_part
+from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+from tanteo.surface_search.polish import polish
 
 TOUCH, LASER, FLIGHT = SENSORS
 

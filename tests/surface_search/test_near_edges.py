@@ -10,8 +10,8 @@ from scipy.stats import multivariate_normal, norm
 
 from bare_scenes import box_centred_pose, touches_of
 from tanteo.lie import SE3
-from tanteo.matching.near_edges import _covered, near_edges
-from tanteo.matching.target import prepare_target
+from tanteo.surface_search import prepare_target
+from tanteo.surface_search.near_edges import _covered, near_edges
 
 SD = 1e-3
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(120)

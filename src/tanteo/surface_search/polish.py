@@ -14,14 +14,14 @@ import numpy as np
 from tanteo.lie import SO3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
-from tanteo.matching.near_edges import NearEdges, near_edges
 from tanteo.matching.prior import prior_log_density, prior_rows
-from tanteo.matching.refine import moved
-from tanteo.matching.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
-from tanteo.matching.target import Target
-from tanteo.matching.touches import FreePaths, Touches
 from tanteo.matching.verdict import without_spins
 from tanteo.shapes import signed_distance
+from tanteo.surface_search.near_edges import NearEdges, near_edges
+from tanteo.surface_search.refine import moved
+from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _IN_FRONT = 4.0

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from tanteo.lie import SO3
-from tanteo.matching.starts import to_part
-from tanteo.matching.touches import Touches
+from tanteo.surface_search.starts import to_part
+from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, Transforms, Vectors
 
 Distance = Callable[[Vectors], tuple[FloatArray, Vectors]]

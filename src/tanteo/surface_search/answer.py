@@ -10,10 +10,10 @@ from scipy.special import chdtrc
 from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.localization import describe_motion, pose_information
-from tanteo.matching.modes import Mode
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.touches import Touches
 from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, world_axis
+from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.touches import Touches
 from tanteo.typing import Covariances, IntArray
 
 _NOTABLE = 0.5

@@ -16,10 +16,10 @@ from scipy.special import logsumexp
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
-from tanteo.matching.polish import Polished
-from tanteo.matching.surface import LEAST_ORIENTED, SAME_MAXIMUM, effort_for, explained, groups, search
-from tanteo.matching.target import Target
-from tanteo.matching.touches import FreePaths, Touches
+from tanteo.surface_search.polish import Polished
+from tanteo.surface_search.search import LEAST_ORIENTED, SAME_MAXIMUM, effort_for, explained, groups, search
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import IntArray
 
 _MISSING = 0.02

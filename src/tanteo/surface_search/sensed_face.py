@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.matching.target import Target
-from tanteo.matching.touches import Touches
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, Vectors
 
 GRAZING = 0.02

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tanteo.lie import SE3
-from tanteo.matching.moments import posterior_moments
+from tanteo.surface_search.moments import posterior_moments
 
 SCALE = np.array([1e-3, 2e-3, 5e-4, 0.01, 0.02, 0.005])
 NO_SHARED = np.zeros(0)

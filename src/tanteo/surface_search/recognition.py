@@ -13,17 +13,17 @@ from tanteo.features import SharedError
 from tanteo.fitting import SUSPECT
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
-from tanteo.matching.modes import Mode, weigh
-from tanteo.matching.polish import polish
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.rounds import search_all
-from tanteo.matching.surface import distinct_maxima
-from tanteo.matching.target import Target, prepare_target
-from tanteo.matching.touch_answer import as_hypothesis, what_limits
-from tanteo.matching.touches import FreePaths, Touches
 from tanteo.matching.verdict import CONFIDENCE, verdict
 from tanteo.parts import Part
+from tanteo.surface_search.answer import as_hypothesis, what_limits
+from tanteo.surface_search.modes import Mode, weigh
+from tanteo.surface_search.polish import polish
+from tanteo.surface_search.rounds import search_all
+from tanteo.surface_search.search import distinct_maxima
+from tanteo.surface_search.target import Target, prepare_target
+from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray
 
 LEAST = 3

@@ -1,0 +1,15 @@
+"""Bare readings against the whole surface of any part: no labels, no first guess, every pose that explains them."""
+
+from tanteo.surface_search.recognition import identify_touches
+from tanteo.surface_search.target import Target, prepare_target
+from tanteo.surface_search.touches import FreePaths, Touches, as_free_paths, as_touches
+
+__all__ = [
+    "FreePaths",
+    "Target",
+    "Touches",
+    "as_free_paths",
+    "as_touches",
+    "identify_touches",
+    "prepare_target",
+]
