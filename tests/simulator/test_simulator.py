@@ -88,6 +88,17 @@ def test_what_is_read_varies_as_the_model_says(table):
     assert low < squares < high
 
 
+@pytest.mark.parametrize("height", [0.03, 0.1])
+def test_a_ray_of_the_cone_counts_along_the_beam(table, height):
+    """Else every range would be long by a quarter of the squared half angle: 0.2 mm at 100 mm."""
+    robot, n = robot_on(table, T=SE3.from_parts(DOWN[:3, :3], np.array([0, 0, 0.1 + height]))), 6000
+    ranges = np.array([robot.step(np.zeros(6)).ranges[:2] for _ in range(n)])
+    beams = robot.truth[-1] @ robot._units.T_hand_sensors[:2]
+    true = beams[:, 2, 3] / -beams[:, 2, 2]
+    expected = true * (1 + robot._units.scale[:2]) + robot._units.bias[:2]
+    assert (np.abs(ranges.mean(axis=0) - expected) < 3.3 * ranges.std(axis=0) / np.sqrt(n)).all()
+
+
 def test_a_filled_cone_reads_the_middle_of_its_spot(table):
     robot = robot_on(table, cone=64)
     true = robot.truth[-1][2, 3] - 0.1

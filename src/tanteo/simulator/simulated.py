@@ -99,6 +99,7 @@ class SimulatedHand:
         # the oldest command is the one that the hand still follows when a period begins
         self._commands: deque[Tangents] = deque([np.zeros(6)] * (whole + 1), maxlen=whole + 2)
         self._aims, self._next = np.zeros((0, len(hand.origins), 3)), 0
+        self._beams = self._aims
         self.truth: list[Transforms] = []
         self._sensed = self._sense()
 
@@ -151,25 +152,26 @@ class SimulatedHand:
             repeat = np.repeat([robot.pos_repeat_std, robot.rot_repeat_std], 3) * self._rng.standard_normal(6)
             T_true = advance(T_true, repeat, 1.0)
         self.truth.append(T_true)
-        ranges, incidences = self._look(T_true)
-        reported, statuses = emit(self._rng, self._model, self._units, ranges, incidences)
+        ranges, incidences, aims = self._look(T_true)
+        reported, statuses = emit(self._rng, self._model, self._units, ranges, incidences, aims)
         return Sensed(self._time, self._T, reported, _STATES[statuses])
 
-    def _look(self, T: Transforms) -> tuple[FloatArray, FloatArray]:
-        """True ranges and incidences along the rays."""
+    def _look(self, T: Transforms) -> tuple[FloatArray, FloatArray, Vectors | None]:
+        """True ranges and incidences along the rays, and the rays in their cones if one was drawn of each."""
         Rt = T[:3, :3].T
         starts = self._origins @ Rt + T[:3, 3]
         if self._rays is not None:
-            return self._look_cones(starts, self._rays @ Rt)
-        return self._met(starts, self._aim() @ Rt)
+            return *self._look_cones(starts, self._rays @ Rt), None
+        aims, beams = self._aim()
+        return *self._met(starts, beams @ Rt), aims
 
-    def _aim(self) -> Vectors:
-        """The next drawn rays in the hand's frame ``(k, 3)``."""
+    def _aim(self) -> tuple[Vectors, Vectors]:
+        """The next drawn rays in the sensors' frames and in the hand's ``(k, 3)``."""
         if self._next >= len(self._aims):
-            aims = draw_aims(self._rng, self._model.beam_half_angle, (_BLOCK,))
-            self._aims, self._next = np.einsum("kij,nkj->nki", self._axes, aims), 0
+            self._aims = draw_aims(self._rng, self._model.beam_half_angle, (_BLOCK,))
+            self._beams, self._next = np.einsum("kij,nkj->nki", self._axes, self._aims), 0
         self._next += 1
-        return self._aims[self._next - 1]
+        return self._aims[self._next - 1], self._beams[self._next - 1]
 
     def _met(self, starts: Vectors, rays: Vectors) -> tuple[FloatArray, FloatArray]:
         distances, triangles = self._scene.surface.cast_unit(starts, rays)
