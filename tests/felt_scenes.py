@@ -94,9 +94,8 @@ def _try(rng, kind, name, clamp):
     along = np.cross(normal, rng.normal(size=3))
     start = wrong @ facing(hand, place, normal, along / np.linalg.norm(along), high, np.eye(4))
     workspace = Workspace.above(0.0)
-    low, _ = workspace.room(hand.body.placed(start), hand.body.radii)
     free = START_ROOM + 0.5 * standoff
-    if low.min() < free or clearances(scene, hand.body, start[None])[0] < free:
+    if not workspace.allows(hand.body, start, free) or clearances(scene, hand.body, start[None])[0] < free:
         return None
     return Task(name, scene, start, standoff, idea(wrong), workspace, turned, off)
 
@@ -204,8 +203,8 @@ def _possible(rng, scene, hand, place, normal, standoff):
         if np.abs(hits.distances - standoff).max() > 1e-6:
             continue
         T = facing(hand, place, normal, along, standoff, np.eye(4))
-        low, _ = Workspace.above(0.0).room(hand.body.placed(T), hand.body.radii)
-        if clearances(scene, hand.body, T[None])[0] < 0.95 * standoff or low.min() < 0.6 * standoff + 0.004:
+        down = Workspace.above(0.0).allows(hand.body, T, 0.6 * standoff + 0.004)
+        if clearances(scene, hand.body, T[None])[0] < 0.95 * standoff or not down:
             continue
         # besides the part itself, the hand has room to work
         beside = Scene.of([s for s in scene.solids if s.name in ("table", "clamp")])

@@ -51,6 +51,13 @@ def test_seed_and_standoff(capsys):
     assert "the stand-off was 30 mm" in run(capsys, "plane", "--scene", SCENE, "--standoff", "30mm")[1]
 
 
+def test_forbidden_boxes_are_kept_out_of(capsys):
+    code, out, _ = run(capsys, "plane", "--scene", SCENE, "--forbid", "100,0,0,160,70,250mm", "-v")
+    assert code == 3
+    assert "forbidden box '100,0,0,160,70,250mm'" in out
+    assert run(capsys, "plane", "--scene", SCENE, "--forbid", "900,0,0,960,70,250mm")[0] == 0
+
+
 def test_what_is_not_acquired_exits_with_three(capsys, tmp_path):
     far = Path(SCENE).read_text(encoding="utf-8").replace("front_mm = [75, 35, 130]", "front_mm = [75, 35, 600]")
     far = far.replace("../parts", str(Path(SCENE).parents[1] / "parts"))
@@ -68,6 +75,8 @@ def test_what_is_not_acquired_exits_with_three(capsys, tmp_path):
         (("vertex", "--scene", SCENE), 1, r"expected a table [sense.vertex]"),
         (("plane", "--scene", SCENE, "--standoff", "20"), 2, "expected a unit"),
         (("plane", "--scene", SCENE, "--standoff", "0mm"), 2, "expected a length of 1 mm to 1 m"),
+        (("plane", "--scene", SCENE, "--forbid", "1,2,3mm"), 2, "--forbid: expected two corners"),
+        (("plane", "--scene", SCENE, "--forbid", "1,2,3,0,4,5mm"), 2, "expected a low and a high corner"),
         (("plane", "--scene", SCENE, "--seed", "-1"), 2, "--seed: expected 0 or more"),
     ],
 )

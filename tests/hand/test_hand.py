@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.hand import Body, Hand, Workspace, about, advance, gap, gripper_body, shift, turn
+from tanteo.hand import Body, Hand, about, advance, gap, gripper_body, shift, turn
 from tanteo.io import read_rig
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Rig
@@ -93,14 +93,3 @@ def test_a_hand_needs_two_frontal_sensors(rig):
         Hand(Rig(rig.sensors[1:]), gripper_body(rig))
     with pytest.raises(InputError, match="expected a sensor that looks along"):
         gripper_body(Rig(rig.sensors[2:]))
-
-
-def test_room_in_a_workspace():
-    space = Workspace(np.array([-np.inf, 0, 0]), np.array([np.inf, 1, np.inf]))
-    low, high = space.room(np.array([[0.0, 0.2, 0.5]]), np.array([0.1]))
-    np.testing.assert_allclose(low, [[np.inf, 0.1, 0.4]])
-    np.testing.assert_allclose(high, [[np.inf, 0.7, np.inf]])
-    assert np.isinf(Workspace.everywhere().low).all()
-    assert Workspace.above(0.3).low[2] == 0.3
-    with pytest.raises(InputError, match="workspace: expected a low and a high corner"):
-        Workspace(np.ones(3), np.zeros(3))

@@ -37,6 +37,11 @@ robot = "calibrated_small"
 cone_rays = 16
 [workspace]
 low_mm = [-300, -300, 12]
+[forbidden.rail]
+low_mm = [0, 0, 0]
+high_mm = [10, 20, 500]
+position_mm = [200, 0, 0]
+turn_deg = [0, 0, 90]
 [sense]
 standoff_mm = 15
 clearance_mm = 8
@@ -78,6 +83,9 @@ def test_all_of_it(tmp_path):
     assert cell.robot.name == "calibrated_small"
     np.testing.assert_allclose(scene.workspace.low, [-0.3, -0.3, 0.012])
     assert np.isinf(scene.workspace.high).all()
+    (rail,) = scene.workspace.forbidden
+    assert rail.name == "rail"
+    np.testing.assert_allclose(rail.distances(np.array([[0.19, 0.005, 0.1], [0.21, 0.005, 0.1]]))[0], [-0.005, 0.01])
     assert (scene.seed, scene.standoff, scene.clearance) == pytest.approx((3, 0.015, 0.008))
     assert [type(scene.ideas[k]) for k in ("plane", "edge", "vertex")] == [FaceIdea, EdgeIdea, CornerIdea]
     np.testing.assert_allclose(scene.ideas["plane"].normal, [0, 0, 1])
@@ -102,6 +110,9 @@ def test_the_least_there_must_be(tmp_path):
         (("top_mm", "top"), "top: expected one of top_mm"),
         (("size_mm = [400, 300]", "size_mm = [400]"), "size: expected 2 numbers, got 1"),
         (("low_in = [1, 1, 0]", "low_in = [3, 1, 0]"), "clamp: expected a low and a high corner"),
+        (("high_mm = [10, 20, 500]", "high_mm = [10, 20, -5]"), "forbidden box 'rail': expected a low and a high"),
+        (("high_mm = [10, 20, 500]\n", ""), "forbidden box 'rail': expected 'high_mm'"),
+        (("[forbidden.rail]", "[forbiden.rail]"), "expected one of seed, table"),
         (("front_mm", "fronts_mm"), "Did you mean 'front_mm'"),
         (("looks = [0, 0.0, -1]", "looks = [0, 0, 0]"), "looks: expected a direction that is not zero"),
         (("pair = [0, 1, 0]", "pair = [0, 0, 1]"), "pair: expected a direction across looks"),

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from felt_scenes import gripper
 from tanteo.errors import InputError
-from tanteo.hand import Workspace
+from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, approach, cross_edge, follow, go_to, look, retreat, settle
 from tanteo.motion.crossing import crossing_sd
@@ -68,6 +68,25 @@ def test_an_approach_keeps_to_the_workspace():
     assert motion.status == "limit"
     assert "workspace" in motion.message
     assert front_of(robot)[2] > 0.032 - 1e-6
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.03, 0.1])
+@pytest.mark.parametrize("turned", [0.0, 0.7])
+def test_the_palm_keeps_out_of_a_forbidden_box(latency, turned):
+    """Nothing is there to be seen: the box alone stops a hand whose palm goes towards it, straight or swinging."""
+    T_world_box = SE3.from_parts(SO3.axis_rotation(2, turned), np.array([0.12, 0.0, 0.0]))
+    rail = ForbiddenBox("rail", np.array([-0.02, -0.1, 0.12]), np.array([0.02, 0.1, 0.3]), T_world_box)
+    rules = Rules(clearance=0.012, workspace=Workspace.everywhere([rail]))
+    for goal in (over(x=0.1), over(tilt=(0.0, -1.2, 0.0))):
+        robot = robot_on(PLATE, over(), latency=latency)
+        motion = go_to(robot, goal, rules)
+        assert motion.status == "limit"
+        assert "'rail'" in motion.message
+        least = rules.workspace.clear(gripper().body, np.array(robot.truth)).min()
+        assert 0.0115 < least < 0.014
+    robot = robot_on(PLATE, over(x=0.075), latency=latency)
+    assert rules.workspace.clear(gripper().body, robot.truth[0]) < 0.012
+    assert go_to(robot, over(), rules).reached  # away from a box is free
 
 
 def test_an_approach_takes_no_longer_than_it_may():

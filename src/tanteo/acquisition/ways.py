@@ -41,11 +41,11 @@ def swing(session: Session, tilt: float) -> float:
 
 
 def _allowed(session: Session, way: Transforms) -> bool:
-    """Whether the workspace has room for the hand at some poses, or as much as where it is now."""
+    """Whether the workspace has room for the hand at some poses, or as much to every limit as where it is now."""
     body, space = session.hand.body, session.rules.workspace
-    now = session.robot.sensed.T_world_hand
-    here, least = (np.minimum(*space.room(body.placed(T), body.radii)).min() for T in (now, way))
-    return bool(least >= min(session.rules.clearance + _SLACK, here - 1e-3))
+    here = space.of_body(body, session.robot.sensed.T_world_hand)
+    least = np.minimum(session.rules.clearance + _SLACK, here - 1e-3)
+    return bool((space.of_body(body, way) >= least).all())
 
 
 def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:

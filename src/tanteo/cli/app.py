@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.sense_app import sense_app
 from tanteo.cli.sensor_app import sensor_app
 
 app = typer.Typer(
@@ -18,9 +19,6 @@ app = typer.Typer(
 )
 part_app = typer.Typer(help="Look at CAD files.", rich_markup_mode=None, no_args_is_help=True)
 app.add_typer(part_app, name="part")
-sense_app = typer.Typer(
-    help="Sense a feature in the simulator, without contact.", rich_markup_mode=None, no_args_is_help=True
-)
 app.add_typer(sense_app, name="sense")
 app.add_typer(sensor_app, name="sensor")
 
@@ -181,60 +179,3 @@ def show(
         with misuse():
             unit = None if units is None else read_unit(units)
         show_part(file, unit, as_json=json, verbose=verbose)
-
-
-SceneFile = Annotated[str, typer.Option("--scene", metavar="FILE", help="Scene: parts, table, hand (TOML).")]
-Standoff = Annotated[
-    str | None, typer.Option("--standoff", metavar="LENGTH", help="Of the hand's front, as 20mm; else the scene's.")
-]
-SceneSeed = Annotated[int | None, typer.Option("--seed", help="Of all simulated errors; else the scene's.")]
-Record = Annotated[str | None, typer.Option("--record", metavar="FILE", help="Write the readings (CSV).")]
-
-
-@sense_app.command("plane")
-def sense_plane(
-    scene: SceneFile,
-    standoff: Standoff = None,
-    seed: SceneSeed = None,
-    record: Record = None,
-    json: Json = False,
-    verbose: Verbose = False,
-) -> None:
-    """Acquire a flat face without touching it."""
-    _sense("plane", scene, standoff, seed, record, json, verbose)
-
-
-@sense_app.command("edge")
-def sense_edge(
-    scene: SceneFile,
-    standoff: Standoff = None,
-    seed: SceneSeed = None,
-    record: Record = None,
-    json: Json = False,
-    verbose: Verbose = False,
-) -> None:
-    """Acquire a straight edge, and its face, without touching them."""
-    _sense("edge", scene, standoff, seed, record, json, verbose)
-
-
-@sense_app.command("vertex")
-def sense_vertex(
-    scene: SceneFile,
-    standoff: Standoff = None,
-    seed: SceneSeed = None,
-    record: Record = None,
-    json: Json = False,
-    verbose: Verbose = False,
-) -> None:
-    """Acquire a corner, its face and two edges, without touching them."""
-    _sense("vertex", scene, standoff, seed, record, json, verbose)
-
-
-def _sense(
-    kind: str, scene: str, standoff: str | None, seed: int | None, record: str | None, json: bool, verbose: bool
-) -> None:
-    from tanteo.cli.running import guarded
-    from tanteo.cli.sensing import sense
-
-    with guarded():
-        sense(kind, scene, standoff=standoff, seed=seed, record=record, as_json=json, verbose=verbose)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.acquisition import Acquired
     from tanteo.features import Feature
+    from tanteo.hand import ForbiddenBox
     from tanteo.io.scene_toml import SceneFile
     from tanteo.simulator import SimulatedHand
 
@@ -29,6 +31,7 @@ def sense(
     standoff: str | None,
     seed: int | None,
     record: str | None,
+    forbid: Sequence[str],
     as_json: bool,
     verbose: bool,
 ) -> None:
@@ -41,11 +44,14 @@ def sense(
         distance = _distance(standoff)
         if seed is not None and seed < 0:
             raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
+        boxes = [_forbidden(text) for text in forbid]
     scene = read_scene(scene_path)
     if seed is not None:
         scene = replace(scene, seed=seed)
     if distance is not None:
         scene = replace(scene, standoff=distance, clearance=scene.clearance * distance / scene.standoff)
+    if boxes:
+        scene = replace(scene, workspace=replace(scene.workspace, forbidden=(*scene.workspace.forbidden, *boxes)))
     got, robot = run(kind, scene)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
     if record is not None:
@@ -177,3 +183,15 @@ def _distance(text: str | None) -> float | None:
     if not 1e-3 <= value <= 1:
         raise InputError(f"--standoff: expected a length of 1 mm to 1 m, got '{text}'. Write it as 20mm.")
     return value
+
+
+def _forbidden(text: str) -> ForbiddenBox:
+    from tanteo.hand import ForbiddenBox
+    from tanteo.io.units import parse_lengths
+
+    values = parse_lengths(text, "--forbid")
+    if len(values) != 6:
+        raise InputError(
+            f"--forbid: expected two corners of three lengths, got '{text}'. Write it as 150,0,0,180,60,250mm."
+        )
+    return ForbiddenBox(text, np.array(values[:3]), np.array(values[3:]))

@@ -7,7 +7,7 @@ command a period. The simulator implements :class:`Robot`, and so can a driver. 
 from tanteo.hand.body import Body, gripper_body
 from tanteo.hand.robot import FREE, LOST, MET, NEAR, Hand, Robot, Sensed
 from tanteo.hand.twists import about, advance, gap, shift, turn
-from tanteo.hand.workspace import Workspace
+from tanteo.hand.workspace import ForbiddenBox, Workspace
 
 __all__ = [
     "FREE",
@@ -15,6 +15,7 @@ __all__ = [
     "MET",
     "NEAR",
     "Body",
+    "ForbiddenBox",
     "Hand",
     "Robot",
     "Sensed",

@@ -12,7 +12,7 @@ import numpy as np
 
 from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
 from tanteo.errors import InputError, PartError
-from tanteo.hand import Hand, Workspace, gripper_body
+from tanteo.hand import ForbiddenBox, Hand, Workspace, gripper_body
 from tanteo.io.rig_toml import read_rig
 from tanteo.io.toml_keys import Keys, load_toml
 from tanteo.lie import SE3, SO3
@@ -23,7 +23,7 @@ from tanteo.typing import FloatArray, IntArray, Transforms
 MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
 """From a CAD file and the unit of files that carry none to vertices [m] and triangles."""
 
-_TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "sense")
+_TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "forbidden", "sense")
 _POSE = {"position": "length", "quaternion_wxyz": "plain", "turn": "angle"}
 _HAND = {
     "front": "length", "looks": "plain", "pair": "plain", "rate": "rate", "latency": "time", "speed": "speed",
@@ -102,7 +102,7 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
         hand=hand,
         T_world_hand=T_world_hand,
         cell=cell,
-        workspace=_workspace(document.get("workspace", {}), f"{path}, workspace", top),
+        workspace=_workspace(document, path, top),
         seed=seed,
         source=str(path),
         **_sense(document.get("sense", {}), f"{path}, sense", T_world_hand, hand),
@@ -194,10 +194,20 @@ def _direction(keys: Keys, name: str, default: tuple[float, ...]) -> FloatArray:
     return np.asarray(d / np.linalg.norm(d))
 
 
-def _workspace(entry: Any, place: str, top: float) -> Workspace:
-    keys = Keys(entry, place, {"low": "length", "high": "length"})
+def _workspace(document: Mapping[str, Any], path: Path, top: float) -> Workspace:
+    """Bounds, and boxes that the hand stays out of."""
+    keys = Keys(document.get("workspace", {}), f"{path}, workspace", {"low": "length", "high": "length"})
+    forbidden = [
+        _forbidden(name, entry, f"{path}, forbidden box '{name}'")
+        for name, entry in _entries(document, "forbidden", path)
+    ]
     low = keys.vector("low", (-math.inf, -math.inf, top))
-    return Workspace(low, keys.vector("high", (math.inf,) * 3))
+    return Workspace(low, keys.vector("high", (math.inf,) * 3), forbidden)
+
+
+def _forbidden(name: str, entry: Any, place: str) -> ForbiddenBox:
+    keys = Keys(entry, place, {"low": "length", "high": "length", **_POSE})
+    return ForbiddenBox(name, keys.vector("low"), keys.vector("high"), _pose(keys))
 
 
 def _sense(entry: Any, place: str, T: Transforms, hand: Hand) -> dict[str, Any]:

@@ -23,7 +23,7 @@ class Rules:
 
     Attributes:
         clearance: What a sensor sees comes no nearer to the body along its beam, and no sphere of the body nearer to
-            the workspace's bounds [m].
+            the workspace's bounds and forbidden boxes [m].
         workspace: Where the hand may be.
         speed: Of the hand's front [m/s].
         turn: Of the hand [rad/s].
@@ -60,8 +60,7 @@ class Steering:
         self.share, self.refused = 1.0, ""
         self._name, self._log = name, [robot.sensed]
         self._stuck, self._deadline = 0.0, robot.sensed.time + rules.timeout
-        corners = ((1.0, rules.workspace.low), (-1.0, rules.workspace.high))
-        self._bounds = [(k, sign, b[k]) for sign, b in corners for k in range(3) if np.isfinite(b[k])]
+        self._limits = rules.workspace.limits
 
     @property
     def sensed(self) -> Sensed:
@@ -109,20 +108,16 @@ class Steering:
         return self._within(twist, share, why)
 
     def _within(self, twist: Tangents, share: float, why: str) -> tuple[float, str]:
-        """The same for the bounds of the workspace."""
+        """The same for the bounds of the workspace and its forbidden boxes, with the whole body."""
+        if not self._limits:
+            return share, why
         T, body = self.sensed.T_world_hand, self.hand.body
-        speeds = about(body.centres, twist)
-        for axis, sign, bound in self._bounds:
-            row = T[axis, :3]
-            room = sign * (body.centres @ row + (T[axis, 3] - bound)) - body.radii - self.rules.clearance
-            closing = -sign * (speeds @ row)
-            limit = self.loop.gain * np.maximum(room, 0.0)
-            near = closing > limit
-            if near.any():
-                ratio = float((limit[near] / closing[near]).min())
-                if ratio < share:
-                    share, why = ratio, "the hand is at the bounds of its workspace"
-        return share, why
+        room, away = self.rules.workspace.rooms(body.placed(T))
+        free = self.loop.gain * np.maximum(room - body.radii[:, None] - self.rules.clearance, 0.0)
+        closing = -np.einsum("kmi,ki->km", away, about(body.centres, twist) @ T[:3, :3].T)
+        ratio = np.where(closing > free, free / np.where(closing > free, closing, 1.0), 1.0).min(axis=0)
+        worst = int(np.argmin(ratio))
+        return (float(ratio[worst]), f"the hand is at {self._limits[worst]}") if ratio[worst] < share else (share, why)
 
 
 def frontal(steering: Steering) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,85 @@
+"""``tanteo sense``: its commands and their options. Only the parser is imported here."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+sense_app = typer.Typer(
+    help="Sense a feature in the simulator, without contact.", rich_markup_mode=None, no_args_is_help=True
+)
+
+SceneFile = Annotated[str, typer.Option("--scene", metavar="FILE", help="Scene: parts, table, hand (TOML).")]
+Standoff = Annotated[
+    str | None, typer.Option("--standoff", metavar="LENGTH", help="Of the hand's front, as 20mm; else the scene's.")
+]
+SceneSeed = Annotated[int | None, typer.Option("--seed", help="Of all simulated errors; else the scene's.")]
+Record = Annotated[str | None, typer.Option("--record", metavar="FILE", help="Write the readings (CSV).")]
+Forbid = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--forbid", metavar="CORNERS", help="Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")]
+
+
+@sense_app.command("plane")
+def sense_plane(
+    scene: SceneFile,
+    standoff: Standoff = None,
+    seed: SceneSeed = None,
+    record: Record = None,
+    forbid: Forbid = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Acquire a flat face without touching it."""
+    _sense("plane", scene, standoff, seed, record, forbid or [], json, verbose)
+
+
+@sense_app.command("edge")
+def sense_edge(
+    scene: SceneFile,
+    standoff: Standoff = None,
+    seed: SceneSeed = None,
+    record: Record = None,
+    forbid: Forbid = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Acquire a straight edge, and its face, without touching them."""
+    _sense("edge", scene, standoff, seed, record, forbid or [], json, verbose)
+
+
+@sense_app.command("vertex")
+def sense_vertex(
+    scene: SceneFile,
+    standoff: Standoff = None,
+    seed: SceneSeed = None,
+    record: Record = None,
+    forbid: Forbid = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Acquire a corner, its face and two edges, without touching them."""
+    _sense("vertex", scene, standoff, seed, record, forbid or [], json, verbose)
+
+
+def _sense(
+    kind: str,
+    scene: str,
+    standoff: str | None,
+    seed: int | None,
+    record: str | None,
+    forbid: list[str],
+    json: bool,
+    verbose: bool,
+) -> None:
+    from tanteo.cli.running import guarded
+    from tanteo.cli.sensing import sense
+
+    with guarded():
+        sense(kind, scene, standoff=standoff, seed=seed, record=record, forbid=forbid, as_json=json, verbose=verbose)
