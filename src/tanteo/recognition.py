@@ -17,6 +17,8 @@ from tanteo.parts import Part
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
 from tanteo.surface_search import as_free_paths, as_touches, identify_touches
 
+_DOUBT_PRIOR = "What was said of the pose beforehand counts, too: check it, or leave it out and compare."
+
 
 def identify(
     readings: Readings,
@@ -64,6 +66,8 @@ def identify(
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
     if len(sensed.bare) or _single_points(sensed) or (priors is not None and priors.pose is not None):
+        if as_published and priors is not None and priors.pose is not None:
+            raise InputError("as_published: expected nothing known of the pose, got priors.pose. Leave it out.")
         if as_published:
             raise InputError(
                 "as_published: expected every reading to have a feature label, got some without. The paper compares "
@@ -75,6 +79,8 @@ def identify(
         answer = identify_touches(
             touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
         )
+        if answer.status == "unknown" and priors is not None and priors.pose is not None:
+            answer = replace(answer, message=f"{answer.message} {_DOUBT_PRIOR}")
         return with_elapsed(answer, measure=elapsed)
     if not sensed.features:
         reasons = " ".join(map(_sentence, sensed.notes)) or "There is no reading that met anything."

@@ -57,7 +57,7 @@ def test_arguments_arrive_in_si_units(run, readings, parts, identified):
     assert options.pop("tip_sd") == pytest.approx((1.5e-3, 1.5e-3, 3e-4))
     assert options == {
         "sensor": "ball_tip_on_cobot", "sd": pytest.approx(2e-4), "tolerance": pytest.approx(1e-4), "robot": "xarm",
-        "rig": None, "alpha": 0.05, "top": 3, "as_published": True, "seed": 11,
+        "rig": None, "alpha": 0.05, "top": 3, "as_published": True, "priors": None, "seed": 11,
     }  # fmt: skip
 
 
@@ -67,6 +67,22 @@ def test_locate_is_identify_with_one_part(run, readings, parts, identified):
     assert result.code == 0
     assert result.out.startswith("wedge at x 0.00 y 0.00 z 0.00 mm")
     assert [p.name for p in calls[0][1]] == ["wedge"]
+
+
+@pytest.mark.parametrize("command", ["identify", "locate"])
+def test_what_is_known_of_the_pose_arrives(run, readings, parts, identified, command):
+    calls = identified()
+    part = ["--parts" if command == "identify" else "--part", parts / "wedge.stl"]
+    result = run(
+        command, readings, *part, "--units", "mm", "--sd", "1mm", "--table", "-5+-1mm", "--box", "-1,-2,-3,4,5,6mm",
+        "--near", "ur 0.1,0.2,0.3,0,0,0 +- 5mm 3deg",
+    )  # fmt: skip
+    assert (result.code, result.err) == (0, "")
+    pose = calls[0][2]["priors"].pose
+    assert (pose.table.point[2], pose.table.sd) == pytest.approx((-5e-3, 1e-3))
+    np.testing.assert_allclose(pose.box, [[-1e-3, -2e-3, -3e-3], [4e-3, 5e-3, 6e-3]])
+    np.testing.assert_allclose(pose.T_world_part[:3, 3], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(np.sqrt(np.diag(pose.covariance)), [*[5e-3] * 3, *[np.radians(3)] * 3])
 
 
 @pytest.mark.parametrize(("status", "code"), [("recognized", 0), ("ambiguous", 3), ("unknown", 3), ("insufficient", 3)])

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors, Table
 from tanteo.matching.prior import prior_rows
 from tanteo.parts import read_part
-from tanteo.surface_search import FreePaths, Touches, identify_touches
+from tanteo.surface_search import FreePaths, Touches, identify_touches, prepare_target
+from tanteo.surface_search.answer import as_hypothesis
+from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.polish import polish
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +124,58 @@ def test_the_workspace_is_that_of_the_largest_part_unless_given(part):
         for p in (Priors(radius=part.radius), Priors(unknown=0.05))
     )
     assert open_.unknown_probability == pytest.approx(given.unknown_probability, rel=1e-9)
+
+
+def test_p_values_are_even_when_the_readings_agree_with_what_was_known(part):
+    """Counted without the rough pose, four touches of a known pose would have no degree of freedom, or too few."""
+    rng, target = np.random.default_rng(6), prepare_target(part)
+    C = np.diag(np.r_[np.full(3, 1e-3), np.full(3, 5e-3)]) ** 2
+    table = Table(np.zeros(3), np.array([0.0, 0.0, 1.0]), 1e-3)
+    values = []
+    for _ in range(150):
+        rough = SE3.exp(np.r_[rng.normal(size=2), -part.box[0, 2], 0, 0, rng.normal()])
+        truth = rough @ SE3.exp(rng.multivariate_normal(np.zeros(6), C))
+        low = SE3.apply(truth, part.vertices)[:, 2].min() + 1e-3 * rng.normal()
+        pose = PosePrior(rough, C, table=replace(table, point=np.array([0.0, 0.0, low])))
+        local = _inner(part, 6, rng)
+        touches = touches_at(SE3.apply(truth, local) + 1e-3 * rng.normal(size=local.shape), 1e-3)
+        priors = Priors(radius=part.radius, pose=pose)
+        found = polish(touches, FreePaths.none(), rough[None], target, priors)
+        h = as_hypothesis(touches, Mode(target, found, 0, 0.0), pose)
+        assert h.dof == len(h.pairings) + 1
+        values.append(h.p_value)
+    assert kstest(values, "uniform").pvalue > 0.01
+
+
+def _inner(part, n, rng):
+    """Points of the surface that are well inside faces."""
+    points = np.zeros((0, 3))
+    while len(points) < n:
+        more = on_surface(part, 4 * n, rng)
+        gaps = np.abs(more[:, None] - part.box).min(axis=1)
+        points = np.concatenate([points, more[np.sum(gaps < 8e-3, axis=1) == 1]])
+    return points[:n]
+
+
+def test_a_rough_pose_names_one_of_the_symmetric_poses(part):
+    """The same solid, once with its symmetry unknown: both explain the readings equally, rough pose or not."""
+    rng = np.random.default_rng(7)
+    assert part.symmetry.order == 4
+    plain = replace(part, name="plain", symmetry=replace(part.symmetry, Ts=np.eye(4)[None]))
+    truth = SE3.exp(np.array([0.1, 0.2, 0.3, 0.1, -0.2, 0.3]))
+    touches = touches_at(SE3.apply(truth, on_surface(part, 12, rng)))
+    rough = PosePrior(truth, np.diag(np.r_[np.full(3, 5e-3), np.full(3, 0.05)]) ** 2)
+    for pose in (None, rough):
+        answer = identify_touches(
+            touches, FreePaths.none(), [part, plain], top=100, priors=Priors(radius=part.radius, pose=pose)
+        )
+        of_plain = sum(h.probability for h in answer.hypotheses if h.part == "plain")
+        assert of_plain == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_rough_pose_that_the_readings_contradict_is_not_overruled_in_silence(part):
+    rng = np.random.default_rng(8)
+    touches = touches_at(on_surface(part, 12, rng))
+    wrong = PosePrior(SE3.exp(np.array([0.03, 0.03, 0.03, 0, 0, 0])), np.diag(np.full(6, 1e-3)) ** 2)
+    answer = identify_touches(touches, FreePaths.none(), [part], priors=Priors(radius=part.radius, pose=wrong))
+    assert answer.status == "unknown"

@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 _MOST_NAMES = 12
 
 
-def answer_lines(recognition: Recognition, *, verbose: bool = False) -> list[str]:
+def answer_lines(recognition: Recognition, known: str = "", *, verbose: bool = False) -> list[str]:
     """The lines for a person.
 
     Args:
         recognition: What was found.
+        known: What was taken as known of the pose, in words.
         verbose: Also the matrix, the pairings and the time each stage took.
     """
     lines = [bold(printable(_headline(recognition)))]
+    lines += [f"  known       {printable(known)}"] if known else []
     best = recognition.hypotheses[0] if recognition.hypotheses else None
     if best is not None:
         lines += _details(best, verbose=verbose)

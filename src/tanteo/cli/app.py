@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.prior_options import BoxAt, Near, PriorPath, TableAt
 from tanteo.cli.sense_app import sense_app
 from tanteo.cli.sensor_app import sensor_app
 
@@ -84,6 +85,10 @@ def identify(
     robot: Robot = None,
     tip_sd: TipSd = None,
     rig: RigPath = None,
+    table: TableAt = None,
+    box: BoxAt = None,
+    near: Near = None,
+    prior: PriorPath = None,
     alpha: Alpha = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
@@ -93,6 +98,7 @@ def identify(
 ) -> None:
     """Say which of the parts was sensed, where it is and how sure that is."""
     from tanteo.cli.options import misuse, read_options
+    from tanteo.cli.prior_options import read_pose_prior
     from tanteo.cli.running import guarded, recognize
 
     with guarded():
@@ -101,7 +107,8 @@ def identify(
                 units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd, alpha=alpha,
                 top=top, as_published=as_published, seed=seed,
             )  # fmt: skip
-        recognize(readings, parts, rig, options, as_json=json, verbose=verbose)
+        pose = read_pose_prior(table, box, near, prior)
+        recognize(readings, parts, rig, options, pose, as_json=json, verbose=verbose)
 
 
 @app.command()
@@ -115,6 +122,10 @@ def locate(
     robot: Robot = None,
     tip_sd: TipSd = None,
     rig: RigPath = None,
+    table: TableAt = None,
+    box: BoxAt = None,
+    near: Near = None,
+    prior: PriorPath = None,
     alpha: Alpha = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
@@ -128,8 +139,8 @@ def locate(
     with guarded():
         require_file("--part", part)
     identify(
-        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, rig, alpha, top, as_published, json, seed,
-        verbose,
+        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, rig, table, box, near, prior, alpha, top,
+        as_published, json, seed, verbose,
     )  # fmt: skip
 
 

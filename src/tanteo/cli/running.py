@@ -14,9 +14,11 @@ import typer
 
 from tanteo.cli.options import MisuseError, RunOptions, misuse
 from tanteo.cli.printing import complain, emit, printable, progress
+from tanteo.cli.prior_options import prior_words
 from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
 
 if TYPE_CHECKING:
+    from tanteo.matching import PosePrior
     from tanteo.parts import Part
     from tanteo.sensors import Readings, Rig
     from tanteo.typing import Vectors
@@ -51,12 +53,17 @@ def recognize(
     part_paths: Sequence[str],
     rig_path: str | None,
     options: RunOptions,
+    pose: PosePrior | None,
     *,
     as_json: bool,
     verbose: bool,
 ) -> None:
     """Read everything, identify, print; exits with 3 when it is not decided."""
     start = time.perf_counter()
+    if pose is not None and options.as_published:
+        raise MisuseError(
+            "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
+        )
     from tanteo.io import read_readings, read_rig, recognition_json
 
     rig = None if rig_path is None else read_rig(rig_path)
@@ -64,13 +71,14 @@ def recognize(
     points = _check_fit(readings, options, rig)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     _check_scale(points, parts)
+    from tanteo.matching import Priors
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
     result = identify(
         readings, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
-        seed=options.seed,
+        priors=None if pose is None else Priors(pose=pose), seed=options.seed,
     )  # fmt: skip
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
@@ -81,7 +89,7 @@ def recognize(
     else:
         from tanteo.cli.answer import answer_lines
 
-        emit(answer_lines(result, verbose=verbose))
+        emit(answer_lines(result, "" if pose is None else prior_words(pose), verbose=verbose))
     if result.status != "recognized":
         raise typer.Exit(UNDECIDED)
 

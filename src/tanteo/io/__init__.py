@@ -1,6 +1,7 @@
 """Border formats: readings, rigs, results, brand poses. Units are explicit here and SI inside.
 
 ``read_readings`` and ``write_readings`` for readings files, ``read_rig`` and ``write_rig`` for rig files,
+``read_prior`` for what is known of a pose,
 ``recognition_json`` for results, ``read_camera``, ``read_marks`` and ``read_image`` for what a camera saw and
 ``sight_json`` for what was made of it, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``parse_length`` for
 quantities with units.
@@ -10,6 +11,8 @@ from tanteo.io.camera_file import read_camera
 from tanteo.io.images import read_image, write_image
 from tanteo.io.marks_csv import read_marks
 from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
+from tanteo.io.prior_text import parse_box, parse_near, parse_table
+from tanteo.io.prior_toml import read_prior
 from tanteo.io.readings_csv import read_readings
 from tanteo.io.readings_write import write_readings
 from tanteo.io.result_json import recognition_document, recognition_json
@@ -25,13 +28,17 @@ __all__ = [
     "Brand",
     "SceneFile",
     "parse_angle",
+    "parse_box",
     "parse_length",
     "parse_lengths",
+    "parse_near",
+    "parse_table",
     "pose_as_brand",
     "pose_from_brand",
     "read_camera",
     "read_image",
     "read_marks",
+    "read_prior",
     "read_readings",
     "read_rig",
     "read_scene",

@@ -14,8 +14,8 @@ from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
 from tanteo.errors import InputError, PartError
 from tanteo.hand import ForbiddenBox, Hand, Workspace, gripper_body
 from tanteo.io.rig_toml import read_rig
-from tanteo.io.toml_keys import Keys, load_toml
-from tanteo.lie import SE3, SO3
+from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
+from tanteo.lie import SE3
 from tanteo.sensors import robot_preset
 from tanteo.simulator import Cell, Scene, Solid, box
 from tanteo.typing import FloatArray, IntArray, Transforms
@@ -24,7 +24,6 @@ MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
 """From a CAD file and the unit of files that carry none to vertices [m] and triangles."""
 
 _TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "forbidden", "sense")
-_POSE = {"position": "length", "quaternion_wxyz": "plain", "turn": "angle"}
 _HAND = {
     "front": "length", "looks": "plain", "pair": "plain", "rate": "rate", "latency": "time", "speed": "speed",
     "turn": "turn", "cone_rays": "plain",
@@ -129,9 +128,9 @@ def _table(entry: Any, place: str) -> tuple[list[Solid], float]:
 
 def _part(name: str, entry: Any, path: Path, read_mesh: MeshReader) -> Solid:
     place = f"{path}, part '{name}'"
-    keys = Keys(entry, place, _POSE, ("file", "units"))
+    keys = Keys(entry, place, POSE, ("file", "units"))
     vertices, triangles = read_mesh(path.parent / keys.word("file"), keys.word("units") if "units" in keys else None)
-    return Solid.at(name, vertices, triangles, _pose(keys))
+    return Solid.at(name, vertices, triangles, pose_of(keys))
 
 
 def _mesh(file: Path, unit: str | None) -> tuple[FloatArray, IntArray]:
@@ -143,23 +142,9 @@ def _mesh(file: Path, unit: str | None) -> tuple[FloatArray, IntArray]:
     return part.vertices, part.triangles
 
 
-def _pose(keys: Keys) -> Transforms:
-    if "turn" in keys and "quaternion_wxyz" in keys:
-        raise InputError(f"{keys.place}: expected turn_deg or quaternion_wxyz, got both. Give one.")
-    if "quaternion_wxyz" in keys:
-        q = keys.vector("quaternion_wxyz", n=4)
-        if abs(np.linalg.norm(q) - 1) > 1e-3:
-            raise InputError(f"{keys.place}, quaternion_wxyz: expected unit length, got {np.linalg.norm(q):.6g}.")
-        R = SO3.from_quaternion(q)
-    else:
-        roll, pitch, yaw = keys.vector("turn", (0.0, 0.0, 0.0))
-        R = SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
-    return SE3.from_parts(R, keys.vector("position", (0.0, 0.0, 0.0)))
-
-
 def _occluder(name: str, entry: Any, place: str) -> Solid:
-    keys = Keys(entry, place, {"low": "length", "high": "length", **_POSE})
-    return box(name, keys.vector("low"), keys.vector("high"), _pose(keys))
+    keys = Keys(entry, place, {"low": "length", "high": "length", **POSE})
+    return box(name, keys.vector("low"), keys.vector("high"), pose_of(keys))
 
 
 def _hand(entry: Any, path: Path) -> tuple[Hand, Transforms, Cell]:
@@ -206,8 +191,8 @@ def _workspace(document: Mapping[str, Any], path: Path, top: float) -> Workspace
 
 
 def _forbidden(name: str, entry: Any, place: str) -> ForbiddenBox:
-    keys = Keys(entry, place, {"low": "length", "high": "length", **_POSE})
-    return ForbiddenBox(name, keys.vector("low"), keys.vector("high"), _pose(keys))
+    keys = Keys(entry, place, {"low": "length", "high": "length", **POSE})
+    return ForbiddenBox(name, keys.vector("low"), keys.vector("high"), pose_of(keys))
 
 
 def _sense(entry: Any, place: str, T: Transforms, hand: Hand) -> dict[str, Any]:

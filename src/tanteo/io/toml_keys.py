@@ -13,7 +13,8 @@ import numpy as np
 
 from tanteo.errors import InputError, UnitError
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
-from tanteo.typing import FloatArray
+from tanteo.lie import SE3, SO3
+from tanteo.typing import FloatArray, Transforms
 
 _TIMES = {"ms": 1e-3, "s": 1.0}
 _SPEEDS = {f"{unit}_s": factor for unit, factor in LENGTH_UNITS.items()}
@@ -22,6 +23,9 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
     "length": LENGTH_UNITS, "angle": ANGLE_UNITS, "time": _TIMES, "speed": _SPEEDS, "turn": _TURNS,
     "rate": {"hz": 1.0}, "plain": {"": 1.0},
 }  # fmt: skip
+
+POSE = {"position": "length", "quaternion_wxyz": "plain", "turn": "angle"}
+"""Quantities of a pose; see :func:`pose_of`."""
 
 
 def load_toml(path: Path, what: str) -> dict[str, Any]:
@@ -100,6 +104,10 @@ class Keys:
     def __contains__(self, name: str) -> bool:
         return name in self._values or name in self._words
 
+    def size(self, name: str) -> int:
+        """How many numbers a quantity has; none if it is not given."""
+        return self._values[name].size if name in self._values else 0
+
     def word(self, name: str, default: str | None = None) -> str:
         """A text; required without a default."""
         if name not in self._words:
@@ -131,3 +139,22 @@ class Keys:
         if value.shape != (n,):
             raise InputError(f"{self.place}, {name}: expected {n} numbers, got {value.size}. Correct it.")
         return value
+
+
+def pose_of(keys: Keys) -> Transforms:
+    """The pose of a table with the keys :data:`POSE` ``(4, 4)``; what is not given is zero.
+
+    Raises:
+        InputError: The attitude is given twice, or a quaternion is not of unit length.
+    """
+    if "turn" in keys and "quaternion_wxyz" in keys:
+        raise InputError(f"{keys.place}: expected turn_deg or quaternion_wxyz, got both. Give one.")
+    if "quaternion_wxyz" in keys:
+        q = keys.vector("quaternion_wxyz", n=4)
+        if abs(np.linalg.norm(q) - 1) > 1e-3:
+            raise InputError(f"{keys.place}, quaternion_wxyz: expected unit length, got {np.linalg.norm(q):.6g}.")
+        R = SO3.from_quaternion(q)
+    else:
+        roll, pitch, yaw = keys.vector("turn", (0.0, 0.0, 0.0))
+        R = SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
+    return SE3.from_parts(R, keys.vector("position", (0.0, 0.0, 0.0)))

@@ -55,6 +55,27 @@ def parse_angle(text: str, name: str = "angle") -> float:
     return values[0]
 
 
+def parse_lengths_angles(text: str, name: str = "place") -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """``'400,200,0mm 0,0,90deg'`` -> metres and radians; a unit holds for the numbers before it that have none.
+
+    Raises:
+        UnitError: No numbers, a unit missing or unknown, or an angle before a length.
+    """
+    example = "5mm 3deg"
+    pairs = [_split(part, text, name, example) for part in re.split(r"[\s,]+(?=[+\-.\d])", text.strip())]
+    values: tuple[list[float], list[float]] = ([], [])
+    unit = pairs[-1][1]
+    if not unit:
+        raise UnitError(f"{name}: expected a unit behind the numbers as in {example}, got '{text}'. Say which it is.")
+    for number, own in reversed(pairs):
+        unit = own or unit
+        angle = _WRITTEN.get(unit, unit) in ANGLE_UNITS
+        if angle and values[0]:
+            raise UnitError(f"{name}: expected lengths before angles as in {example}, got '{text}'. Change the order.")
+        values[angle].insert(0, number * _factor(unit, name, {**LENGTH_UNITS, **ANGLE_UNITS}))
+    return tuple(values[0]), tuple(values[1])
+
+
 def length_unit(unit: str, name: str = "unit") -> float:
     """Metres per unit.
 

@@ -127,6 +127,11 @@ def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
     return np.asarray(np.all((centre >= prior.box[0]) & (centre <= prior.box[1]), axis=1))
 
 
+def alike(prior: PosePrior | None, part: Part) -> int:
+    """How many of a part's symmetric poses are equally probable beforehand: a rough pose names one of them."""
+    return 1 if prior is not None and prior.T_world_part is not None else part.symmetry.order
+
+
 def prior_starts(prior: PosePrior | None) -> Transforms:
     """Poses drawn from a rough pose, itself first ``(S, 4, 4)``; none without one."""
     if prior is None or prior.T_world_part is None:

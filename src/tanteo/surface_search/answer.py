@@ -10,6 +10,7 @@ from scipy.special import chdtrc
 from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.localization import describe_motion, pose_information
+from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
 from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, world_axis
 from tanteo.surface_search.modes import Mode
@@ -20,12 +21,13 @@ _NOTABLE = 0.5
 """Share of the worst corner's standard deviation from which an error that all readings share is worth a sentence."""
 
 
-def as_hypothesis(touches: Touches, mode: Mode) -> Hypothesis:
+def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -> Hypothesis:
     """The hypothesis: the pose at the maximum, with the covariance of the posterior about it.
 
     Args:
         touches: the readings.
         mode: where they are on a part.
+        pose: what was known of it beforehand; the joint test asks whether the readings agree with that, too.
     """
     part, found, k = mode.target.part, mode.found, mode.k
     T, free, faces = found.Ts[k], mode.free, _faces(touches, mode)
@@ -33,8 +35,10 @@ def as_hypothesis(touches: Touches, mode: Mode) -> Hypothesis:
     words = tuple(describe_motion(xi, T, part.diagonal) for xi in free)
     unobserved, observed = excuse(part, free, words, covariance)
     belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
-    chi2 = float(np.sum(found.residuals[k, belongs] ** 2) + np.sum(found.z[k] ** 2))
-    dof = int(belongs.sum()) - (6 - len(free))
+    known = prior_rows(pose, part, T[None])[0][0]
+    chi2 = float(np.sum(found.residuals[k, belongs] ** 2) + np.sum(found.z[k] ** 2) + np.sum(known**2))
+    named = pose is not None and pose.T_world_part is not None  # a rough pose names one of the spins, too
+    dof = int(belongs.sum()) + len(known) - (6 - len(free)) - (len(spins(part)) if named else 0)
     return Hypothesis(
         part=part.name,
         file=part.source,

@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from tanteo.localization import covariance_with_free, pose_information, weak_motions
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
+from tanteo.matching.prior import alike
 from tanteo.matching.verdict import spins, without_spins
 from tanteo.surface_search.moments import Moments, posterior_moments
 from tanteo.surface_search.polish import Polished, log_posterior
@@ -101,7 +102,7 @@ def weigh(
     """
     prior = np.log1p(-priors.unknown) - np.log(max(count, 1))
     modes = [
-        Mode(target, maxima, k, float(log) + np.log(target.part.symmetry.order) + prior)
+        Mode(target, maxima, k, float(log) + np.log(alike(priors.pose, target.part)) + prior)
         for target, maxima in found
         for k, log in enumerate(maxima.log_evidence)
     ]

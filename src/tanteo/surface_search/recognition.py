@@ -89,7 +89,7 @@ def identify_touches(
             for target, maxima in found
         ]
         modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
-    hypotheses = tuple(as_hypothesis(touches, mode) for mode in modes[:top])
+    hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
     status, message = verdict(hypotheses, unknown, alpha)
     if status in ("recognized", "ambiguous") and _too_many_strays(hypotheses[0], priors):

@@ -1,0 +1,108 @@
+"""Options for what is known of the pose beforehand: for every command that searches for a part."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tanteo.cli.options import MisuseError, misuse
+
+if TYPE_CHECKING:
+    from tanteo.matching import PosePrior
+    from tanteo.typing import FloatArray
+
+TableAt = Annotated[
+    str | None,
+    typer.Option("--table", metavar="HEIGHT", help="The part rests on a level table at this height, as 0+-1mm."),
+]
+BoxAt = Annotated[
+    str | None,
+    typer.Option("--box", metavar="LOW,HIGH", help="The part is in this box of the world, as 0,0,0,500,400,200mm."),
+]
+Near = Annotated[
+    str | None,
+    typer.Option("--near", metavar="POSE", help="The part is near this pose, as '400,200,0mm 0,0,90deg +- 5mm 3deg'."),
+]
+PriorPath = Annotated[
+    str | None, typer.Option("--prior", metavar="FILE", help="The same from a file: table, box, rough pose (TOML).")
+]
+
+_FIELDS = {"T_world_part": "--near", "covariance": "--near", "box": "--box", "table": "--table"}
+
+
+def read_pose_prior(table: str | None, box: str | None, near: str | None, file: str | None) -> PosePrior | None:
+    """What the four options say together; None if none is given.
+
+    Args:
+        table: of ``--table``.
+        box: of ``--box``.
+        near: of ``--near``.
+        file: of ``--prior``.
+
+    Raises:
+        MisuseError: an option cannot be meant, or says again what the file says.
+        InputError: the file cannot be read.
+    """
+    if table is box is near is file is None:
+        return None
+    from tanteo.io import parse_box, parse_near, parse_table, read_prior
+    from tanteo.matching import PosePrior
+
+    with misuse():
+        frame = None if near is None else parse_near(near, "--near")
+        typed = PosePrior(
+            T_world_part=None if frame is None else frame.T,
+            covariance=None if frame is None else frame.C,
+            box=None if box is None else parse_box(box, "--box"),
+            table=None if table is None else parse_table(table, "--table"),
+        )
+    if file is None:
+        return typed
+    given = {name: value for name in _FIELDS if (value := getattr(typed, name)) is not None}
+    read = read_prior(file)
+    for name in given:
+        if getattr(read, name) is not None:
+            raise MisuseError(f"{_FIELDS[name]}: expected it once, got it in {file} too. Keep one.")
+    return replace(read, **given)
+
+
+def prior_words(prior: PosePrior) -> str:
+    """What is taken as known, for a person."""
+    words = (_table_words(prior), _box_words(prior), _near_words(prior))
+    return "; ".join(text for text in words if text)
+
+
+def _table_words(prior: PosePrior) -> str:
+    if prior.table is None:
+        return ""
+    (x, y, z), n = 1e3 * prior.table.point, prior.table.normal
+    where = f"z {z:.6g} mm" if n[2] == 1 else f"({x:.6g}, {y:.6g}, {z:.6g}) mm, normal ({_numbers(n, 4)}),"
+    return f"rests on a table at {where} (sd {1e3 * prior.table.sd:.3g} mm)"
+
+
+def _box_words(prior: PosePrior) -> str:
+    if prior.box is None:
+        return ""
+    low, high = 1e3 * prior.box
+    return f"in the box from ({_numbers(low)}) to ({_numbers(high)}) mm"
+
+
+def _near_words(prior: PosePrior) -> str:
+    if prior.T_world_part is None or prior.covariance is None:
+        return ""
+    import numpy as np
+
+    from tanteo.io import pose_as_brand
+
+    place = pose_as_brand("paper", prior.T_world_part)
+    sds = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (prior.covariance[:3, :3], prior.covariance[3:, 3:])]
+    return (
+        f"near ({_numbers(1e3 * place[:3])}) mm, roll pitch yaw ({_numbers(np.degrees(place[3:]))}) deg "
+        f"(sd up to {1e3 * sds[0]:.3g} mm, {np.degrees(sds[1]):.3g} deg)"
+    )
+
+
+def _numbers(values: FloatArray, digits: int = 6) -> str:
+    return ", ".join(f"{v + 0.0:.{digits}g}" for v in values)

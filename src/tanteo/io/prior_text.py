@@ -1,0 +1,141 @@
+"""What is known of a part's pose, as typed: a table, a box, a rough pose, each with its unit and how sure it is."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import numpy.typing as npt
+
+from tanteo.errors import InputError
+from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
+from tanteo.io.poses import BRANDS, pose_from_brand
+from tanteo.io.units import parse_lengths, parse_lengths_angles
+from tanteo.matching import Table
+from tanteo.typing import FloatArray, Transforms
+
+_NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"
+_TABLE = "0+-1mm"
+_MOST_TURN = np.pi / 3
+"""Largest sd of an attitude [rad]: three of them are half a turn, beyond which a normal density meets itself."""
+
+_GIVE_OR_TAKE = re.compile(r"\+-|\+/-|±")
+
+
+def parse_table(text: str, name: str = "table") -> Table:
+    """``'0+-1mm'``: what the part rests on is level, at this height of the world; the sd follows ``+-``.
+
+    Raises:
+        InputError: No height, no standard deviation or one that is not positive.
+        UnitError: No unit, or one that is none.
+    """
+    values = parse_lengths(",".join(_value_and_sd(text, name, _TABLE)), name)
+    if len(values) != 2 or values[1] <= 0:
+        raise InputError(f"{name}: expected one height and a positive sd, got '{text}'. Write it as {_TABLE}.")
+    return Table(np.array([0.0, 0.0, values[0]]), np.array([0.0, 0.0, 1.0]), values[1])
+
+
+def parse_box(text: str, name: str = "box") -> FloatArray:
+    """``'0,0,0,500,400,200mm'``: lowest x, y, z of the world and highest, ``(2, 3)`` [m].
+
+    Raises:
+        InputError: Not six lengths, or the lowest not below the highest.
+        UnitError: No unit, or one that is none.
+    """
+    values = parse_lengths(text, name)
+    box = np.array(values).reshape(2, 3) if len(values) == 6 else np.zeros((2, 3))
+    if not np.all(box[1] > box[0]):
+        raise InputError(
+            f"{name}: expected six lengths, the lowest x, y, z and then the highest, got '{text}'. "
+            "Write it as 0,0,0,500,400,200mm."
+        )
+    return box
+
+
+def parse_near(text: str, name: str = "near") -> UncertainFrame:
+    """``'400,200,0mm 0,0,90deg +- 5mm 3deg'`` or ``'kuka 400,200,0,90,0,0 +- 5mm 3deg'``: a rough pose and its sds.
+
+    Before ``+-``: x, y, z and roll, pitch, yaw, as answers are printed; or the name of a brand and its fields. Behind
+    it: one length or three, one angle or three; see :func:`rough_pose`.
+
+    Raises:
+        InputError: Numbers are missing, or a standard deviation is not positive.
+        UnitError: No unit, or one that is none.
+    """
+    pose, sds = _value_and_sd(text, name, _NEAR)
+    word = pose.split(maxsplit=1)[0].rstrip(":") if pose else ""
+    T = _branded(word, pose[len(word) :], name) if word.isalpha() else _as_printed(pose, name)
+    return rough_pose(T, *parse_lengths_angles(sds, name), name)
+
+
+def rough_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name: str = "near") -> UncertainFrame:
+    """A pose of a part with standard deviations along the world's axes.
+
+    Args:
+        T: ``T_world_part`` ``(4, 4)``.
+        sds: of the place of the part's origin along x, y, z of the world, one for all or three [m].
+        turn_sds: of its rotation about axes along x, y, z of the world through that origin, one or three [rad].
+        name: for messages.
+
+    Raises:
+        InputError: Not one or three, or not positive.
+    """
+    spread = [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in (sds, turn_sds)]
+    if any(len(values) not in (1, 3) or not np.all(values > 0) for values in spread):
+        raise InputError(
+            f"{name}: expected positive standard deviations, one length or three and one angle or three (along and "
+            f"about x, y, z of the world), got {len(spread[0])} and {len(spread[1])}. Write it as {_NEAR}."
+        )
+    six = np.concatenate([np.broadcast_to(values, 3) for values in spread])
+    return check_rough(uncertain_frame(NamedCovariance(T, np.diag(six**2), ROS)), name)
+
+
+def check_rough(frame: UncertainFrame, name: str) -> UncertainFrame:
+    """The frame, if it can be a rough pose.
+
+    Raises:
+        InputError: Something of it is certain, or its attitude is hardly known.
+    """
+    turn = float(np.sqrt(np.linalg.eigvalsh(frame.C[3:, 3:])[-1]))
+    if np.linalg.eigvalsh(frame.C)[0] <= 0:
+        raise InputError(
+            f"{name}: expected a positive variance in every direction, got zero. Nothing is known that well."
+        )
+    if turn > _MOST_TURN:
+        raise InputError(
+            f"{name}: expected an attitude known to {np.degrees(_MOST_TURN):.0f} degrees (1 sd) or better, got "
+            f"{np.degrees(turn):.0f}. Give a box for the place and leave the attitude open."
+        )
+    return frame
+
+
+def _value_and_sd(text: str, name: str, example: str) -> tuple[str, str]:
+    halves = [half.strip() for half in _GIVE_OR_TAKE.split(text)]
+    if len(halves) != 2 or not all(halves):
+        raise InputError(
+            f"{name}: expected a value and its standard deviation such as {example}, got '{text}'. "
+            "Say behind +- how well it is known."
+        )
+    return halves[0], halves[1]
+
+
+def _as_printed(text: str, name: str) -> Transforms:
+    place, turn = parse_lengths_angles(text, name)
+    if len(place) != 3 or len(turn) != 3:
+        raise InputError(
+            f"{name}: expected x, y, z and roll, pitch, yaw, got {len(place)} lengths and {len(turn)} angles. "
+            f"Write it as {_NEAR}."
+        )
+    return pose_from_brand("paper", np.array([*place, *turn]))
+
+
+def _branded(word: str, fields: str, name: str) -> Transforms:
+    values = fields.lstrip(": ").replace(",", " ").split()
+    try:
+        numbers = np.array([float(value) for value in values])
+    except ValueError:
+        raise InputError(
+            f"{name}: expected plain numbers behind '{word}', whose units are its own, got '{fields.strip()}'. "
+            f"Write it as kuka 400,200,0,90,0,0 +- 5mm 3deg; brands: {', '.join(BRANDS)}."
+        ) from None
+    return pose_from_brand(word, numbers)

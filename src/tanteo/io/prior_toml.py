@@ -1,0 +1,122 @@
+"""What is known of a part's pose, as a file (TOML, ``docs/formats.md``): a table, a box, a rough pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import CovarianceError, InputError
+from tanteo.frames import UncertainFrame, from_ros_covariance
+from tanteo.io.poses import BRANDS, brand, pose_from_brand
+from tanteo.io.prior_text import check_rough, rough_pose
+from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
+from tanteo.matching import PosePrior, Table
+from tanteo.typing import FloatArray, Transforms
+
+_TABLES = ("table", "box", "near")
+_TABLE = {"top": "length", "point": "length", "normal": "plain", "sd": "length"}
+_COVARIANCES = ("covariance_m_rad", "ros_covariance_m_rad")
+_NEAR = {
+    "sd": "length", "turn_sd": "angle", **POSE,
+    **dict.fromkeys((*BRANDS, *_COVARIANCES), "plain"),
+}  # fmt: skip
+
+
+def read_prior(path: str | Path) -> PosePrior:
+    """Read a file with what is known of the pose.
+
+    Args:
+        path: The file, with one or more of the tables ``[table]``, ``[box]`` and ``[near]``.
+
+    Raises:
+        InputError: The file cannot be read, is not TOML, or says something that no prior can say; the message names
+            file, table, key and value.
+        UnitError: A unit in a key is missing or unknown.
+    """
+    path = Path(path)
+    document = load_toml(path, "file on what is known of the pose")
+    for key in document:
+        if key not in _TABLES:
+            raise InputError(f"{path}: expected one of {', '.join(_TABLES)}, got '{key}'. Correct the name.")
+    if not document:
+        raise InputError(f"{path}: expected a table [table], [box] or [near], got an empty file. Add one.")
+    near = _near(document["near"], f"{path}, near") if "near" in document else None
+    return PosePrior(
+        T_world_part=None if near is None else near.T,
+        covariance=None if near is None else near.C,
+        box=_box(document["box"], f"{path}, box") if "box" in document else None,
+        table=_table(document["table"], f"{path}, table") if "table" in document else None,
+    )
+
+
+def _table(entry: Any, place: str) -> Table:
+    """Level at a height, or any plane."""
+    keys = Keys(entry, place, _TABLE)
+    if ("top" in keys) == ("point" in keys):
+        raise InputError(f"{place}: expected top_mm or point_mm with normal, got both or none. Give one.")
+    sd = keys.number("sd")
+    if sd <= 0:
+        raise InputError(f"{place}, sd: expected a positive length, got {sd:g}. Say how well the table is known.")
+    point = np.array([0.0, 0.0, keys.number("top")]) if "top" in keys else keys.vector("point")
+    return Table(point, keys.vector("normal", (0.0, 0.0, 1.0)), sd)
+
+
+def _box(entry: Any, place: str) -> FloatArray:
+    keys = Keys(entry, place, {"low": "length", "high": "length"})
+    box = np.stack([keys.vector("low"), keys.vector("high")])
+    if not np.all(box[1] > box[0]):
+        raise InputError(f"{place}: expected low below high in x, y and z, got {box.tolist()} m. Correct it.")
+    return box
+
+
+def _near(entry: Any, place: str) -> UncertainFrame:
+    keys = Keys(_flat(entry), place, _NEAR)
+    T = _pose(keys)
+    sds = "sd" in keys or "turn_sd" in keys
+    given = ["sd_mm and turn_sd_deg"] * sds + [name for name in _COVARIANCES if name in keys]
+    if len(given) != 1:
+        raise InputError(
+            f"{place}: expected how well it is known once, as sd_mm and turn_sd_deg or as one of "
+            f"{', '.join(_COVARIANCES)}, got {' and '.join(given) or 'nothing'}. Give one of them."
+        )
+    if sds:
+        return rough_pose(T, _one_or_three(keys, "sd"), _one_or_three(keys, "turn_sd"), place)
+    try:
+        C = keys.vector(given[0], n=36)
+        ros = given == ["ros_covariance_m_rad"]
+        frame = from_ros_covariance(T, C) if ros else UncertainFrame(T, C.reshape(6, 6))
+    except CovarianceError as error:
+        raise InputError(f"{place}, {given[0]}: {error} Copy it as it was written.") from None
+    return check_rough(frame, f"{place}, {given[0]}")
+
+
+def _pose(keys: Keys) -> Transforms:
+    brands = [name for name in BRANDS if name in keys]
+    own = any(name in keys for name in ("position", "turn", "quaternion_wxyz"))
+    if len(brands) + own != 1:
+        raise InputError(
+            f"{keys.place}: expected one pose, as position_mm with turn_deg or quaternion_wxyz, or by the name of a "
+            f"brand ({', '.join(BRANDS)}), got {len(brands) + own}. Give one."
+        )
+    if own:
+        if "position" not in keys or not ("turn" in keys or "quaternion_wxyz" in keys):
+            raise InputError(f"{keys.place}: expected a position and an attitude, got one of them. Give both.")
+        return pose_of(keys)
+    return pose_from_brand(brands[0], keys.vector(brands[0], n=len(brand(brands[0]).fields)))
+
+
+def _one_or_three(keys: Keys, name: str) -> FloatArray:
+    return keys.vector(name) if keys.size(name) == 3 else np.array([keys.number(name)])
+
+
+def _flat(entry: Any) -> Any:
+    """Covariances row by row, also where they are written as six rows."""
+    if not isinstance(entry, dict):
+        return entry
+    return {k: [v for row in value for v in row] if _rows(k, value) else value for k, value in entry.items()}
+
+
+def _rows(key: str, value: Any) -> bool:
+    return key in _COVARIANCES and isinstance(value, list) and all(isinstance(row, list) for row in value)
