@@ -15,12 +15,13 @@ from tanteo.localization import ModelFeature, Pairing, PoseEstimate, estimate_po
 from tanteo.matching.belief import Mode, believe
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.freedom import NOTHING
+from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.tree import decode
-from tanteo.matching.verdict import corner_sd, excuse, verdict, where_to_sense, world_axis
+from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 
 
@@ -108,28 +109,20 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
     assert part is not None
     pairings = pairings_of(sensed, mode, tolerance)
     estimate = estimate_pose(pairings, start=mode.T_world_part, length=part.diagonal)
-    unexplained, covariance = excuse(part, estimate.free, estimate.unobserved, estimate.covariance)
     outliers, distances = _outliers(sensed, mode, estimate)
-    return Hypothesis(
-        part=part.name,
-        file=part.source,
+    return hypothesis_at(
+        part,
+        estimate.T_world_part,
+        estimate.covariance,
+        free=estimate.free,
         probability=mode.probability,
-        T_world_part=estimate.T_world_part,
-        covariance=estimate.covariance,
-        worst_corner_sd=corner_sd(part, covariance),
-        unobserved=unexplained,
-        symmetry_order=part.symmetry.order,
-        symmetry_poses=estimate.T_world_part @ part.symmetry.Ts[1:],
         chi2=estimate.chi2,
         dof=estimate.dof,
-        p_value=estimate.p_value,
         rms=_rms(estimate, pairings),
         outliers=outliers,
         pairings=tuple((r, p.model.name) for p in pairings for r in p.sensed.readings or (p.sensed.label,)),
         outlier_distances=distances,
         covariance_same_robot=estimate.covariance_same_robot if estimate.shared else None,
-        symmetry_axis=world_axis(part, estimate.T_world_part),
-        advice=_advice(part, estimate) if unexplained else "",
     )
 
 
@@ -142,14 +135,6 @@ def _outliers(sensed: Sensed, mode: Mode, estimate: PoseEstimate) -> tuple[tuple
         distances += list(map(float, mode.model.surface.closest(local).distances)) or [float("nan")]
         names += feature.readings or (feature.label,)
     return tuple(names), tuple(distances) if len(distances) == len(names) else (float("nan"),) * len(names)
-
-
-def _advice(part: Part, estimate: PoseEstimate) -> str:
-    """What to sense for the first direction that is free and no symmetry."""
-    for xi in estimate.free:
-        if excuse(part, xi[None], ("free",), np.eye(6))[0]:
-            return where_to_sense(part, estimate.T_world_part, xi)
-    return ""
 
 
 def _rms(estimate: PoseEstimate, pairings: Sequence[Pairing]) -> float:

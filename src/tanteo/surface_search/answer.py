@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3
-from tanteo.localization import describe_motion, pose_information
+from tanteo.localization import pose_information
+from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, world_axis
+from tanteo.matching.verdict import corner_sd, spins
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import Covariances, IntArray
@@ -32,33 +32,24 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
     part, found, k = mode.target.part, mode.found, mode.k
     T, free, faces = found.Ts[k], mode.free, _faces(touches, mode)
     covariance = mode.covariance + _common_tolerance(touches, mode, faces)
-    words = tuple(describe_motion(xi, T, part.diagonal) for xi in free)
-    unobserved, observed = excuse(part, free, words, covariance)
     belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
     known = prior_rows(pose, part, T[None])[0][0]
     chi2 = float(np.sum(found.residuals[k, belongs] ** 2) + np.sum(found.z[k] ** 2) + np.sum(known**2))
     named = pose is not None and pose.T_world_part is not None  # a rough pose names one of the spins, too
     dof = int(belongs.sum()) + len(known) - (6 - len(free)) - (len(spins(part)) if named else 0)
-    return Hypothesis(
-        part=part.name,
-        file=part.source,
+    return hypothesis_at(
+        part,
+        T,
+        covariance,
+        free=free,
         probability=mode.probability,
-        T_world_part=T,
-        covariance=covariance,
-        worst_corner_sd=corner_sd(part, observed),
-        unobserved=unobserved,
-        symmetry_order=part.symmetry.order,
-        symmetry_poses=T @ part.symmetry.Ts[1:],
         chi2=chi2,
-        dof=max(dof, 0),
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 else 1.0,
+        dof=dof,
         rms=float(np.sqrt(np.mean(found.distances[k, belongs] ** 2))) if belongs.any() else 0.0,
         outliers=tuple(name for name, ok in zip(touches.ids, belongs, strict=True) if not ok),
         pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
         outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
         covariance_same_robot=mode.covariance_given_shared,
-        symmetry_axis=world_axis(part, T),
-        advice=where_to_sense(part, T, free[len(spins(part))]) if unobserved else "",
     )
 
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.localization import covariance_with_free, describe_motion, weak_motions
+from tanteo.localization import covariance_with_free, weak_motions
+from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.verdict import corner_sd, excuse, spins, verdict, without_spins, world_axis
+from tanteo.matching.verdict import spins, verdict, without_spins
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.belief import Belief, Mode, Weights, believe, candidates_in, lie_down
@@ -197,25 +197,15 @@ def hypothesis(
     if camera.covariance is not None:
         Ad = SE3.adjoint_inverse(mode.T_camera_part)
         covariance = covariance + Ad @ camera.covariance @ Ad.T
-    words = tuple(describe_motion(xi, T, part.diagonal) for xi in weak)
-    unexplained, certain = excuse(part, weak, words, covariance)
-    return Hypothesis(
-        part=part.name,
-        file=part.source,
+    return hypothesis_at(
+        part,
+        T,
+        covariance,
+        free=weak,
         probability=mode.probability,
-        T_world_part=T,
-        covariance=covariance,
-        worst_corner_sd=corner_sd(part, certain),
-        unobserved=unexplained,
-        symmetry_order=part.symmetry.order,
-        symmetry_poses=T @ part.symmetry.Ts[1:],
         chi2=chi2,
         dof=dof,
-        p_value=float(chdtrc(dof, chi2)),
         rms=_rms(met, camera, mode.T_camera_part, part),
-        outliers=(),
-        pairings=(),
-        symmetry_axis=world_axis(part, T),
     )
 
 

@@ -1,0 +1,76 @@
+"""From a pose with its covariance to a hypothesis: what is free, what symmetry excuses, what to sense next."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import chdtrc
+
+from tanteo.localization import describe_motion
+from tanteo.matching.results import Hypothesis
+from tanteo.matching.verdict import corner_sd, excuse, where_to_sense, world_axis
+from tanteo.parts import Part
+from tanteo.typing import Covariances, Tangents, Transforms
+
+
+def hypothesis_at(
+    part: Part,
+    T_world_part: Transforms,
+    covariance: Covariances,
+    *,
+    free: Tangents,
+    probability: float,
+    chi2: float,
+    dof: int,
+    rms: float,
+    outliers: tuple[str, ...] = (),
+    pairings: tuple[tuple[str, str], ...] = (),
+    outlier_distances: tuple[float, ...] = (),
+    covariance_same_robot: Covariances | None = None,
+) -> Hypothesis:
+    """One answer, whatever it was found from.
+
+    Args:
+        part: the part.
+        T_world_part: its pose ``(4, 4)``.
+        covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad]; uniform draws along ``free``.
+        free: motions that nothing resists, the part's spins among them, ``[v / diagonal, w]`` ``(k, 6)``.
+        probability: posterior.
+        chi2: joint squared Mahalanobis distance.
+        dof: its degrees of freedom; none or fewer where nothing was checked.
+        rms: root mean square distance of what was sensed [m].
+        outliers: ids of the readings that do not belong.
+        pairings: reading id and model feature of those that do.
+        outlier_distances: of the outliers from the surface [m].
+        covariance_same_robot: with shared errors known; None if nothing is shared.
+    """
+    words = tuple(describe_motion(xi, T_world_part, part.diagonal) for xi in free)
+    unobserved, observed = excuse(part, free, words, covariance)
+    return Hypothesis(
+        part=part.name,
+        file=part.source,
+        probability=probability,
+        T_world_part=T_world_part,
+        covariance=covariance,
+        worst_corner_sd=corner_sd(part, observed),
+        unobserved=unobserved,
+        symmetry_order=part.symmetry.order,
+        symmetry_poses=T_world_part @ part.symmetry.Ts[1:],
+        chi2=chi2,
+        dof=max(dof, 0),
+        p_value=float(chdtrc(dof, chi2)) if dof > 0 else 1.0,
+        rms=rms,
+        outliers=outliers,
+        pairings=pairings,
+        outlier_distances=outlier_distances,
+        covariance_same_robot=covariance_same_robot,
+        symmetry_axis=world_axis(part, T_world_part),
+        advice=_advice(part, T_world_part, free),
+    )
+
+
+def _advice(part: Part, T_world_part: Transforms, free: Tangents) -> str:
+    """What to sense for the first direction that is free and no symmetry."""
+    for xi in free:
+        if excuse(part, xi[None], ("free",), np.eye(6))[0]:
+            return where_to_sense(part, T_world_part, xi)
+    return ""
