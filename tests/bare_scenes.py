@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3, SO3
-from tanteo.matching.belief import _without_spin
+from tanteo.matching.belief import without_spin
 from tanteo.surface_search import FreePaths, Touches
 
 REACH = 0.3
@@ -126,7 +126,7 @@ def nees(part, T, covariance, truth):
     gaps = SE3.inverse(T) @ (truth @ part.symmetry.Ts)
     dof = 6
     if part.symmetry.continuous:
-        gaps, dof = _without_spin(part, gaps), 3 if part.symmetry.spherical else 5
+        gaps, dof = without_spin(part, gaps), 3 if part.symmetry.spherical else 5
     xi = SE3.log(gaps)
     return float(np.einsum("si,ij,sj->s", xi, np.linalg.pinv(covariance, rcond=1e-12), xi).min()), dof
 
@@ -135,7 +135,7 @@ def off(part, T, truth):
     """Distance of the part's centre [m] and angle [rad] between two poses, up to symmetry."""
     gaps = SE3.inverse(truth) @ (T @ part.symmetry.Ts)
     if part.symmetry.continuous:
-        gaps = _without_spin(part, gaps)
+        gaps = without_spin(part, gaps)
     angles = np.linalg.norm(SE3.log(gaps)[:, 3:], axis=1)
     moved = np.linalg.norm(SE3.apply(gaps, part.centroid) - part.centroid, axis=1)
     k = int(np.argmin(angles + moved / part.diagonal))

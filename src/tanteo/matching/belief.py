@@ -164,13 +164,13 @@ def equivalent(
     images = T @ part.symmetry.Ts
     gaps = SE3.inverse(images)[:, None] @ others
     if part.symmetry.continuous:
-        gaps = _without_spin(part, gaps)
+        gaps = without_spin(part, gaps)
     xi = SE3.log(gaps)
     distance = np.einsum("sfi,fij,sfj->sf", xi, information, xi)
     return np.asarray(distance.min(axis=0) <= limit, dtype=np.bool_)
 
 
-def _without_spin(part: Part, gaps: Transforms) -> Transforms:
+def without_spin(part: Part, gaps: Transforms) -> Transforms:
     """Relative poses with the rotation that the part's continuous symmetry absorbs taken out."""
     if part.symmetry.spherical:
         centre = part.centroid

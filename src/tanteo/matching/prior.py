@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import check_covariance
+from tanteo.frames import check_covariances
 from tanteo.lie import SE3
 from tanteo.parts import Part
-from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 
 _SAMPLES = 64
 """Starts drawn from a rough pose."""
@@ -43,8 +43,8 @@ class PosePrior:
     """Any of these, together; nothing given means anywhere in the workspace, in any attitude.
 
     Attributes:
-        T_world_part: a rough pose ``(4, 4)``.
-        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        T_world_part: a rough pose ``(4, 4)``; or one for each pose that is asked about ``(S, 4, 4)``.
+        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad]; or of each.
         box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
         table: what the part rests on.
 
@@ -61,8 +61,8 @@ class PosePrior:
         if (self.T_world_part is None) != (self.covariance is None):
             raise InputError("prior: expected a rough pose with its covariance, got one of the two. Give both.")
         if self.covariance is not None:
-            C = check_covariance("prior, covariance", self.covariance, 6)
-            if np.linalg.eigvalsh(C).min() <= 0:
+            C = check_covariances("prior, covariance", self.covariance, 6)
+            if np.linalg.eigvalsh(C).min(initial=np.inf) <= 0:
                 raise InputError("prior, covariance: expected a positive variance in every direction, got zero.")
             object.__setattr__(self, "covariance", C)
         if self.box is not None:
@@ -71,14 +71,21 @@ class PosePrior:
                 raise InputError(f"prior, box: expected lowest and highest x, y, z, got {box.tolist()}.")
             object.__setattr__(self, "box", box)
 
+    def take(self, rows: IntArray) -> PosePrior:
+        """The same for some of the poses; itself where one rough pose is for all of them."""
+        if self.T_world_part is None or self.T_world_part.ndim == 2:
+            return self
+        assert self.covariance is not None
+        return replace(self, T_world_part=self.T_world_part[rows], covariance=self.covariance[rows])
+
 
 def prior_rows(prior: PosePrior | None, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
     """What the prior says at some poses, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``."""
     r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
     if prior is not None and prior.T_world_part is not None:
-        L = np.linalg.cholesky(np.linalg.inv(prior.covariance)).T  # type: ignore[arg-type]
+        L = np.swapaxes(np.linalg.cholesky(np.linalg.inv(prior.covariance)), -1, -2)  # type: ignore[arg-type]
         e = SE3.log(SE3.inverse(prior.T_world_part) @ Ts)
-        r.append(e @ L.T)
+        r.append((L @ e[..., None])[..., 0])
         J.append(L @ SE3.right_jacobian_inverse(e))
     if prior is not None and prior.table is not None:
         gap, row = _standing(prior.table, part, Ts)
@@ -133,8 +140,8 @@ def alike(prior: PosePrior | None, part: Part) -> int:
 
 
 def prior_starts(prior: PosePrior | None) -> Transforms:
-    """Poses drawn from a rough pose, itself first ``(S, 4, 4)``; none without one."""
-    if prior is None or prior.T_world_part is None:
+    """Poses drawn from one rough pose, itself first ``(S, 4, 4)``; none without one."""
+    if prior is None or prior.T_world_part is None or prior.T_world_part.ndim > 2:
         return np.zeros((0, 4, 4))
     rng = np.random.default_rng(1991)
     L = np.linalg.cholesky(prior.covariance)  # type: ignore[arg-type]

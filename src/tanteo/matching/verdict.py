@@ -126,12 +126,18 @@ def without_spins(part: Part, information: FloatArray) -> FloatArray:
 
 def corner_sd(part: Part, covariance: Covariances) -> float:
     """Largest standard deviation of the position of a corner of the part's box, in any direction [m]."""
+    J = corner_moves(part)
+    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
+
+
+def corner_moves(part: Part) -> FloatArray:
+    """How the corners of the part's box move with its pose ``(8, 3, 6)``, in the part frame."""
     corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
     J = np.zeros((8, 3, 6))
     J[:, :, :3] = np.eye(3)
     x, y, z = corners.T
     J[:, 0, 4], J[:, 0, 5], J[:, 1, 3], J[:, 1, 5], J[:, 2, 3], J[:, 2, 4] = z, -y, -z, x, y, -x
-    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
+    return J
 
 
 def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:

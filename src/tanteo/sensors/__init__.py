@@ -32,7 +32,7 @@ from tanteo.sensors.presets import (
     sensor_preset,
     sensor_presets,
 )
-from tanteo.sensors.readings import Readings
+from tanteo.sensors.readings import Readings, concatenate
 from tanteo.sensors.rig import Rig, RigSensor
 
 __all__ = [
@@ -50,6 +50,7 @@ __all__ = [
     "UnitErrors",
     "blend",
     "check_features",
+    "concatenate",
     "cone_rays",
     "draw_aims",
     "draw_base",

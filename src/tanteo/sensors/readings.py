@@ -157,6 +157,19 @@ class Readings:
         return np.asarray(~np.isnan(self.Ts_world_hand[:, 3, 3]))
 
 
+def concatenate(parts: Sequence[Readings]) -> Readings:
+    """Several sets of readings as one, in order; their names must differ.
+
+    Raises:
+        ReadingsError: nothing to join, or a name comes twice.
+    """
+    if not parts:
+        raise ReadingsError("readings: expected at least one set to join, got none.")
+    arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in (*_COLUMNS, "is_free")}
+    names: dict[str, Any] = {k: tuple(x for p in parts for x in getattr(p, k)) for k in _NAMES}
+    return Readings(**names, **arrays, source=parts[0].source)
+
+
 def _frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """A read-only float64 copy of the right shape; broadcast columns of NaN stay one number in memory."""
     array = np.asarray(value, dtype=np.float64)

@@ -7,7 +7,7 @@ far it went, and material in front of the hit speaks against it (``math.md`` sec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def polish(
         free: paths on which nothing was met.
         Ts: poses near maxima ``(S, 4, 4)``.
         target: the part.
-        priors: rate of clutter, and the size of the workspace.
+        priors: rate of clutter, the size of the workspace, and what is known of the pose: of each, if it says so.
         iterations: of expectation and maximisation together.
     """
     Ts, z, at = _climb(touches, free, Ts, target, priors, iterations)
@@ -102,7 +102,10 @@ def polish(
     _add_prior(priors, target, Ts, A, b)
     if z.shape[1]:
         log = log - 0.5 * np.linalg.slogdet(A[:, 6:, 6:])[1]
-    log = log + pose_volume(without_spins(target.part, pose_information(A)), priors.radius)
+    information = pose_information(A)
+    if priors.pose is None or priors.pose.covariance is None:  # a rough pose resists the spin of a round part too
+        information = without_spins(target.part, information)
+    log = log + pose_volume(information, priors.radius)
     n = len(touches)
     return Polished(Ts, z, A, log, belongs, at.r[:, :n], at.distances, at.J[:, :n, :6])
 
@@ -140,20 +143,22 @@ def _climb(
     Across an edge of the part the gradient jumps, and full Gauss-Newton steps would swing from face to face.
     """
 
-    def look(Ts: Transforms, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def look(Ts: Transforms, z: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        some = priors if priors.pose is None else replace(priors, pose=priors.pose.take(rows))
         at = _linearise(touches, Ts, z, target, priors)
         A, b = _normal_equations(touches, at, _responsibility(at), z)
         log = np.logaddexp(at.log_hit, at.log_stray).sum(axis=1) - 0.5 * np.sum(z * z, axis=1)
-        log += _add_prior(priors, target, Ts, A, b)
+        log += _add_prior(some, target, Ts, A, b)
         return log + _free_paths(free, Ts, target, priors), A, b
 
     Ts, z = np.array(Ts), np.zeros((len(Ts), touches.gains.shape[-1]))
-    log, A, b = look(Ts, z)
-    damping, active = np.full(len(Ts), _LEAST_DAMPING), np.arange(len(Ts))
+    active = np.arange(len(Ts))
+    log, A, b = look(Ts, z, active)
+    damping = np.full(len(Ts), _LEAST_DAMPING)
     for k in range(iterations):
         step = _solve(A[active], b[active], damping[active])
         new = moved(Ts[active], step[:, :6]), z[active] + step[:, 6:]
-        new_log, new_A, new_b = look(*new)
+        new_log, new_A, new_b = look(*new, active)
         gain = new_log - log[active]
         rows = np.flatnonzero(gain > 0)
         better = active[rows]

@@ -1,0 +1,60 @@
+"""Where to sense next, and when to stop: candidates, what they would tell, policies, stopping rules, plans."""
+
+from tanteo.active.belief import Belief, begin, update
+from tanteo.active.candidates import Candidates, propose
+from tanteo.active.measures import (
+    AcceptProbability,
+    Discrimination,
+    RangePrediction,
+    accept_matrix,
+    accept_probability,
+    bhattacharyya,
+    discriminate,
+    information_bounds,
+    kl_divergence,
+    mutual_information,
+    predict_range,
+)
+from tanteo.active.policies import POLICIES, Choice, Policy, Situation, policy_named
+from tanteo.active.probe import Probe, probe_of
+from tanteo.active.samples import Samples, draw, predict
+from tanteo.active.start import Start, around, at_pose, from_hypotheses
+from tanteo.active.stopping import Stop, chance_within, corner_distances
+from tanteo.active.utility import expected_information
+
+__all__ = [
+    "POLICIES",
+    "AcceptProbability",
+    "Belief",
+    "Candidates",
+    "Choice",
+    "Discrimination",
+    "Policy",
+    "Probe",
+    "RangePrediction",
+    "Samples",
+    "Situation",
+    "Start",
+    "Stop",
+    "accept_matrix",
+    "accept_probability",
+    "around",
+    "at_pose",
+    "begin",
+    "bhattacharyya",
+    "chance_within",
+    "corner_distances",
+    "discriminate",
+    "draw",
+    "expected_information",
+    "from_hypotheses",
+    "information_bounds",
+    "kl_divergence",
+    "mutual_information",
+    "policy_named",
+    "predict",
+    "predict_range",
+    "probe_of",
+    "propose",
+    "update",
+]

@@ -1,0 +1,223 @@
+"""The belief while sensing goes on: every part at every pose that is still possible, by a sum of normal densities.
+
+Each rough pose of the start is a prior of its own. After every reading the poses that were alive, and some drawn from
+what was uncertain about them, climb to the maxima of the posterior of *all* readings under that prior; so nothing that
+was linearised once is kept, and the order of the readings does not matter beyond which maxima are known. The mass of
+each maximum is Laplace's, or that of weighted draws where the posterior is not normal (decision 16).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+from scipy.special import logsumexp
+
+from tanteo.active.start import Start
+from tanteo.lie import SE3
+from tanteo.localization import pose_information
+from tanteo.matching.belief import equivalent
+from tanteo.matching.evidence import Priors
+from tanteo.matching.prior import PosePrior, prior_rows
+from tanteo.surface_search import FreePaths, Target, Touches
+from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.moments import posterior_moments
+from tanteo.surface_search.polish import Polished, log_posterior, polish
+from tanteo.surface_search.recognition import unknown_log_density
+from tanteo.surface_search.search import SAME_MAXIMUM
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+
+NEGLIGIBLE = 12.0
+"""Log odds below the best explanation at which a pose is forgotten."""
+
+_DRAWS, _DRAWS_AGAIN = 96, 768
+"""Poses drawn at every reading; and when the readings contradict all that was alive."""
+
+_WEIGHED, _MOST = 0.03, 4
+"""Modes of at least this probability, and no more of them, are weighed over their whole region."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """What is known after some readings.
+
+    Attributes:
+        start: what was assumed beforehand.
+        touches: all readings that met something.
+        free: the paths on which nothing was met.
+        modes: parts at poses with their probabilities, best first; none before the first reading.
+        rows: rough pose of the start under which each mode was found ``(M,)``.
+        unknown: probability of "none of these".
+        poses: where the part may be, ``(M, 4, 4)``: the modes, or the rough poses before the first reading.
+        covariances: of them ``(M, 6, 6)``.
+        part: index of the part of each ``(M,)``.
+        weights: probability of each ``(M,)``; sums to one with ``unknown``.
+    """
+
+    start: Start
+    touches: Touches | None
+    free: FreePaths
+    modes: tuple[Mode, ...]
+    rows: IntArray
+    unknown: float
+    poses: Transforms = field(init=False)
+    covariances: Covariances = field(init=False)
+    part: IntArray = field(init=False)
+    weights: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        start, modes = self.start, self.modes
+        if self.touches is None:
+            values = start.Ts, start.covariances, start.part, start.weights * (1 - self.unknown)
+        else:
+            values = (
+                np.array([m.found.Ts[m.k] for m in modes]).reshape(-1, 4, 4),
+                np.array([_spread(m) for m in modes]).reshape(-1, 6, 6),
+                start.part[self.rows],
+                np.array([m.probability for m in modes]),
+            )
+        for name, value in zip(("poses", "covariances", "part", "weights"), values, strict=True):
+            object.__setattr__(self, name, value)
+
+    def of_parts(self) -> FloatArray:
+        """Probability of every part of the start, whatever its pose."""
+        counts = np.bincount(self.part, weights=self.weights, minlength=len(self.start.targets))
+        return np.asarray(counts, dtype=np.float64)
+
+    def target(self, k: int) -> Target:
+        """The part of mode ``k``."""
+        return self.start.targets[self.part[k]]
+
+
+def begin(start: Start) -> Belief:
+    """The belief before the first reading."""
+    return Belief(start, None, FreePaths.none(), (), np.zeros(0, dtype=np.int64), start.priors.unknown)
+
+
+def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
+    """The belief after readings.
+
+    Args:
+        before: the belief before them.
+        touches: all readings so far that met something, the old ones included.
+        free: all paths so far on which nothing was met.
+    """
+    after = _believe(before, touches, free, _DRAWS)
+    if after.unknown > 0.5 >= before.unknown or not after.modes:
+        # what was alive does not explain them: look at everything that the start allows again
+        again = _believe(begin(before.start), touches, free, _DRAWS_AGAIN)
+        after = again if again.unknown < after.unknown or not after.modes else after
+    return after
+
+
+def _believe(before: Belief, touches: Touches, free: FreePaths, draws: int) -> Belief:
+    start = before.start
+    Ts, rows = _first_poses(before, draws)
+    found: list[tuple[Polished, IntArray, FloatArray]] = []
+    for k, target in enumerate(start.targets):
+        some = np.flatnonzero(start.part[rows] == k)
+        if len(some):
+            priors = replace(start.priors, pose=start.prior(rows[some]))
+            maxima = polish(touches, free, Ts[some], target, priors)
+            found.append(_distinct(start, target, maxima, rows[some]))
+    log_unknown = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
+    log_unknown += len(free.origins) * np.log1p(-start.priors.clutter)
+    return _weigh(start, touches, free, found, float(log_unknown))
+
+
+def _first_poses(before: Belief, draws: int) -> tuple[Transforms, IntArray]:
+    """The poses that were alive, and some drawn about them, more about the likelier; each with its rough pose."""
+    rows = before.rows if before.touches is not None else np.arange(len(before.start))
+    rng = np.random.default_rng((1991, 0 if before.touches is None else len(before.touches)))
+    share = before.weights / max(before.weights.sum(), 1e-300)
+    counts = np.ceil(draws * share).astype(np.int64)
+    which = np.repeat(np.arange(len(rows)), counts)
+    values, vectors = np.linalg.eigh(before.covariances)
+    L = vectors * np.sqrt(values.clip(0.0))[:, None, :]
+    xi = (L[which] @ rng.normal(size=(len(which), 6, 1)))[..., 0]
+    drawn = before.poses[which] @ SE3.exp(xi)
+    return np.concatenate([before.poses, drawn]), np.concatenate([rows, rows[which]])
+
+
+def _distinct(start: Start, target: Target, found: Polished, rows: IntArray) -> tuple[Polished, IntArray, FloatArray]:
+    """Each maximum once, with the mass of all rough poses that lead to it: maxima, rough pose, log mass."""
+    log = found.log_evidence + np.log(start.weights[rows]) + _images(start, target, found.Ts, rows)
+    order = np.argsort(-log, kind="stable")
+    order = order[np.isfinite(log[order]) & (log[order] > log.max() - 2 * NEGLIGIBLE)]
+    information = pose_information(found.information)
+    kept, masses = [], []
+    while len(order):
+        first = order[0]
+        same = equivalent(target.part, found.Ts[first], found.Ts[order], information[order], SAME_MAXIMUM)
+        same[0] = True
+        own = order[same]
+        best = own[np.unique(rows[own], return_index=True)[1]]  # sorted by mass: the first of every rough pose
+        kept.append(first)
+        masses.append(logsumexp(log[best]))
+        order = order[~same]
+    index = np.array(kept, dtype=np.int64)
+    return found.take(index), rows[index], np.array(masses)
+
+
+def _images(start: Start, target: Target, Ts: Transforms, rows: IntArray) -> FloatArray:
+    """Log of how many poses that symmetry makes equal the rough pose allows, each by its density ``(S,)``."""
+    images = target.part.symmetry.Ts
+    if len(images) < 2:
+        return np.zeros(len(Ts))
+    prior = start.prior(rows)
+    log = [-0.5 * np.sum(prior_rows(prior, target.part, Ts @ S)[0] ** 2, axis=1) for S in images]
+    return np.asarray(logsumexp(log, axis=0) - log[0])
+
+
+def _weigh(
+    start: Start,
+    touches: Touches,
+    free: FreePaths,
+    found: list[tuple[Polished, IntArray, FloatArray]],
+    log_unknown: float,
+) -> Belief:
+    prior = np.log1p(-start.priors.unknown)
+    modes = [
+        (Mode(start.targets[start.part[rows[k]]], maxima, k, float(log + prior)), int(rows[k]))
+        for maxima, rows, masses in found
+        for k, log in enumerate(masses)
+    ]
+    modes.sort(key=lambda m: -m[0].log_mass)
+    total = _total(modes, log_unknown)
+    likely = [m for m in modes[:_MOST] if m[0].log_mass > total + np.log(_WEIGHED)]
+    modes = [(_weighed(start, touches, free, *m), m[1]) for m in likely] + modes[len(likely) :]
+    modes.sort(key=lambda m: -m[0].log_mass)
+    total = _total(modes, log_unknown)
+    modes = [m for m in modes if m[0].log_mass > total - NEGLIGIBLE]
+    total = _total(modes, log_unknown)
+    kept = tuple(replace(m, probability=float(np.exp(m.log_mass - total))) for m, _ in modes)
+    rows_kept = np.array([row for _, row in modes], dtype=np.int64)
+    return Belief(start, touches, free, kept, rows_kept, float(np.exp(log_unknown - total)))
+
+
+def _total(modes: list[tuple[Mode, int]], log_unknown: float) -> float:
+    return float(logsumexp([log_unknown, *(m.log_mass for m, _ in modes)]))
+
+
+def _weighed(start: Start, touches: Touches, free: FreePaths, mode: Mode, row: int) -> Mode:
+    """The mode with the moments and the mass of the posterior about it, where they are not those of its curvature."""
+    priors = replace(start.priors, pose=PosePrior(start.Ts[row], start.covariances[row]))
+    density = partial(_density, touches, free, mode.target, priors)
+    moments = posterior_moments(
+        density, mode.found.Ts[mode.k], mode.found.z[mode.k], np.array(mode.found.information[mode.k])
+    )
+    return replace(mode, moments=moments, log_mass=mode.log_mass + (0.0 if moments is None else moments.log_mass))
+
+
+def _density(
+    touches: Touches, free: FreePaths, target: Target, priors: Priors, Ts: FloatArray, z: FloatArray
+) -> FloatArray:
+    return log_posterior(touches, free, Ts, z, target, priors)
+
+
+def _spread(mode: Mode) -> Covariances:
+    """Covariance of a mode; along its continuous symmetry, where all poses are one, that of its rough pose."""
+    if mode.moments is not None:
+        return mode.moments.covariance
+    return np.asarray(np.linalg.inv(pose_information(mode.found.information[mode.k])))

@@ -1,0 +1,108 @@
+"""What senses next, as far as choosing needs it: how far it reaches, how noisy it is, what it needs around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.hand import Workspace
+from tanteo.sensors import RobotPreset, SensorPreset
+from tanteo.sensors.law import NoiseLaw
+from tanteo.typing import BoolArray, FloatArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Probe:
+    """A beam or a touch probe, its errors, and where it may be brought.
+
+    Attributes:
+        name: for people.
+        law: standard deviation along the beam or motion, by range.
+        beam_half_angle: of the cone [rad]; 0 for a touch or a thin beam.
+        contact: it touches: its noise is the same in every direction.
+        max_range: how far it reaches [m].
+        max_incidence: angle to the surface's normal up to which it answers [rad].
+        shared_sd: of the errors that its readings share, along the beam [m].
+        around_sd: of errors of the robot's hand, in every direction [m].
+        standoff: from where it starts to the surface that it is to meet [m].
+        clearance: radius of the room that it needs about its start and on the straight way there [m].
+        retreat: length of that way [m].
+        approach: direction in which it may look or move, world ``(3,)``; None for any.
+        cone: largest angle to ``approach`` [rad].
+        workspace: where its start may be.
+        speed: of travelling between readings [m/s].
+        seconds: that one reading takes, beside travelling.
+    """
+
+    name: str
+    law: NoiseLaw
+    beam_half_angle: float = 0.0
+    contact: bool = False
+    max_range: float = 1.0
+    max_incidence: float = np.radians(60.0)
+    shared_sd: float = 0.0
+    around_sd: float = 0.0
+    standoff: float = 0.05
+    clearance: float = 0.01
+    retreat: float = 0.10
+    approach: Vectors | None = None
+    cone: float = np.pi
+    workspace: Workspace = field(default_factory=Workspace.everywhere)
+    speed: float = 0.1
+    seconds: float = 2.0
+
+    def __post_init__(self) -> None:
+        lengths = ("max_range", "standoff", "clearance", "retreat", "speed")
+        bad = [n for n in lengths if not (np.isfinite(getattr(self, n)) and getattr(self, n) > 0)]
+        if bad or not self.standoff <= self.max_range or not 0 < self.max_incidence < np.pi / 2:
+            name = bad[0] if bad else "standoff, max_range, max_incidence"
+            raise InputError(
+                f"probe '{self.name}', {name}: expected positive lengths, a stand-off within range and an incidence "
+                "below a right angle. Correct it."
+            )
+        if self.approach is not None:
+            d = np.asarray(self.approach, dtype=np.float64)
+            if d.shape != (3,) or not np.linalg.norm(d) > 0:
+                raise InputError(f"probe '{self.name}', approach: expected a direction, got {d.tolist()}.")
+            object.__setattr__(self, "approach", d / np.linalg.norm(d))
+
+    def variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
+        """Variance of what it reads along its beam, all errors [m^2].
+
+        Args:
+            ranges: true ones ``(*batch)`` [m].
+            cosines: of the incidence, positive ``(*batch)``.
+        """
+        along = self.law.sigma(ranges) ** 2 + self.shared_sd**2
+        if self.contact:
+            return np.asarray((along + self.around_sd**2) / cosines**2)
+        tangent2 = 1 / cosines**2 - 1
+        across = (0.5 * self.beam_half_angle * ranges) ** 2
+        return np.asarray(along + across * tangent2 + self.around_sd**2 * (1 + tangent2))
+
+    def answers(self, ranges: FloatArray, cosines: FloatArray) -> BoolArray:
+        """Whether there is a reading at these ranges and incidences."""
+        return np.asarray((ranges <= self.max_range) & (cosines >= np.cos(self.max_incidence)))
+
+
+def probe_of(preset: SensorPreset, robot: RobotPreset | None = None, **where: object) -> Probe:
+    """The probe of a sensor's preset on a robot; ``where`` are further fields of :class:`Probe`.
+
+    Args:
+        preset: the sensor.
+        robot: its errors; none are assumed without it.
+        where: standoff, clearance, approach, workspace and so on.
+    """
+    far = 0.3 if preset.is_contact else preset.max_range
+    standoff = min(0.05, far) if preset.is_contact else float(np.clip(0.05, 1.2 * preset.min_range, 0.8 * far))
+    around = 0.0 if robot is None else float(np.hypot(robot.pos_repeat_std, robot.pos_abs_std))
+    values: dict[str, object] = {
+        "name": preset.name, "law": preset.law, "contact": preset.is_contact, "max_range": far,
+        "beam_half_angle": float(np.nan_to_num(preset.beam_half_angle)),
+        "max_incidence": min(preset.max_incidence, np.radians(80.0)),
+        "shared_sd": float(np.hypot(preset.bias_std, preset.bias_prop_std * standoff)),
+        "around_sd": around, "standoff": standoff,
+    }  # fmt: skip
+    return Probe(**(values | where))  # type: ignore[arg-type]

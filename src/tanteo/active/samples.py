@@ -1,0 +1,152 @@
+"""A belief as a few hundred small normal densities, for what is not linear: edges, misses, the wrong face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from tanteo.active.belief import Belief
+from tanteo.lie import SE3, SO3
+from tanteo.matching.verdict import corner_moves
+from tanteo.surface_search import Target
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
+
+_KEPT = 0.3
+"""Share of the covariance that stays with every sample; the rest is between the samples."""
+
+_RMS = 1.6
+"""A normal error in space stays within 1.6 times its root mean square with a probability of 95 %."""
+
+_LEAST = 1e-4
+"""Modes of less probability are not asked about."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Poses that are possible, each with the small covariance of its own.
+
+    Attributes:
+        targets: the parts.
+        part: index of the part of each ``(S,)``.
+        mode: index of the mode of the belief that it is drawn from ``(S,)``.
+        Ts: poses ``T_world_part`` ``(S, 4, 4)``.
+        covariances: ``(S, 6, 6)``, part frame, right perturbation [m, rad].
+        weights: ``(S,)``, summing to one.
+        whole: covariance of the mode of each ``(S, 6, 6)``.
+        useful: the part of it that is worth knowing ``(S, 6, 6)``: all of it, or what exceeds a tolerance.
+    """
+
+    targets: tuple[Target, ...]
+    part: IntArray
+    mode: IntArray
+    Ts: Transforms
+    covariances: Covariances
+    weights: FloatArray
+    whole: Covariances
+    useful: Covariances
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+
+def draw(belief: Belief, count: int, tolerance: float | None = None) -> Samples:
+    """About so many samples of a belief, more of the likelier modes, spread evenly over each (Sobol).
+
+    Args:
+        belief: what is known.
+        count: of samples; every mode has one at least.
+        tolerance: of the corners of the part [m], beyond which nothing more needs to be known; None for none.
+    """
+    alive = np.flatnonzero(belief.weights > _LEAST * belief.weights.max(initial=0.0))
+    w = belief.weights[alive] / belief.weights[alive].sum()
+    counts = np.maximum(1, np.round(count * w)).astype(np.int64)
+    which = np.repeat(np.arange(len(alive)), counts)
+    mode = alive[which]
+    xi = np.concatenate([even_normals(n) for n in counts]) if len(counts) else np.zeros((0, 6))
+    C = belief.covariances[mode]
+    values, vectors = np.linalg.eigh(belief.covariances[alive])
+    L = (vectors * np.sqrt(values.clip(0.0))[:, None, :])[which]
+    many = counts[which] > 1  # a single sample has all of the covariance
+    moved = np.where(many[:, None], np.sqrt(1 - _KEPT) * (L @ xi[..., None])[..., 0], 0.0)
+    kept = np.where(many, _KEPT, 1.0)[:, None, None] * C
+    Ts = belief.poses[mode] @ SE3.exp(moved)
+    useful = np.stack([_useful(belief, int(k), tolerance) for k in alive]) if len(alive) else C
+    return Samples(belief.start.targets, belief.part[mode], mode, Ts, kept, (w / counts)[which], C, useful[which])
+
+
+def _useful(belief: Belief, k: int, tolerance: float | None) -> Covariances:
+    """``C (C + L)^-1 C`` of mode ``k``, ``L`` a covariance that just keeps the corners within the tolerance."""
+    C = belief.covariances[k]
+    if tolerance is None:
+        return C
+    J = corner_moves(belief.target(k).part)
+    enough = (tolerance / _RMS) ** 2 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
+    return np.asarray(C @ np.linalg.solve(C + enough, C))
+
+
+@cache
+def even_normals(n: int) -> FloatArray:
+    """Evenly spread standard normal vectors ``(n, 6)``, the first at the centre."""
+    if n == 1:
+        return np.zeros((1, 6))
+    u = qmc.Sobol(6, scramble=True, rng=np.random.default_rng(1991)).random_base2(int(np.ceil(np.log2(n))))[: n - 1]
+    return np.concatenate([np.zeros((1, 6)), ndtri(np.clip(u, 1e-6, 1 - 1e-6))])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predictions:
+    """What beams would meet under every sample.
+
+    Attributes:
+        ranges: ``(C, S)`` [m]; infinite where nothing is met.
+        cosines: of the incidence ``(C, S)``; 0 where nothing is met.
+        variances: of the range from the sample's own covariance ``(C, S)`` [m^2].
+        spreads: from that of its mode ``(C, S)`` [m^2].
+        useful: from the part of that which is worth knowing ``(C, S)`` [m^2].
+        faces: index of the part's face that is met ``(C, S)``; -1 for none.
+    """
+
+    ranges: FloatArray
+    cosines: FloatArray
+    variances: FloatArray
+    spreads: FloatArray
+    useful: FloatArray
+    faces: IntArray
+
+    @property
+    def met(self) -> BoolArray:
+        """Whether anything is met ``(C, S)``."""
+        return np.isfinite(self.ranges)
+
+
+def predict(samples: Samples, origins: Vectors, directions: Vectors) -> Predictions:
+    """What beams would read, by rays on every sample; ``math.md`` section 7, end, for the variance.
+
+    Args:
+        samples: where the parts may be.
+        origins: of the beams, world ``(C, 3)`` [m].
+        directions: unit, world ``(C, 3)``.
+    """
+    C, S = len(origins), len(samples)
+    ranges, cosines, faces = np.full((C, S), np.inf), np.zeros((C, S)), np.full((C, S), -1, dtype=np.int64)
+    variances, spreads, useful = np.zeros((3, C, S))
+    for k in np.unique(samples.part):
+        some = np.flatnonzero(samples.part == k)
+        target, R, t = samples.targets[k], samples.Ts[some, :3, :3], samples.Ts[some, :3, 3]
+        local = ((origins[:, None] - t)[:, :, None, :] @ R)[:, :, 0]
+        along = (directions[:, None, None, :] @ R)[:, :, 0]
+        hits = target.surface.cast(local, along)
+        hit = hits.triangles >= 0
+        n = target.surface.normals[hits.triangles]
+        cosine = np.where(hit, np.abs(np.sum(n * along, axis=-1)), 0.0)
+        x = local + np.where(hit, hits.distances, 0.0)[..., None] * along
+        g = np.concatenate([n, SO3.cross(x, n)], axis=-1) / np.maximum(cosine, 1e-3)[..., None]
+        for form, A in ((variances, samples.covariances), (spreads, samples.whole), (useful, samples.useful)):
+            form[:, some] = np.sum((g[:, :, None, :] @ A[some])[:, :, 0] * g, axis=-1)
+        ranges[:, some], cosines[:, some] = hits.distances, cosine
+        faces[:, some] = np.where(hit, target.part.triangle_face[hits.triangles], -1)
+    return Predictions(ranges, cosines, variances, spreads, useful, faces)

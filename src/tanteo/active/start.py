@@ -1,0 +1,122 @@
+"""What is assumed before the first reading: where each part may be, as a mixture of rough poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.frames import check_covariances, check_transforms
+from tanteo.lie import SE3
+from tanteo.matching import Hypothesis, PosePrior, Priors
+from tanteo.matching.evidence import sized
+from tanteo.surface_search import Target
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Rough poses of parts, each normal, with their probabilities; "none of these" has the rest.
+
+    Attributes:
+        targets: the parts, prepared (``prepare_target``).
+        part: index of the part of each rough pose ``(A,)``.
+        Ts: rough poses ``T_world_part`` ``(A, 4, 4)``.
+        covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        weights: their probabilities, if it is one of the parts: they sum to one ``(A,)``.
+        priors: of "none of these" and of stray readings; the radius of the workspace.
+
+    Raises:
+        InputError: no part, no rough pose of it, weights that are no probabilities, a covariance without spread.
+    """
+
+    targets: tuple[Target, ...]
+    part: IntArray
+    Ts: Transforms
+    covariances: Covariances
+    weights: FloatArray
+    priors: Priors
+
+    def __post_init__(self) -> None:
+        if not self.targets or not len(self.part):
+            raise InputError("start: expected a part and a rough pose of it, got none. Give both.")
+        Ts, C = check_transforms("start, T_world_part", self.Ts), check_covariances("start", self.covariances, 6)
+        w = np.asarray(self.weights, dtype=np.float64)
+        if not (len(Ts) == len(C) == len(w) == len(self.part)):
+            raise InputError(
+                f"start: expected as many poses, covariances and weights as parts, got {len(Ts)}, {len(C)}, {len(w)} "
+                f"and {len(self.part)}."
+            )
+        if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):
+            raise InputError(f"start, weights: expected probabilities, got {w.tolist()}. Normalise them.")
+        if np.linalg.eigvalsh(C).min() <= 0:
+            raise InputError("start: expected a spread in every direction, got none in one. A tiny one is enough.")
+        radius = max(target.part.radius for target in self.targets)
+        for name, value in (("Ts", Ts), ("covariances", C), ("weights", w / w.sum())):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "priors", sized(self.priors, radius))
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+    def prior(self, rows: IntArray) -> PosePrior:
+        """The rough poses of those rows, as what is known of as many poses."""
+        return PosePrior(self.Ts[rows], self.covariances[rows])
+
+
+def around(
+    targets: Sequence[Target], T_world_place: Transforms, covariance: Covariances, priors: Priors | None = None
+) -> Start:
+    """Some part, its centroid about a place and its axes about along those of the place: a feeder, a fixture.
+
+    Args:
+        targets: the parts, all equally probable.
+        T_world_place: the place ``(4, 4)``.
+        covariance: of the part there ``(6, 6)``, order x y z rx ry rz, in the frame of the place at the centroid.
+        priors: of "none of these" and of stray readings.
+    """
+    if not targets:
+        raise InputError("parts: expected at least one part, got none.")
+    T_part_centre = np.stack([SE3.from_parts(np.eye(3), target.part.centroid) for target in targets])
+    J = SE3.adjoint(T_part_centre)
+    return Start(
+        tuple(targets),
+        np.arange(len(targets)),
+        T_world_place @ SE3.inverse(T_part_centre),
+        J @ np.asarray(covariance, dtype=np.float64) @ np.swapaxes(J, 1, 2),
+        np.ones(len(targets)),
+        priors or Priors(),
+    )
+
+
+def at_pose(target: Target, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None) -> Start:
+    """One part at a rough pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
+    T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    return Start((target,), np.zeros(1, dtype=np.int64), T[None], C[None], np.ones(1), priors or Priors())
+
+
+def from_hypotheses(hypotheses: Sequence[Hypothesis], targets: Sequence[Target], priors: Priors | None = None) -> Start:
+    """What another answer left open: that of an image, or of earlier readings, which are not told again.
+
+    Args:
+        hypotheses: of the answer; parts by name.
+        targets: these parts.
+        priors: of "none of these" and of stray readings.
+
+    Raises:
+        InputError: a hypothesis names a part that is not among the targets.
+    """
+    names = [target.part.name for target in targets]
+    missing = sorted({h.part for h in hypotheses} - set(names))
+    if missing:
+        raise InputError(f"hypotheses: expected parts among {', '.join(names)}, got {missing[0]}. Add its file.")
+    return Start(
+        tuple(targets),
+        np.array([names.index(h.part) for h in hypotheses], dtype=np.int64),
+        np.array([h.T_world_part for h in hypotheses]).reshape(-1, 4, 4),
+        np.array([h.covariance for h in hypotheses]).reshape(-1, 6, 6),
+        np.array([h.probability for h in hypotheses]),
+        priors or Priors(),
+    )

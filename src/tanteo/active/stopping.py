@@ -1,0 +1,108 @@
+"""When to stop: the part is known, it is placed well enough, or nothing is left that is worth its cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.active.belief import Belief
+from tanteo.active.samples import even_normals
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.matching.belief import without_spin
+from tanteo.typing import FloatArray
+
+_SAMPLES = 2048
+"""Poses by which the probability to be within a tolerance is counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """What has to be known before sensing ends; what is None is not asked for.
+
+    Attributes:
+        probability: of one part, whatever its pose.
+        tolerance: that all corners of the part's box are to be within [m].
+        confidence: with which they are.
+        least_gain: information below which no reading is worth making [nats].
+        most: number of readings at which to end in any case.
+    """
+
+    probability: float | None = 0.99
+    tolerance: float | None = None
+    confidence: float = 0.95
+    least_gain: float = 0.02
+    most: int = 100
+
+    def __post_init__(self) -> None:
+        for name in ("probability", "confidence"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < 1:
+                raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Say 0.99.")
+        if self.tolerance is not None and not (np.isfinite(self.tolerance) and self.tolerance > 0):
+            raise InputError(f"tolerance: expected a positive length [m], got {self.tolerance:g}.")
+        if self.most < 1 or not self.least_gain >= 0:
+            raise InputError("most, least_gain: expected a reading at least, and no negative information.")
+
+    def reached(self, belief: Belief) -> str:
+        """Why sensing can end now, in words; empty if it cannot."""
+        if belief.touches is None or not len(belief.weights):
+            return ""
+        P = belief.of_parts()
+        k = int(np.argmax(P))
+        name = belief.start.targets[k].part.name
+        words = []
+        if self.probability is not None:
+            if P[k] <= self.probability:
+                return ""
+            words.append(f"it is {name} (P = {_short(P[k])})")
+        if self.tolerance is not None:
+            inside = chance_within(belief, self.tolerance)
+            if inside < self.confidence:
+                return ""
+            words.append(
+                f"every corner of {name} is within {1e3 * self.tolerance:.3g} mm of where it is said to be "
+                f"(P = {_short(inside)})"
+            )
+        return " and ".join(words)
+
+
+def _short(p: float) -> str:
+    return f"{p:.4f}" if p < 0.9999 else "> 0.9999"
+
+
+def chance_within(belief: Belief, tolerance: float) -> float:
+    """Probability that all corners of the part's box are within a tolerance [m] of where the best mode puts them.
+
+    Other modes of the same part count as far as they put the corners there too; symmetric poses are one.
+    """
+    if not len(belief.weights):
+        return 0.0
+    best = int(np.argmax(belief.weights))
+    same = np.flatnonzero(belief.part == belief.part[best])
+    counts = np.maximum(64, np.ceil(_SAMPLES * belief.weights[same] / belief.weights[same].sum())).astype(int)
+    total = 0.0
+    for k, n in zip(same, counts, strict=True):
+        values, vectors = np.linalg.eigh(belief.covariances[k])
+        xi = even_normals(int(n)) @ (vectors * np.sqrt(values.clip(0.0))).T
+        off = corner_distances(belief, best, belief.poses[k] @ SE3.exp(xi))
+        total += float(belief.weights[k] * np.mean(off <= tolerance))
+    return total
+
+
+def corner_distances(belief: Belief, k: int, Ts: FloatArray) -> FloatArray:
+    """Largest distance of a corner of the part's box from where mode ``k`` has it ``(S,)`` [m], up to symmetry.
+
+    Args:
+        belief: what is known.
+        k: the mode.
+        Ts: poses of the same part ``(S, 4, 4)``.
+    """
+    part = belief.target(k).part
+    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
+    gaps = SE3.inverse(belief.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
+    if part.symmetry.continuous:
+        gaps = without_spin(part, gaps)
+    moved = SE3.apply(gaps[..., None, :, :], corners) - corners
+    return np.asarray(np.linalg.norm(moved, axis=-1).max(axis=-1).min(axis=0))

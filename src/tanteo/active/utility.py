@@ -1,0 +1,91 @@
+"""How much a reading is expected to tell, about part and pose together (``math.md`` section 11).
+
+Two things add up. Which mode is it, part and place: the mutual information of mode and reading, with the densities of
+the modes made of small normal ones, so that what an edge does to a reading counts, and the chance of a miss; overlaps
+of pairs are Bhattacharyya's, as in the bound of Kolchinsky and Tracey. And where is the part, given the mode: half the
+log of the ratio of variances, as far as it matters for a tolerance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import entr
+
+from tanteo.active.probe import Probe
+from tanteo.active.samples import Predictions, Samples
+from tanteo.typing import BoolArray, FloatArray, IntArray
+
+_BLOCK = 64
+"""Readings whose pairs of samples are compared at once."""
+
+
+def expected_information(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
+    """What each reading is expected to tell about part and pose ``(C,)`` [nats].
+
+    Args:
+        samples: of the belief.
+        predicted: what each reading would be under them.
+        probe: what senses.
+    """
+    return about_mode(samples, predicted, probe) + about_pose(samples, predicted, probe)
+
+
+def about_pose(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
+    """What each reading tells about the pose once the mode is known ``(C,)`` [nats]; nothing by missing."""
+    answers, own = _own(predicted, probe)
+    share = np.where(answers, predicted.useful / (predicted.spreads + own), 0.0)
+    return np.asarray(-0.5 * np.log1p(-np.minimum(share, 1 - 1e-12)) @ samples.weights)
+
+
+def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: IntArray | None = None) -> FloatArray:
+    """What each reading tells about which mode it is ``(C,)`` [nats].
+
+    Args:
+        samples: of the belief.
+        predicted: what each reading would be under them.
+        probe: what senses.
+        groups: what to tell apart instead of the modes, a number for every sample ``(S,)``; the parts, say.
+    """
+    groups = samples.mode if groups is None else groups
+    names, group = np.unique(groups, return_inverse=True)
+    if len(names) < 2:
+        return np.zeros(len(predicted.ranges))
+    answers, own = _own(predicted, probe)
+    w = np.where(answers, samples.weights, 0.0)
+    hit = w.sum(axis=1)
+    member = (group[:, None] == np.arange(len(names))).astype(np.float64)
+    total, hits = samples.weights @ member, w @ member
+    chance = hits / total
+    miss = entr(hit) + entr(np.maximum(1 - hit, 0.0)) - (entr(chance) + entr(np.maximum(1 - chance, 0.0))) @ total
+    variances = np.where(answers, predicted.variances + own, 1.0)
+    means = np.where(answers, predicted.ranges, 0.0)
+    told = [
+        _between(w[k : k + _BLOCK], means[k : k + _BLOCK], variances[k : k + _BLOCK], member)
+        for k in range(0, len(w), _BLOCK)
+    ]
+    return np.asarray(np.maximum(miss, 0.0) + np.concatenate([np.zeros(0), *told]))
+
+
+def _own(predicted: Predictions, probe: Probe) -> tuple[BoolArray, FloatArray]:
+    """Where there is an answer, and the variance of the reading itself ``(C, S)``."""
+    answers = predicted.met & probe.answers(predicted.ranges, predicted.cosines)
+    return answers, probe.variance(np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0))
+
+
+def _between(w: FloatArray, means: FloatArray, variances: FloatArray, member: FloatArray) -> FloatArray:
+    """Hits' share of the information on the group ``(c,)``, of ``(c, S)`` weights, means, variances."""
+    used = (w > 0).any(axis=0)
+    w, means, variances = (a[:, used].astype(np.float32) for a in (w, means, variances))  # type: ignore[assignment]
+    member = np.asarray(member[used], dtype=np.float32)
+    scale = np.sqrt(variances.min(axis=1, initial=np.inf))[:, None]
+    means, variances = means / scale, variances / scale**2
+    total = variances[:, :, None] + variances[:, None, :]
+    gap = means[:, :, None] - means[:, None, :]
+    root = np.sqrt(np.sqrt(variances))
+    # exp(-B) of two normal densities, from their ranges over their standard deviations
+    overlap = np.exp(-0.25 * gap * gap / total) * np.sqrt(2.0 / total) * root[:, :, None] * root[:, None, :]
+    each = np.maximum((overlap * w[:, None, :]) @ member, 1e-30)  # of every group (c, S, G)
+    own = np.sum(each * member, axis=2)
+    hit = np.maximum(w.sum(axis=1, keepdims=True), 1e-30)
+    of_group = np.maximum((w @ member) @ member.T, 1e-30)
+    return np.asarray(np.sum(w * np.log((own / of_group) / (each.sum(axis=2) / hit)), axis=1), dtype=np.float64)

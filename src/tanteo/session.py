@@ -1,0 +1,340 @@
+"""Sensing as a conversation: ``ask()`` gives the next reading to make, ``tell(readings)`` what came of it.
+
+The only thing here with memory. It touches no file and moves no hand::
+
+    session = Session(around(targets, T_world_place, covariance), probe_of(sensor_preset("tesa_st")), sensing=...)
+    while isinstance(action := session.ask(), Action):
+        session.tell(action.read(measured_range))
+    print(session.answer().message)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from tanteo.active import (
+    POLICIES,
+    Belief,
+    Choice,
+    Policy,
+    Probe,
+    Situation,
+    Start,
+    Stop,
+    begin,
+    chance_within,
+    propose,
+    update,
+)
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.matching import Recognition
+from tanteo.matching.verdict import corner_sd, verdict
+from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, concatenate, measure
+from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
+from tanteo.surface_search.answer import as_hypothesis
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+
+_CANDIDATES = 500
+"""Readings among which one is chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensing:
+    """How readings are made into measurements; as in :func:`tanteo.sensors.measure`.
+
+    Attributes:
+        sensor: preset, or its name, of readings without a spread of their own.
+        robot: preset of the robot's errors, or its name.
+        sd: one standard deviation along the beam or normal [m], for the same.
+        tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
+        rig: where the range sensors sit on the hand.
+        tolerance: sd of the made part's surface against its CAD [m].
+    """
+
+    sensor: SensorPreset | str | None = None
+    robot: RobotPreset | str | None = None
+    sd: float | None = None
+    tip_sd: npt.ArrayLike | None = None
+    rig: Rig | None = None
+    tolerance: float = 0.0
+
+    def touches(self, readings: Readings) -> tuple[Touches, FreePaths]:
+        """Readings as touches and free paths in the world."""
+        measured = measure(readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig)
+        reach = readings.ranges[measured.rows]
+        return as_touches(measured, self.tolerance, reach), as_free_paths(measured, self.tolerance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Action:
+    """The next reading to make.
+
+    Attributes:
+        number: of the question, from 1.
+        origin: from where to look or move, world ``(3,)`` [m].
+        direction: in which, unit, world ``(3,)``.
+        max_range: how far [m].
+        expected: mean range from ``origin`` if the likeliest hypothesis is true [m].
+        part: at which part it is aimed.
+        face: at which of its faces.
+        gain: what it is expected to tell [nats]; NaN where the policy does not ask.
+        why: in words.
+    """
+
+    number: int
+    origin: Vectors
+    direction: Vectors
+    max_range: float
+    expected: float
+    part: str
+    face: str
+    gain: float
+    why: str
+
+    @property
+    def T_world_probe(self) -> Transforms:
+        """A pose of the probe ``(4, 4)`` that looks along its z; its turn about z is free."""
+        z = self.direction
+        x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+        x /= np.linalg.norm(x)
+        return SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=-1), self.origin)
+
+    @property
+    def words(self) -> str:
+        """One line for a person."""
+        x, y, z = 1e3 * self.origin
+        dx, dy, dz = self.direction
+        return (
+            f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
+            f"{self.part} is expected after {1e3 * self.expected:.1f} mm; {self.why}"
+        )
+
+    def read(self, distance: float, sd: float | None = None, name: str | None = None) -> Readings:
+        """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
+
+        Args:
+            distance: from ``origin`` along ``direction``, as measured.
+            sd: of it [m], where the session's sensor does not say it.
+            name: of the reading; that of the question by default.
+        """
+        if np.isnan(distance) or distance <= 0:
+            raise InputError(f"distance: expected a positive length or infinity, got {distance}. Leave it out.")
+        names, free = [name or f"a{self.number}"], not np.isfinite(distance)
+        if free or distance > self.max_range:
+            return Readings.from_columns(
+                self.origin[None], ids=names, directions=self.direction[None], is_free=np.array([True]),
+                max_ranges=np.array([self.max_range]),
+            )  # fmt: skip
+        return Readings.from_columns(
+            (self.origin + distance * self.direction)[None], ids=names, directions=self.direction[None],
+            ranges=np.array([distance]), sds=None if sd is None else np.array([sd]),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """Nothing more to ask.
+
+    Attributes:
+        reached: the goal is reached; else nothing is left that is worth its cost, or that can be made.
+        why: in words.
+    """
+
+    reached: bool
+    why: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What some readings told.
+
+    Attributes:
+        ids: names of the readings.
+        action: the question that they answer; None where nothing was asked.
+        probabilities: of every part ``(P,)``.
+        unknown: of "none of these".
+        T_world_part: likeliest pose ``(4, 4)``.
+        part: index of its part; -1 if no part explains the readings.
+        covariance: of that pose ``(6, 6)``.
+        worst_corner_sd: [m].
+        within: probability that all corners are within the tolerance; NaN without one.
+        note: what a person should know; empty for nothing.
+    """
+
+    ids: tuple[str, ...]
+    action: Action | None
+    probabilities: FloatArray
+    unknown: float
+    T_world_part: Transforms
+    part: int
+    covariance: Covariances
+    worst_corner_sd: float
+    within: float
+    note: str = ""
+
+
+@dataclass(slots=True, eq=False)
+class Session:
+    """Belief, readings and questions of one part being sensed.
+
+    Attributes:
+        start: what is assumed beforehand.
+        probe: what senses, and where it may come from.
+        sensing: how readings are made into measurements.
+        policy: which reading is chosen.
+        stop: when to end.
+        seed: of everything that draws: the same seed and readings give the same questions and answers.
+    """
+
+    start: Start
+    probe: Probe
+    sensing: Sensing = field(default_factory=Sensing)
+    policy: Policy = POLICIES["information"]
+    stop: Stop = field(default_factory=Stop)
+    seed: int = 0
+    _belief: Belief = field(init=False)
+    _readings: list[Readings] = field(init=False, default_factory=list)
+    _steps: list[Step] = field(init=False, default_factory=list)
+    _asked: Action | None = field(init=False, default=None)
+    _questions: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        self._belief = begin(self.start)
+
+    @property
+    def belief(self) -> Belief:
+        """What is known now."""
+        return self._belief
+
+    @property
+    def readings(self) -> Readings | None:
+        """All that was told; None before the first."""
+        return concatenate(self._readings) if self._readings else None
+
+    @property
+    def tells(self) -> tuple[Readings, ...]:
+        """The same, as it came."""
+        return tuple(self._readings)
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """What each of them told."""
+        return tuple(self._steps)
+
+    @property
+    def count(self) -> int:
+        """Readings told."""
+        return sum(len(r) for r in self._readings)
+
+    def ask(self) -> Action | Done:
+        """The next reading to make, or why there is none. Asking twice without telling gives the same."""
+        if self._asked is not None:
+            return self._asked
+        if why := self.stop.reached(self._belief):
+            return Done(True, f"Enough: {why}.")
+        if self.count >= self.stop.most:
+            return Done(False, f"{self.count} readings were made, which is the most that was asked for.")
+        if not len(self._belief.weights):
+            return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
+        candidates = propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions)
+        if not len(candidates):
+            return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
+        situation = Situation(
+            self._belief, candidates, self.probe, self._place(), self.stop.tolerance, self.count, self.seed
+        )
+        choice = self.policy.choose(situation)
+        if choice.gain < self.stop.least_gain:
+            return Done(False, f"No reading is worth its cost: the best would tell {choice.gain:.3f} nats.")
+        self._questions += 1
+        self._asked = self._action(situation, choice)
+        return self._asked
+
+    def tell(self, readings: Readings) -> Step:
+        """Take readings into the belief: the answer to the last question, or any others, at any time.
+
+        A name that was told before with the same values is left out; with others, it gets a new name.
+
+        Raises:
+            InputError: the readings cannot be made into measurements; nothing has changed then.
+        """
+        fresh, note = self._fresh(readings)
+        if fresh is not None:
+            touches, free = self.sensing.touches(concatenate([*self._readings, fresh]))
+            self._belief = update(self._belief, touches, free)
+            self._readings.append(fresh)
+        step = self._step(() if fresh is None else fresh.ids, note)
+        self._asked = None
+        self._steps.append(step)
+        return step
+
+    def answer(self, top: int = 5, alpha: float = 0.01) -> Recognition:
+        """The answer as of now, with status and message, as :func:`tanteo.identify` gives it.
+
+        Args:
+            top: hypotheses to report.
+            alpha: an answer whose joint test has a smaller p-value is not accepted.
+        """
+        b = self._belief
+        if b.touches is None or not len(b.touches):
+            message = "Nothing was met yet: sense the place that is asked for."
+            return Recognition("insufficient", message, (), 1.0 - float(b.weights.sum()), {}, self.seed)
+        hypotheses = tuple(as_hypothesis(b.touches, mode) for mode in b.modes[:top])
+        status, message = verdict(hypotheses, b.unknown, alpha)
+        return Recognition(status, message, hypotheses, b.unknown, {}, self.seed)
+
+    def _place(self) -> Vectors | None:
+        asked = [s.action for s in self._steps if s.action is not None]
+        return asked[-1].origin if asked else None
+
+    def _action(self, s: Situation, choice: Choice) -> Action:
+        k = choice.index
+        c, mode = s.candidates, int(s.candidates.mode[k])
+        part = s.belief.target(mode).part
+        return Action(
+            self._questions, c.origins[k], c.directions[k], self.probe.max_range, self.probe.standoff, part.name,
+            part.faces[c.face[k]].name, choice.gain, choice.why,
+        )  # fmt: skip
+
+    def _fresh(self, readings: Readings) -> tuple[Readings | None, str]:
+        """The readings that are new, named so that no name comes twice; and what was done about names."""
+        known = {name: (r, k) for r in self._readings for k, name in enumerate(r.ids)}
+        keep, names, again, renamed = [], [], [], []
+        for k, name in enumerate(readings.ids):
+            new = name
+            if name in known:
+                if _same(readings, k, *known[name]):
+                    again.append(name)
+                    continue
+                new = next(f"{name} ({n})" for n in range(2, 10**6) if f"{name} ({n})" not in known)
+                renamed.append(new)
+            keep.append(k)
+            names.append(new)
+        notes = [f"{', '.join(again)}: told before"] if again else []
+        notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
+        if not keep:
+            return None, "; ".join(notes)
+        return replace(readings.take(np.array(keep)), ids=tuple(names)), "; ".join(notes)
+
+    def _step(self, ids: Sequence[str], note: str) -> Step:
+        b = self._belief
+        if not len(b.weights):
+            nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), np.nan, 0.0
+            T, part, C, sd, inside = nowhere
+        else:
+            k = int(np.argmax(b.weights))
+            T, part, C = b.poses[k], int(b.part[k]), b.covariances[k]
+            sd = corner_sd(b.target(k).part, C)
+            inside = np.nan if self.stop.tolerance is None else chance_within(b, self.stop.tolerance)
+        return Step(tuple(ids), self._asked, b.of_parts(), b.unknown, T, part, C, sd, float(inside), note)
+
+
+def _same(a: Readings, i: int, b: Readings, j: int) -> bool:
+    arrays = ("points", "directions", "ranges", "Ts_world_hand", "max_ranges")
+    return a.sensors[i] == b.sensors[j] and all(
+        np.array_equal(getattr(a, name)[i], getattr(b, name)[j], equal_nan=True) for name in arrays
+    )
