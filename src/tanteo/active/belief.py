@@ -9,21 +9,19 @@ each maximum is Laplace's, or that of weighted draws where the posterior is not 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from scipy.special import logsumexp
 
 from tanteo.active.start import Start
+from tanteo.active.weighing import PartModes, weigh_part
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
-from tanteo.matching.evidence import Priors
-from tanteo.matching.prior import PosePrior, prior_rows
+from tanteo.matching.prior import prior_rows
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.modes import Mode
-from tanteo.surface_search.moments import posterior_moments
-from tanteo.surface_search.polish import Polished, log_posterior, polish
+from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.recognition import unknown_log_density
 from tanteo.surface_search.search import SAME_MAXIMUM
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
@@ -34,8 +32,23 @@ NEGLIGIBLE = 12.0
 _DRAWS, _DRAWS_AGAIN = 96, 768
 """Poses drawn at every reading; and when the readings contradict all that was alive."""
 
-_WEIGHED, _MOST = 0.03, 4
-"""Modes of at least this probability, and no more of them, are weighed over their whole region."""
+_REACH = 25.0
+"""Log odds, by Laplace's approximation, below the best part at which another is forgotten unweighed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draws:
+    """Poses drawn from a belief.
+
+    Attributes:
+        Ts: ``(N, 4, 4)``.
+        mode: index of the mode of each ``(N,)``.
+        weights: ``(N,)``, summing to the probability of all parts.
+    """
+
+    Ts: Transforms
+    mode: IntArray
+    weights: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +62,7 @@ class Belief:
         modes: parts at poses with their probabilities, best first; none before the first reading.
         rows: rough pose of the start under which each mode was found ``(M,)``.
         unknown: probability of "none of these".
+        draws: poses drawn from all of it; None before the first reading.
         poses: where the part may be, ``(M, 4, 4)``: the modes, or the rough poses before the first reading.
         covariances: of them ``(M, 6, 6)``.
         part: index of the part of each ``(M,)``.
@@ -61,6 +75,7 @@ class Belief:
     modes: tuple[Mode, ...]
     rows: IntArray
     unknown: float
+    draws: Draws | None = None
     poses: Transforms = field(init=False)
     covariances: Covariances = field(init=False)
     part: IntArray = field(init=False)
@@ -114,13 +129,13 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
 def _believe(before: Belief, touches: Touches, free: FreePaths, draws: int) -> Belief:
     start = before.start
     Ts, rows = _first_poses(before, draws)
-    found: list[tuple[Polished, IntArray, FloatArray]] = []
+    found: list[tuple[int, Polished, IntArray, FloatArray]] = []
     for k, target in enumerate(start.targets):
         some = np.flatnonzero(start.part[rows] == k)
         if len(some):
             priors = replace(start.priors, pose=start.prior(rows[some]))
             maxima = polish(touches, free, Ts[some], target, priors)
-            found.append(_distinct(start, target, maxima, rows[some]))
+            found.append((k, *_distinct(start, target, maxima, rows[some])))
     log_unknown = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
     log_unknown += len(free.origins) * np.log1p(-start.priors.clutter)
     return _weigh(start, touches, free, found, float(log_unknown))
@@ -129,15 +144,18 @@ def _believe(before: Belief, touches: Touches, free: FreePaths, draws: int) -> B
 def _first_poses(before: Belief, draws: int) -> tuple[Transforms, IntArray]:
     """The poses that were alive, and some drawn about them, more about the likelier; each with its rough pose."""
     rows = before.rows if before.touches is not None else np.arange(len(before.start))
-    rng = np.random.default_rng((1991, 0 if before.touches is None else len(before.touches)))
-    share = before.weights / max(before.weights.sum(), 1e-300)
-    counts = np.ceil(draws * share).astype(np.int64)
-    which = np.repeat(np.arange(len(rows)), counts)
-    values, vectors = np.linalg.eigh(before.covariances)
-    L = vectors * np.sqrt(values.clip(0.0))[:, None, :]
-    xi = (L[which] @ rng.normal(size=(len(which), 6, 1)))[..., 0]
-    drawn = before.poses[which] @ SE3.exp(xi)
-    return np.concatenate([before.poses, drawn]), np.concatenate([rows, rows[which]])
+    rng = np.random.default_rng(1991)
+    if before.draws is not None:
+        w = np.cumsum(before.draws.weights)
+        which = np.searchsorted(w, w[-1] * (np.arange(draws) + 0.5) / draws) if len(w) else np.zeros(0, dtype=np.int64)
+        some = np.unique(which)
+        Ts, mode = before.draws.Ts[some], before.draws.mode[some]
+    else:
+        share = before.weights / before.weights.sum()
+        mode = np.repeat(np.arange(len(rows)), np.ceil(draws * share).astype(np.int64))
+        xi = (np.linalg.cholesky(before.covariances)[mode] @ rng.normal(size=(len(mode), 6, 1)))[..., 0]
+        Ts = before.poses[mode] @ SE3.exp(xi)
+    return np.concatenate([before.poses, Ts]), np.concatenate([rows, rows[mode]])
 
 
 def _distinct(start: Start, target: Target, found: Polished, rows: IntArray) -> tuple[Polished, IntArray, FloatArray]:
@@ -174,46 +192,41 @@ def _weigh(
     start: Start,
     touches: Touches,
     free: FreePaths,
-    found: list[tuple[Polished, IntArray, FloatArray]],
+    found: list[tuple[int, Polished, IntArray, FloatArray]],
     log_unknown: float,
 ) -> Belief:
     prior = np.log1p(-start.priors.unknown)
+    best = max((masses[0] for _, _, _, masses in found if len(masses)), default=-np.inf)
+    alive = [f for f in found if len(f[3]) and f[3][0] > best - _REACH]
+    parts = [weigh_part(start, k, touches, free, maxima, rows, masses) for k, maxima, rows, masses in alive]
+    log = np.concatenate([np.zeros(0), *(p.log_mass for p in parts)]) + prior
+    total = float(logsumexp([log_unknown, *log]))
     modes = [
-        (Mode(start.targets[start.part[rows[k]]], maxima, k, float(log + prior)), int(rows[k]))
-        for maxima, rows, masses in found
-        for k, log in enumerate(masses)
+        Mode(start.targets[k], p.found, int(p.k[m]), float(p.log_mass[m] + prior), p.moments[m])
+        for (k, *_), p in zip(alive, parts, strict=True)
+        for m in range(len(p.k))
     ]
-    modes.sort(key=lambda m: -m[0].log_mass)
-    total = _total(modes, log_unknown)
-    likely = [m for m in modes[:_MOST] if m[0].log_mass > total + np.log(_WEIGHED)]
-    modes = [(_weighed(start, touches, free, *m), m[1]) for m in likely] + modes[len(likely) :]
-    modes.sort(key=lambda m: -m[0].log_mass)
-    total = _total(modes, log_unknown)
-    modes = [m for m in modes if m[0].log_mass > total - NEGLIGIBLE]
-    total = _total(modes, log_unknown)
-    kept = tuple(replace(m, probability=float(np.exp(m.log_mass - total))) for m, _ in modes)
-    rows_kept = np.array([row for _, row in modes], dtype=np.int64)
-    return Belief(start, touches, free, kept, rows_kept, float(np.exp(log_unknown - total)))
+    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(p.rows for p in parts)])
+    order = [k for k in np.argsort(-log, kind="stable") if log[k] > total - NEGLIGIBLE]
+    kept = tuple(replace(modes[k], probability=float(np.exp(log[k] - total))) for k in order)
+    number = np.full(len(modes), -1)
+    number[order] = np.arange(len(order))
+    draws = _joined(parts, number, np.array([m.probability for m in kept]))
+    return Belief(start, touches, free, kept, rows[order], float(np.exp(log_unknown - total)), draws)
 
 
-def _total(modes: list[tuple[Mode, int]], log_unknown: float) -> float:
-    return float(logsumexp([log_unknown, *(m.log_mass for m, _ in modes)]))
-
-
-def _weighed(start: Start, touches: Touches, free: FreePaths, mode: Mode, row: int) -> Mode:
-    """The mode with the moments and the mass of the posterior about it, where they are not those of its curvature."""
-    priors = replace(start.priors, pose=PosePrior(start.Ts[row], start.covariances[row]))
-    density = partial(_density, touches, free, mode.target, priors)
-    moments = posterior_moments(
-        density, mode.found.Ts[mode.k], mode.found.z[mode.k], np.array(mode.found.information[mode.k])
+def _joined(parts: list[PartModes], number: IntArray, probabilities: FloatArray) -> Draws:
+    """The draws of all parts, those of each mode weighing what it is worth."""
+    first = np.cumsum([0, *(len(p.k) for p in parts)])
+    mode = np.concatenate(
+        [np.zeros(0, dtype=np.int64), *(number[p.mode + k] for p, k in zip(parts, first, strict=False))]
     )
-    return replace(mode, moments=moments, log_mass=mode.log_mass + (0.0 if moments is None else moments.log_mass))
-
-
-def _density(
-    touches: Touches, free: FreePaths, target: Target, priors: Priors, Ts: FloatArray, z: FloatArray
-) -> FloatArray:
-    return log_posterior(touches, free, Ts, z, target, priors)
+    Ts = np.concatenate([np.zeros((0, 4, 4)), *(p.Ts for p in parts)])
+    weights = np.concatenate([np.zeros(0), *(p.weights for p in parts)])
+    keep = mode >= 0
+    mode, Ts, weights = mode[keep], Ts[keep], weights[keep]
+    sums = np.bincount(mode, weights=weights, minlength=len(probabilities))
+    return Draws(Ts, mode, weights * probabilities[mode] / sums[mode])
 
 
 def _spread(mode: Mode) -> Covariances:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
 
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances, check_transforms
@@ -64,6 +65,18 @@ class Start:
     def prior(self, rows: IntArray) -> PosePrior:
         """The rough poses of those rows, as what is known of as many poses."""
         return PosePrior(self.Ts[rows], self.covariances[rows])
+
+    def log_density(self, part: int, Ts: Transforms) -> FloatArray:
+        """Log density of a part at poses ``(S, 4, 4)``, over x y z [m] and rx ry rz [rad], symmetric poses together.
+
+        The rough poses of the part are weighted by their probabilities, given that it is one of the parts.
+        """
+        rows = np.flatnonzero((self.part == part) & (self.weights > 0))
+        images = Ts @ self.targets[part].part.symmetry.Ts[:, None]
+        xi = SE3.log(SE3.inverse(self.Ts[rows])[:, None, None] @ images)
+        white = np.linalg.solve(np.linalg.cholesky(self.covariances[rows])[:, None, None], xi[..., None])[..., 0]
+        log = np.log(self.weights[rows]) - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.covariances[rows])[1]
+        return np.asarray(logsumexp(log[:, None, None] - 0.5 * np.sum(white * white, axis=-1), axis=(0, 1)))
 
 
 def around(
