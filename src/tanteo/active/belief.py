@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tanteo.active.start import Start
-from tanteo.active.weighing import PartModes, weigh_part
+from tanteo.active.weighing import ENOUGH, ROUNDS, Maxima, PartModes, weigh_part
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
@@ -28,6 +28,12 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 NEGLIGIBLE = 12.0
 """Log odds below the best explanation at which a pose is forgotten."""
+
+_MATTERS = 0.003
+"""Probability of a part from which its posterior is sampled until the weights can be believed."""
+
+_CLIMB = 6
+"""Steps towards the maxima after every reading; those that stay alive go on at the next."""
 
 _DRAWS, _DRAWS_AGAIN = 96, 768
 """Poses drawn at every reading; and when the readings contradict all that was alive."""
@@ -129,13 +135,13 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
 def _believe(before: Belief, touches: Touches, free: FreePaths, draws: int) -> Belief:
     start = before.start
     Ts, rows = _first_poses(before, draws)
-    found: list[tuple[int, Polished, IntArray, FloatArray]] = []
+    found: list[Maxima] = []
     for k, target in enumerate(start.targets):
         some = np.flatnonzero(start.part[rows] == k)
         if len(some):
             priors = replace(start.priors, pose=start.prior(rows[some]))
-            maxima = polish(touches, free, Ts[some], target, priors)
-            found.append((k, *_distinct(start, target, maxima, rows[some])))
+            maxima = polish(touches, free, Ts[some], target, priors, _CLIMB)
+            found.append(_distinct(start, k, maxima, rows[some]))
     log_unknown = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
     log_unknown += len(free.origins) * np.log1p(-start.priors.clutter)
     return _weigh(start, touches, free, found, float(log_unknown))
@@ -158,8 +164,9 @@ def _first_poses(before: Belief, draws: int) -> tuple[Transforms, IntArray]:
     return np.concatenate([before.poses, Ts]), np.concatenate([rows, rows[mode]])
 
 
-def _distinct(start: Start, target: Target, found: Polished, rows: IntArray) -> tuple[Polished, IntArray, FloatArray]:
-    """Each maximum once, with the mass of all rough poses that lead to it: maxima, rough pose, log mass."""
+def _distinct(start: Start, part: int, found: Polished, rows: IntArray) -> Maxima:
+    """Each maximum once, with the mass of all rough poses that lead to it."""
+    target = start.targets[part]
     log = found.log_evidence + np.log(start.weights[rows]) + _images(start, target, found.Ts, rows)
     order = np.argsort(-log, kind="stable")
     order = order[np.isfinite(log[order]) & (log[order] > log.max() - 2 * NEGLIGIBLE)]
@@ -175,7 +182,7 @@ def _distinct(start: Start, target: Target, found: Polished, rows: IntArray) -> 
         masses.append(logsumexp(log[best]))
         order = order[~same]
     index = np.array(kept, dtype=np.int64)
-    return found.take(index), rows[index], np.array(masses)
+    return Maxima(part, found.take(index), rows[index], np.array(masses))
 
 
 def _images(start: Start, target: Target, Ts: Transforms, rows: IntArray) -> FloatArray:
@@ -192,18 +199,25 @@ def _weigh(
     start: Start,
     touches: Touches,
     free: FreePaths,
-    found: list[tuple[int, Polished, IntArray, FloatArray]],
+    found: list[Maxima],
     log_unknown: float,
 ) -> Belief:
     prior = np.log1p(-start.priors.unknown)
-    best = max((masses[0] for _, _, _, masses in found if len(masses)), default=-np.inf)
-    alive = [f for f in found if len(f[3]) and f[3][0] > best - _REACH]
-    parts = [weigh_part(start, k, touches, free, maxima, rows, masses) for k, maxima, rows, masses in alive]
+    best = max((f.masses[0] for f in found if len(f.masses)), default=-np.inf)
+    alive = [f for f in found if len(f.masses) and f.masses[0] > best - _REACH]
+    parts = [weigh_part(start, f, touches, free) for f in alive]
+    total = float(logsumexp([log_unknown - prior, *(logsumexp(p.log_mass) for p in parts)]))
+    parts = [
+        weigh_part(start, f, touches, free, ROUNDS)
+        if p.effective < ENOUGH and logsumexp(p.log_mass) > total + np.log(_MATTERS)
+        else p
+        for p, f in zip(parts, alive, strict=True)
+    ]
     log = np.concatenate([np.zeros(0), *(p.log_mass for p in parts)]) + prior
     total = float(logsumexp([log_unknown, *log]))
     modes = [
-        Mode(start.targets[k], p.found, int(p.k[m]), float(p.log_mass[m] + prior), p.moments[m])
-        for (k, *_), p in zip(alive, parts, strict=True)
+        Mode(start.targets[f.part], p.found, int(p.k[m]), float(p.log_mass[m] + prior), p.moments[m])
+        for f, p in zip(alive, parts, strict=True)
         for m in range(len(p.k))
     ]
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(p.rows for p in parts)])
@@ -218,9 +232,8 @@ def _weigh(
 def _joined(parts: list[PartModes], number: IntArray, probabilities: FloatArray) -> Draws:
     """The draws of all parts, those of each mode weighing what it is worth."""
     first = np.cumsum([0, *(len(p.k) for p in parts)])
-    mode = np.concatenate(
-        [np.zeros(0, dtype=np.int64), *(number[p.mode + k] for p, k in zip(parts, first, strict=False))]
-    )
+    numbers = (number[p.mode + k] for p, k in zip(parts, first, strict=False))
+    mode = np.concatenate([np.zeros(0, dtype=np.int64), *numbers])
     Ts = np.concatenate([np.zeros((0, 4, 4)), *(p.Ts for p in parts)])
     weights = np.concatenate([np.zeros(0), *(p.weights for p in parts)])
     keep = mode >= 0

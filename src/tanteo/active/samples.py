@@ -11,6 +11,7 @@ from scipy.stats import qmc
 
 from tanteo.active.belief import Belief
 from tanteo.lie import SE3, SO3
+from tanteo.localization import pose_information
 from tanteo.matching.verdict import corner_moves
 from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
@@ -74,8 +75,26 @@ def draw(belief: Belief, count: int, tolerance: float | None = None) -> Samples:
     moved = np.where(many[:, None], np.sqrt(1 - _KEPT) * (L @ xi[..., None])[..., 0], 0.0)
     kept = np.where(many, _KEPT, 1.0)[:, None, None] * C
     Ts = belief.poses[mode] @ SE3.exp(moved)
+    kept, Ts = _from_draws(belief, alive, counts, kept, Ts)
     useful = np.stack([_useful(belief, int(k), tolerance) for k in alive]) if len(alive) else C
     return Samples(belief.start.targets, belief.part[mode], mode, Ts, kept, (w / counts)[which], C, useful[which])
+
+
+def _from_draws(
+    belief: Belief, alive: IntArray, counts: IntArray, kept: Covariances, Ts: Transforms
+) -> tuple[Covariances, Transforms]:
+    """Where a mode is not normal, the draws of the belief, with a share of the curvature at its maximum."""
+    first = np.cumsum(counts) - counts
+    for k, n, at in zip(alive, counts, first, strict=True):
+        if belief.draws is None or belief.modes[k].moments is None or n < 2:
+            continue
+        rows = np.flatnonzero(belief.draws.mode == k)
+        w = np.cumsum(belief.draws.weights[rows])
+        chosen = rows[np.searchsorted(w, w[-1] * (np.arange(n) + 0.5) / n).clip(0, len(rows) - 1)]
+        Ts[at : at + n] = belief.draws.Ts[chosen]
+        found, j = belief.modes[k].found, belief.modes[k].k
+        kept[at : at + n] = _KEPT * np.linalg.inv(pose_information(found.information[j]))
+    return kept, Ts
 
 
 def _useful(belief: Belief, k: int, tolerance: float | None) -> Covariances:

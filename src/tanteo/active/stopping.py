@@ -84,11 +84,19 @@ def chance_within(belief: Belief, tolerance: float) -> float:
     counts = np.maximum(64, np.ceil(_SAMPLES * belief.weights[same] / belief.weights[same].sum())).astype(int)
     total = 0.0
     for k, n in zip(same, counts, strict=True):
-        values, vectors = np.linalg.eigh(belief.covariances[k])
-        xi = even_normals(int(n)) @ (vectors * np.sqrt(values.clip(0.0))).T
-        off = corner_distances(belief, best, belief.poses[k] @ SE3.exp(xi))
-        total += float(belief.weights[k] * np.mean(off <= tolerance))
+        Ts, w = _poses(belief, int(k), int(n))
+        total += float(belief.weights[k] * np.average(corner_distances(belief, best, Ts) <= tolerance, weights=w))
     return total
+
+
+def _poses(belief: Belief, k: int, count: int) -> tuple[FloatArray, FloatArray]:
+    """Poses of one mode and their weights: from its covariance, or those it was weighed by if it is not normal."""
+    if belief.draws is not None and belief.modes[k].moments is not None:
+        rows = belief.draws.mode == k
+        return belief.draws.Ts[rows], belief.draws.weights[rows]
+    values, vectors = np.linalg.eigh(belief.covariances[k])
+    xi = even_normals(count) @ (vectors * np.sqrt(values.clip(0.0))).T
+    return belief.poses[k] @ SE3.exp(xi), np.ones(count)
 
 
 def corner_distances(belief: Belief, k: int, Ts: FloatArray) -> FloatArray:

@@ -22,10 +22,13 @@ from tanteo.surface_search.moments import Moments
 from tanteo.surface_search.polish import Polished, log_posterior
 from tanteo.typing import FloatArray, IntArray, Transforms
 
-_DRAWS, _ROUNDS, _TAIL = 256, 5, 5
-"""Draws in a round, rounds at most, degrees of freedom of the proposals."""
+_DRAWS, _TAIL = 256, 5
+"""Draws in a round, degrees of freedom of the proposals."""
 
-_ENOUGH = 80.0
+ROUNDS = 5
+"""Rounds at most."""
+
+ENOUGH = 80.0
 """Effective draws with which the weights are believed."""
 
 _MAXIMA, _HOPELESS = 16, 25.0
@@ -36,6 +39,23 @@ _NORMAL = 0.25
 
 _ONE = 9.0
 """Squared Mahalanobis distance within which a maximum belongs to a larger mode."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Maxima:
+    """Distinct maxima of the posterior of one part.
+
+    Attributes:
+        part: index of the part in the start.
+        found: the maxima, best first.
+        rows: rough pose of the start under which each was found ``(S,)``.
+        masses: Laplace's log mass of each ``(S,)``, of all rough poses that lead to it.
+    """
+
+    part: int
+    found: Polished
+    rows: IntArray
+    masses: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +71,7 @@ class PartModes:
         Ts: draws ``(N, 4, 4)``.
         mode: index into ``k`` of each draw ``(N,)``.
         weights: of the draws, summing to one ``(N,)``.
+        effective: number of draws that carry the weight.
     """
 
     found: Polished
@@ -61,27 +82,24 @@ class PartModes:
     Ts: Transforms
     mode: IntArray
     weights: FloatArray
+    effective: float
 
 
-def weigh_part(
-    start: Start, part: int, touches: Touches, free: FreePaths, found: Polished, rows: IntArray, masses: FloatArray
-) -> PartModes:
+def weigh_part(start: Start, maxima: Maxima, touches: Touches, free: FreePaths, rounds: int = 1) -> PartModes:
     """Modes of one part with masses, moments and draws.
 
     Args:
         start: what was assumed beforehand.
-        part: index of the part.
+        maxima: of the part.
         touches: all readings that met something.
         free: all paths on which nothing was met.
-        found: maxima of the posterior, distinct.
-        rows: rough pose under which each was found ``(S,)``.
-        masses: Laplace's log mass of each ``(S,)``, best first.
+        rounds: of draws, at most; fewer if enough of them carry the weight.
     """
-    near = np.flatnonzero(masses > masses[0] - _HOPELESS)[:_MAXIMA]
-    found, rows, masses = found.take(near), rows[near], masses[near]
-    posterior = _Posterior(start, part, touches, free)
+    near = np.flatnonzero(maxima.masses > maxima.masses[0] - _HOPELESS)[:_MAXIMA]
+    found, rows, masses = maxima.found.take(near), maxima.rows[near], maxima.masses[near]
+    posterior = _Posterior(start, maxima.part, touches, free)
     about = _Proposals.at(found, masses)
-    draws = _sampled(posterior, about)
+    draws = _sampled(posterior, about, rounds)
     return _as_modes(found, rows, masses, about, draws, posterior)
 
 
@@ -143,9 +161,8 @@ class _Proposals:
         """Poses and shared errors."""
         d = self.means.shape[1]
         normal, factor = _chance(d, round_)
-        which = np.searchsorted(np.cumsum(self.shares), (np.arange(_DRAWS) + 0.5) / _DRAWS).clip(
-            0, len(self.shares) - 1
-        )
+        which = np.searchsorted(np.cumsum(self.shares), (np.arange(_DRAWS) + 0.5) / _DRAWS)
+        which = np.minimum(which, len(self.shares) - 1)
         x = self.means[which] + factor[:, None] * (self.roots[which] @ normal[..., None])[..., 0]
         return self.Ts[which] @ SE3.exp(x[:, :6]), self.z[which] + x[:, 6:]
 
@@ -184,29 +201,31 @@ class _Draws:
     log: FloatArray
     log_weights: FloatArray
     owner: IntArray
+    effective: float
 
     @property
     def log_mass(self) -> float:
         return float(logsumexp(self.log_weights) - np.log(len(self.log_weights)))
 
 
-def _sampled(posterior: _Posterior, about: _Proposals) -> _Draws:
+def _sampled(posterior: _Posterior, about: _Proposals, rounds: int) -> _Draws:
     """Rounds of draws until enough of them carry the weight."""
     Ts, z = about.draw(0)
     log, proposals = posterior(Ts, z), [about]
-    for round_ in range(1, _ROUNDS + 1):
+    for round_ in range(1, rounds + 1):
         x = about.coordinates(Ts, z)
         each = np.stack([p.log_density(x) for p in proposals])
         log_q = logsumexp(each, axis=(0, 1)) - np.log(len(proposals))
         log_w = log - log_q
         w = np.exp(log_w - log_w.max()) if np.isfinite(log_w.max()) else np.ones(len(log_w))
-        if w.sum() ** 2 > _ENOUGH * np.sum(w**2) or round_ == _ROUNDS:
+        effective = float(w.sum() ** 2 / np.sum(w**2))
+        if effective > ENOUGH or round_ == rounds:
             break
         proposals.append(proposals[-1].adapted(x, w))
         more_Ts, more_z = proposals[-1].draw(round_)
         log = np.concatenate([log, posterior(more_Ts, more_z)])
         Ts, z = np.concatenate([Ts, more_Ts]), np.concatenate([z, more_z])
-    return _Draws(Ts, x, log, log_w, np.argmax(logsumexp(each, axis=0), axis=0))
+    return _Draws(Ts, x, log, log_w, np.argmax(logsumexp(each, axis=0), axis=0), effective)
 
 
 def _as_modes(
@@ -237,8 +256,9 @@ def _as_modes(
     own = w[alive] / w[alive].sum()
     index = np.array(kept, dtype=np.int64)
     return PartModes(
-        found, index, rows[index], np.array(log_mass), tuple(moments), draws.Ts[alive], number[owner[alive]], own
-    )
+        found, index, rows[index], np.array(log_mass), tuple(moments), draws.Ts[alive], number[owner[alive]], own,
+        draws.effective,
+    )  # fmt: skip
 
 
 def _second_moment(x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
