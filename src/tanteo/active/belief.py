@@ -9,6 +9,7 @@ each maximum is Laplace's, or that of weighted draws where the posterior is not 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import logsumexp
@@ -18,12 +19,12 @@ from tanteo.active.weighing import ENOUGH, ROUNDS, Maxima, PartModes, weigh_part
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
-from tanteo.matching.prior import prior_rows
+from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.recognition import unknown_log_density
-from tanteo.surface_search.search import SAME_MAXIMUM
+from tanteo.surface_search.search import SAME_MAXIMUM, Effort, first_poses
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 NEGLIGIBLE = 12.0
@@ -35,8 +36,11 @@ _MATTERS = 0.003
 _CLIMB = 6
 """Steps towards the maxima after every reading; those that stay alive go on at the next."""
 
-_DRAWS, _DRAWS_AGAIN = 96, 768
-"""Poses drawn at every reading; and when the readings contradict all that was alive."""
+_DRAWS, _RAW, _EFFORT = 96, 1000, Effort(1000, 10, 24, 8)
+"""Poses kept from reading to reading; poses of a part looked at anew, and how many of them closely."""
+
+_DOUBT = 0.2
+"""Probability of "none of these" from which all parts are looked at anew."""
 
 _REACH = 25.0
 """Log odds, by Laplace's approximation, below the best part at which another is forgotten unweighed."""
@@ -124,17 +128,24 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
         touches: all readings so far that met something, the old ones included.
         free: all paths so far on which nothing was met.
     """
-    after = _believe(before, touches, free, _DRAWS)
-    if after.unknown > 0.5 >= before.unknown or not after.modes:
-        # what was alive does not explain them: look at everything that the start allows again
-        again = _believe(begin(before.start), touches, free, _DRAWS_AGAIN)
-        after = again if again.unknown < after.unknown or not after.modes else after
+    after = _believe(before, touches, free, _searched(before))
+    if after.unknown > _DOUBT:  # what was alive does not explain them: look at every part again
+        after = _believe(after, touches, free, np.arange(len(before.start.targets)))
     return after
 
 
-def _believe(before: Belief, touches: Touches, free: FreePaths, draws: int) -> Belief:
+def _searched(before: Belief) -> IntArray:
+    """The parts that are alive."""
+    return np.flatnonzero(before.of_parts() > _MATTERS)
+
+
+def _believe(before: Belief, touches: Touches, free: FreePaths, searched: IntArray) -> Belief:
     start = before.start
-    Ts, rows = _first_poses(before, draws)
+    Ts, rows = _alive(before)
+    if len(touches):
+        fresh = [_fresh(start, int(k), touches) for k in searched]
+        Ts = np.concatenate([Ts, *(T for T, _ in fresh)])
+        rows = np.concatenate([rows, *(row for _, row in fresh)])
     found: list[Maxima] = []
     for k, target in enumerate(start.targets):
         some = np.flatnonzero(start.part[rows] == k)
@@ -147,7 +158,19 @@ def _believe(before: Belief, touches: Touches, free: FreePaths, draws: int) -> B
     return _weigh(start, touches, free, found, float(log_unknown))
 
 
-def _first_poses(before: Belief, draws: int) -> tuple[Transforms, IntArray]:
+def _fresh(start: Start, part: int, touches: Touches) -> tuple[Transforms, IntArray]:
+    """Poses of a part found anew from what the start allows, whatever was alive, each with the likeliest rough pose."""
+    target, raw = start.targets[part], start.drawn(part, _RAW)
+    own = np.flatnonzero(start.part == part)
+    known = partial(prior_rows, PosePrior(start.Ts[own[0]], start.covariances[own[0]]), target.part)
+    Ts = first_poses(touches, raw, target, _EFFORT, known if len(own) == 1 else None)
+    xi = SE3.log(SE3.inverse(start.Ts[own])[:, None] @ Ts)
+    white = np.linalg.solve(np.linalg.cholesky(start.covariances[own])[:, None], xi[..., None])[..., 0]
+    log = np.log(np.maximum(start.weights[own], 1e-300)) - 0.5 * np.linalg.slogdet(start.covariances[own])[1]
+    return Ts, own[np.argmax(log[:, None] - 0.5 * np.sum(white * white, axis=-1), axis=0)]
+
+
+def _alive(before: Belief, draws: int = _DRAWS) -> tuple[Transforms, IntArray]:
     """The poses that were alive, and some drawn about them, more about the likelier; each with its rough pose."""
     rows = before.rows if before.touches is not None else np.arange(len(before.start))
     rng = np.random.default_rng(1991)
@@ -222,6 +245,7 @@ def _weigh(
     ]
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(p.rows for p in parts)])
     order = [k for k in np.argsort(-log, kind="stable") if log[k] > total - NEGLIGIBLE]
+    total = float(logsumexp([log_unknown, *log[order]]))
     kept = tuple(replace(modes[k], probability=float(np.exp(log[k] - total))) for k in order)
     number = np.full(len(modes), -1)
     number[order] = np.arange(len(order))

@@ -16,6 +16,9 @@ from tanteo.matching.evidence import sized
 from tanteo.surface_search import Target
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
+_BEYOND = 1.2
+"""Spread of the poses that are looked at, in that of the rough poses."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
@@ -65,6 +68,14 @@ class Start:
     def prior(self, rows: IntArray) -> PosePrior:
         """The rough poses of those rows, as what is known of as many poses."""
         return PosePrior(self.Ts[rows], self.covariances[rows])
+
+    def drawn(self, part: int, count: int) -> Transforms:
+        """The same poses of a part every time, over all its rough poses and somewhat beyond ``(count, 4, 4)``."""
+        rows = np.flatnonzero(self.part == part)
+        which = np.resize(rows, count)
+        xi = np.random.default_rng((1991, part)).normal(size=(count, 6, 1))
+        L = np.asarray(np.linalg.cholesky(self.covariances))[which]
+        return np.asarray(self.Ts[which] @ SE3.exp(_BEYOND * (L @ xi)[..., 0]))
 
     def log_density(self, part: int, Ts: Transforms) -> FloatArray:
         """Log density of a part at poses ``(S, 4, 4)``, over x y z [m] and rx ry rz [rad], symmetric poses together.

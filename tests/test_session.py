@@ -1,0 +1,152 @@
+"""Asking and telling: goals are reached, anything may be told, and what cannot be a reading is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, true_range
+from tanteo.errors import InputError
+from tanteo.parts import read_part
+from tanteo.sensors import Readings
+from tanteo.session import Action, Done
+from tanteo.surface_search import prepare_target
+
+PARTS = Path(__file__).parents[1] / "examples" / "parts"
+
+
+@pytest.fixture(scope="module")
+def targets():
+    return [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
+
+
+def valid(session):
+    b = session.belief
+    assert b.unknown + b.weights.sum() == pytest.approx(1, abs=1e-9)
+    assert (b.weights >= 0).all()
+    assert 0 <= b.unknown <= 1
+    assert np.isfinite(b.poses).all()
+    assert not len(b.covariances) or np.linalg.eigvalsh(b.covariances).min() > 0
+
+
+def test_a_session_names_and_places_the_part(targets):
+    start = rough(targets)
+    for seed in range(3):
+        rng = np.random.default_rng((2, seed))
+        k, T = drawn_truth(start, rng)
+        session = new_session(start, seed=seed, tolerance=2e-3)
+        end = sense(session, targets[k], T, rng, each=valid)
+        assert end.reached
+        assert targets[k].part.name in end.why
+        assert off(session, k, T) < 2e-3
+        answer = session.answer()
+        assert answer.status == "recognized"
+        assert answer.hypotheses[0].part == targets[k].part.name
+        assert session.count <= 15
+
+
+def test_the_same_seed_and_readings_give_the_same_questions_and_answers(targets):
+    start, runs = rough(targets), []
+    for _ in range(2):
+        rng = np.random.default_rng(5)
+        k, T = drawn_truth(start, rng)
+        session = new_session(start, most=4)
+        sense(session, targets[k], T, rng)
+        runs.append(session)
+    first, second = runs
+    np.testing.assert_array_equal(first.readings.points, second.readings.points)
+    np.testing.assert_array_equal(first.belief.poses, second.belief.poses)
+    assert runs[0].answer().message == runs[1].answer().message
+
+
+def test_asking_twice_without_telling_gives_the_same_question(targets):
+    session = new_session(rough(targets))
+    assert session.ask() is session.ask()
+
+
+def test_extra_readings_are_taken_and_told_ones_left_out(targets):
+    start, rng = rough(targets), np.random.default_rng(1)
+    k, T = drawn_truth(start, rng)
+    session = new_session(start)
+    action = session.ask()
+    reading = action.read(true_range(targets[k], T, action))
+    before = session.tell(reading)
+    again = session.tell(reading)
+    assert session.count == 1
+    assert "told before" in again.note
+    assert not again.ids
+    np.testing.assert_array_equal(before.probabilities, again.probabilities)
+    other = action.read(true_range(targets[k], T, action) + 1e-3)
+    assert session.tell(other).ids == ("a1 (2)",)
+    assert session.count == 2
+
+
+def test_what_cannot_be_a_reading_changes_nothing(targets):
+    session = new_session(rough(targets))
+    action = session.ask()
+    for distance in (np.nan, -0.1, 0.0):
+        with pytest.raises(InputError, match="distance"):
+            action.read(distance)
+    with pytest.raises(InputError):
+        session.tell(Readings.from_columns(np.array([[np.nan, 0.0, 0.0]])))
+    assert session.count == 0
+    assert session.readings is None
+    assert session.ask() is action
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
+    """Contradictory, repeated, late, from nowhere near the part, and on the way free of everything."""
+    rng = np.random.default_rng((3, seed))
+    start = rough(targets)
+    k, T = drawn_truth(start, rng)
+    session = new_session(start, seed=seed, tolerance=1e-6, most=1000, least_gain=0.0)
+    late = []
+    for _ in range(6):
+        action = session.ask()
+        if not isinstance(action, Action):
+            assert isinstance(action, Done)
+            assert action.why
+            break
+        kind = rng.integers(6)
+        if kind == 0:
+            reading = action.read(rng.uniform(1e-3, 0.29))
+        elif kind == 1:
+            reading = action.read(np.inf)
+        elif kind == 2:
+            reading = Readings.from_columns(rng.normal(size=(2, 3)), ids=[f"w{rng.integers(9)}", "x"])
+        elif kind == 3 and late:
+            reading = late.pop()
+        else:
+            reading = action.read(true_range(targets[k], T, action))
+            if rng.uniform() < 0.3:
+                late.append(reading)
+                continue
+        session.tell(reading)
+        valid(session)
+        session.answer()
+
+
+def test_a_part_out_of_reach_is_said(targets):
+    from dataclasses import replace
+
+    from tanteo.hand import Workspace
+
+    far = Workspace(np.full(3, 5.0), np.full(3, 6.0))
+    session = new_session(rough(targets), replace(LASER, workspace=far))
+    end = session.ask()
+    assert isinstance(end, Done)
+    assert not end.reached
+    assert "reaches no place" in end.why
+
+
+def test_a_reading_that_contradicts_everything_leaves_none_of_these(targets):
+    start = rough(targets)
+    session = new_session(start)
+    for k, point in enumerate(np.eye(3)):
+        session.tell(Readings.from_columns(10 * point[None], ids=[f"far {k}"]))
+        valid(session)
+    assert session.belief.unknown > 0.99
+    assert session.answer().status == "unknown"
