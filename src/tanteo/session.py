@@ -32,7 +32,7 @@ from tanteo.active import (
 )
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.matching import Recognition
+from tanteo.matching import PosePrior, Recognition
 from tanteo.matching.verdict import corner_sd, verdict
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, concatenate, measure
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
@@ -283,7 +283,10 @@ class Session:
         if b.touches is None or not len(b.touches):
             message = "Nothing was met yet: sense the place that is asked for."
             return Recognition("insufficient", message, (), 1.0 - float(b.weights.sum()), {}, self.seed)
-        hypotheses = tuple(as_hypothesis(b.touches, mode) for mode in b.modes[:top])
+        hypotheses = tuple(
+            as_hypothesis(b.touches, mode, PosePrior(self.start.Ts[row], self.start.covariances[row]))
+            for mode, row in zip(b.modes[:top], b.rows, strict=False)
+        )
         status, message = verdict(hypotheses, b.unknown, alpha)
         return Recognition(status, message, hypotheses, b.unknown, {}, self.seed)
 

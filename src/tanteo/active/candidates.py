@@ -105,8 +105,7 @@ def has_room(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArray:
     """Whether start and way in are inside the workspace and clear of every live mode ``(C,)``."""
     back = np.linspace(0.0, probe.retreat, _STEPS)
     way = candidates.origins[:, None] - back[:, None] * candidates.directions[:, None]
-    low, high = probe.workspace.room(way, np.full(_STEPS, probe.clearance))
-    ok: BoolArray = np.all((low >= 0) & (high >= 0), axis=(1, 2))
+    ok: BoolArray = np.all(probe.workspace.rooms(way)[0] >= probe.clearance, axis=(1, 2))
     for k in np.flatnonzero(belief.weights >= _LIVE):
         rows = np.flatnonzero(ok)
         if not len(rows):
