@@ -18,9 +18,11 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     try:
         from tanteo.cli.app import app
-        from tanteo.cli.options import spread_values
+        from tanteo.cli.options import TYPED, spread_values
 
-        app(args=spread_values(sys.argv[1:] if argv is None else argv), prog_name="tanteo")
+        typed = list(sys.argv[1:] if argv is None else argv)
+        TYPED.set(("tanteo", *typed))
+        app(args=spread_values(typed), prog_name="tanteo")
     except KeyboardInterrupt:
         sys.exit(130)
 

@@ -52,6 +52,9 @@ RigPath = Annotated[
 Alpha = Annotated[float, typer.Option("--alpha", help="Share of true answers that the tests may lose.")]
 Top = Annotated[int, typer.Option("--top", help="How many hypotheses to report.")]
 AsPublished = Annotated[bool, typer.Option("--as-published", help="Use the equations as the paper prints them.")]
+Report = Annotated[
+    str | None, typer.Option("--report", metavar="FILE.html", help="Write a report that any browser opens, offline.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Seed = Annotated[int, typer.Option("--seed", help="Of the search: the same seed gives the same answer.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")]
@@ -92,6 +95,7 @@ def identify(
     alpha: Alpha = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
+    report: Report = None,
     json: Json = False,
     seed: Seed = 0,
     verbose: Verbose = False,
@@ -108,7 +112,7 @@ def identify(
                 top=top, as_published=as_published, seed=seed,
             )  # fmt: skip
         pose = read_pose_prior(table, box, near, prior)
-        recognize(readings, parts, rig, options, pose, as_json=json, verbose=verbose)
+        recognize(readings, parts, rig, options, pose, report=report, as_json=json, verbose=verbose)
 
 
 @app.command()
@@ -129,6 +133,7 @@ def locate(
     alpha: Alpha = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
+    report: Report = None,
     json: Json = False,
     seed: Seed = 0,
     verbose: Verbose = False,
@@ -140,7 +145,7 @@ def locate(
         require_file("--part", part)
     identify(
         readings, [part], units, sensor, sd, tolerance, robot, tip_sd, rig, table, box, near, prior, alpha, top,
-        as_published, json, seed, verbose,
+        as_published, report, json, seed, verbose,
     )  # fmt: skip
 
 

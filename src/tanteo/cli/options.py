@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 from tanteo.errors import InputError, ReadingsError, TanteoError
+
+TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
+"""The words of the command that runs, as they were typed: a report says how to run it again."""
 
 _MANY = ("--parts",)
 _READINGS_SUFFIXES = (".csv", ".txt", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")

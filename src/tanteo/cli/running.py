@@ -55,15 +55,20 @@ def recognize(
     options: RunOptions,
     pose: PosePrior | None,
     *,
+    report: str | None = None,
     as_json: bool,
     verbose: bool,
 ) -> None:
-    """Read everything, identify, print; exits with 3 when it is not decided."""
+    """Read everything, identify, print, write the report; exits with 3 when it is not decided."""
     start = time.perf_counter()
     if pose is not None and options.as_published:
         raise MisuseError(
             "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
+    if report is not None:
+        from tanteo.cli.reporting import check_report
+
+        check_report(report)
     from tanteo.io import read_readings, read_rig, recognition_json
 
     rig = None if rig_path is None else read_rig(rig_path)
@@ -90,6 +95,10 @@ def recognize(
         from tanteo.cli.answer import answer_lines
 
         emit(answer_lines(result, "" if pose is None else prior_words(pose), verbose=verbose))
+    if report is not None:
+        from tanteo.cli.reporting import report_answer
+
+        report_answer(report, result, readings, parts, rig, options, pose, as_json=as_json)
     if result.status != "recognized":
         raise typer.Exit(UNDECIDED)
 

@@ -1,0 +1,70 @@
+"""Take the pictures of ``docs/report.md``: the reports of two examples in a browser.
+
+``python docs/pictures/make_report.py [folder]``. Needs playwright and a Chromium (``TANTEO_BROWSER`` names one that is
+not found by itself).
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+from playwright.sync_api import Browser, sync_playwright
+
+from tanteo.cli import main
+
+HERE = Path(__file__).resolve().parent
+EXAMPLES = HERE.parents[1] / "examples"
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+def report(readings: str, file: Path) -> None:
+    """Write the report of an example."""
+    command = (
+        "identify",
+        str(EXAMPLES / "readings" / readings),
+        "--parts",
+        str(EXAMPLES / "parts"),
+        "--report",
+        str(file),
+    )
+    with suppress(SystemExit):
+        main(command)
+
+
+def shoot(browser: Browser, page_file: Path, picture: Path, width: int, height: int, scheme: str) -> None:
+    """One screenshot of the first screen."""
+    context = browser.new_context(
+        viewport={"width": width, "height": height}, color_scheme=scheme, offline=True, device_scale_factor=1
+    )
+    page = context.new_page()
+    page.goto(page_file.as_uri())
+    page.wait_for_timeout(500)
+    page.screenshot(path=picture)
+    context.close()
+
+
+def make(folder: Path) -> None:
+    """Both pictures."""
+    found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome", "chrome"))
+    program = os.environ.get("TANTEO_BROWSER") or next(filter(None, found))
+    with tempfile.TemporaryDirectory() as scratch, sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=program, args=FLAGS)
+        for readings, picture, size in (
+            ("bracket_left.csv", "report.png", (1280, 800, "light")),
+            ("step_not_felt.csv", "report_phone.png", (390, 844, "dark")),
+        ):
+            file = Path(scratch) / "report.html"
+            report(readings, file)
+            shoot(browser, file, folder / picture, *size)
+        browser.close()
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE
+    target.mkdir(parents=True, exist_ok=True)
+    make(target)

@@ -1,0 +1,169 @@
+"""The uncertainty budget: how much of the pose's variance comes from the sensor, the robot, shared errors, the part.
+
+To first order the pose is a linear estimate ``x = G r`` from the rows of the readings. Every source of error adds
+``G S G'`` to its covariance, ``S`` being what the source does to the rows; these add up to the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.matching.prior import prior_rows
+from tanteo.matching.verdict import corner_moves, spins
+from tanteo.parts import Part
+from tanteo.report.contacts import Contacts
+from tanteo.report.sensed import Sensed
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
+
+_KNOWN = 0.3
+"""Directions known worse than this share of the part's size (or radian) count as not observed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One source of error.
+
+    Attributes:
+        name: In words.
+        share: Of the variance of the worst corner; the shares of a budget sum to one.
+        sd: What the source alone does to the worst corner, one standard deviation [m].
+        without: Standard deviation of the worst corner if this error were not there [m]; NaN where that leaves nothing.
+    """
+
+    name: str
+    share: float
+    sd: float
+    without: float
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Where the uncertainty of the worst corner of the part's box comes from.
+
+    Attributes:
+        sources: The largest first.
+        total: Standard deviation of the worst corner by this budget [m].
+    """
+
+    sources: tuple[Source, ...]
+    total: float
+
+
+def make_budget(contacts: Contacts, sensed: Sensed, part: Part, T_world_part: Transforms) -> Budget | None:
+    """The budget of a pose; None where nothing of the pose is observed.
+
+    Args:
+        contacts: The readings on the part.
+        sensed: The same readings, with the covariances of the errors that they share.
+        part: The part.
+        T_world_part: The pose.
+    """
+    used = contacts.used[contacts.reading]
+    known = prior_rows(sensed.prior, part, T_world_part[None])[1][0]
+    H, terms = np.concatenate([contacts.rows[used], known]), _terms(contacts, sensed, used, len(known))
+    basis = _observed(H, _assumed(terms).own, part)
+    if not basis.shape[1]:
+        return None
+    J, total = _worst_corner(part, _covariance(H, basis, terms))
+    G = basis @ _estimator(H @ basis, _assumed(terms))
+    sds = {name: float(np.sqrt(J @ _sandwich(G, term.real) @ J)) for name, term in terms.items()}
+    found = [Source(name, (sd / total) ** 2, sd, _left(H, basis, terms, name, part)) for name, sd in sds.items()]
+    return Budget(tuple(sorted(found, key=lambda s: -s.share)), total)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spread:
+    """A covariance of the rows: variances of their own ``(m,)`` and a factor of what they share ``(m, k)``."""
+
+    own: FloatArray
+    common: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Term:
+    """What a source does to the rows, and what the estimator's weights assume of it."""
+
+    real: _Spread
+    assumed: _Spread
+
+
+def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int) -> dict[str, _Term]:
+    """Every source, on the rows of the readings and those of what was known beforehand after them."""
+    m = int(used.sum())
+
+    def term(own: FloatArray | None = None, common: FloatArray | None = None) -> _Term:
+        none = np.zeros((m, 0))
+        factor = np.pad(none if common is None else common, ((0, known), (0, 0)))
+        spread = _Spread(np.pad(np.zeros(m) if own is None else own, (0, known)), factor)
+        return _Term(spread, spread)
+
+    out = {"noise of the sensor": term(contacts.noise[used])}
+    if contacts.repeatability[used].any():
+        out["repeatability of the robot"] = term(contacts.repeatability[used])
+    for error, gain in zip(sensed.measured.shared, contacts.gains, strict=True):
+        values, vectors = np.linalg.eigh(error.covariance)
+        out[f"{error.name} (shared)"] = term(common=gain[used] @ (vectors * np.sqrt(values.clip(0.0))))
+    if sensed.tolerance > 0:
+        alone = term(np.where(np.any(contacts.form[used] != 0, axis=1), sensed.tolerance**2, 0.0))
+        whole = term(alone.real.own[:m] * contacts.labelled, sensed.tolerance * contacts.form[used])
+        # bare readings are weighed as if each deviated by itself; what a face does as a whole is added afterwards
+        out["tolerance of the part"] = _Term(whole.real, (whole if contacts.labelled else alone).assumed)
+    if known:
+        beforehand = _Spread(np.r_[np.zeros(m), np.ones(known)], np.zeros((m + known, 0)))
+        out["what was known beforehand"] = _Term(beforehand, beforehand)
+    return out
+
+
+def _assumed(terms: Mapping[str, _Term]) -> _Spread:
+    """All that the weights assume, together."""
+    own = np.sum([term.assumed.own for term in terms.values()], axis=0)
+    return _Spread(own, np.concatenate([term.assumed.common for term in terms.values()], axis=1))
+
+
+def _observed(H: FloatArray, variances: FloatArray, part: Part) -> FloatArray:
+    """Basis ``(6, k)`` of the motions that the rows resist and that no symmetry excuses [m, rad]."""
+    scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
+    rows, turns = H * scale / np.sqrt(variances)[:, None], spins(part)
+    rows = rows - rows @ turns.T @ turns
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    return np.asarray(scale[:, None] * vectors[:, values > 1 / _KNOWN**2])
+
+
+def _estimator(H: FloatArray, spread: _Spread) -> FloatArray:
+    """Linear unbiased estimator ``(k, m)`` of the motion from the rows, best if the spread is true."""
+    D, U = spread.own, spread.common
+    W = H / D[:, None]
+    if U.shape[1]:
+        weighted = U / D[:, None]
+        W = W - weighted @ np.linalg.solve(np.eye(U.shape[1]) + U.T @ weighted, U.T @ W)
+    return np.asarray(np.linalg.solve(W.T @ H, W.T))
+
+
+def _sandwich(G: FloatArray, spread: _Spread) -> FloatArray:
+    shared = G @ spread.common
+    return np.asarray((G * spread.own) @ G.T + shared @ shared.T)
+
+
+def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term]) -> Covariances:
+    """Of the pose, along what is observed."""
+    G = basis @ _estimator(H @ basis, _assumed(terms))
+    return np.sum([_sandwich(G, term.real) for term in terms.values()], axis=0)
+
+
+def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: str, part: Part) -> float:
+    """Standard deviation of the worst corner without one source; NaN if the others leave a row without noise."""
+    rest = {other: term for other, term in terms.items() if other != name}
+    if not rest or not np.all(_assumed(rest).own > 0):
+        return float("nan")
+    return _worst_corner(part, _covariance(H, basis, rest))[1]
+
+
+def _worst_corner(part: Part, C: Covariances) -> tuple[FloatArray, float]:
+    """How a motion moves the box's worst corner along its worst direction ``(6,)``, and the sd of that [m]."""
+    J = corner_moves(part)
+    values, vectors = np.linalg.eigh(J @ C @ np.swapaxes(J, 1, 2))
+    k = int(np.argmax(values[:, 2]))
+    return vectors[k, :, 2] @ J[k], float(np.sqrt(max(values[k, 2], 0.0)))

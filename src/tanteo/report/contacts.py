@@ -1,0 +1,195 @@
+"""Where each reading meets a part that is where a hypothesis puts it, how far off it is, and what it says of the pose.
+
+A reading is one or more rows ``r = d' (q - c)``: its place ``q`` in the part's frame against the nearest place ``c`` of
+what it met, along unit directions ``d``. One row for a face, two for an edge, three for a corner; two more tilts where
+the normal was sensed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.lie import SE3, SO3
+from tanteo.matching import Hypothesis
+from tanteo.parts import Part
+from tanteo.report.sensed import Sensed
+from tanteo.shapes import Surface, signed_distance
+from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+
+_LABELLED = ("plane", "edge", "corner")
+"""What a pairing of a labelled feature is called; a bare reading is on a ``face``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contacts:
+    """``n`` readings on a part at a pose, and their ``m`` rows.
+
+    Attributes:
+        met: What each reading met, in words ``(n,)``.
+        used: Readings that the hypothesis explains ``(n,)``.
+        distances: From the surface, outside positive, with the errors that readings share taken at their most probable
+            values ``(n,)`` [m].
+        sds: What the noise of a reading makes of its distance, one standard deviation ``(n,)`` [m].
+        feet: Nearest places of what was met, in the world ``(n, 3)`` [m].
+        reading: Reading of each row ``(m,)``.
+        rows: Derivatives of the rows with respect to the pose, right perturbation ``(m, 6)``.
+        noise: Variance of each row from the sensor ``(m,)``, and from the robot's repeatability.
+        repeatability: See ``noise``.
+        gains: Derivatives with respect to each shared error, ``(m, d)`` one an error.
+        form: How the rows move with the deviations of what was made: the height of a face, an edge or a corner, and
+            the tilts of those that labels name, each in units of the tolerance ``(m, k)``.
+        labelled: Whether features were fitted to labels; else every reading was compared with the whole surface.
+    """
+
+    met: tuple[str, ...]
+    used: BoolArray
+    distances: FloatArray
+    sds: FloatArray
+    feet: Vectors
+    reading: IntArray
+    rows: FloatArray
+    noise: FloatArray
+    repeatability: FloatArray
+    gains: tuple[FloatArray, ...]
+    form: FloatArray
+    labelled: bool
+
+
+def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contacts:
+    """What the readings say if the hypothesis is true.
+
+    Args:
+        sensed: The readings.
+        part: The part of the hypothesis.
+        hypothesis: Pose, pairings and outliers.
+    """
+    measured, T = sensed.measured, hypothesis.T_world_part
+    R, q = T[:3, :3], SE3.apply(SE3.inverse(T), measured.points)
+    paired = dict(hypothesis.pairings)
+    used = np.array([i in paired for i in measured.ids], dtype=bool)
+    met, feet, axes = _targets(part, q, [paired.get(i, "") for i in measured.ids])
+    reading, slot = np.nonzero(~np.isnan(axes[:, :, 0]))
+    d = axes[reading, slot]
+    radii = np.where(slot == 0, measured.radii[reading], 0.0)
+    off = np.sum(d * (q - feet)[reading], axis=1) - radii
+    in_world = d @ R.T
+    noise = _along(in_world, (measured.covs - sensed.repeatability)[reading])
+    repeatability = _along(in_world, sensed.repeatability[reading])
+    gains = [np.einsum("mi,mij->mj", in_world, J[reading]) for J in measured.jacobians]
+    spread = noise + repeatability + sensed.tolerance**2
+    off = off - _shared_shift(off, spread, gains, sensed, used[reading])
+    count = np.bincount(reading, minlength=len(q))
+    size = _sizes(np.sqrt(np.bincount(reading, off**2, minlength=len(q))), sensed, hypothesis)
+    sign = np.where((count == 1) & (np.bincount(reading, off, minlength=len(q)) < 0), -1.0, 1.0)
+    rows = np.concatenate([d, np.cross(q[reading], d)], axis=1)
+    tilts = _tilt_rows(sensed, R)
+    return Contacts(
+        met=tuple(met),
+        used=used,
+        distances=sign * size,
+        sds=np.sqrt(np.bincount(reading, spread, minlength=len(q)) / np.maximum(count, 1)),
+        feet=SE3.apply(T, feet),
+        reading=np.concatenate([reading, tilts[0]]),
+        rows=np.concatenate([rows, tilts[1]]),
+        noise=np.concatenate([noise, tilts[2]]),
+        repeatability=np.concatenate([repeatability, np.zeros(len(tilts[0]))]),
+        gains=tuple(np.concatenate([g, np.zeros((len(tilts[0]), g.shape[1]))]) for g in gains),
+        labelled=any(name.startswith(_LABELLED) for name in paired.values()),
+        form=np.pad(_form(part, q, met, reading, slot), ((0, len(tilts[0])), (0, 0))),
+    )
+
+
+def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vectors, FloatArray]:
+    """What each point met: name, nearest place ``(n, 3)``, directions ``(n, 3, 3)`` with NaN rows for none."""
+    surface = Surface(part.vertices, part.triangles)
+    distances, away = signed_distance(surface, q)
+    nearest = part.triangle_face[surface.closest(q).triangles] if len(q) else np.zeros(0, dtype=np.int64)
+    feet, axes = q - distances[:, None] * away, np.full((len(q), 3, 3), np.nan)
+    axes[:, 0] = away
+    met = [name or part.faces[k].name for name, k in zip(names, nearest, strict=True)]
+    for i, name in enumerate(names):
+        kind, _, number = name.partition(" ")
+        if kind == "plane":
+            k = int(np.flatnonzero(part.planes.faces == int(number))[0])
+            n = part.planes.normals[k]
+            feet[i], axes[i, 0] = q[i] - n * (n @ (q[i] - part.planes.centroids[k])), n
+        elif kind == "edge":
+            T = part.edges.Ts_part_feature[int(number)]
+            x = T[:3, 0]
+            feet[i], axes[i, 0], axes[i, 1] = T[:3, 3] + x * (x @ (q[i] - T[:3, 3])), T[:3, 1], T[:3, 2]
+        elif kind == "corner":
+            feet[i], axes[i] = part.corners.points[int(number)], np.eye(3)
+    return met, feet, axes
+
+
+def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntArray) -> FloatArray:
+    """Columns ``(m, k)`` as the estimators assume them: made surfaces deviate as a whole.
+
+    A labelled plane is off in height and tilts by the tolerance over its radius of gyration, an edge likewise; of a
+    face that a bare reading met, the height.
+    """
+    columns, names = [np.zeros((len(reading), 0))], np.array([met[i] for i in reading], dtype=object)
+    for name in dict.fromkeys(met):
+        kind, _, number = name.partition(" ")
+        rows = np.flatnonzero(names == name)
+        block = np.zeros((len(reading), 4))
+        if kind in ("edge", "corner"):
+            block[rows, slot[rows]] = 1
+        else:
+            block[rows, 0] = 1
+        if kind == "plane":
+            k = int(np.flatnonzero(part.planes.faces == int(number))[0])
+            local = SE3.apply(SE3.inverse(part.planes.Ts_part_feature[k]), q[reading[rows]])
+            block[rows, 1:3] = local[:, :2] / np.maximum(part.planes.gyration[k], 1e-9)
+        elif kind == "edge":
+            T, long = part.edges.Ts_part_feature[int(number)], part.edges.lengths[int(number)]
+            along = (q[reading[rows]] - T[:3, 3]) @ T[:3, 0] * np.sqrt(12.0) / max(long, 1e-9)
+            block[rows, 2 + slot[rows]] = along
+        columns.append(block[:, np.any(block != 0, axis=0)])
+    return np.concatenate(columns, axis=1)
+
+
+def _sizes(sizes: FloatArray, sensed: Sensed, hypothesis: Hypothesis) -> FloatArray:
+    """How far off the readings are; those that were left out as the answer says it."""
+    said = dict(zip(hypothesis.outliers, hypothesis.outlier_distances, strict=False))
+    told = np.array([said.get(name, np.nan) for name in sensed.measured.ids], dtype=np.float64)
+    return np.where(np.isnan(told), sizes, np.abs(told))
+
+
+def _along(d: Vectors, covs: FloatArray) -> FloatArray:
+    """Variances along directions."""
+    return np.einsum("mi,mij,mj->m", d, covs, d)
+
+
+def _shared_shift(
+    off: FloatArray, spread: FloatArray, gains: list[FloatArray], sensed: Sensed, used: BoolArray
+) -> FloatArray:
+    """What the most probable shared errors add to each row; nothing without shared errors."""
+    if not gains or not used.any():
+        return np.zeros(len(off))
+    L = np.concatenate([g @ _root(e.covariance) for g, e in zip(gains, sensed.measured.shared, strict=True)], axis=1)
+    weighted = L[used] / spread[used, None]
+    z = np.linalg.solve(np.eye(L.shape[1]) + weighted.T @ L[used], weighted.T @ off[used])
+    return np.asarray(L @ z)
+
+
+def _root(C: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(C)
+    return np.asarray(vectors * np.sqrt(values.clip(0.0)))
+
+
+def _tilt_rows(sensed: Sensed, R_world_part: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Rows of sensed normals: reading, derivative and variance; a normal says two turns."""
+    known = np.flatnonzero(~np.isnan(sensed.measured.normal_sds) & ~np.isnan(sensed.measured.normals[:, 0]))
+    if not len(known):
+        return known, np.zeros((0, 6)), np.zeros(0)
+    n = sensed.measured.normals[known] @ R_world_part
+    least = np.eye(3)[np.argmin(np.abs(n), axis=1)]
+    u = np.cross(n, least)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.einsum("nij,nj->ni", SO3.hat(n), u)
+    rows = np.zeros((2 * len(known), 6))
+    rows[:, 3:] = np.concatenate([u, v])
+    return np.tile(known, 2), rows, np.tile(sensed.measured.normal_sds[known] ** 2, 2)

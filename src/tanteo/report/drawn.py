@@ -1,0 +1,75 @@
+"""A part as it is drawn: a mesh that is not too large, and the lines between its faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.parts import Part
+from tanteo.typing import FloatArray, IntArray
+
+_MOST_TRIANGLES, _MOST_LINES = 40_000, 12_000
+"""For all parts of a page together: about 2 MB."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """What the page draws of a part, in the part's frame.
+
+    Attributes:
+        vertices: ``(V, 3)`` [m].
+        triangles: ``(T, 3)``.
+        lines: ``(L, 2, 3)``, where faces meet [m].
+        coarse: Whether the mesh was made coarser than that of the part.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    lines: FloatArray
+    coarse: bool
+
+
+def draw_part(part: Part, share: int = 1) -> Drawn:
+    """Mesh and lines of a part.
+
+    Args:
+        part: The part.
+        share: Number of parts that share the page.
+    """
+    vertices, triangles = part.vertices, part.triangles
+    most = _MOST_TRIANGLES // share
+    cells = 256
+    while len(triangles) > most:
+        vertices, triangles = _clustered(part, cells)
+        cells = cells * 3 // 4
+    return Drawn(vertices, triangles, _lines(part)[: _MOST_LINES // share], len(part.triangles) > most)
+
+
+def _clustered(part: Part, cells: int) -> tuple[FloatArray, IntArray]:
+    """The mesh with all vertices of one cell of a grid made one, and triangles that vanish by it left out."""
+    low, size = part.box[0], float((part.box[1] - part.box[0]).max())
+    key = np.floor((part.vertices - low) / size * cells).astype(np.int64) @ [1, 4096, 4096**2]
+    _, cell = np.unique(key, return_inverse=True)
+    count = np.bincount(cell)
+    vertices = np.stack([np.bincount(cell, part.vertices[:, k]) / count for k in range(3)], axis=1)
+    triangles = cell[part.triangles]
+    a, b, c = triangles.T
+    return vertices, triangles[(a != b) & (b != c) & (c != a)]
+
+
+def _lines(part: Part) -> FloatArray:
+    """Edges of the mesh between two faces of the part, the sharpest first ``(L, 2, 3)``."""
+    corners = part.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    owner = np.repeat(np.arange(len(part.triangles)), 3)
+    pairs = np.sort(corners, axis=1)
+    order = np.lexsort(pairs.T)
+    pairs, owner = pairs[order], owner[order]
+    twin = np.flatnonzero((pairs[1:] == pairs[:-1]).all(axis=1))
+    one, other = owner[twin], owner[twin + 1]
+    between = part.triangle_face[one] != part.triangle_face[other]
+    a, b, c = (part.vertices[part.triangles[:, k]] for k in range(3))
+    n = np.cross(b - a, c - a)
+    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
+    sharp = np.sum(n[one] * n[other], axis=1)[between]
+    return part.vertices[pairs[twin[between]]][np.argsort(sharp, kind="stable")]

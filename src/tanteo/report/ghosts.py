@@ -1,0 +1,75 @@
+"""How the pose may be off: independent ways, the largest first, and where the part would be then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.localization import describe_motion
+from tanteo.matching import Hypothesis
+from tanteo.matching.verdict import corner_moves
+from tanteo.parts import Part
+from tanteo.typing import Transforms
+
+_NOTABLE = 0.01
+"""Ways that move the part less than this share of the largest are not shown."""
+
+_SHOWN = 0.16
+"""The farthest ghost is drawn about this share of the part's size away."""
+
+LEVELS = (1, 2, 3)
+"""Standard deviations."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """One way in which the pose may be off, independent of the others.
+
+    Attributes:
+        words: The motion.
+        moves: How far one standard deviation of it moves the farthest corner of the box [m].
+        Ts_world_part: Ghosts ``(3, 2, 4, 4)``: at 1, 2 and 3 standard deviations, backwards and forwards, enlarged.
+    """
+
+    words: str
+    moves: float
+    Ts_world_part: Transforms
+
+
+def find_ways(hypothesis: Hypothesis, part: Part) -> tuple[tuple[Way, ...], int]:
+    """The ways, and how many times their ghosts are enlarged.
+
+    The covariance is split so that each way moves the corners of the box independently of the others, as much as
+    possible in the first.
+
+    Args:
+        hypothesis: Pose and covariance.
+        part: Its part.
+    """
+    T, J = hypothesis.T_world_part, corner_moves(part)
+    values, vectors = np.linalg.eigh(hypothesis.covariance)
+    root = vectors * np.sqrt(values.clip(0.0))
+    moved = (J @ root).reshape(24, 6)
+    order = np.linalg.eigh(moved.T @ moved)[1][:, ::-1]
+    xis = (root @ order).T
+    moves = np.linalg.norm(xis @ np.swapaxes(J, 1, 2), axis=-1).max(axis=0)
+    kept = moves > _NOTABLE * moves.max()
+    enlarged = _enlarged(float(moves.max()), part.diagonal)
+    steps = np.array([[-level, level] for level in LEVELS], dtype=np.float64) * enlarged
+    ways = []
+    for xi, far in zip(xis[kept], moves[kept], strict=True):
+        scaled = xi / np.r_[np.full(3, part.diagonal), np.ones(3)]
+        words = describe_motion(scaled / np.linalg.norm(scaled), T, part.diagonal).partition(" through")[0]
+        ways.append(Way(words, float(far), T @ SE3.exp(steps[..., None] * xi)))
+    return tuple(ways), enlarged
+
+
+def _enlarged(moves: float, diagonal: float) -> int:
+    """1, 2, 5, 10, 20 ...: so that three standard deviations can be seen."""
+    if moves <= 0:
+        return 1
+    wanted = _SHOWN * diagonal / (LEVELS[-1] * moves)
+    steps = [m * 10**e for e in range(7) for m in (1, 2, 5)]
+    return max((s for s in steps if s <= wanted), default=1)

@@ -1,0 +1,169 @@
+"""What the page's program draws: parts, readings, beams, distances and ghosts, as numbers. Millimetres in the world."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tanteo.matching import Hypothesis
+from tanteo.parts import Part
+from tanteo.report.contacts import Contacts
+from tanteo.report.drawn import draw_part
+from tanteo.report.ghosts import Way
+from tanteo.report.sensed import Sensed
+from tanteo.report.words import MM
+from tanteo.typing import FloatArray, IntArray, Transforms
+
+_ARM = 0.14
+"""Length of a beam whose origin is unknown, and most of a drawn distance, as a share of the part's size."""
+
+MOST_READINGS = 4000
+"""Readings that are drawn."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A hypothesis with everything that is shown of it.
+
+    Attributes:
+        hypothesis: The hypothesis.
+        part: Its part.
+        contacts: The readings on it.
+        ways: How its pose may be off.
+        enlarged: How many times the ghosts of ``ways`` are enlarged.
+    """
+
+    hypothesis: Hypothesis
+    part: Part
+    contacts: Contacts
+    ways: tuple[Way, ...]
+    enlarged: int
+
+
+def scene_document(candidates: Sequence[Candidate], sensed: Sensed) -> dict[str, Any]:
+    """The whole scene; world coordinates are relative to its ``centre``.
+
+    Args:
+        candidates: Best first; may be none, then the readings are drawn alone.
+        sensed: The readings.
+    """
+    measured = sensed.measured
+    centre, size = _extent(candidates, measured.points)
+    parts = list(dict.fromkeys(c.part.name for c in candidates))
+    shown = {c.part.name: c.part for c in candidates}
+    rows = chosen_rows(len(measured), candidates)
+    starts = _beam_starts(sensed, _ARM * size)
+    free = measured.free
+    ends = free.origins + free.directions * free.lengths[:, None]
+    return {
+        "centre_mm": _list(centre * MM),
+        "size_mm": float(size * MM),
+        "parts": [_part(shown[name], len(parts)) for name in parts],
+        "readings": {
+            "names": [measured.ids[i] for i in rows],
+            "labels": [measured.features[i] for i in rows],
+            "points": _floats((measured.points - centre)[rows]),
+            "radii": _floats(measured.radii[rows]),
+            "starts": _floats((starts - centre)[rows]),
+        },
+        "free": _floats(np.stack([free.origins - centre, ends - centre], axis=1)[:MOST_READINGS]),
+        "hypotheses": [_hypothesis(c, parts.index(c.part.name), centre, rows, measured.points) for c in candidates],
+    }
+
+
+def chosen_rows(n: int, candidates: Sequence[Candidate]) -> IntArray:
+    """Readings to draw: all, or evenly chosen ones and those that do not fit the best hypothesis."""
+    if n <= MOST_READINGS:
+        return np.arange(n)
+    wrong = np.flatnonzero(~candidates[0].contacts.used) if candidates else np.zeros(0, dtype=np.int64)
+    even = np.linspace(0, n - 1, MOST_READINGS // 2).astype(np.int64)
+    return np.unique(np.concatenate([even, wrong[: MOST_READINGS // 2]]))
+
+
+def _extent(candidates: Sequence[Candidate], points: FloatArray) -> tuple[FloatArray, float]:
+    """Middle and size of what matters: the best hypothesis' part, or the readings."""
+    if candidates:
+        best = candidates[0]
+        T, box = best.hypothesis.T_world_part, best.part.box
+        return T[:3, :3] @ box.mean(axis=0) + T[:3, 3], best.part.diagonal
+    if not len(points):
+        return np.zeros(3), 0.1
+    low, high = points.min(axis=0), points.max(axis=0)
+    return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3)
+
+
+def _beam_starts(sensed: Sensed, arm: float) -> FloatArray:
+    """Where beams begin ``(n, 3)``; at the point itself where the direction is unknown."""
+    reach = np.where(np.isnan(sensed.reach), arm, sensed.reach)
+    return sensed.measured.points - np.nan_to_num(sensed.measured.directions) * reach[:, None]
+
+
+def _part(part: Part, count: int) -> dict[str, Any]:
+    drawn = draw_part(part, count)
+    return {
+        "name": part.name,
+        "vertices": _floats(drawn.vertices),
+        "triangles": _packed(drawn.triangles.astype("<u4")),
+        "lines": _floats(drawn.lines),
+        "coarse": drawn.coarse,
+    }
+
+
+def _hypothesis(
+    candidate: Candidate, part: int, centre: FloatArray, rows: IntArray, points: FloatArray
+) -> dict[str, Any]:
+    contacts = candidate.contacts
+    size = candidate.part.diagonal
+    enlarged = distance_enlarged(candidate)
+    away = points - contacts.feet
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
+    drawn = np.clip(np.abs(contacts.distances) * enlarged, 0.0, _ARM * size)
+    sticks = np.stack([contacts.feet, contacts.feet + away * drawn[:, None]], axis=1) - centre
+    return {
+        "part": part,
+        "pose": _pose(candidate.hypothesis.T_world_part, centre),
+        "met": [contacts.met[i] for i in rows],
+        "off_mm": [round(float(contacts.distances[i]) * MM, 5) for i in rows],
+        "sd_mm": [round(float(contacts.sds[i]) * MM, 5) for i in rows],
+        "wrong": [int(not contacts.used[i]) for i in rows],
+        "sticks": _floats(sticks[rows]),
+        "ghosts": [[[_pose(T, centre) for T in level] for level in way.Ts_world_part] for way in candidate.ways],
+    }
+
+
+def distance_enlarged(candidate: Candidate) -> int:
+    """How many times distances to the surface are enlarged: those that fit stay below a tenth of the part."""
+    contacts = candidate.contacts
+    fitting = np.abs(contacts.distances[contacts.used])
+    wanted = 0.06 * candidate.part.diagonal / max(float(fitting.max(initial=0.0)), 1e-9)
+    return max((m * 10**e for e in range(4) for m in (1, 2, 5) if m * 10**e <= wanted), default=1)
+
+
+def _pose(T: Transforms, centre: FloatArray) -> list[float]:
+    """Column by column, as the program wants it; millimetres from the centre."""
+    M = np.array(T)
+    M[:3, 3] = (M[:3, 3] - centre) * MM
+    return [round(float(v), 9) for v in M.T.ravel()]
+
+
+def _floats(metres: FloatArray) -> str:
+    return _packed((np.asarray(metres) * MM).astype("<f4"))
+
+
+def _packed(array: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
+
+
+def _list(values: FloatArray) -> list[float]:
+    return [float(v) for v in values]
+
+
+def ghost_words(candidate: Candidate) -> Mapping[str, str]:
+    """Keys and words of the ways, for the choice of ghosts."""
+    return {
+        str(k): f"{way.words}: {MM * way.moves:.2g} mm at the farthest corner" for k, way in enumerate(candidate.ways)
+    }

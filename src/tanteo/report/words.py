@@ -1,0 +1,93 @@
+"""The answer in words, for a reader who has seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.matching import Hypothesis, Recognition
+from tanteo.matching.verdict import corner_sd
+from tanteo.parts import Part
+from tanteo.report.sensed import Sensed
+
+MM = 1e3
+
+SIGNS = {"recognized": "✓", "ambiguous": "?", "unknown": "✕", "insufficient": "…"}
+"""A sign for each status, so that colour alone says nothing."""
+
+_MOST_NAMES = 6
+
+
+def headline(answer: Recognition) -> str:
+    """One sentence: what is it, and how well is it located."""
+    if not answer.hypotheses:
+        known = answer.status == "unknown"
+        return "None of the parts explains the readings." if known else "Too little was sensed to say anything."
+    best = answer.hypotheses[0]
+    if answer.status == "recognized":
+        return f"It is {best.part}, located to {MM * best.worst_corner_sd:.2g} mm."
+    if answer.status == "insufficient":
+        return f"{best.part} fits, but it is not located: {' and '.join(best.unobserved) or 'a direction'} stays free."
+    if answer.status == "unknown":
+        return f"Probably none of these parts; the nearest is {best.part}."
+    likely = list(dict.fromkeys(h.part for h in answer.hypotheses if h.probability > 0.01)) or [best.part]
+    if len(likely) == 1:
+        return f"It is {likely[0]} or something unknown, in one of several poses: not decided."
+    return f"Not decided: it may be {', '.join(likely[:-1])} or {likely[-1]}."
+
+
+def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str, str]]:
+    """The few figures that go beside the picture: name and value."""
+    n, wrong = len(sensed.measured), hypothesis.outliers
+    used = len({reading for reading, _ in hypothesis.pairings} & set(sensed.measured.ids))
+    x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
+    rows = [
+        ("Position in the world", f"x {x}, y {y}, z {z} mm"),
+        ("Worst corner, 1 sd", length(hypothesis.worst_corner_sd)),
+        ("Readings that fit", f"{used} of {n}"),
+    ]
+    if hypothesis.covariance_same_robot is not None and not hypothesis.unobserved:
+        same = corner_sd(part, hypothesis.covariance_same_robot)
+        rows.insert(2, ("The same, going back with the same robot", length(same)))
+    if wrong:
+        rows.append(("Wrong readings", _wrong(hypothesis)))
+    if hypothesis.unobserved:
+        rows.append(("Not observed", "; ".join(hypothesis.unobserved)))
+    if hypothesis.symmetry_order > 1:
+        rows.append(("Symmetry", f"{hypothesis.symmetry_order} equivalent poses, shown as one"))
+    elif hypothesis.symmetry_axis is not None:
+        rows.append(("Symmetry", "turns about its axis are equivalent"))
+    return [*rows, ("Do they agree", _agreement(hypothesis))]
+
+
+def _wrong(hypothesis: Hypothesis) -> str:
+    off = hypothesis.outlier_distances or (float("nan"),) * len(hypothesis.outliers)
+    names = [
+        name + (f" ({length(d)} off)" if np.isfinite(d) else "")
+        for name, d in zip(hypothesis.outliers, off, strict=True)
+    ]
+    rest = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _agreement(hypothesis: Hypothesis) -> str:
+    if hypothesis.dof == 0:
+        return "nothing left over to check"
+    verdict = "yes, within their noise" if hypothesis.p_value >= 0.01 else "no, they contradict each other"
+    return f"{verdict} (p = {hypothesis.p_value:.2g})"
+
+
+def length(metres: float) -> str:
+    """A length in millimetres, three digits."""
+    return f"{MM * metres:.3g} mm"
+
+
+def fixed(value: float, digits: int) -> str:
+    """A number with so many decimals; never minus zero."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"
+
+
+def percent(p: float) -> str:
+    """A probability; never 0 or 100 %, because a posterior is not certain."""
+    if p >= 0.9995:
+        return "> 99.9 %"
+    return "< 0.1 %" if p < 0.0005 else f"{100 * p:.1f} %"

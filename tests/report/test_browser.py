@@ -1,0 +1,250 @@
+"""The report in a real browser, offline: it draws, it switches, nothing overlaps, nothing is asked of anybody."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from report_scenes import SD, touches
+from tanteo.recognition import identify, locate
+from tanteo.report import gather, write_report
+from tanteo.sensors import Readings
+
+SIZES = {"desk": (1280, 800), "phone": (390, 844)}
+
+# Every line of text that can be seen: does it leave the page, is it cut off, does it cover another?
+TEXT_TROUBLE = """() => {
+  const lines = [], trouble = [], wide = document.documentElement.clientWidth;
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const node = walk.currentNode, owner = node.parentElement;
+    if (!node.textContent.trim() || owner.closest("script, style, noscript, title, option")) continue;
+    if (!owner.checkVisibility()) continue;
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    const words = node.textContent.trim();
+    for (const box of range.getClientRects()) if (box.width > 1 && box.height > 1) lines.push([box, owner, words]);
+  }
+  for (const [box, owner, words] of lines) {
+    if (owner.closest(".scroll")) continue;
+    if (box.left < -1 || box.right > wide + 1) trouble.push("leaves the page: " + words);
+    const cut = owner.closest(".stage, .chart");
+    if (cut) {
+      const c = cut.getBoundingClientRect();
+      const beside = box.left < c.left - 1 || box.right > c.right + 1;
+      if (beside || box.top < c.top - 1 || box.bottom > c.bottom + 1) trouble.push("cut off: " + words);
+    }
+  }
+  for (let i = 0; i < lines.length; i++) for (let j = 0; j < i; j++) {
+    const [a, , u] = lines[i], [b, , v] = lines[j];
+    const x = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+    const y = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+    if (x > 1.5 && y > 0.3 * Math.min(a.height, b.height)) trouble.push(`covers: ${u} | ${v}`);
+  }
+  return trouble;
+}"""
+
+
+class Watched:
+    """A page, and what it said and asked for."""
+
+    def __init__(self, browser, file, size, scheme="light"):
+        self.context = browser.new_context(
+            viewport=dict(zip(("width", "height"), size, strict=True)), color_scheme=scheme, offline=True,
+            has_touch=size[0] < 500,
+        )  # fmt: skip
+        self.page, self.said, self.asked = self.context.new_page(), [], []
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(file.as_uri())
+        self.settle()
+
+    def settle(self):
+        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def until(self, expression):
+        """Wait for it to become true, a few seconds at most."""
+        for _ in range(60):
+            if self.page.evaluate(expression):
+                return
+            self.page.wait_for_timeout(50)
+        raise AssertionError(expression)
+
+    def picture(self):
+        """Pixels of the canvas as they are shown ``(h, w, 3)``."""
+        from matplotlib.image import imread
+
+        self.settle()
+        shown = imread(io.BytesIO(self.page.locator("#view").screenshot()))[..., :3]
+        return shown[5:-5, 5:-5]  # less the frame that a focus draws
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory, wedge, near_wedge):
+    """Reports: one answer with a wrong reading, several answers, none."""
+    folder = tmp_path_factory.mktemp("reports")
+    rng = np.random.default_rng(1)
+    clear = touches(wedge, rng, wrong=(7,))
+    write_report(folder / "clear.html", locate(clear, wedge), gather(clear), [wedge], command="tanteo locate clear.csv")
+    open_ = touches(wedge, rng, planes=[0, 1])
+    several = identify(open_, [wedge, near_wedge])
+    assert len(several.hypotheses) > 1
+    write_report(folder / "several.html", several, gather(open_), [wedge, near_wedge], command="tanteo identify x.csv")
+    few = Readings.from_columns(points=clear.points[:2], sds=np.full(2, SD))
+    write_report(folder / "none.html", locate(few, wedge), gather(few), [wedge], command="tanteo locate few.csv")
+    return {path.stem: path for path in folder.glob("*.html")}
+
+
+@pytest.fixture
+def open_page(browser, files, tmp_path, request):
+    """Open a report; at the end a screenshot is kept, and nothing may have been said or asked."""
+    opened = []
+
+    def call(name, size="desk", scheme="light"):
+        opened.append((Watched(browser, files[name], SIZES[size], scheme), files[name]))
+        return opened[-1][0]
+
+    yield call
+    for watched, file in opened:
+        watched.page.screenshot(path=tmp_path / f"{request.node.name}.png", full_page=True)
+        watched.context.close()
+        assert watched.said == []
+        assert watched.asked == [file.as_uri()]
+
+
+def colours(picture):
+    return len(np.unique((picture.reshape(-1, 3) * 31).astype(int), axis=0))
+
+
+def differ(one, other):
+    """Share of the pixels that are not the same."""
+    return float(np.mean(np.abs(one - other).max(axis=-1) > 0.04))
+
+
+@pytest.mark.parametrize("name", ["clear", "several", "none"])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_words_overlap_or_are_cut_off(open_page, name, size, scheme):
+    watched = open_page(name, size, scheme)
+    assert watched.page.evaluate(TEXT_TROUBLE) == []
+    watched.page.evaluate("() => document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    assert watched.page.evaluate(TEXT_TROUBLE) == []
+    assert watched.page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_picture_is_drawn(open_page, size):
+    picture = open_page("clear", size).picture()
+    background = picture[2, 2]
+    assert differ(picture, np.broadcast_to(background, picture.shape)) > 0.1
+    assert colours(picture) > 40
+
+
+def test_readings_alone_are_drawn_too(open_page):
+    assert colours(open_page("none").picture()) > 10
+
+
+def test_the_answer_and_the_picture_are_on_the_first_screen(open_page):
+    watched = open_page("clear")
+    for place in ("h1", "#view", ".bars", "dl"):
+        box = watched.page.locator(place).first.bounding_box()
+        assert box["y"] + box["height"] <= 800, place
+
+
+def test_choosing_a_hypothesis_changes_everything(open_page):
+    watched = open_page("several")
+    before = watched.picture()
+    shown = "() => [...document.querySelectorAll('[data-h]')].filter((e) => !e.hidden).map((e) => e.dataset.h)"
+    assert set(watched.page.evaluate(shown)) == {"0"}
+    watched.page.locator("input[name=hypothesis]").nth(1).check()
+    assert set(watched.page.evaluate(shown)) == {"1"}
+    assert differ(before, watched.picture()) > 0.005
+    watched.page.locator("input[name=hypothesis]").nth(0).check()
+    assert differ(before, watched.picture()) < 0.001
+
+
+def test_ghosts_layers_and_views_can_be_changed(open_page):
+    watched = open_page("clear")
+    page, before = watched.page, watched.picture()
+    page.locator(".ghosts select").select_option("1")
+    other = watched.picture()
+    assert differ(before, other) > 0.003
+    page.locator(".ghosts select").select_option("")
+    without = watched.picture()
+    assert differ(before, without) > 0.003
+    for layer in ("readings", "beams", "sticks"):
+        page.locator(f"[data-layer={layer}]").uncheck()
+        less = watched.picture()
+        assert differ(without, less) > 0.0003, layer
+        without = less
+    pictures = []
+    for view in ("top", "front", "side", "reset"):
+        page.locator(f"[data-view={view}]").click()
+        pictures.append(watched.picture())
+    assert min(differ(a, b) for i, a in enumerate(pictures) for b in pictures[:i]) > 0.05
+
+
+def test_it_turns_and_zooms_and_comes_back(open_page):
+    watched = open_page("clear")
+    page, before = watched.page, watched.picture()
+    box = page.locator("#view").bounding_box()
+    x, y = box["x"] + 40, box["y"] + 60
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 90, y + 30, steps=4)
+    page.mouse.up()
+    turned = watched.picture()
+    assert differ(before, turned) > 0.05
+    page.mouse.wheel(0, -300)
+    assert differ(turned, watched.picture()) > 0.05
+    page.locator("#view").press("0")
+    page.mouse.move(1, 1)
+    assert differ(before, watched.picture()) < 0.02
+
+
+def test_the_wheel_scrolls_the_page_until_the_picture_was_clicked(open_page):
+    watched = open_page("clear")
+    box = watched.page.locator("#view").bounding_box()
+    watched.page.mouse.move(box["x"] + 60, box["y"] + 60)
+    watched.page.mouse.wheel(0, 200)
+    watched.until("scrollY > 50")
+
+
+def test_pointing_at_a_reading_names_it(open_page):
+    watched = open_page("clear")
+    page = watched.page
+    x, y = page.evaluate("() => picture.project(picture.place(7))")
+    box = page.locator("#view").bounding_box()
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    assert page.locator("#tip").is_visible()
+    words = page.locator("#tip").inner_text()
+    assert words.startswith("reading 8, side 1: ")
+    assert words.endswith("does not fit")
+    page.mouse.move(1, 1)
+    assert page.locator("#tip").is_hidden()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_wrong_reading_is_named_in_the_picture_and_the_chart(open_page, size):
+    page = open_page("clear", size).page
+    assert page.locator("#overlay text.wrong").text_content().startswith("8: 2.")
+    assert page.locator(".chart text.wrong").text_content() == "8"
+
+
+def test_the_command_can_be_copied(open_page):
+    watched = open_page("clear")
+    watched.page.locator("#copy").click()
+    watched.until("document.getElementById('copy').textContent === 'Copied'")
+
+
+def test_without_the_means_to_draw_the_rest_is_there(open_page):
+    watched = open_page("clear")
+    watched.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
+    watched.page.reload()
+    watched.asked[1:] = []
+    assert "cannot draw the picture" in watched.page.locator("#no3d").inner_text()
+    assert watched.page.locator("#view").is_hidden()
+    assert watched.page.locator(".chart").is_visible()

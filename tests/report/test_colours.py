@@ -1,0 +1,60 @@
+"""Colours that can be read, and told apart by those who see fewer of them."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+
+CSS = resources.files("tanteo.report").joinpath("page.css").read_text(encoding="utf-8")
+LIGHT, DARK = (dict(re.findall(r"--(\w+): (#\w{6})", block)) for block in CSS.split("@media")[:2])
+
+# Machado, Oliveira and Fernandes (2009), severity 1, on linear light
+SEEN = {
+    "normal": np.eye(3),
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]],
+    "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
+}
+MARKS = ("good", "bad", "ghost", "free")
+
+
+def linear(hue):
+    rgb = np.array([int(hue[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def lab(light):
+    M = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    t = M @ light / [0.9505, 1.0, 1.089]
+    f = np.where(t > 0.008856, np.cbrt(t), 7.787 * t + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def contrast(a, b):
+    high, low = sorted((linear(h) @ [0.2126, 0.7152, 0.0722] for h in (a, b)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
+@pytest.mark.parametrize("paper", ["paper", "panel"])
+def test_words_can_be_read(theme, paper):
+    for ink in ("ink", "soft", "good", "bad"):
+        assert contrast(theme[ink], theme[paper]) >= 4.5, ink
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
+@pytest.mark.parametrize("eyes", SEEN)
+def test_marks_can_be_told_apart(theme, eyes):
+    for one, other in itertools.combinations(MARKS, 2):
+        seen = [lab(np.clip(SEEN[eyes] @ linear(theme[name]), 0, 1)) for name in (one, other)]
+        assert np.linalg.norm(seen[0] - seen[1]) > 15, (one, other)
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
+def test_marks_stand_out_from_the_part(theme):
+    for mark in ("good", "bad", "ghost"):
+        assert np.linalg.norm(lab(linear(theme[mark])) - lab(linear(theme["part"]))) > 25, mark

@@ -1,0 +1,139 @@
+"""The file as a whole: complete, small, self-contained, the same every time."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from report_scenes import SD, ball, touches
+from tanteo.errors import InputError
+from tanteo.matching import Recognition
+from tanteo.recognition import identify, locate
+from tanteo.report import Section, element, gather, report_page, write_report
+from tanteo.report.words import headline, percent
+from tanteo.sensors import Readings
+
+MOST_BYTES = 6_000_000
+
+
+@pytest.fixture(scope="module")
+def run(wedge):
+    readings = touches(wedge, np.random.default_rng(1), wrong=(7,))
+    return readings, locate(readings, wedge)
+
+
+def scene_of(page):
+    return json.loads(re.search(r'id="scene">(.*?)</script>', page, re.DOTALL)[1])
+
+
+def test_it_says_the_answer_the_wrong_reading_and_the_command(run, wedge):
+    readings, answer = run
+    page = report_page(answer, gather(readings), [wedge], command="tanteo locate 'a b.csv' --part w.stl")
+    assert "It is wedge, located to" in page
+    assert "✕ does not fit" in page
+    assert "tanteo locate &#x27;a b.csv&#x27; --part w.stl" in page
+    for words in ("[mm]", "world", "right perturbation", "noise of the sensor", "touches.csv"):
+        assert words in page
+    assert scene_of(page)["hypotheses"][0]["wrong"] == [int(i == 7) for i in range(len(readings))]
+
+
+def test_the_same_answer_is_the_same_file(run, wedge):
+    readings, answer = run
+    pages = [report_page(answer, gather(readings), [wedge], command="tanteo") for _ in range(2)]
+    assert pages[0] == pages[1]
+    assert pages[0] == report_page(replace(answer, elapsed={"total": 9.0}), gather(readings), [wedge], command="tanteo")
+
+
+def test_nothing_outside_the_file_is_named(run, wedge):
+    readings, answer = run
+    page = report_page(answer, gather(readings), [wedge], command="tanteo")
+    assert "default-src 'none'" in page
+    assert set(re.findall(r"https?://[^\s\"']+", page)) == {"http://www.w3.org/2000/svg"}  # a name, not an address
+    assert not re.search(r"<(?:link|img|iframe)|\ssrc=|@import|url\(", page)
+
+
+def test_what_files_say_is_text(run, wedge):
+    readings, _ = run
+    evil = "</script><img src=x onerror=alert(1)>\x1b[31m\ud800"
+    named = Readings.from_columns(
+        points=readings.points, directions=readings.directions, sds=readings.sds, features=readings.features,
+        kinds=readings.kinds, source=evil, ids=[f"{i}{evil}" for i in readings.ids],
+    )  # fmt: skip
+    found = locate(named, replace(wedge, name=evil, source=evil))
+    page = report_page(found, gather(named), [replace(wedge, name=evil)], command=evil, made_by=evil)
+    page.encode("utf-8")
+    assert "<img" not in page
+    assert page.count("</script>") == 2  # data and program
+    assert scene_of(page)["readings"]["names"][0] == f"1{evil}"
+
+
+def test_several_hypotheses_have_one_body_each(wedge, near_wedge):
+    readings = touches(wedge, np.random.default_rng(2), planes=[0, 1])
+    answer = identify(readings, [wedge, near_wedge])
+    assert len(answer.hypotheses) > 1
+    page = report_page(answer, gather(readings), [wedge, near_wedge], command="tanteo")
+    assert page.count('name="hypothesis"') == len(answer.hypotheses)
+    assert page.count("All readings as a table") == len(answer.hypotheses)
+    assert len(scene_of(page)["hypotheses"]) == len(answer.hypotheses)
+
+
+def test_without_a_hypothesis_it_shows_the_readings(run, wedge):
+    readings, _ = run
+    answer = Recognition("insufficient", "Sense more.", (), 1.0)
+    page = report_page(answer, gather(readings), [wedge], command="tanteo")
+    assert "Too little was sensed" in page
+    assert scene_of(page)["hypotheses"] == []
+    assert len(scene_of(page)["readings"]["names"]) == len(readings)
+
+
+def test_readings_that_met_nothing_alone_are_no_trouble(wedge):
+    free = Readings.from_columns(
+        points=np.zeros((2, 3)), directions=np.array([[0, 0, 1.0], [0, 1.0, 0]]), kinds=["free"] * 2,
+        max_ranges=np.full(2, 0.1),
+    )  # fmt: skip
+    page = report_page(Recognition("insufficient", "Sense more.", (), 1.0), gather(free), [wedge], command="tanteo")
+    assert "beam that met nothing" in page
+
+
+def test_further_sections_stand_before_the_figures(run, wedge):
+    readings, answer = run
+    more = Section("story", "How it was found", "One line a step.", (element("p", "<first>"),))
+    page = report_page(answer, gather(readings), [wedge], command="tanteo", more=[more])
+    assert page.index("Where the uncertainty") < page.index('id="story"') < page.index('id="figures"')
+    assert "&lt;first&gt;" in page
+
+
+def test_a_hypothesis_of_a_part_that_is_not_there_is_the_callers_mistake(run, near_wedge):
+    readings, answer = run
+    with pytest.raises(InputError, match="expected 'wedge' among them"):
+        report_page(answer, gather(readings), [near_wedge], command="tanteo")
+
+
+def test_a_large_mesh_and_many_readings_stay_small(run, wedge, tmp_path):
+    best, part = run[1].hypotheses[0], ball(wedge, subdivisions=6)
+    points = part.vertices[np.random.default_rng(4).integers(len(part.vertices), size=20_000)]
+    readings = Readings.from_columns(points=points, sds=np.full(len(points), SD))
+    h = replace(best, T_world_part=np.eye(4), pairings=tuple((i, "face 0") for i in readings.ids[5:]), outliers=())
+    answer = Recognition("ambiguous", "Sense more.", (h,) * 5, 0.1)
+    file = tmp_path / "report.html"
+    write_report(file, answer, gather(readings), [part], command="tanteo")
+    assert 1_000_000 < file.stat().st_size < MOST_BYTES
+    assert re.search(r"\d+ of 20000 readings are shown", file.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("status", ["recognized", "ambiguous", "unknown", "insufficient"])
+def test_every_status_has_its_sentence(run, status):
+    _, answer = run
+    words = {headline(replace(answer, status=status)), headline(replace(answer, status=status, hypotheses=()))}
+    assert len(words) == 2
+    assert all(word.endswith(".") for word in words)
+
+
+def test_nothing_is_certain():
+    assert percent(1.0) == "> 99.9 %"
+    assert percent(0.0) == "< 0.1 %"
+    assert percent(0.5) == "50.0 %"
