@@ -2,6 +2,7 @@
 
 from tanteo.active.belief import Belief, begin, update
 from tanteo.active.candidates import Candidates, propose
+from tanteo.active.distinguish import Distinction, distinguish
 from tanteo.active.measures import (
     AcceptProbability,
     Discrimination,
@@ -15,6 +16,7 @@ from tanteo.active.measures import (
     mutual_information,
     predict_range,
 )
+from tanteo.active.plans import Plan, PlannedReading, plan
 from tanteo.active.policies import POLICIES, Choice, Policy, Situation, policy_named
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
@@ -29,6 +31,9 @@ __all__ = [
     "Candidates",
     "Choice",
     "Discrimination",
+    "Distinction",
+    "Plan",
+    "PlannedReading",
     "Policy",
     "Probe",
     "RangePrediction",
@@ -45,12 +50,14 @@ __all__ = [
     "chance_within",
     "corner_distances",
     "discriminate",
+    "distinguish",
     "draw",
     "expected_information",
     "from_hypotheses",
     "information_bounds",
     "kl_divergence",
     "mutual_information",
+    "plan",
     "policy_named",
     "predict",
     "predict_range",

@@ -25,7 +25,9 @@ class Probe:
         max_range: how far it reaches [m].
         max_incidence: angle to the surface's normal up to which it answers [rad].
         shared_sd: of the errors that its readings share, along the beam [m].
-        around_sd: of errors of the robot's hand, in every direction [m].
+        repeat_sd: of the hand's place from reading to reading, in every direction [m].
+        base_sds: of the robot's absolute error, which all readings share: place [m] and turn about the world's
+            origin [rad], each axis.
         standoff: from where it starts to the surface that it is to meet [m].
         clearance: radius of the room that it needs about its start and on the straight way there [m].
         retreat: length of that way [m].
@@ -43,7 +45,8 @@ class Probe:
     max_range: float = 1.0
     max_incidence: float = np.radians(60.0)
     shared_sd: float = 0.0
-    around_sd: float = 0.0
+    repeat_sd: float = 0.0
+    base_sds: tuple[float, float] = (0.0, 0.0)
     standoff: float = 0.05
     clearance: float = 0.01
     retreat: float = 0.10
@@ -69,18 +72,21 @@ class Probe:
             object.__setattr__(self, "approach", d / np.linalg.norm(d))
 
     def variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
-        """Variance of what it reads along its beam, all errors [m^2].
+        """Variance of what it reads along its beam, errors that its readings share included [m^2].
 
         Args:
             ranges: true ones ``(*batch)`` [m].
             cosines: of the incidence, positive ``(*batch)``.
         """
-        along = self.law.sigma(ranges) ** 2 + self.shared_sd**2
+        return self.own_variance(ranges, cosines) + self.shared_sd**2 + (self.base_sds[0] / cosines) ** 2
+
+    def own_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
+        """The part of it that is new at every reading."""
+        along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2
         if self.contact:
-            return np.asarray((along + self.around_sd**2) / cosines**2)
-        tangent2 = 1 / cosines**2 - 1
+            return np.asarray((along + repeat2) / cosines**2)
         across = (0.5 * self.beam_half_angle * ranges) ** 2
-        return np.asarray(along + across * tangent2 + self.around_sd**2 * (1 + tangent2))
+        return np.asarray(along + across * (1 / cosines**2 - 1) + repeat2 / cosines**2)
 
     def answers(self, ranges: FloatArray, cosines: FloatArray) -> BoolArray:
         """Whether there is a reading at these ranges and incidences."""
@@ -97,12 +103,12 @@ def probe_of(preset: SensorPreset, robot: RobotPreset | None = None, **where: ob
     """
     far = 0.3 if preset.is_contact else preset.max_range
     standoff = min(0.05, far) if preset.is_contact else float(np.clip(0.05, 1.2 * preset.min_range, 0.8 * far))
-    around = 0.0 if robot is None else float(np.hypot(robot.pos_repeat_std, robot.pos_abs_std))
     values: dict[str, object] = {
         "name": preset.name, "law": preset.law, "contact": preset.is_contact, "max_range": far,
         "beam_half_angle": float(np.nan_to_num(preset.beam_half_angle)),
         "max_incidence": min(preset.max_incidence, np.radians(80.0)),
         "shared_sd": float(np.hypot(preset.bias_std, preset.bias_prop_std * standoff)),
-        "around_sd": around, "standoff": standoff,
+        "repeat_sd": 0.0 if robot is None else robot.pos_repeat_std,
+        "base_sds": (0.0, 0.0) if robot is None else (robot.pos_abs_std, robot.rot_abs_std), "standoff": standoff,
     }  # fmt: skip
     return Probe(**(values | where))  # type: ignore[arg-type]

@@ -155,17 +155,34 @@ def predict(samples: Samples, origins: Vectors, directions: Vectors) -> Predicti
     variances, spreads, useful = np.zeros((3, C, S))
     for k in np.unique(samples.part):
         some = np.flatnonzero(samples.part == k)
-        target, R, t = samples.targets[k], samples.Ts[some, :3, :3], samples.Ts[some, :3, 3]
-        local = ((origins[:, None] - t)[:, :, None, :] @ R)[:, :, 0]
-        along = (directions[:, None, None, :] @ R)[:, :, 0]
-        hits = target.surface.cast(local, along)
-        hit = hits.triangles >= 0
-        n = target.surface.normals[hits.triangles]
-        cosine = np.where(hit, np.abs(np.sum(n * along, axis=-1)), 0.0)
-        x = local + np.where(hit, hits.distances, 0.0)[..., None] * along
-        g = np.concatenate([n, SO3.cross(x, n)], axis=-1) / np.maximum(cosine, 1e-3)[..., None]
+        d, cosine, face, g = beams(samples.targets[k], samples.Ts[some], origins, directions)
         for form, A in ((variances, samples.covariances), (spreads, samples.whole), (useful, samples.useful)):
             form[:, some] = np.sum((g[:, :, None, :] @ A[some])[:, :, 0] * g, axis=-1)
-        ranges[:, some], cosines[:, some] = hits.distances, cosine
-        faces[:, some] = np.where(hit, target.part.triangle_face[hits.triangles], -1)
+        ranges[:, some], cosines[:, some], faces[:, some] = d, cosine, face
     return Predictions(ranges, cosines, variances, spreads, useful, faces)
+
+
+def beams(
+    target: Target, Ts: Transforms, origins: Vectors, directions: Vectors
+) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
+    """What beams meet on a part at poses: range, cosine of incidence, face, and how the range moves with the pose.
+
+    Args:
+        target: the part.
+        Ts: poses ``(S, 4, 4)``.
+        origins: of the beams, world ``(C, 3)`` [m].
+        directions: unit, world ``(C, 3)``.
+
+    Returns:
+        ``(C, S)`` three times (infinite, 0 and -1 for a miss), and the derivatives ``(C, S, 6)``.
+    """
+    R, t = Ts[:, :3, :3], Ts[:, :3, 3]
+    local = ((origins[:, None] - t)[:, :, None, :] @ R)[:, :, 0]
+    along = (directions[:, None, None, :] @ R)[:, :, 0]
+    hits = target.surface.cast(local, along)
+    hit = hits.triangles >= 0
+    n = target.surface.normals[hits.triangles]
+    cosine = np.where(hit, np.abs(np.sum(n * along, axis=-1)), 0.0)
+    x = local + np.where(hit, hits.distances, 0.0)[..., None] * along
+    g = np.concatenate([n, SO3.cross(x, n)], axis=-1) / np.maximum(cosine, 1e-3)[..., None]
+    return hits.distances, cosine, np.where(hit, target.part.triangle_face[hits.triangles], -1), -g

@@ -13,7 +13,7 @@ from tanteo.errors import InputError, ReadingsError, TanteoError
 TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 """The words of the command that runs, as they were typed: a report says how to run it again."""
 
-_MANY = ("--parts",)
+_MANY = ("--parts", "--distinguish")
 _READINGS_SUFFIXES = (".csv", ".txt", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 

@@ -48,16 +48,16 @@ def _hypothesis(h: Hypothesis) -> dict[str, Any]:
         "probability": _number(h.probability),
         "pose": {
             "frame": "world",
-            "position_m": _numbers(T[:3, 3]),
-            "quaternion_wxyz": _numbers(SO3.as_quaternion(T[:3, :3])),
-            "matrix": _numbers(T),
+            "position_m": numbers(T[:3, 3]),
+            "quaternion_wxyz": numbers(SO3.as_quaternion(T[:3, :3])),
+            "matrix": numbers(T),
         },
-        "covariance": _covariance(h.covariance),
+        "covariance": covariance_document(h.covariance),
         "worst_corner_sd_m": _number(h.worst_corner_sd),
         "unobserved": list(h.unobserved),
         "symmetry": {
             "order": int(h.symmetry_order),
-            "poses": [{"matrix": _numbers(pose)} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
+            "poses": [{"matrix": numbers(pose)} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
             "axis": None if h.symmetry_axis is None else _axis(h.symmetry_axis),
         },
         "fit": {
@@ -68,31 +68,35 @@ def _hypothesis(h: Hypothesis) -> dict[str, Any]:
         },
         "outliers": list(h.outliers),
         "pairings": [{"reading": reading, "feature": feature} for reading, feature in h.pairings],
-        "outlier_distances_m": _numbers(np.array(h.outlier_distances)),
-        "covariance_same_robot": None if h.covariance_same_robot is None else _covariance(h.covariance_same_robot),
+        "outlier_distances_m": numbers(np.array(h.outlier_distances)),
+        "covariance_same_robot": None
+        if h.covariance_same_robot is None
+        else covariance_document(h.covariance_same_robot),
     }
 
 
-def _covariance(matrix: FloatArray) -> dict[str, Any]:
+def covariance_document(matrix: FloatArray) -> dict[str, Any]:
+    """A pose's covariance with its conventions beside it."""
     return {
         "order": "x y z rx ry rz",
         "frame": "part",
         "perturbation": "right",
         "units": "m rad",
-        "matrix": _numbers(matrix),
+        "matrix": numbers(matrix),
     }
 
 
 def _axis(axis: FloatArray) -> dict[str, Any]:
-    return {"frame": "world", "point_m": _numbers(axis[0]), "direction": _numbers(axis[1])}
+    return {"frame": "world", "point_m": numbers(axis[0]), "direction": numbers(axis[1])}
 
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _numbers(array: FloatArray) -> Any:
+def numbers(array: FloatArray) -> Any:
+    """Nested lists; what is not finite becomes ``None``."""
     array = np.asarray(array, dtype=np.float64)
     if array.ndim == 0:
         return _number(float(array))
-    return [_numbers(row) for row in array]
+    return [numbers(row) for row in array]

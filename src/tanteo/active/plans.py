@@ -1,0 +1,261 @@
+"""Plans: the fewest readings that place a part within a tolerance, known beforehand.
+
+About the expected pose everything is linear: a reading adds information along one direction of the pose. The plan is
+chosen by greedy addition and then by exchanges (Fedorov) for the mean square error of the corners, the worst counting
+most. What readings share does not average out in it: a bias is a state of its own, and the robot's absolute error is
+added at the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.active.belief import begin
+from tanteo.active.candidates import Candidates, propose
+from tanteo.active.probe import Probe
+from tanteo.active.samples import beams, draw, even_normals, predict
+from tanteo.active.start import Start
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.matching.verdict import corner_moves, corner_sd
+from tanteo.surface_search import Target
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
+
+_CANDIDATES = 800
+"""Readings among which the plan is chosen."""
+
+_STEADY, _LEAST = 0.9, 40
+"""Share of the possible poses at which a reading must meet its face; at least so many readings are kept."""
+
+_SWEEPS = 6
+"""Rounds of exchanges."""
+
+_POSES = 2048
+"""Poses by which the chance to be within the tolerance is counted."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedReading:
+    """One reading of a plan.
+
+    Attributes:
+        origin: from where to look or move, world ``(3,)`` [m].
+        direction: in which, unit, world ``(3,)``.
+        point: expected on the surface, world ``(3,)`` [m].
+        face: name of the face.
+        covariance: of the pose after it ``(6, 6)``, part frame [m, rad].
+        worst_corner_sd: after it [m].
+        within: chance that all corners are within the tolerance after it.
+    """
+
+    origin: Vectors
+    direction: Vectors
+    point: Vectors
+    face: str
+    covariance: Covariances
+    worst_corner_sd: float
+    within: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Readings in the order in which they help most.
+
+    Attributes:
+        part: name of the part.
+        T_world_part: expected pose ``(4, 4)``.
+        readings: the plan.
+        before: worst corner's standard deviation before the first [m].
+        reached: the tolerance is kept with the confidence.
+        message: one sentence.
+    """
+
+    part: str
+    T_world_part: Transforms
+    readings: tuple[PlannedReading, ...]
+    before: float
+    reached: bool
+    message: str
+
+
+def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95, most: int = 30, seed: int = 0) -> Plan:
+    """The fewest readings after which all corners are within a tolerance with a confidence.
+
+    Args:
+        start: one part at one rough pose (``at_pose``).
+        probe: what senses.
+        tolerance: of the corners of the part's box [m].
+        confidence: with which they keep it.
+        most: readings at most.
+        seed: of the places that are tried.
+
+    Raises:
+        InputError: more than one part or pose, or figures that make no sense.
+    """
+    if len(start) != 1:
+        raise InputError(f"plan: expected one part at one rough pose, got {len(start)}. Plan for each.")
+    if not (np.isfinite(tolerance) and tolerance > 0 and 0 < confidence < 1 and most >= 1):
+        raise InputError("plan: expected a positive tolerance, a confidence between 0 and 1 and a reading at least.")
+    design = _design(start, probe, seed)
+    if design is None:
+        part = start.targets[0].part
+        message = f"The probe reaches no place of {part.name}: give it more room, or another approach."
+        return Plan(part.name, start.Ts[0], (), corner_sd(part, start.covariances[0]), False, message)
+    chosen = _chosen(design, tolerance, confidence, most)
+    return _as_plan(start, design, chosen, tolerance, confidence)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Design:
+    """Candidates as rows of a linear problem: the pose's perturbation and, if there is one, the bias."""
+
+    target: Target
+    candidates: Candidates
+    faces: IntArray
+    points: Vectors
+    rows: FloatArray
+    variances: FloatArray
+    prior: Covariances
+    base: Covariances
+    corners: FloatArray
+
+    def after(self, chosen: IntArray) -> Covariances:
+        """Covariance of pose and bias after some readings."""
+        G = self.rows[chosen]
+        return np.asarray(np.linalg.inv(np.linalg.inv(self.prior) + (G.T / self.variances[chosen]) @ G))
+
+    def pose(self, C: Covariances) -> Covariances:
+        """Of the pose in the world."""
+        return C[:6, :6] + self.base
+
+    def cost(self, squares: FloatArray) -> FloatArray:
+        """Of mean square errors of the corners ``(*batch, 8)``: the worst count most."""
+        return np.asarray(np.sum(squares**4, axis=-1) ** 0.25)
+
+    def squares(self, C: Covariances) -> FloatArray:
+        """Mean square error of every corner ``(8,)``."""
+        return np.einsum("cij,jk,cik->c", self.corners, self.pose(C), self.corners)
+
+    def with_each(self, C: Covariances) -> FloatArray:
+        """Cost after each of the candidates is added ``(N,)``."""
+        c = self.rows @ C
+        s = np.sum(c * self.rows, axis=1) + self.variances
+        moved = np.einsum("cij,nj->nci", self.corners, c[:, :6])
+        return self.cost(self.squares(C) - np.sum(moved**2, axis=-1) / s[:, None])
+
+    def chance(self, C: Covariances, tolerance: float) -> float:
+        """That all corners are within a tolerance."""
+        values, vectors = np.linalg.eigh(self.pose(C))
+        xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
+        off = np.linalg.norm(np.einsum("cij,sj->sci", self.corners, xi), axis=-1).max(axis=1)
+        return float(np.mean(off <= tolerance))
+
+
+def _design(start: Start, probe: Probe, seed: int) -> _Design | None:
+    belief, target, T = begin(start), start.targets[0], start.Ts[0]
+    candidates = propose(belief, probe, _CANDIDATES, seed)
+    if not len(candidates):
+        return None
+    candidates = candidates.take(_steady(start, candidates))
+    ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
+    ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
+    prior, biased = start.covariances[0], probe.shared_sd > 0
+    if biased:
+        g = np.concatenate([g, np.ones((len(g), 1))], axis=1)
+        prior = np.block([[prior, np.zeros((6, 1))], [np.zeros((1, 6)), np.full((1, 1), probe.shared_sd**2)]])
+    A = SE3.adjoint_inverse(T)
+    base = (A * np.repeat(np.square(probe.base_sds), 3)) @ A.T
+    points = candidates.origins + ranges[:, None] * candidates.directions
+    own = probe.own_variance(ranges, cosines)
+    return _Design(target, candidates, faces, points, g, own, prior, base, corner_moves(target.part))
+
+
+def _steady(start: Start, candidates: Candidates) -> BoolArray:
+    """Candidates that meet their face wherever the part may be; the steadiest where none does."""
+    samples = draw(begin(start), 64)
+    faces = predict(samples, candidates.origins, candidates.directions).faces
+    share = (faces == candidates.face[:, None]) @ samples.weights
+    enough = np.sort(share)[::-1][min(_LEAST, len(share)) - 1]
+    return np.asarray(share >= min(_STEADY, enough))
+
+
+def _chosen(design: _Design, tolerance: float, confidence: float, most: int) -> IntArray:
+    """The fewest candidates that keep the tolerance, or the best of the most that are allowed."""
+    chosen: list[int] = []
+    best: list[int] = []
+    while len(chosen) < min(most, len(design.rows)):
+        chosen = _exchanged(design, _extended(design, chosen))
+        best = chosen
+        if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
+            break
+        if design.chance(0.0 * design.prior, tolerance) < confidence:
+            break  # the robot's own error is too large for any number of readings
+    return _ordered(design, best)
+
+
+def _extended(design: _Design, chosen: list[int]) -> list[int]:
+    cost = design.with_each(design.after(np.array(chosen, dtype=np.int64)))
+    cost[chosen] = np.inf
+    return [*chosen, int(np.argmin(cost))]
+
+
+def _exchanged(design: _Design, chosen: list[int]) -> list[int]:
+    """No swap of one reading makes it better."""
+    cost = float(design.cost(design.squares(design.after(np.array(chosen)))))
+    for _ in range(_SWEEPS):
+        before = cost
+        for k in range(len(chosen)):
+            others = chosen[:k] + chosen[k + 1 :]
+            costs = design.with_each(design.after(np.array(others, dtype=np.int64)))
+            costs[others] = np.inf
+            j = int(np.argmin(costs))
+            if costs[j] < cost * (1 - 1e-9):
+                chosen, cost = [*chosen[:k], j, *chosen[k + 1 :]], float(costs[j])
+        if cost > before * (1 - 1e-3):
+            break
+    return chosen
+
+
+def _ordered(design: _Design, chosen: list[int]) -> IntArray:
+    """The reading that helps most first."""
+    order: list[int] = []
+    left = list(chosen)
+    while left:
+        cost = design.with_each(design.after(np.array(order, dtype=np.int64)))
+        order.append(min(left, key=lambda k: cost[k]))
+        left.remove(order[-1])
+    return np.array(order, dtype=np.int64)
+
+
+def _as_plan(start: Start, design: _Design, chosen: IntArray, tolerance: float, confidence: float) -> Plan:
+    part, c = design.target.part, design.candidates
+    readings = []
+    for n, k in enumerate(chosen):
+        C = design.after(chosen[: n + 1])
+        pose = design.pose(C)
+        place = c.origins[k], c.directions[k], design.points[k], part.faces[design.faces[k]].name
+        readings.append(PlannedReading(*place, pose, corner_sd(part, pose), design.chance(C, tolerance)))
+    reached = bool(readings) and readings[-1].within >= confidence
+    before = corner_sd(part, design.pose(design.prior))
+    message = _message(design, readings, tolerance, reached)
+    return Plan(part.name, start.Ts[0], tuple(readings), before, reached, message)
+
+
+def _message(design: _Design, readings: list[PlannedReading], tolerance: float, reached: bool) -> str:
+    n, last = len(readings), readings[-1]
+    aim = f"all corners of {design.target.part.name} within {1e3 * tolerance:.3g} mm"
+    if reached:
+        worst = f"worst corner {1e3 * last.worst_corner_sd:.2g} mm, 1 sd"
+        return f"{n} readings bring {aim} (P = {last.within:.3f}); {worst}."
+    never = corner_sd(design.target.part, design.base)
+    if never > 0.3 * tolerance:
+        return (
+            f"No number of readings brings {aim}: the robot's own error moves the worst corner by "
+            f"{1e3 * never:.2g} mm (1 sd). Calibrate the robot, or sense relative to something that it must meet."
+        )
+    return (
+        f"{n} readings do not bring {aim} (P = {last.within:.3f}); worst corner {1e3 * last.worst_corner_sd:.2g} mm, "
+        "1 sd. Allow more readings, a better sensor, or another approach."
+    )

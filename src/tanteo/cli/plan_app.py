@@ -1,0 +1,69 @@
+"""``tanteo plan``. Only the parser is imported here."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from tanteo.cli.prior_options import Near
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+
+
+def plan(
+    part: Annotated[
+        str | None, typer.Option("--part", metavar="FILE", help="CAD file of the part to place (STEP, STL, ...).")
+    ] = None,
+    distinguish: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--distinguish", metavar="A B", help="CAD files of two parts: which one reading tells them apart?"
+        ),
+    ] = None,
+    tolerance: Annotated[
+        str | None, typer.Option("--tolerance", metavar="LENGTH", help="Of the corners of the part's box, as 0.2mm.")
+    ] = None,
+    confidence: Annotated[float, typer.Option("--confidence", help="With which the corners keep it.")] = 0.95,
+    sensor: Annotated[
+        str | None, typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.")
+    ] = None,
+    sd: Annotated[
+        str | None,
+        typer.Option("--sd", metavar="LENGTH", help="Instead: one standard deviation of a reading, as 0.1mm."),
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.")
+    ] = None,
+    near: Near = None,
+    approach: Annotated[
+        str | None,
+        typer.Option(
+            "--approach", metavar="DIR,ANGLE", help="Which way it may look or move in the world, as 0,0,-1,60deg."
+        ),
+    ] = None,
+    standoff: Annotated[str | None, typer.Option("--standoff", metavar="LENGTH", help="From start to surface.")] = None,
+    clearance: Annotated[
+        str | None, typer.Option("--clearance", metavar="LENGTH", help="Room that the probe needs on its way, as 10mm.")
+    ] = None,
+    most: Annotated[int, typer.Option("--most", help="Readings at most.")] = 30,
+    units: Annotated[
+        str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none (STL).")
+    ] = None,
+    csv: Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the plan as a table too.")] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the places that are tried.")] = 0,
+    json: Json = False,
+) -> None:
+    """Plan the fewest readings that place a part within a tolerance, or the one that tells two parts apart."""
+    from tanteo.cli.options import misuse
+    from tanteo.cli.planning import PlanOptions, run_plan
+    from tanteo.cli.running import guarded
+
+    with guarded():
+        with misuse():
+            options = PlanOptions.read(
+                part=part, distinguish=distinguish or [], tolerance=tolerance, confidence=confidence, sensor=sensor,
+                sd=sd, robot=robot, near=near, approach=approach, standoff=standoff, clearance=clearance, most=most,
+                units=units, csv=csv, seed=seed,
+            )  # fmt: skip
+        run_plan(options, as_json=json)
