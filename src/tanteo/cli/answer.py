@@ -94,7 +94,7 @@ def _others(hypotheses: tuple[Hypothesis, ...]) -> list[str]:
         x = pose_as_brand("paper", h.T_world_part)
         numbers = [f"{v * 1e3:.2f}" for v in x[:3]] + [f"{np.degrees(v):.2f}" for v in x[3:]]
         rows.append([h.part, _percent(h.probability), *numbers, f"{h.worst_corner_sd * 1e3:.3g}"])
-    return ["  " + line for line in table(headers, rows)]
+    return table(headers, rows, indent=2)
 
 
 def _position(T: np.ndarray) -> str:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.completing import robot_names, sensor_names
 from tanteo.cli.plan_app import plan
 from tanteo.cli.prior_options import BoxAt, Near, PriorPath, TableAt
 from tanteo.cli.sense_app import sense_app
@@ -15,7 +16,6 @@ app = typer.Typer(
     help="Which part is it, where is it, and how sure are we: from touches and ranges against CAD files.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    add_completion=False,
     no_args_is_help=True,
     epilog="Exit codes: 0 answered, 1 failed, 2 misused, 3 ambiguous, unknown or insufficient.",
 )
@@ -34,7 +34,10 @@ PartPath = Annotated[str, typer.Option("--part", metavar="FILE", help="CAD file 
 Units = Annotated[
     str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none (STL): mm, m, um, in.")
 ]
-Sensor = Annotated[str | None, typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.")]
+Sensor = Annotated[
+    str | None,
+    typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.", autocompletion=sensor_names),
+]
 Sd = Annotated[
     str | None,
     typer.Option("--sd", metavar="LENGTH", help="One standard deviation of readings without their own, as 0.3mm."),
@@ -43,7 +46,10 @@ Tolerance = Annotated[
     str,
     typer.Option("--tolerance", metavar="LENGTH", help="Standard deviation of the made part from its CAD, as 0.1mm."),
 ]
-Robot = Annotated[str | None, typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.")]
+Robot = Annotated[
+    str | None,
+    typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.", autocompletion=robot_names),
+]
 TipSd = Annotated[
     str | None,
     typer.Option("--tip-sd", metavar="X,Y,Z", help="Tip offset's standard deviations in the hand, as 1.5,1.5,0.3mm."),
@@ -197,3 +203,13 @@ def show(
         with misuse():
             unit = None if units is None else read_unit(units)
         show_part(file, unit, as_json=json, verbose=verbose)
+
+
+@app.command()
+def doctor(json: Json = False) -> None:
+    """Say what is installed and whether it works: versions, extras, a self-test."""
+    from tanteo.cli.doctoring import run_doctor
+    from tanteo.cli.running import guarded
+
+    with guarded():
+        run_doctor(as_json=json)

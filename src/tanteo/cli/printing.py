@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
@@ -43,27 +46,61 @@ def bold(text: str) -> str:
     return f"\x1b[1m{text}\x1b[0m" if has_colour(sys.stdout) else text
 
 
-def table(headers: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,)) -> list[str]:
-    """Lines of a table that fits the terminal (or 120 columns elsewhere); numbers to the right.
+_ELSEWHERE = 120
+"""Columns that a table may take where it does not go to a terminal."""
+
+_FOLDED = 12
+"""Columns of text are folded down to this many characters, and not further."""
+
+
+def table(
+    headers: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,), indent: int = 0
+) -> list[str]:
+    """Lines of a table that fits the terminal (or 120 columns elsewhere); numbers to the right, and never cut.
+
+    Where the numbers do not fit beside each other, each row becomes lines of their own: a name and a value.
 
     Args:
         headers: Of the columns.
         rows: Cells as text.
         left: Columns with text, which may fold; the others keep their width.
+        indent: Of each line, in spaces.
     """
+    cells = [[printable(cell) for cell in row] for row in rows]
+    wide = [max(len(header), *(len(row[k]) for row in cells), 0) for k, header in enumerate(headers)]
+    least = sum(min(w, _FOLDED) if k in left else w for k, w in enumerate(wide)) + 2 * (len(headers) - 1) + indent
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _ELSEWHERE
+    lines = (
+        _columns(headers, cells, left, width - indent) if least <= width else _records(headers, cells, width - indent)
+    )
+    return [" " * indent + line if line else line for line in lines]
+
+
+def _columns(headers: Sequence[str], cells: Sequence[Sequence[str]], left: Sequence[int], width: int) -> list[str]:
     from rich.console import Console
     from rich.table import Table
 
     out = Table(box=None, pad_edge=False, header_style="")
     for k, header in enumerate(headers):
         out.add_column(header, justify="left" if k in left else "right", overflow="fold", no_wrap=k not in left)
-    for row in rows:
-        out.add_row(*(_plain(printable(cell)) for cell in row))
-    width = None if sys.stdout.isatty() else 120
+    for row in cells:
+        out.add_row(*map(_plain, row))
     console = Console(width=width, color_system=None, highlight=False, emoji=False, force_terminal=False)
     with console.capture() as captured:
         console.print(out)
     return [line.rstrip() for line in captured.get().splitlines()]
+
+
+def _records(headers: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Each row as lines of name and value, an empty line between rows."""
+    name = min(max(map(len, headers)), width // 3)
+    lines = list[str]()
+    for row in cells:
+        lines.append("")
+        for header, cell in zip(headers, row, strict=True):
+            pairs = zip_longest(textwrap.wrap(header, name), textwrap.wrap(cell, width - name - 2), fillvalue="")
+            lines += [f"{a:<{name}}  {b}".rstrip() for a, b in pairs]
+    return lines[1:]
 
 
 def _plain(text: str) -> str:

@@ -21,10 +21,11 @@ def list_lines(
 ) -> list[str]:
     """Everything that can be named on the command line."""
     lines = table(
-        ["sensor (--sensor)", "kind", "range mm", "noise mm", f"verified: {_KEY}"],
+        ["sensor (--sensor)", "kind", "range mm", "noise mm", "verified"],
         [[p.name, p.kind, _span(p), _noise(p), p.check] for p in sensors.values()],
         left=(0, 1, 4),
     )
+    lines += ["", f"verified: {_KEY}"]
     lines += ["", *table(["robot (--robot)", "verified"], [[p.name, p.check] for p in robots.values()], left=(0, 1))]
     described = [[name, text.splitlines()[0].lstrip("# ")] for name, text in rigs.items()]
     return [*lines, "", *table(["rig (--rig)", ""], described, left=(0, 1))]

@@ -1,0 +1,110 @@
+"""What a terminal sees: tables as wide as it is with every digit, completion, progress on standard error alone."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from tanteo.cli import printing
+from tanteo.cli.printing import table
+
+HEADERS = ["part", "probability", "x mm", "y mm", "z mm", "roll", "pitch", "yaw deg", "corner sd mm"]
+ROWS = [
+    ["step_15mm", "48.4 %", "379.96", "139.90", "20.03", "0.04", "0.05", "-27.91", "0.0868"],
+    ["a part with a rather long name", "3.1 %", "-1379.96", "-1139.90", "-120.03", "-170.04", "10.05", "-127.91", "12"],
+]
+WORDS = [["vl53l0x", "tof", "30-1200", "V: FoV 25 deg, 33 ms/1.2 m modes, sigma law; A: bias, min, incidence"]]
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """A terminal of so many columns."""
+
+    def call(columns):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        monkeypatch.setattr(printing.sys.stdout, "isatty", lambda: True, raising=False)
+
+    return call
+
+
+@pytest.mark.parametrize("columns", [20, 60, 80, 120])
+@pytest.mark.parametrize("indent", [0, 2])
+def test_tables_fit_and_no_digit_is_lost(terminal, columns, indent):
+    terminal(columns)
+    lines = table(HEADERS, ROWS, indent=indent)
+    assert max(map(len, lines)) <= columns
+    shown = " ".join(lines).split()
+    for row in ROWS:
+        for cell in row[1:]:
+            assert all(word in shown for word in cell.split()), cell
+    assert all(line.startswith(" " * indent) for line in lines if line)
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80, 120])
+def test_long_words_fold(terminal, columns):
+    terminal(columns)
+    lines = table(["sensor", "kind", "range mm", "verified"], WORDS, left=(0, 1, 3))
+    assert max(map(len, lines)) <= columns
+    assert "incidence" in " ".join(lines)
+    assert "30-1200" in " ".join(lines)
+
+
+def test_wide_terminals_have_one_line_a_row(terminal):
+    terminal(120)
+    assert len(table(HEADERS, ROWS)) == 3
+    terminal(60)
+    assert table(HEADERS, ROWS[:1])[0] == "part          step_15mm"
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_what_the_commands_print_fits(run, parts, terminal, columns):
+    terminal(columns)
+    for args in (
+        ["sensor", "list"],
+        ["sensor", "rig", "paper-gripper"],
+        ["part", "show", parts / "wedge.stl", "--units", "mm"],
+    ):
+        lines = re.sub(r"\x1b\[[0-9;]*m", "", run(*args).out).splitlines()
+        rows = [line for line in lines if re.search(r"\S  +\S", line) and not line.startswith("  ")]
+        assert rows
+        assert max(map(len, rows)) <= columns, args
+
+
+def shell(variables, *args):
+    """The program as a shell's completion calls it."""
+    code = [sys.executable, "-c", "from tanteo.cli import main; main()", *args]
+    return subprocess.run(code, env=os.environ | variables, capture_output=True, text=True, timeout=60)
+
+
+def complete(line):
+    """What bash is offered for the word at the end of a line."""
+    words = line.split(" ")
+    got = shell({"_TANTEO_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)})
+    return got.stdout.split()
+
+
+def test_completion_knows_commands_options_and_presets():
+    assert {"identify", "locate", "sensor", "doctor"} <= set(complete("tanteo "))
+    assert complete("tanteo iden") == ["identify"]
+    assert "--report" in complete("tanteo locate --re")
+    assert "xarm" in complete("tanteo locate r.csv --robot xa")
+    assert "vl53l0x" in complete("tanteo identify r.csv --parts a b --sensor vl53l0")
+
+
+@pytest.mark.parametrize(
+    ("name", "word"), [("bash", "complete -o"), ("zsh", "compdef"), ("fish", "complete --command")]
+)
+def test_the_script_for_each_shell_can_be_shown(name, word):
+    got = shell({"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}, "--show-completion", name)
+    assert got.returncode == 0
+    assert word in got.stdout
+
+
+def test_progress_is_on_standard_error_and_only_on_a_terminal(capsys, monkeypatch):
+    with printing.progress("reading parts", quiet=False) as tick:
+        tick(1, 2)
+    assert capsys.readouterr() == ("", "")
