@@ -25,10 +25,10 @@ from tanteo.typing import FloatArray, IntArray, Transforms
 _DRAWS, _TAIL = 256, 5
 """Draws in a round, degrees of freedom of the proposals."""
 
-ROUNDS = 5
+ROUNDS = 6
 """Rounds at most."""
 
-ENOUGH = 80.0
+ENOUGH = 200.0
 """Effective draws with which the weights are believed."""
 
 _MAXIMA, _HOPELESS = 16, 25.0

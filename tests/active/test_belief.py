@@ -1,0 +1,148 @@
+"""The belief while sensing: what Bayes' rule says, wherever it can be computed otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from bare_scenes import SENSORS, no_paths, scene
+from sensing_scenes import rough
+from tanteo.active import around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.parts import read_part
+from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+from tanteo.surface_search.polish import log_posterior
+from tanteo.surface_search.recognition import unknown_log_density
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+LASER = SENSORS[1]
+
+
+@pytest.fixture(scope="module")
+def targets():
+    return [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
+
+
+def readings(target, T, n, rng, sensing=LASER):
+    return scene(target.surface, T, sensing, n, rng)[0]
+
+
+def test_before_the_first_reading_it_is_the_start(targets):
+    start = rough(targets, priors=Priors(unknown=0.1))
+    belief = begin(start)
+    np.testing.assert_allclose(belief.of_parts(), 0.3)
+    assert belief.unknown == pytest.approx(0.1)
+    np.testing.assert_array_equal(belief.poses, start.Ts)
+
+
+def test_a_place_puts_the_centroid_of_every_part_there(targets):
+    T = SE3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.4, -0.3]))
+    start = around(targets, T, np.diag(np.repeat([0.01, 0.1], 3) ** 2))
+    for k, target in enumerate(targets):
+        np.testing.assert_allclose(SE3.apply(start.Ts[k], target.part.centroid), T[:3, 3], atol=1e-12)
+        J = np.hstack([np.eye(3), -_hat(target.part.centroid)])
+        np.testing.assert_allclose(J @ start.covariances[k] @ J.T, 1e-4 * np.eye(3), atol=1e-12)
+
+
+def _hat(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+@pytest.mark.parametrize("n", [2, 5])
+def test_masses_are_those_of_plain_importance_sampling(targets, n):
+    """Probability of each part against the likelihood averaged over many draws of the prior; a coarse sensor."""
+    coarse = replace(LASER, sd=6e-3)
+    start = rough(targets, (0.008, 0.06))
+    rng = np.random.default_rng(3)
+    touches = readings(targets[2], start.Ts[2] @ SE3.exp(0.5 * np.repeat([0.008, 0.06], 3)), n, rng, coarse)
+    belief = update(begin(start), touches, no_paths())
+    log = []
+    for k, target in enumerate(targets):
+        xi = np.linalg.cholesky(start.covariances[k]) @ rng.normal(size=(20000, 6, 1))
+        Ts = start.Ts[k] @ SE3.exp(xi[..., 0])
+        each = log_posterior(touches, no_paths(), Ts, np.zeros((len(Ts), 0)), target, start.priors)
+        log.append(logsumexp(each) - np.log(len(Ts)) + np.log((1 - start.priors.unknown) / 3))
+    log.append(np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum())
+    expected = np.exp(log - logsumexp(log))
+    np.testing.assert_allclose([*belief.of_parts(), belief.unknown], expected, atol=0.03)
+
+
+def test_many_readings_give_what_identify_gives(targets):
+    start, rng = rough(targets), np.random.default_rng(1)
+    T = start.Ts[0] @ SE3.exp(0.5 * np.repeat([0.015, 0.15], 3))
+    touches = readings(targets[0], T, 25, rng)
+    belief = update(begin(start), touches, no_paths())
+    answer = identify_touches(touches, no_paths(), targets).hypotheses[0]
+    xi = SE3.log(SE3.inverse(answer.T_world_part) @ belief.poses[0])
+    assert xi @ np.linalg.solve(answer.covariance, xi) < 0.1
+    ratio = np.linalg.eigvals(np.linalg.solve(answer.covariance, belief.covariances[0])).real
+    assert 0.7 < ratio.min() <= ratio.max() < 1.4
+    assert belief.weights[0] > 0.999
+
+
+def test_the_region_holds_the_truth(targets):
+    """NEES over scenes drawn from the start, five readings: few enough that the posterior is often bent."""
+    start, inside, total = rough(targets[2:]), 0, 30
+    for seed in range(total):
+        rng = np.random.default_rng((4, seed))
+        T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
+        belief = update(begin(start), readings(targets[2], T, 8, rng), no_paths())
+        off = corner_distances(belief, 0, T[None])[0]
+        inside += chance_within(belief, off) < 0.9  # the corners' true error is within the 90 % ball
+    assert 21 <= inside <= 30  # binomial, 99.9 %
+
+
+def test_free_paths_speak_against_what_blocks_them(targets):
+    start = rough(targets[2:], (0.02, 0.1))
+    T = start.Ts[0]
+    along = np.array([[0.0, 0.0, -1.0]])
+    over = SE3.apply(T, targets[2].part.centroid) + np.array([[0.0, 0.0, 0.2]])
+    touches = readings(targets[2], T, 3, np.random.default_rng(2))
+    free = FreePaths(over, along, np.array([0.4]), np.zeros(1))
+    beside = FreePaths(over + 1.0, along, np.array([0.4]), np.zeros(1))
+    through = update(begin(start), touches, free)
+    assert through.unknown > 3 * update(begin(start), touches, beside).unknown
+
+
+def test_a_symmetric_part_is_one_answer_and_no_more_probable():
+    """A block fits its own place in several ways; under a rough pose only one of them is meant."""
+    pair = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("square_post", "wedge")]
+    assert pair[0].part.symmetry.order > 1
+    start = rough(pair, (0.005, 0.05))
+    far = readings(pair[0], SE3.exp(np.array([3.0, 0, 0, 0, 0, 0])), 3, np.random.default_rng(0))
+    blank = replace(far, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
+    belief = update(begin(start), blank, no_paths())  # readings that say nothing leave the start as it was
+    P = belief.of_parts() / belief.of_parts().sum()
+    areas = np.array([t.part.area for t in pair])
+    assert areas.all()
+    np.testing.assert_allclose(P, 0.5, atol=0.1)
+
+
+def test_an_answer_can_be_a_start(targets):
+    touches = readings(targets[0], np.eye(4), 12, np.random.default_rng(6))
+    answer = identify_touches(touches, no_paths(), targets)
+    start = from_hypotheses(answer.hypotheses, targets)
+    assert start.targets[start.part[0]].part.name == answer.hypotheses[0].part
+    with pytest.raises(InputError, match="parts among"):
+        from_hypotheses(answer.hypotheses, targets[2:])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"weights": np.array([-1.0])}, "probabilities"),
+        ({"covariances": np.zeros((1, 6, 6))}, "spread"),
+        ({"targets": ()}, "a part"),
+        ({"weights": np.ones(2)}, "as many"),
+    ],
+)
+def test_a_start_that_makes_no_sense_is_refused(targets, change, words):
+    start = at_pose(targets[0], np.eye(4), 1e-4 * np.eye(6))
+    with pytest.raises(InputError, match=words):
+        replace(start, **change)

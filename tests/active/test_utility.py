@@ -1,0 +1,165 @@
+"""What a reading is expected to tell, against simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensing_scenes import LASER, rough
+from tanteo.active import Probe, Start, at_pose, begin, draw, expected_information, predict, propose
+from tanteo.active.samples import beams
+from tanteo.active.utility import about_mode, about_pose
+from tanteo.errors import InputError
+from tanteo.hand import Workspace
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.parts import read_part
+from tanteo.sensors import robot_preset, sensor_preset
+from tanteo.sensors.law import NoiseLaw
+from tanteo.surface_search import prepare_target
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.fixture(scope="module")
+def bracket():
+    return prepare_target(read_part(PARTS / "bracket_left.step"))
+
+
+def at(target, sds, T=None):
+    return at_pose(target, np.eye(4) if T is None else T, np.diag(np.repeat(sds, 3) ** 2))
+
+
+def test_derivatives_of_ranges_against_differences(bracket):
+    start = at(bracket, (1e-3, 1e-2), SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.1, -0.2])))
+    c = propose(begin(start), LASER, 60)
+    ranges, _, faces, g = beams(bracket, start.Ts, c.origins, c.directions)
+    for k, e in enumerate(1e-6 * np.eye(6)):
+        plus, minus = (beams(bracket, start.Ts @ SE3.exp(s * e), c.origins, c.directions)[0] for s in (1, -1))
+        np.testing.assert_allclose(g[..., k], (plus - minus) / 2e-6, atol=1e-4)
+    assert np.isfinite(ranges).all()
+    assert (faces[:, 0] == c.face).all()
+
+
+def test_information_about_the_pose_is_half_the_log_of_the_ratio_of_determinants(bracket):
+    """For a pose known so well that all is linear, against the determinant of the covariance after the reading."""
+    start = at(bracket, (2e-5, 2e-4))
+    c = propose(begin(start), LASER, 40)
+    samples = draw(begin(start), 1)
+    got = expected_information(samples, predict(samples, c.origins, c.directions), LASER)
+    d, cosine, _, g = beams(bracket, start.Ts, c.origins, c.directions)
+    R, C = LASER.variance(d, cosine)[:, 0], start.covariances[0]
+    for k in range(len(c)):
+        after = np.linalg.inv(np.linalg.inv(C) + np.outer(g[k, 0], g[k, 0]) / R[k])
+        gain = 0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1])
+        assert got[k] == pytest.approx(gain, rel=1e-9)
+
+
+def test_what_exceeds_no_tolerance_is_worth_nothing(bracket):
+    start = at(bracket, (2e-5, 2e-4))
+    c = propose(begin(start), LASER, 40)
+    gains = []
+    for tolerance in (None, 1e-6, 1e-2):
+        samples = draw(begin(start), 1, tolerance)
+        gains.append(about_pose(samples, predict(samples, c.origins, c.directions), LASER))
+    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-3)
+    assert (gains[2] < 1e-3 * gains[0]).all()
+
+
+def test_information_about_the_mode_against_simulation(bracket):
+    """Two poses that are likely, ranges drawn from the belief: mutual information by the posterior's mean entropy."""
+    T = np.stack([np.eye(4), SE3.exp(np.array([4e-4, 0, 3e-4, 0, 0.004, 0]))])
+    C = np.tile(np.diag(np.repeat([1e-4, 1e-3], 3) ** 2), (2, 1, 1))
+    start = Start((bracket,), np.zeros(2, dtype=int), T, C, np.array([0.7, 0.3]), Priors())
+    c = propose(begin(start), LASER, 60)
+    samples = draw(begin(start), 200)
+    told = about_mode(samples, predict(samples, c.origins, c.directions), LASER)
+    d, cosine, _, g = beams(bracket, T, c.origins, c.directions)
+    both = np.isfinite(d).all(axis=1)
+    d, cosine, g = d[both], cosine[both], g[both]
+    told, p = told[both], predict(samples, c.origins[both], c.directions[both])
+    sd = np.sqrt(np.einsum("csi,sij,csj->cs", g, C, g) + LASER.variance(d, cosine))
+    rng = np.random.default_rng(0)
+    flat = np.flatnonzero((p.faces == p.faces[:, :1]).all(axis=1))  # away from edges the predictions are normal
+    exact = np.array([simulated_information(d[k], sd[k], np.array([0.7, 0.3]), rng) for k in flat])
+    assert len(flat) > 10
+    assert np.corrcoef(told[flat], exact)[0, 1] > 0.97
+    assert (told[flat] < exact + 0.03).all()  # a bound from below, but for the draws
+    assert exact[np.argmax(told[flat])] > exact.max() - 0.05  # what is chosen by it is as good as the best
+
+
+def simulated_information(means, sds, weights, rng, n=40000):
+    """Mutual information of which normal density it is and a draw, by the posterior's mean entropy."""
+    which = (rng.uniform(size=n) >= weights[0]).astype(int)
+    y = means[which] + sds[which] * rng.normal(size=n)
+    log = -0.5 * ((y[:, None] - means) / sds) ** 2 - np.log(sds) + np.log(weights)
+    post = np.exp(log - np.logaddexp(*log.T)[:, None])
+    entropy = -np.sum(post * np.log(np.maximum(post, 1e-300)), axis=1).mean()
+    return -np.sum(weights * np.log(weights)) - entropy
+
+
+def test_a_hit_or_a_miss_tells_two_parts_apart(bracket):
+    """One part is there, the other is far aside: a beam at the first tells all there is."""
+    T = np.stack([np.eye(4), SE3.exp(np.array([1.0, 0, 0, 0, 0, 0]))])
+    C = np.tile(np.diag(np.repeat([1e-4, 1e-3], 3) ** 2), (2, 1, 1))
+    start = Start((bracket,), np.zeros(2, dtype=int), T, C, np.ones(2), Priors())
+    c = propose(begin(start), LASER, 60)
+    samples = draw(begin(start), 64)
+    told = about_mode(samples, predict(samples, c.origins, c.directions), LASER)
+    seen = predict(samples, c.origins, c.directions)
+    met = LASER.answers(seen.ranges, seen.cosines)
+    sure = np.all(
+        [met[:, samples.mode == m].all(axis=1) | ~met[:, samples.mode == m].any(axis=1) for m in (0, 1)], axis=0
+    )
+    assert sure.sum() > 40  # the others may pass an edge
+    np.testing.assert_allclose(told[sure], np.log(2), atol=1e-3)
+    assert (told < np.log(2) + 1e-3).all()
+
+
+def test_candidates_can_be_made(bracket):
+    """Inside the workspace, within the cone, clear of the part on the way, and they meet the face they are aimed at."""
+    down = np.array([0.0, 0.0, -1.0])
+    probe = replace(LASER, approach=down, cone=np.radians(40), workspace=Workspace.above(0.05), clearance=0.015)
+    start = rough([bracket], (1e-3, 1e-2))
+    c = propose(begin(start), probe, 300)
+    assert len(c) > 20
+    assert (c.directions @ down >= np.cos(np.radians(40)) - 1e-9).all()
+    assert (c.origins[:, 2] >= 0.05 + probe.clearance - 1e-9).all()
+    for back in (0.0, 0.05, 0.1):
+        local = SE3.apply(SE3.inverse(start.Ts[0]), c.origins - back * c.directions)
+        assert (bracket.surface.closest(local).distances >= probe.clearance - 1e-4).all()
+        assert not bracket.surface.inside(local).any()
+    ranges, cosines, faces, _ = beams(bracket, start.Ts, c.origins, c.directions)
+    np.testing.assert_allclose(ranges[:, 0], probe.standoff, rtol=1e-3)
+    assert (faces[:, 0] == c.face).all()
+    assert (cosines[:, 0] >= np.cos(probe.max_incidence)).all()
+
+
+def test_the_variance_of_a_probe_is_that_of_the_measurement():
+    """Against ``measure``: the same range, direction and preset; along the surface's normal, over the cosine."""
+    from tanteo.active import probe_of
+    from tanteo.sensors import Readings, measure
+
+    preset, robot = sensor_preset("vl53l4cd"), robot_preset("abb_irb1600_uncalibrated")
+    probe = probe_of(preset, robot)
+    distance = 0.08
+    readings = Readings.from_columns(
+        np.array([[0.0, 0.0, -distance]]), directions=np.array([[0.0, 0.0, -1.0]]), ranges=np.array([distance])
+    )
+    measured = measure(readings, sensor=preset, robot=robot)
+    for angle in (0.0, 0.5):
+        n = np.array([np.sin(angle), 0.0, np.cos(angle)])
+        along = float(n @ measured.covs[0] @ n) / np.cos(angle) ** 2
+        own = float(probe.own_variance(np.array(distance), np.array(np.cos(angle))))
+        assert own == pytest.approx(along, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "bad", [{"standoff": 0.0}, {"max_incidence": 2.0}, {"standoff": 9.0}, {"approach": np.zeros(3)}]
+)
+def test_a_probe_that_makes_no_sense_is_refused(bad):
+    with pytest.raises(InputError, match="probe"):
+        Probe("p", NoiseLaw.of(1e-4), **bad)

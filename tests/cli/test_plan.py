@@ -1,0 +1,86 @@
+"""``tanteo plan``: tables, files, and what is said of misuse."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+BRACKET = str(PARTS / "bracket_left.step")
+
+
+def test_a_plan_as_text_csv_and_json(run, tmp_path):
+    out = tmp_path / "plan.csv"
+    got = run("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--csv", str(out))
+    assert got.code == 0
+    assert "all corners of bracket_left within 0.5 mm" in got.out
+    rows = list(csv.DictReader(line for line in out.read_text().splitlines() if not line.startswith("#")))
+    assert len(rows) >= 6
+    assert float(rows[-1]["within_tolerance"]) >= 0.95
+    document = json.loads(run("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--json").out)
+    assert document["schema"] == "tanteo.plan/1"
+    assert len(document["readings"]) == len(rows)
+    assert document["readings"][0]["origin_m"][0] == pytest.approx(float(rows[0]["start_x_mm"]) / 1e3, abs=1e-7)
+    assert document["covariance"]["frame"] == "part"
+
+
+def test_where_the_part_roughly_is_can_be_said(run):
+    got = run(
+        "plan", "--part", BRACKET, "--tolerance", "2mm", "--sensor", "touch_probe_hobby", "--near",
+        "400,200,0mm 0,0,90deg +- 5mm 3deg", "--approach", "0,0,-1,75deg", "--standoff", "30mm", "--json",
+    )  # fmt: skip
+    document = json.loads(got.out)
+    assert got.code == 0
+    assert document["pose"]["matrix"][0][3] == pytest.approx(0.4)
+    assert all(r["direction"][2] < 0 for r in document["readings"])
+
+
+def test_a_tolerance_out_of_reach_exits_with_3(run):
+    got = run("plan", "--part", BRACKET, "--tolerance", "0.01mm", "--sd", "1mm", "--most", "4")
+    assert got.code == 3
+    assert "4 readings do not bring" in got.out
+
+
+def test_two_parts_are_told_apart(run):
+    got = run("plan", "--distinguish", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm")
+    assert got.code == 0
+    assert "tells bracket_left" in got.out
+    document = json.loads(
+        run("plan", "--distinguish", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm", "--json").out
+    )
+    assert document["schema"] == "tanteo.distinction/1"
+    assert document["information_nats"] > 0.6
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--tolerance", "1mm", "--sd", "1mm"), "--part FILE, or --distinguish"),
+        (("--part", BRACKET, "--sd", "1mm"), "--tolerance"),
+        (("--part", BRACKET, "--tolerance", "1mm"), "--sensor, --sd"),
+        (("--part", BRACKET, "--tolerance", "-1mm", "--sd", "1mm"), "--tolerance"),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--confidence", "1"), "--confidence"),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--approach", "0,0,-1"), "--approach"),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "0mm"), "--sd"),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "nothing"), "sensor"),
+        (("--distinguish", BRACKET, "--sd", "1mm"), "two CAD files"),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--most", "0"), "--most"),
+    ],
+)
+def test_misuse_is_advice(run, words, message):
+    got = run("plan", *words)
+    assert got.code == 2
+    assert message in got.err
+    assert "Traceback" not in got.err
+
+
+def test_a_file_that_is_not_there_fails(run, tmp_path):
+    assert run("plan", "--part", str(tmp_path / "no.step"), "--tolerance", "1mm", "--sd", "1mm").code == 1
+    got = run("plan", "--part", BRACKET, "--tolerance", "1mm", "--sd", "0.1mm", "--csv", str(tmp_path / "no" / "p.csv"))
+    assert got.code == 1
+    assert "--csv" in got.err
+    assert io.StringIO(got.out).read() == ""
