@@ -10,7 +10,7 @@ The only thing here with memory. It touches no file and moves no hand::
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -178,6 +178,21 @@ class Step:
     note: str = ""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What was told at once, as a record keeps it.
+
+    Attributes:
+        action: the question that it answers; None where nothing was asked.
+        readings: those of it that were new; None if all of them had been told before.
+        note: what a person should know; empty for nothing.
+    """
+
+    action: Action | None
+    readings: Readings | None
+    note: str = ""
+
+
 @dataclass(slots=True, eq=False)
 class Session:
     """Belief, readings and questions of one part being sensed.
@@ -227,6 +242,17 @@ class Session:
         return tuple(self._steps)
 
     @property
+    def asked(self) -> Action | None:
+        """The question that waits for its answer; None if there is none."""
+        return self._asked
+
+    @property
+    def told(self) -> tuple[Told, ...]:
+        """All that has to be kept to :meth:`resume` from here."""
+        readings = iter(self._readings)
+        return tuple(Told(s.action, next(readings) if s.ids else None, s.note) for s in self._steps)
+
+    @property
     def count(self) -> int:
         """Readings told."""
         return sum(len(r) for r in self._readings)
@@ -262,7 +288,26 @@ class Session:
         Raises:
             InputError: the readings cannot be made into measurements; nothing has changed then.
         """
-        fresh, note = self._fresh(readings)
+        return self._take(*self._fresh(readings))
+
+    def resume(self, told: Iterable[Told], asked: Action | None = None) -> None:
+        """Take what another session was told, in its order: belief and next question are then the same as there.
+
+        Args:
+            told: by that session, see :attr:`told`.
+            asked: its question that waited for an answer.
+        """
+        for one in told:
+            self._ask_again(one.action)
+            self._take(one.readings, one.note)
+        self._ask_again(asked)
+
+    def _ask_again(self, action: Action | None) -> None:
+        self._asked = action
+        if action is not None:
+            self._questions = action.number
+
+    def _take(self, fresh: Readings | None, note: str) -> Step:
         if fresh is not None:
             touches, free = self.sensing.touches(concatenate([*self._readings, fresh]))
             self._belief = update(self._belief, touches, free)

@@ -65,11 +65,16 @@ class Probe:
                 f"probe '{self.name}', {name}: expected positive lengths, a stand-off within range and an incidence "
                 "below a right angle. Correct it."
             )
+        others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "cone", "seconds")
+        for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
+            raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
         if self.approach is not None:
             d = np.asarray(self.approach, dtype=np.float64)
-            if d.shape != (3,) or not np.linalg.norm(d) > 0:
+            if d.shape != (3,) or not (np.isfinite(d).all() and np.linalg.norm(d) > 0):
                 raise InputError(f"probe '{self.name}', approach: expected a direction, got {d.tolist()}.")
-            object.__setattr__(self, "approach", d / np.linalg.norm(d))
+            if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector stays as it is, to the last bit
+                d = d / np.linalg.norm(d)
+            object.__setattr__(self, "approach", d)
 
     def variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
         """Variance of what it reads along its beam, errors that its readings share included [m^2].

@@ -47,19 +47,29 @@ class Start:
         if not self.targets or not len(self.part):
             raise InputError("start: expected a part and a rough pose of it, got none. Give both.")
         Ts, C = check_transforms("start, T_world_part", self.Ts), check_covariances("start", self.covariances, 6)
-        w = np.asarray(self.weights, dtype=np.float64)
-        if not (len(Ts) == len(C) == len(w) == len(self.part)):
+        w = np.array(self.weights, dtype=np.float64)
+        if not (Ts.shape[:-2] == C.shape[:-2] == w.shape == np.shape(self.part) == (len(self.part),)):
             raise InputError(
                 f"start: expected as many poses, covariances and weights as parts, got {len(Ts)}, {len(C)}, {len(w)} "
                 f"and {len(self.part)}."
             )
         if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):
             raise InputError(f"start, weights: expected probabilities, got {w.tolist()}. Normalise them.")
+        if not (np.min(self.part) >= 0 and np.max(self.part) < len(self.targets)):
+            raise InputError(f"start, part: expected indices of {len(self.targets)} parts, got {list(self.part)}.")
+        for name in ("unknown", "clutter"):
+            if not 0 < getattr(self.priors, name) < 1:
+                raise InputError(
+                    f"priors, {name}: expected a probability between 0 and 1, got {getattr(self.priors, name)}. A tiny "
+                    "one is enough."
+                )
         if np.linalg.eigvalsh(C).min() <= 0:
             raise InputError("start: expected a spread in every direction, got none in one. A tiny one is enough.")
         radius = max(target.part.radius for target in self.targets)
-        for name, value in (("Ts", Ts), ("covariances", C), ("weights", w / w.sum())):
-            object.__setattr__(self, name, value)
+        if abs(w.sum() - 1) > 1e-12:  # what sums to one stays as it is, to the last bit
+            w = w / w.sum()
+        for name, value in (("Ts", Ts), ("covariances", C), ("weights", w)):
+            object.__setattr__(self, name, np.require(value, requirements="C"))
         object.__setattr__(self, "priors", sized(self.priors, radius))
 
     def __len__(self) -> int:

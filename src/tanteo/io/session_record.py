@@ -1,0 +1,273 @@
+"""A session as a record file (JSON, ``tanteo.session/1``), and the same session from it (``docs/formats.md``)."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tanteo import __version__
+from tanteo.active import POLICIES, Policy, Probe, Start, Stop
+from tanteo.errors import InputError
+from tanteo.io.part_files import PartFile, part_file, parts_of
+from tanteo.io.plain_values import as_plain, hints, made, refused, shown, table
+from tanteo.io.result_json import recognition_document
+from tanteo.matching import Priors
+from tanteo.parts import Part
+from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.session import Action, Sensing, Session, Told
+from tanteo.surface_search import Target, prepare_target
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+
+SCHEMA = "tanteo.session/1"
+
+_POLICIES = {type(policy).__name__: type(policy) for policy in POLICIES.values()}
+_SENSING: dict[str, Any] = {
+    "sensor": SensorPreset | None, "robot": RobotPreset | None, "sd": float | None, "tip_sd": FloatArray | None,
+    "rig": Rig | None, "tolerance": float,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoughPoses:
+    """A :class:`~tanteo.active.Start` without its parts; the same fields."""
+
+    part: IntArray
+    Ts: Transforms
+    covariances: Covariances
+    weights: FloatArray
+    priors: Priors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SessionRecord:
+    """All that a session needs to be what it was.
+
+    Attributes:
+        source: the file.
+        parts: their files.
+        start: what was assumed beforehand.
+        probe: what senses.
+        sensing: how readings are made into measurements.
+        policy: which reading is chosen.
+        stop: when to end.
+        seed: of everything that draws.
+        told: what was told, in order.
+        asked: the question that waited for its answer.
+        answer: the answer then, a document ``tanteo.recognition/1``.
+    """
+
+    source: str
+    parts: tuple[PartFile, ...]
+    start: RoughPoses
+    probe: Probe
+    sensing: Sensing
+    policy: Policy
+    stop: Stop
+    seed: int
+    told: tuple[Told, ...]
+    asked: Action | None
+    answer: dict[str, Any]
+
+
+def write_record(session: Session, path: str | Path) -> None:
+    """Write all of a session to a file, which is replaced whole or not at all.
+
+    Raises:
+        InputError: the session's policy is none of those that can be named.
+        OSError: the file cannot be written.
+    """
+    text = json.dumps(session_document(session), allow_nan=False, separators=(",", ":"))
+    handle, temporary = tempfile.mkstemp(dir=Path(path).parent, suffix=".tmp")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text + "\n")
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def session_document(session: Session) -> dict[str, Any]:
+    """All of a session as plain dictionaries, lists, texts and numbers."""
+    start = session.start
+    rough = RoughPoses(start.part, start.Ts, start.covariances, start.weights, start.priors)
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "parts": [as_plain(part_file(target.part)) for target in start.targets],
+        "start": as_plain(rough),
+        "probe": as_plain(session.probe),
+        "sensing": _sensing_document(session.sensing),
+        "policy": _policy_document(session.policy),
+        "stop": as_plain(session.stop),
+        "seed": int(session.seed),
+        "told": [
+            {"asked": as_plain(t.action), "readings": _readings_document(t.readings), "note": t.note}
+            for t in session.told
+        ],
+        "asked": as_plain(session.asked),
+        "answer": recognition_document(session.answer()),
+    }
+
+
+def load_record(path: str | Path) -> SessionRecord:
+    """What a record file says; no part is read.
+
+    Raises:
+        InputError: the file cannot be read, or is not a whole record; the message names file and key.
+    """
+    file = Path(path)
+    document = _document(file)
+    if document.get("schema") != SCHEMA:
+        got = shown(document.get("schema", "none"))
+        raise InputError(f"{file}, schema: expected {SCHEMA}, got {got}. Give the record of a session.")
+    kinds: dict[str, Any] = {
+        "schema": str, "version": str, "parts": tuple[PartFile, ...], "start": RoughPoses, "probe": Probe,
+        "sensing": object, "policy": object, "stop": Stop, "seed": int, "told": tuple[object, ...],
+        "asked": Action | None, "answer": object,
+    }  # fmt: skip
+    values = table(document, kinds, str(file))
+    if not isinstance(values["answer"], dict):
+        raise refused(f"{file}, answer", "a table", values["answer"])
+    if values["seed"] < 0:
+        raise InputError(f"{file}, seed: expected 0 or more, got {values['seed']}. Correct it.")
+    return SessionRecord(
+        source=str(file),
+        sensing=_sensing(values["sensing"], f"{file}, sensing"),
+        policy=_policy(values["policy"], f"{file}, policy"),
+        told=tuple(_told(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"])),
+        **{key: values[key] for key in ("parts", "start", "probe", "stop", "seed", "asked", "answer")},
+    )
+
+
+def resumed(
+    record: SessionRecord, parts: Sequence[Part | Target], progress: Callable[[int, int], None] | None = None
+) -> Session:
+    """The session of a record: told everything again, it has the same belief and asks the same next.
+
+    Args:
+        record: of the session.
+        parts: those of :func:`tanteo.io.part_files.parts_of`, or the same prepared.
+        progress: called with (tells done, tells in all) before each.
+
+    Raises:
+        InputError: what the record says together cannot be.
+    """
+    rough = record.start
+    values = {name: getattr(rough, name) for name in RoughPoses.__slots__}
+    targets = tuple(part if isinstance(part, Target) else prepare_target(part) for part in parts)
+    start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
+    session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed)
+
+    def told() -> Iterator[Told]:
+        for k, one in enumerate(record.told):
+            if progress is not None:
+                progress(k, len(record.told))
+            yield one
+
+    try:
+        session.resume(told(), record.asked)
+    except InputError as error:
+        raise InputError(f"{record.source}, told[{len(session.steps)}]: {error}") from None
+    return session
+
+
+def read_record(path: str | Path, parts: Sequence[Part | Target] | None = None) -> Session:
+    """The session of a record file, at the point where it was written: ask and tell on.
+
+    Args:
+        path: of the record.
+        parts: of the session, loaded again, in any order; read from their files if not given.
+
+    Raises:
+        InputError: the record or a part is not what it was; the message says which and what to do.
+    """
+    record = load_record(path)
+    return resumed(record, parts_of(record.parts, record.source, parts))
+
+
+def _document(file: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(file.read_bytes().decode(), parse_constant=_no_constant)
+    except OSError as error:
+        raise InputError(f"{file}: expected a record, got: {error.strerror or error}. Check the path.") from None
+    except (ValueError, RecursionError) as error:  # what is not UTF-8 is a ValueError too
+        raise InputError(
+            f"{file}: expected the JSON of a whole session, got: {shown(str(error))}. If the file is cut, take a copy."
+        ) from None
+    if not isinstance(document, dict):
+        raise refused(str(file), "a session", document)
+    return document
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name}, which JSON does not have")
+
+
+def _sensing_document(sensing: Sensing) -> dict[str, Any]:
+    """The values of presets stand beside their names: a record outlives a change of them."""
+    sensor, robot = sensing.sensor, sensing.robot
+    return {name: as_plain(getattr(sensing, name)) for name in _SENSING} | {
+        "sensor": as_plain(sensor_preset(sensor) if isinstance(sensor, str) else sensor),
+        "robot": as_plain(robot_preset(robot) if isinstance(robot, str) else robot),
+        "tip_sd": None if sensing.tip_sd is None else as_plain(np.asarray(sensing.tip_sd, dtype=np.float64)),
+    }
+
+
+def _sensing(plain: Any, place: str) -> Sensing:
+    return Sensing(**table(plain, _SENSING, place))
+
+
+def _policy_document(policy: Policy) -> dict[str, Any]:
+    kind = type(policy).__name__
+    if type(policy) is not _POLICIES.get(kind):
+        raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got {kind}. A record can hold only these.")
+    return {"kind": kind, **as_plain(policy)}
+
+
+def _policy(plain: Any, place: str) -> Policy:
+    kind = _POLICIES.get(str(plain.get("kind"))) if isinstance(plain, dict) else None
+    if kind is None:
+        raise refused(place, f"'kind' to be one of {', '.join(_POLICIES)}", plain)
+    values = table(plain, {"kind": str, **hints(kind)}, place)
+    policy: Policy = kind(**{name: values[name] for name in hints(kind)})
+    return policy
+
+
+def _readings_document(readings: Readings | None) -> dict[str, Any] | None:
+    """The columns that say something."""
+    if readings is None:
+        return None
+    columns = {name: getattr(readings, name) for name in hints(Readings)}
+    return {name: as_plain(column) for name, column in columns.items() if name == "ids" or _says(column)}
+
+
+def _says(column: Any) -> bool:
+    if isinstance(column, np.ndarray):
+        return not np.isnan(column).all() if column.dtype == np.float64 else bool(column.any())
+    return bool(column) if isinstance(column, str) else any(column)
+
+
+def _told(plain: Any, place: str) -> Told:
+    values = table(plain, {"asked": Action | None, "readings": object, "note": str}, place)
+    readings = None if values["readings"] is None else _readings(values["readings"], f"{place}, readings")
+    return Told(values["asked"], readings, values["note"])
+
+
+def _readings(plain: Any, place: str) -> Readings:
+    kinds = hints(Readings)
+    given = {name: kind for name, kind in kinds.items() if name == "ids" or (isinstance(plain, dict) and name in plain)}
+    values = table(plain, given if set(plain) <= set(kinds) else kinds, place)
+    blank = made(Readings.from_columns, {"points": np.zeros((len(values["ids"]), 3))}, place)
+    values = {name: getattr(blank, name) for name in kinds} | {"points": np.full_like(blank.points, np.nan)} | values
+    readings: Readings = made(Readings, values, place)
+    return readings

@@ -1,0 +1,306 @@
+"""A record gives the session again, to the last bit; what is not a whole record is refused with advice."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sensing_scenes import LASER, drawn_truth, new_session, rough, true_range
+from tanteo.active import POLICIES, Stop, at_pose, probe_of
+from tanteo.errors import InputError
+from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.io import read_rig
+from tanteo.io.part_files import part_file, parts_of
+from tanteo.io.plain_values import as_plain
+from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
+from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+from tanteo.sensors import Readings, sensor_preset
+from tanteo.session import Sensing, Session
+from tanteo.surface_search import prepare_target
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+RELAXED = settings(
+    max_examples=200, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+@pytest.fixture(scope="module")
+def targets():
+    pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
+    return [prepare_target(read_part(EXAMPLES / "parts" / f"{name}.step")) for name in ("bracket_left", "wedge")]
+
+
+def plain_touches(targets):
+    """Three parts of unequal probability, readings nobody asked for, one that was told before."""
+    rng = np.random.default_rng(4)
+    start = replace(rough(targets), weights=np.array([0.3, 0.4]))
+    k, T = drawn_truth(start, rng)
+    session = new_session(start, seed=3, most=50)
+
+    def asked():
+        action = session.ask()
+        return action.read(true_range(targets[k], T, action) + 3e-4 * rng.normal())
+
+    first = asked()
+    free = Readings.from_columns(
+        T[None, :3, 3] + [0, 0, 0.2], ids=["beside"], directions=np.array([[0.0, 1.0, 0.0]]),
+        is_free=np.array([True]), max_ranges=np.array([0.3]),
+    )  # fmt: skip
+    return session, [lambda: first, lambda: free, lambda: first, asked]
+
+
+def shared_errors(targets):
+    """Robot and tip err in all readings together; the hand's pose comes with each."""
+    rng = np.random.default_rng(5)
+    start = at_pose(targets[1], SE3.exp(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])), 1e-4 * np.eye(6))
+    _, T = drawn_truth(start, rng)
+    session = Session(
+        start, LASER, Sensing(sd=3e-4, robot="generic_6axis_uncalibrated", tip_sd=[1e-3, 1e-3, 3e-4], tolerance=1e-4),
+        POLICIES["nearest"], Stop(tolerance=1e-3),
+    )  # fmt: skip
+
+    def asked():
+        action = session.ask()
+        one = action.read(true_range(targets[1], T, action) + 3e-4 * rng.normal())
+        return replace(one, Ts_world_hand=action.T_world_probe[None])
+
+    return session, [asked, asked]
+
+
+def rig(targets):
+    """Ranges of a sensor on the hand, one of them free; a workspace with a forbidden box."""
+    rng = np.random.default_rng(6)
+    hand = read_rig(EXAMPLES / "readings" / "laser_rig.toml")
+    start = at_pose(targets[0], np.eye(4), np.diag([2e-3, 2e-3, 2e-3, 0.02, 0.02, 0.02]) ** 2)
+    _, T = drawn_truth(start, rng)
+    space = Workspace.above(-0.5, [ForbiddenBox("post", [0.3, 0.3, 0.0], [0.4, 0.4, 0.2])])
+    probe = probe_of(sensor_preset("keyence_il030"), workspace=space, approach=np.array([0.3, 0.2, -1.0]), cone=2.5)
+    session = Session(start, probe, Sensing(rig=hand), POLICIES["information-per-second"])
+
+    def asked(free=False):
+        action = session.ask()
+        T_world_hand = action.T_world_probe @ SE3.inverse(hand.sensors[0].T_hand_sensor)
+        distance = true_range(targets[0], T, action)
+        return Readings.from_columns(
+            n=1, ids=[f"r{action.number}"], sensors=["laser"], Ts_world_hand=T_world_hand[None],
+            ranges=None if free else np.array([distance]), is_free=np.array([free]),
+        )  # fmt: skip
+
+    return session, [asked, lambda: asked(True), asked]
+
+
+def same(a, b):
+    """Whether two sessions are one, to the last bit."""
+    for name in ("weights", "poses", "covariances", "part", "rows"):
+        np.testing.assert_array_equal(getattr(a.belief, name), getattr(b.belief, name))
+    assert a.belief.unknown == b.belief.unknown
+    if a.belief.draws is not None:
+        np.testing.assert_array_equal(a.belief.draws.Ts, b.belief.draws.Ts)
+        np.testing.assert_array_equal(a.belief.draws.weights, b.belief.draws.weights)
+    for one, other in zip(a.steps, b.steps, strict=True):
+        assert (one.ids, one.note, one.unknown) == (other.ids, other.note, other.unknown)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+        np.testing.assert_array_equal(one.probabilities, other.probabilities)
+    assert session_document(a) == session_document(b)
+
+
+def asks_the_same(a, b):
+    first, second = a.ask(), b.ask()
+    assert type(first) is type(second)
+    assert as_plain(first) == as_plain(second)
+
+
+@pytest.mark.parametrize("scene", [plain_touches, shared_errors, rig])
+def test_a_session_is_resumed_to_the_last_bit_at_any_point(scene, targets, tmp_path):
+    session, tells = scene(targets)
+    some = [target for target in targets if target in session.start.targets]
+    path = tmp_path / "session.json"
+    for k, reading in enumerate(tells):
+        write_record(session, path)
+        again = read_record(path, some[::-1])
+        same(session, again)
+        told = reading()
+        if k % 2:  # with a question waiting, and without
+            write_record(session, path)
+            again = read_record(path, some)
+        asks_the_same(session, again)
+        session.tell(told)
+        again.tell(told)
+        same(session, again)
+    write_record(session, path)
+    again = read_record(path, some)
+    same(session, again)
+    asks_the_same(session, again)
+
+
+def test_parts_are_read_again_from_their_files(targets, tmp_path):
+    session = new_session(rough(targets))
+    write_record(session, tmp_path / "a.json")
+    asks_the_same(session, read_record(tmp_path / "a.json"))
+
+
+def block(path, size=1.0):
+    import trimesh
+
+    trimesh.creation.box(np.array([60.0, 40.0, 30.0]) * size).export(path)
+    return read_part(path, unit="mm")
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """A session on a part in STL with one reading, and its record."""
+    target = prepare_target(block(tmp_path / "block.stl"))
+    session = new_session(at_pose(target, np.eye(4), 1e-6 * np.eye(6)))
+    session.tell(session.ask().read(0.1))
+    session.ask()
+    write_record(session, tmp_path / "session.json")
+    return session, tmp_path / "session.json"
+
+
+def test_a_part_that_changed_is_said(recorded, tmp_path):
+    _, path = recorded
+    same(recorded[0], read_record(path))
+    block(tmp_path / "block.stl", 1.01)
+    with pytest.raises(InputError, match=r"'block' as it was .* another content in .*block.stl"):
+        read_record(path)
+    (tmp_path / "block.stl").unlink()
+    with pytest.raises(InputError, match="nothing there"):
+        read_record(path)
+    with pytest.raises(InputError, match="expected a part 'block', got none"):
+        read_record(path, [])
+
+
+def test_a_part_is_found_where_it_is_now(recorded, tmp_path):
+    session, path = recorded
+    document = session_document(session)
+    (tmp_path / "moved").mkdir()
+    (tmp_path / "block.stl").rename(tmp_path / "moved" / "other.stl")
+    record = load_record(path)
+    again = session_document(resumed(record, parts_of(record.parts, record.source, folders=[tmp_path / "moved"])))
+    assert again["told"] == document["told"]
+    assert again["answer"]["hypotheses"][0]["pose"] == document["answer"]["hypotheses"][0]["pose"]
+
+
+def test_a_part_without_a_file_is_known_by_its_mesh(recorded, tmp_path):
+    session, path = recorded
+    part = replace(session.start.targets[0].part, source="made")
+    other = replace(part, vertices=part.vertices * 1.01)
+    assert part_file(part).file is None
+    write_record(Session(at_pose(prepare_target(part), np.eye(4), np.eye(6)), LASER), path)
+    read_record(path, [part])
+    with pytest.raises(InputError, match="as it was"):
+        read_record(path, [other])
+    with pytest.raises(InputError, match="Pass it"):
+        read_record(path)
+
+
+def test_what_a_record_cannot_hold_is_refused(recorded, tmp_path):
+    class Own:
+        name = "own"
+
+    session, _ = recorded
+    with pytest.raises(FileNotFoundError):
+        write_record(session, tmp_path / "no" / "b.json")
+    session.policy = Own()
+    with pytest.raises(InputError, match="policy: expected one of information"):
+        write_record(session, tmp_path / "b.json")
+    assert not (tmp_path / "b.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"schema": "tanteo.session/2"}, "schema: expected tanteo.session/1, got tanteo.session/2"),
+        ({"sead": 1}, r"expected one of schema, .*, got 'sead'. Did you mean 'seed'"),
+        ({"seed": -1}, "seed: expected 0 or more"),
+        ({"seed": True}, "seed: expected a whole number, got True"),
+        ({"stop": {}}, "stop: expected 'probability', got nothing"),
+        ({"policy": {"kind": "Best"}}, "policy: expected 'kind' to be one of Information"),
+        ({"told": {}}, "told: expected a list"),
+        ({"answer": 3}, "answer: expected a table"),
+    ],
+)
+def test_what_is_wrong_is_named(change, says, recorded):
+    _, path = recorded
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}.*{says}"):
+        read_record(path)
+
+
+def test_readings_that_cannot_be_are_named(recorded):
+    _, path = recorded
+    document = json.loads(path.read_text())
+    document["told"].append(document["told"][0])
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"told\[1\]: id: expected every reading to have its own"):
+        read_record(path)
+    document["start"]["part"] = [1]
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match="start, part: expected indices of 1 parts"):
+        read_record(path)
+
+
+def settle(path, target):
+    """Load; what is loaded makes a session before its first reading, what is refused names the file."""
+    complaint = str(path)
+    try:
+        record = load_record(path)
+        resumed(replace(record, told=(), asked=None), [target] * len(record.parts))
+    except InputError as error:
+        complaint = str(error)
+    assert complaint.startswith(str(path))
+
+
+@RELAXED
+@given(st.data())
+def test_a_record_with_anything_in_it(recorded, data):
+    session, path = recorded
+    document = copy.deepcopy(session_document(session))
+    place = document
+    while True:
+        keys = list(place) if isinstance(place, dict) else list(range(len(place)))
+        key = data.draw(st.sampled_from(keys))
+        inner = isinstance(place[key], dict | list) and len(place[key])
+        if not inner or data.draw(st.integers(0, 3)) == 0:
+            break
+        place = place[key]
+    anything = st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+        | st.text(max_size=4) | st.sampled_from(["nan", "inf", "-inf", "../..", "a\0b"]),
+        lambda inside: st.lists(inside, max_size=3) | st.dictionaries(st.text(max_size=4), inside, max_size=3),
+        max_leaves=4,
+    )  # fmt: skip
+    if data.draw(st.booleans()):
+        place[key] = data.draw(anything)
+    else:
+        del place[key]
+    path.write_text(json.dumps(document))
+    settle(path, session.start.targets[0])
+
+
+@RELAXED
+@given(st.integers(0, 10**6), st.binary(max_size=3))
+def test_a_cut_record_and_other_bytes(recorded, cut, tail):
+    session, path = recorded
+    text = (json.dumps(session_document(session)) + "\n").encode()
+    path.write_bytes(text[: cut % (len(text) - 2)] + tail)
+    with pytest.raises(InputError, match=re.escape(str(path))):
+        load_record(path)
+
+
+def test_unit_vectors_and_infinite_bounds_stay(recorded):
+    session, path = recorded
+    session.probe = replace(session.probe, approach=SO3.exp(np.array([0.1, 0.2, 0.3]))[2])
+    write_record(session, path)
+    probe = load_record(path).probe
+    assert np.isinf(probe.workspace.low).all()
+    np.testing.assert_array_equal(probe.approach, session.probe.approach)
