@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from tanteo import constraints as cs
 from tanteo.errors import DegenerateError, InputError
@@ -226,5 +229,36 @@ def test_joint_test_does_not_depend_on_units_and_equals_pose_free_constraints():
     both = cs.joint_update(first, f[7:], H[7:], S[7:, 7:])
     whole = cs.joint_test(f, H, alone)
     np.testing.assert_allclose([both.D2, *both.xi], [whole.D2, *whole.xi], rtol=1e-7)
+    assert (both.dof, both.p_value) == (whole.dof, pytest.approx(whole.p_value))
+    np.testing.assert_allclose(both.information, whole.information, rtol=1e-9)
     deficient = cs.joint_test(f, np.c_[H[:, :5], H[:, 4]], S)
     assert deficient.dof == 4
+
+
+def test_the_evidence_is_the_integral_over_the_pose():
+    """Of a linear problem Laplace's formula is exact: density under ``S + wide^2 H H'``, for a wide normal prior."""
+    rng, wide = np.random.default_rng(11), 1e3
+    H, f = rng.normal(size=(5, 2)), rng.normal(size=5)
+    A = rng.normal(size=(5, 5))
+    S = A @ A.T
+    found = cs.joint_test(f, H, S)
+    got = cs.laplace_log_evidence(
+        found.D2, np.linalg.slogdet(S)[1], 5, found.information, -np.log(2 * np.pi) - 2 * np.log(wide)
+    )
+    exact = multivariate_normal(np.zeros(5), S + wide**2 * H @ H.T).logpdf(f)
+    assert got == pytest.approx(exact, abs=1e-4)
+
+
+def test_height_and_pitch_have_the_covariance_of_their_derivatives():
+    rng = np.random.default_rng(12)
+    S = 1e-6 * np.array([[2.0, 1.1], [1.1, 1.0]])
+    plane, edge = frames(rng), frames(rng)
+    found = cs.coplanarity(plane, covariance(PLANE, rng), edge, covariance(EDGE, rng))
+    found = replace(found, covariance=S)
+    (height, pitch), C = cs.height_and_pitch(found)
+    step = np.array([0.0, 1e-6])
+    ahead, behind = (cs.height_and_pitch(replace(found, value=found.value + s * step))[0] for s in (1, -1))
+    J = np.stack([[1.0, 0.0], (ahead - behind) / 2e-6], axis=1)
+    np.testing.assert_allclose(C, J @ S @ J.T, rtol=1e-6)
+    assert height == found.value[0]
+    assert np.sin(pitch) == pytest.approx(-found.value[1])

@@ -156,6 +156,12 @@ def test_second_order_biases(turn):
     value = cs.angle_edges(draw(T1, sd, EDGE, z1), C, draw(T2, sd, EDGE, z2), C).value
     predicted = cs.angle_bias(cs.relative(T1, T2), 0, (C, C, None))
     assert np.mean(value) - turn == pytest.approx(predicted, rel=0.1)
+    # errors that both edges have in common, as of one robot: those of the second are 0.8 of the first's, and its own
+    C12 = 0.8 * C
+    common = 0.8 * z1 + 0.6 * z2
+    value = cs.angle_edges(draw(T1, sd, EDGE, z1), C, draw(T2, sd, EDGE, common), C, C12).value
+    predicted = cs.angle_bias(cs.relative(T1, T2), 0, (C, C, C12))
+    assert np.mean(value) - turn == pytest.approx(predicted, rel=0.1)
     p = rng.normal(size=(n, 3)) * 0.1 + [1.0, 0, 0]
     found = cs.point_distance(np.zeros(3), np.array([1.0, 0, 0]), 0.01 * np.eye(3))
     assert np.mean(np.linalg.norm(p, axis=1)) - 1 == pytest.approx(found.bias, rel=0.1)

@@ -28,7 +28,8 @@ def segments_of(pixels, rng=None, sd=0.2):
     for i, j in EDGES:
         a, b = pixels[i], pixels[j]
         length = np.linalg.norm(b - a)
-        P = np.diag([sd**2, 12 * sd**2 / length**2])
+        sds = np.array([sd, np.sqrt(12) * sd / length])
+        P = np.outer(sds, sds) * np.array([[1.0, 0.6], [0.6, 1.0]])  # off and turned together: the ends differ in noise
         way, middle = (b - a) / length, 0.35 * a + 0.65 * b  # edge points need not be spread evenly
         if rng is not None:
             offset, turn = rng.multivariate_normal(np.zeros(2), P)

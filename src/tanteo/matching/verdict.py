@@ -120,7 +120,7 @@ def without_spins(part: Part, information: FloatArray) -> FloatArray:
     if not len(rows):
         return information
     scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
-    keep = (np.eye(6) - rows.T @ rows) * (scale[None, :] / scale[:, None])
+    keep = (np.eye(6) - rows.T @ rows) * (scale[:, None] / scale)
     return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
 
 

@@ -1,0 +1,169 @@
+"""Evidence, priors and verdicts against the same by other means: integrals, draws, and what must be likelier."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenes import random_pose, surface_touches
+from tanteo.lie import SE3, SO3
+from tanteo.localization import covariance_with_free
+from tanteo.matching import PosePrior, Priors, Table
+from tanteo.matching.belief import equivalent
+from tanteo.matching.evidence import pose_volume
+from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
+from tanteo.matching.prior import alike, prior_log_density, prior_rows
+from tanteo.matching.sensed import sense
+from tanteo.matching.unknown import _anywhere, _log_places
+from tanteo.matching.verdict import corner_sd, excuse, spins, without_spins
+from tanteo.parts import read_part
+
+RADIUS = 0.2
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """A cylinder of 60 mm by 20 mm whose axis misses the origin."""
+    steps = 96
+    a = 2 * np.pi * np.arange(steps) / steps
+    ring = 30 * np.c_[np.cos(a), np.sin(a)] + [50.0, -20.0]
+    vertices = np.concatenate([np.c_[ring, 0 * a], np.c_[ring, 0 * a + 20], [[50, -20, 0], [50, -20, 20]]])
+    i, j, n = np.arange(steps), np.roll(np.arange(steps), -1), np.full(steps, 2 * steps)
+    ends = np.c_[n, j, i], np.c_[n + 1, steps + i, steps + j]
+    triangles = [np.c_[i, j, steps + j], np.c_[i, steps + j, steps + i], *ends]
+    lines = ["OFF", f"{len(vertices)} {4 * steps} 0", *(" ".join(map(str, v)) for v in vertices.tolist())]
+    lines += [f"3 {p} {q} {r}" for p, q, r in np.concatenate(triangles).tolist()]
+    path = tmp_path_factory.mktemp("wheel") / "wheel.off"
+    path.write_text("\n".join(lines) + "\n")
+    part = read_part(path, unit="mm")
+    assert part.symmetry.continuous
+    return part
+
+
+def turned_about(part, angle):
+    """The part's own spin, as a motion of its frame."""
+    point, axis = part.symmetry.axis
+    return SE3.exp(angle * np.r_[np.cross(point, axis), axis])
+
+
+def test_the_volume_of_a_pose_is_its_integral_over_anywhere():
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(6, 12)) * np.r_[np.full(3, 1e3), np.full(3, 1e2)][:, None]
+    information = A @ A.T
+    anywhere = 3 * np.log(2 * RADIUS) + np.log(8 * np.pi**2)
+    exact = 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(information)[1] - anywhere
+    assert pose_volume(information, RADIUS) == pytest.approx(exact)
+    assert pose_volume(1e-12 * np.eye(6), RADIUS) == 0.0  # nothing is known: it is anywhere
+
+
+def anyhow(rng, n):
+    """Even attitudes at the origin ``(n, 4, 4)``."""
+    return SE3.from_parts(SO3.from_quaternion(rng.normal(size=(n, 4))), np.zeros((n, 3)))
+
+
+@pytest.mark.parametrize("kind", ["near", "table", "box"])
+def test_what_is_known_of_a_pose_is_a_density(parts, kind):
+    """Its mean over anywhere is one, all equivalent poses of a symmetric part counted."""
+    part, rng = parts["block"], np.random.default_rng(2)
+    T0 = random_pose(rng)
+    sds = np.r_[np.full(3, 4e-3), np.full(3, 0.03)]
+    reach = 5 * sds
+    prior = {
+        "near": PosePrior(T0, np.diag(sds**2)),
+        "table": PosePrior(table=Table(T0[:3, 3], np.array([0.2, -0.3, 0.9]), 3e-3)),
+        "box": PosePrior(box=SE3.apply(T0, part.centroid) + 5e-3 * np.array([[-1, -1, -2], [1, 1, 2]])),
+    }[kind]
+    n = 400_000
+    if kind == "near":  # anywhere else it is next to nothing
+        e = rng.uniform(-reach, reach, size=(n, 6))
+        Ts, share = T0 @ SE3.exp(e), np.prod(2 * reach) / ((2 * RADIUS) ** 3 * 8 * np.pi**2)
+    elif kind == "table":
+        n = 4_000
+        Ts = anyhow(rng, n)
+        normal = prior.table.normal
+        heights = ((part.vertices @ np.swapaxes(Ts[:, :3, :3], 1, 2)) @ normal).min(axis=1)
+        place = rng.uniform(-0.02, 0.02, n)  # along the normal, about where it would lie
+        Ts[:, :3, 3] = prior.table.point + (place - heights)[:, None] * normal
+        share = 0.04 / (2 * RADIUS)
+    else:
+        Ts = anyhow(rng, 40_000)
+        centre = SE3.apply(T0, part.centroid) + rng.uniform(-0.02, 0.02, (len(Ts), 3))
+        Ts[:, :3, 3] = centre - np.einsum("sij,j->si", Ts[:, :3, :3], part.centroid)
+        share = 0.04**3 / (2 * RADIUS) ** 3
+    r = prior_rows(prior, part, Ts)[0]
+    density = np.exp(prior_log_density(prior, part, Ts, RADIUS) - 0.5 * np.sum(r * r, axis=1))
+    assert density.mean() * share == pytest.approx(1, abs=5 * density.std() * share / np.sqrt(len(Ts)))
+    assert alike(prior, part) == (1 if kind == "near" else part.symmetry.order)
+
+
+def test_the_spin_of_a_round_part_is_no_error(wheel):
+    known = np.diag(np.r_[np.full(3, 1e-4), np.full(3, 2e-3)]) ** 2
+    information = without_spins(wheel, np.linalg.inv(known))
+    scale = np.r_[np.full(3, wheel.diagonal), np.ones(3)]
+    spin = spins(wheel)[0]
+    assert np.abs(information @ (scale * spin)).max() < 1e-6 * np.abs(information).max()
+    words, rest = excuse(wheel, spin[None], ("spin",), covariance_with_free(information, spin[None], wheel.diagonal))
+    assert words == ()
+    # what is left is what the information says across the spin
+    across = np.linalg.svd(spin[None])[2][1:] * scale  # five motions, in metres and radians
+    dual = across / scale**2
+    expected = np.linalg.inv(across @ information @ across.T)
+    np.testing.assert_allclose(dual @ rest @ dual.T, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+    free = np.eye(6)[:1]
+    assert excuse(wheel, free, ("slide",), covariance_with_free(information, free, wheel.diagonal))[0] == ("slide",)
+
+
+def test_poses_that_a_spin_apart_are_one(wheel):
+    T, information = random_pose(np.random.default_rng(3)), np.diag(np.r_[np.full(3, 1e8), np.full(3, 1e6)])
+    others = np.stack([T @ turned_about(wheel, angle) for angle in (0.3, -2.0, 3.0)])
+    assert equivalent(wheel, T, others, np.tile(information, (3, 1, 1))).all()
+    aside = others @ SE3.exp(np.array([0.0, 0, 2e-3, 0, 0, 0]))
+    assert not equivalent(wheel, T, aside, np.tile(information, (3, 1, 1))).any()
+
+
+def test_the_worst_corner_is_that_of_draws(parts):
+    part, rng = parts["wedge"], np.random.default_rng(4)
+    A = rng.normal(size=(6, 6)) * np.r_[np.full(3, 1e-4), np.full(3, 1e-3)][:, None]
+    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
+    moved = SE3.apply(SE3.exp(rng.multivariate_normal(np.zeros(6), A @ A.T, 40_000))[:, None], corners) - corners
+    spread = max(np.linalg.eigvalsh(np.cov(moved[:, k].T))[-1] for k in range(8))
+    assert corner_sd(part, A @ A.T) == pytest.approx(np.sqrt(spread), rel=0.02)
+
+
+def test_what_faces_leave_free_is_what_moves_them_into_themselves(models):
+    """Of one plane two slides and a turn about its normal, of two a slide, of three nothing."""
+    model, rng = models["wedge"], np.random.default_rng(5)
+    sensed = sense(surface_touches(model.part, np.eye(4), 4, rng))
+    planes, scale = model.candidates["plane"], pose_scale(RADIUS)
+    for paired in ((0,), (0, 1), (0, 1, 2)):
+        choices = np.full((1, len(sensed)), NOTHING)
+        choices[0, : len(paired)] = paired
+        free, rank = free_projector(sensed, model, choices, RADIUS)
+        for xi in (free[0] @ rng.normal(size=6) for _ in range(5)):
+            T = SE3.exp(1e-6 * scale * xi)
+            n, p = planes.directions[list(paired)], planes.Ts_part_feature[list(paired), :3, 3]
+            np.testing.assert_allclose(np.sum((SE3.apply(T, p) - p) * n, axis=1), 0, atol=1e-11)
+            np.testing.assert_allclose(n @ T[:3, :3].T, n, atol=1e-11)
+        directions = np.linalg.matrix_rank(n)
+        assert rank[0] == {1: 3, 2: 1, 3: 0}[directions]
+
+
+def test_distances_of_faces_anywhere_are_a_density(models):
+    model = models["block"]
+    d = np.linspace(-2, 2, 20_001) * model.radius
+    for same in (True, False):
+        values = np.array([_anywhere(model, same, x, 1e-4) for x in d]) - 1e-3 / model.radius
+        assert np.sum(values) * (d[1] - d[0]) == pytest.approx(1, abs=0.01)
+        # faces that look opposite ways have the material between them: the second is behind the first
+        assert np.sum(values * d) * (d[1] - d[0]) == pytest.approx(0 if same else -2 * model.sizes.height, abs=1e-3)
+
+
+def test_faces_that_look_outwards_are_likelier_than_such_that_look_at_each_other(models):
+    model, rng = models["block"], np.random.default_rng(6)
+    sensed = sense(surface_touches(model.part, np.eye(4), 5, rng))
+    inwards = replace(sensed, directions=-sensed.directions)
+    kept, priors = np.ones((1, len(sensed)), dtype=bool), Priors(radius=model.radius)
+    outside, inside = (_log_places(s, [model], priors, kept)[0] for s in (sensed, inwards))
+    assert outside > inside + 1
