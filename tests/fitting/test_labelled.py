@@ -65,6 +65,14 @@ def test_scatter_that_is_everywhere_widens_the_covariance_and_is_said():
     assert 0.5 < ratio < 2.0
 
 
+def test_scatter_names_the_reading_that_is_farthest_off():
+    points = plane_points(12, np.random.default_rng(3), sd=5 * SD)
+    note = fit(points, directions=down(12)).notes[0]
+    centred = points - points.mean(axis=0)
+    off = np.abs(centred @ np.linalg.svd(centred)[2][2])
+    assert f"check reading {np.argmax(off) + 1}, " in note
+
+
 def test_tolerance_adds_the_form_of_the_surface_to_every_point():
     points = plane_points(10, np.random.default_rng(4))
     plain, made = (fit(points, directions=down(10), tolerance=t).features[0].P[0, 0] for t in (0.0, 3 * SD))

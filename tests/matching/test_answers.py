@@ -280,3 +280,22 @@ def test_unknown_prior_counts(models):
     assert np.all(np.diff(values) > 0)
     odds = values / (1 - values) / (before / (1 - before))
     np.testing.assert_allclose(odds, odds[0], rtol=1e-3)
+
+
+def test_a_contradiction_names_the_label_that_agrees_least(parts):
+    """More noise than stated: of the planes that the answer uses, the worst by its own noise, counted here by hand."""
+    rng = np.random.default_rng(12)
+    part, T = parts["bracket_left"], random_pose(rng)
+    features = [replace(f, P=f.P / 1.6**2) for f in all_planes(part, T, rng)]
+    answer = identify_features(features, [part], alpha=0.01)
+    assert answer.status == "unknown"
+    distances = []
+    for k, feature in zip(usable(part), features, strict=True):
+        model = SE3.inverse(answer.hypotheses[0].T_world_part @ part.planes.Ts_part_feature[k])
+        T_feature_model = SE3.inverse(model @ feature.T_world_feature)
+        n, height = T_feature_model[:3, 2], T_feature_model[:3, 2] @ T_feature_model[:3, 3]
+        p = np.array([height, -n[1], n[0]])  # where the model's plane is, as a perturbation of the sensed one
+        used = feature.readings[0] not in answer.hypotheses[0].outliers
+        distances.append(used * (p @ np.linalg.solve(feature.P, p)))
+    worst = features[int(np.argmax(distances))].label
+    assert f"most of all the readings of '{worst}' on plane" in answer.message

@@ -207,6 +207,19 @@ def test_more_scatter_than_stated_is_said_and_widens_the_covariance(targets):
     assert nees(target.part, widened.hypotheses[0].T_world_part, widened.hypotheses[0].covariance, T)[0] < 25
 
 
+def test_a_contradiction_names_the_reading_that_is_farthest_off(targets):
+    target = targets["bracket_left"]
+    _, touches, *_ = scene_of(target, 9, 40)
+    proud = replace(touches, covs=touches.covs / 3.5**2, sd=touches.sd / 3.5)
+    answer = identify_touches(proud, no_paths(), [target])
+    best = answer.hypotheses[0]
+    assert "contradict it" in answer.message
+    points = SE3.apply(SE3.inverse(best.T_world_part), proud.points)
+    kept = ~np.isin(proud.ids, best.outliers)
+    off = target.surface.closest(points).distances / proud.sd * kept
+    assert f"most of all reading {proud.ids[int(np.argmax(off))]}, " in answer.message
+
+
 def tip_scene(target, seed, n, sd, tip):
     """Touches by a hand that never turns: the tip's offset is one shift of all points."""
     _, touches, *_ = scene_of(target, seed, n)

@@ -15,19 +15,13 @@ import typer
 from tanteo.cli.options import MisuseError, RunOptions, misuse
 from tanteo.cli.printing import complain, emit, printable, progress
 from tanteo.cli.prior_options import prior_words
-from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
+from tanteo.errors import PartError, TanteoError, UnitError
 
 if TYPE_CHECKING:
     from tanteo.matching import PosePrior
     from tanteo.parts import Part
     from tanteo.sensors import Readings, Rig
     from tanteo.typing import Vectors
-
-_FEW = 3
-"""Fewer readings than this say nothing about the size of what was sensed."""
-
-_TOO_WIDE, _TOO_NARROW = 3.0, 0.01
-"""Readings farther from their middle than this many diagonals, or all nearer, suggest a wrong unit."""
 
 _FAILED, _MISUSED, UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
 
@@ -69,13 +63,15 @@ def recognize(
         from tanteo.cli.reporting import check_report
 
         check_report(report)
+    from tanteo.cli.scale import check_scale, meant_units, scale_of
     from tanteo.io import read_readings, read_rig, recognition_json
 
     rig = None if rig_path is None else read_rig(rig_path)
     readings = read_readings(readings_path)
     points = _check_fit(readings, options, rig)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
-    _check_scale(points, parts)
+    scale = scale_of(points, parts, _beginning(readings_path), options.units)
+    warned = check_scale(points, scale)
     from tanteo.matching import Priors
     from tanteo.recognition import identify
 
@@ -95,12 +91,20 @@ def recognize(
         from tanteo.cli.answer import answer_lines
 
         emit(answer_lines(result, "" if pose is None else prior_words(pose), verbose=verbose))
+    if result.status == "unknown" and not warned and (question := meant_units(scale)):
+        complain("warning", question)
     if report is not None:
         from tanteo.cli.reporting import report_answer
 
         report_answer(report, result, readings, parts, rig, options, pose, as_json=as_json)
     if result.status != "recognized":
         raise typer.Exit(UNDECIDED)
+
+
+def _beginning(path: str) -> str:
+    """The first lines of a file that could be read before."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        return file.read(20_000)
 
 
 def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> Vectors:
@@ -111,25 +115,6 @@ def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> Vect
         return measure(
             readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig
         ).points
-
-
-def _check_scale(points: Vectors, parts: Sequence[Part]) -> None:
-    """Are readings and parts of one size? If not, a unit is wrong on one side."""
-    import numpy as np
-
-    if len(points) < _FEW:
-        return
-    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
-    largest, smallest = max(p.diagonal for p in parts), min(p.diagonal for p in parts)
-    advice = "Check the units in the names of the columns and of the parts (--units)."
-    if np.median(away) > _TOO_WIDE * largest:
-        raise ReadingsError(
-            f"readings: expected points around a part of {largest * 1e3:.4g} mm or less, got half of them more than "
-            f"{np.median(away) * 1e3:.4g} mm from their middle. {advice}"
-        )
-    if away.max() < _TOO_NARROW * smallest:
-        within, size = f"{away.max() * 1e3:.3g} mm", f"{smallest * 1e3:.4g} mm"
-        complain("warning", f"all readings lie within {within}, and the smallest part measures {size}. {advice}")
 
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:

@@ -103,7 +103,8 @@ def _fit_group(
     ratio = report.chi2 / report.dof
     note = (
         f"the readings of {label!r} scatter {np.sqrt(ratio):.1f} times as much as stated: "
-        "its covariance was widened by that; check the standard deviation"
+        f"its covariance was widened by that; check reading {report.worst}, {report.worst_sds:.1f} sd off, "
+        "and the standard deviation"
     )
     return _widened(feature, ratio), {}, [note]
 

@@ -68,8 +68,19 @@ def identify_features(
     clock.lap("search")
     hypotheses = tuple(_hypothesis(sensed, mode, tolerance) for mode in belief.modes[:top])
     clock.lap("locate")
-    status, message = verdict(hypotheses, belief.unknown, alpha, cut=belief.cut, as_published=as_published)
+    worst = _worst(sensed, belief.modes[0], tolerance) if hypotheses and hypotheses[0].p_value < alpha else ""
+    status, message = verdict(hypotheses, belief.unknown, alpha, cut=belief.cut, as_published=as_published, worst=worst)
     return Recognition(status, message, hypotheses, belief.unknown, clock.laps(), seed)
+
+
+def _worst(sensed: Sensed, mode: Mode, tolerance: float) -> str:
+    """The label whose feature agrees least with the part, by its distance a degree of freedom."""
+    assert mode.model.part is not None
+    pairings = pairings_of(sensed, mode, tolerance)
+    estimate = estimate_pose(pairings, start=mode.T_world_part, length=mode.model.part.diagonal)
+    sizes = np.array([len(pairing.sensed.P) for pairing in pairings])
+    worst = pairings[int(np.argmax(estimate.distances / sizes))]
+    return f"the readings of '{worst.sensed.label}' on {worst.model.name}"
 
 
 class Clock:

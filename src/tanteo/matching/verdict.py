@@ -22,6 +22,7 @@ def verdict(
     *,
     cut: bool = False,
     as_published: bool = False,
+    worst: str = "",
 ) -> tuple[Status, str]:
     """Status and sentence of an answer.
 
@@ -31,14 +32,16 @@ def verdict(
         alpha: least p-value of an answer.
         cut: whether the search dropped something.
         as_published: the paper has no joint test, so the p-value does not reject.
+        worst: what contradicts the best hypothesis most, in words.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
     if not hypotheses or unknown > max(h.probability for h in hypotheses):
         return "unknown", _unknown_message(hypotheses, unknown) + note
     best = hypotheses[0]
     if best.p_value < alpha and not as_published:
+        most = f", most of all {worst}" if worst else ""
         return "unknown", (
-            f"The closest part is {best.part}, but the readings contradict it (p = {best.p_value:.2g}): "
+            f"The closest part is {best.part}, but the readings contradict it (p = {best.p_value:.2g}){most}: "
             "check the sensor's standard deviation, the tolerance and the units." + note
         )
     if best.unobserved:

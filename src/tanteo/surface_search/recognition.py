@@ -91,13 +91,15 @@ def identify_touches(
         modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
-    status, message = verdict(hypotheses, unknown, alpha)
+    worst = _worst(touches, modes[0]) if modes else ""
+    status, message = verdict(hypotheses, unknown, alpha, worst=worst)
     if status in ("recognized", "ambiguous") and _too_many_strays(hypotheses[0], priors):
         status, message = "unknown", _strays_message(hypotheses[0], len(touches))
     if hypotheses and status == "recognized":
         message += what_limits(modes[0], shared)
     if ratio > 1:
         message += f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
+        message += f" The worst is {worst} even so." if worst else ""
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
@@ -107,6 +109,13 @@ def _on_one_line(touches: Touches) -> bool:
         return False
     across = np.linalg.svd(touches.points - touches.points.mean(axis=0), compute_uv=False)[1]
     return bool(across <= np.median(touches.sd) * np.sqrt(len(touches)))
+
+
+def _worst(touches: Touches, mode: Mode) -> str:
+    """The reading that agrees least among those that are on the part."""
+    off = np.abs(mode.found.residuals[mode.k]) * (mode.found.belongs[mode.k] > 0.5)
+    i = int(np.argmax(off))
+    return f"reading {touches.ids[i]}, {off[i]:.1f} sd off" if off[i] > 0 else ""
 
 
 def _too_many_strays(best: Hypothesis, priors: Priors) -> bool:
