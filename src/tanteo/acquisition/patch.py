@@ -30,12 +30,6 @@ _TRUST = 0.015
 _WIDEST = 0.015
 """More room than this to the border of a patch is no better [m]."""
 
-_RIM = 0.010
-"""The surface is known around a finger if beams have been around it at this distance [m]."""
-
-_GAP = 0.0055
-"""... and none of these places is farther from a beam: narrower ribs than twice this may stay unseen [m]."""
-
 _STANDS = 150
 """Places that are proposed at most."""
 
@@ -124,23 +118,6 @@ def _places(cloud: Cloud, point: FloatArray, normal: FloatArray) -> tuple[Vector
     known = cloud.ahead & steep & (to_plane > 0) & (cloud.met | (cloud.ranges > to_plane))
     ends = cloud.starts + np.minimum(cloud.ranges, to_plane)[:, None] * cloud.beams
     return ends - ((ends - point) @ normal)[:, None] * normal, known
-
-
-def all_seen(cloud: Cloud, point: FloatArray, normal: FloatArray, feet: Vectors) -> bool:
-    """Whether beams have been all around these places of a plane: what no beam has met may still be there.
-
-    Args:
-        cloud: Everything that was seen.
-        point: On the plane ``(3,)`` [m].
-        normal: Of the plane ``(3,)``.
-        feet: Of the fingers on the plane ``(m, 3)`` [m].
-    """
-    places, known = _places(cloud, point, normal)
-    axes = np.stack([_across(normal), np.cross(normal, _across(normal))], axis=1)
-    turns = np.arange(8) * math.pi / 4
-    ring = _RIM * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
-    around = ((feet - point) @ axes)[:, None] + ring
-    return bool(known.any() and (_nearest(around, (places[known] - point) @ axes) < _GAP).all())
 
 
 def stands(patch: Patch, baseline: float, wanted: FloatArray) -> list[tuple[float, FloatArray, FloatArray]]:

@@ -7,20 +7,20 @@ import numpy as np
 from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.cloud import beside, cloud_of, over
 from tanteo.acquisition.ideas import FaceIdea
-from tanteo.acquisition.patch import Patch, all_seen, find_patch, stands
+from tanteo.acquisition.patch import Patch, find_patch, stands
 from tanteo.acquisition.record import fitted_feature, plane_readings
 from tanteo.acquisition.session import Session, back_off, finish
-from tanteo.acquisition.ways import facing, feet, fits, moved, path, squared, swing
+from tanteo.acquisition.ways import facing, fits, known, moved, path, squared, swing
 from tanteo.features import Feature
 from tanteo.hand import Hand, Robot, Sensed
 from tanteo.motion import Motion, Rules, approach, follow, go_to, look, settle
 from tanteo.sensors import Readings, RobotPreset
 from tanteo.typing import FloatArray
 
-HOVER = 0.03
+HOVER = 0.06
 """The hand stands so much higher than the stand-off before it comes down [m]."""
 
-LOOKS = ((0.25, 0.09), (0.22, 0.05), (0.22, 0.05), (0.22, 0.05))
+LOOKS = ((0.25, 0.09), *(((0.22, 0.05),) * 6))
 """Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
 
 
@@ -87,7 +87,8 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str) -> Attempt:
     """The same within a session; the hand is left over the face, square to it.
 
     What was seen obliquely from afar is seen better from above: the hand looks again from over the patch, until its
-    idea of the face stays the same, and again if the face then is not where it should be.
+    idea of the face stays the same, and again if the face then is not where it should be, or not all was seen where the
+    hand is to go.
     """
     attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
     wanted, first, failed_at = idea, len(session.motions), list[FloatArray]()
@@ -135,11 +136,11 @@ def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatA
         patch: Where the face seems to be.
         wanted: Where the hand should rather stand ``(3,)`` [m].
         avoid: Places where the face could not be scanned.
-        closely: Only where the face has been seen all around the fingers, because it comes down next.
+        closely: Only where all was seen free that the fingers will take, because it comes down next.
     """
     hand, cloud, high = session.hand, session.seen(), session.standoff + HOVER
     raised, other = over(cloud, patch.point, patch.normal), beside(cloud, patch.point, patch.normal)
-    now, blocked = session.robot.sensed.T_world_hand, False
+    now, why = session.robot.sensed.T_world_hand, "no face is wide enough for both sensors"
     for width, place, along in stands(patch, hand.baseline, wanted):
         if width < _WIDE:
             break
@@ -148,13 +149,14 @@ def hover(session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatA
         down, up = (facing(hand, place, patch.normal, along, h, now) for h in (session.standoff, high))
         across = SCAN * np.cross(patch.normal, along)
         low = np.stack([moved(down, across), down, moved(down, -across)])
-        known = not closely or all_seen(cloud, patch.point, patch.normal, feet(hand, low))
-        if known and fits(session, raised, low) and fits(session, other, path(now, up, hand.front, 24)):
+        if not (fits(session, raised, low) and fits(session, other, path(now, up, hand.front, 24))):
+            why = "there is no room for the hand over the face"
+        elif closely and not known(session, np.concatenate([low, path(down, up, hand.front, 8)])):
+            why = "not all was seen around the place where the hand should come down"
+        else:
             session.places.append(place)
             return session.does(go_to(session.robot, up, session.rules))
-        blocked = True
-    why = "there is no room for the hand over the face" if blocked else "no face is wide enough for both sensors"
-    return Motion("hover", "limit" if blocked else "nothing", why, ())
+    return Motion("hover", "nothing" if why.startswith("no face") else "limit", why, ())
 
 
 def scan(session: Session, label: str) -> Attempt:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from tanteo.acquisition.acquired import Acquired, Outcome
 from tanteo.acquisition.cloud import Cloud, cloud_of
+from tanteo.acquisition.known import Known
 from tanteo.acquisition.record import join
 from tanteo.errors import InputError
 from tanteo.features import Feature
@@ -41,6 +42,7 @@ class Session:
     readings: list[Readings] = field(default_factory=list)
     others: list[Feature] = field(default_factory=list)
     places: list[FloatArray] = field(default_factory=list)
+    _known: tuple[int, Known] | None = None
 
     def __post_init__(self) -> None:
         least = LEAST_STANDOFF * self.rules.clearance
@@ -63,6 +65,13 @@ class Session:
     def seen(self) -> Cloud:
         """What all motions so far have met."""
         return cloud_of(self.hand, self.motions)
+
+    def known(self) -> Known:
+        """Where beams and hand have been in all motions so far."""
+        if self._known is None or self._known[0] < len(self.motions):
+            log = [s for motion in self.motions for s in motion.log] or [self.robot.sensed]
+            self._known = len(self.motions), Known(self.hand, log)
+        return self._known[1]
 
 
 def back_off(session: Session, distance: float) -> Motion:

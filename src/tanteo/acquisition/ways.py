@@ -24,20 +24,24 @@ _LEAST_SWING = 0.08
 
 
 def swing(session: Session, tilt: float) -> float:
-    """The tilt of a look, less where what was seen leaves no room for it."""
-    if not session.motions:
-        return tilt
-    hand, cloud, T = session.hand, session.seen(), session.robot.sensed.T_world_hand
+    """The tilt of a look, less where the workspace or what was met leaves no room for it."""
+    hand, T = session.hand, session.robot.sensed.T_world_hand
     pivot = hand.body.centres[int(np.argmax(hand.body.radii))]
-    turns = np.arange(12) * np.pi / 6
+    cloud = session.seen() if session.motions else None
     while tilt > _LEAST_SWING:
-        w = tilt * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=-1)
-        R = SO3.exp(w)
-        ring = T @ SE3.from_parts(R, pivot - R @ pivot)
-        if fits(session, cloud, ring):
+        ring = T @ _ring(tilt, pivot)
+        free = _allowed(session, ring) if cloud is None else fits(session, cloud, ring)
+        if free:
             break
         tilt *= 0.75
     return tilt
+
+
+def _ring(tilt: float, pivot: FloatArray) -> Transforms:
+    """Turns by a tilt to all sides through a point of the hand ``(12, 4, 4)``."""
+    turns = np.arange(12) * np.pi / 6
+    R = SO3.exp(tilt * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=-1))
+    return SE3.from_parts(R, pivot - R @ pivot)
 
 
 def _allowed(session: Session, way: Transforms) -> bool:
@@ -53,10 +57,9 @@ def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:
     return _allowed(session, way) and room(cloud, session.hand.body, way) >= session.rules.clearance + _BETWEEN
 
 
-def feet(hand: Hand, Ts_world_hand: Transforms) -> Vectors:
-    """Where the frontal sensors are at some poses ``(m, 4, 4)``: ``(2 m, 3)`` in the world [m]."""
-    origins = hand.origins[list(hand.frontal)]
-    return np.concatenate([SE3.apply(T[None], origins) for T in Ts_world_hand])
+def known(session: Session, way: Transforms, margin: float = 0.0) -> bool:
+    """Whether all that the fingers take at some poses, and a margin [m], was seen free or taken before."""
+    return session.known().holds(session.hand.body, way, margin)
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.frames import frozen_array
 from tanteo.sensors import Rig
-from tanteo.typing import FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 FRONTAL_COSINE = 0.9
 """A sensor whose beam is within 26 degrees of the hand's +z is a frontal one."""
@@ -22,6 +22,8 @@ class Body:
     Attributes:
         centres: ``(k, 3)`` in the hand's frame [m].
         radii: ``(k,)`` [m].
+        blind: Spheres that no beam of the hand goes before or beside ``(k,)``; none if left out. Only the workspace
+            keeps them from what no beam has met.
 
     Raises:
         InputError: Shapes that do not fit, or a radius that is not positive.
@@ -29,6 +31,7 @@ class Body:
 
     centres: Vectors
     radii: FloatArray
+    blind: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
         centres, radii = frozen_array(self.centres), frozen_array(self.radii)
@@ -39,6 +42,11 @@ class Body:
             )
         if not (np.isfinite(centres).all() and (radii > 0).all() and np.isfinite(radii).all()):
             raise InputError("body: expected finite centres and positive radii [m], got others. Correct them.")
+        blind = np.zeros(len(radii), dtype=bool) if not len(self.blind) else np.array(self.blind, dtype=bool)
+        if blind.shape != radii.shape or blind.all():
+            raise InputError("body: expected one truth a sphere, and one sphere that is not blind. Correct blind.")
+        blind.setflags(write=False)
+        object.__setattr__(self, "blind", blind)
         object.__setattr__(self, "centres", centres)
         object.__setattr__(self, "radii", radii)
 
@@ -78,4 +86,5 @@ def gripper_body(
     palm = np.array([*fronts.mean(axis=0)[:2], back]) - depth[:, None] * np.array([0.0, 0.0, 1.0])
     fingers = fingers.reshape(-1, 3)
     radii = np.concatenate([np.full(len(fingers), finger_radius), np.full(len(palm), palm_radius)])
-    return Body(np.concatenate([fingers, palm]), radii)
+    blind = np.repeat([False, True], [len(fingers), len(palm)])
+    return Body(np.concatenate([fingers, palm]), radii, blind)

@@ -211,9 +211,11 @@ def _event(sensor: int, number: int, leg: list[Sensed], surface: _Surface) -> Ed
     last = _last_on(on, dropped, states == LOST, ways, 2 * surface.spots[number] + 0.5 * _BEYOND)
     if last is None or on[: last + 1].sum() < _BESIDE:
         return None
-    # the way over the surface: every reading that met it stands for the way around it
+    # the way over the surface: every reading that met it stands for the way around it, from well before the spot
+    # comes to the edge: what is missed before that, beside another edge, says nothing of this one
     shares = np.gradient(ways)
-    place = ways[0] - 0.5 * shares[0] + float(shares[: last + 1] @ on[: last + 1])
+    begin = int(np.searchsorted(ways, ways[last] - 3 * surface.spots[number] - _BEYOND))
+    place = ways[begin] - 0.5 * shares[begin] + float(shares[begin : last + 1] @ on[begin : last + 1])
     inner = (ways < place - 1.2 * surface.spots[number]) & (ways > place - 3 * surface.spots[number] - _BEYOND)
     if not inner.any() or on[inner].mean() < _WHOLE:
         return None

@@ -1,0 +1,135 @@
+"""Where the hand stands over a face beside its edge, how far it may go from there, and crossings as far as that."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tanteo.acquisition.cloud import Cloud, over
+from tanteo.acquisition.plane import HOVER, LOOKS
+from tanteo.acquisition.session import Session, back_off
+from tanteo.acquisition.ways import facing, fits, known, moved, path, swing
+from tanteo.features import Feature
+from tanteo.motion import Crossing, Motion, approach, cross_edge, go_to, look
+from tanteo.typing import FloatArray, Transforms, Vectors
+
+_STEP = 0.005
+"""A way is looked at for room in such steps [m]."""
+
+_LOOKS = 2
+"""Looks at one place, at most."""
+
+
+def front_of(session: Session) -> FloatArray:
+    """The middle between the frontal sensors ``(3,)`` [m]."""
+    T = session.robot.sensed.T_world_hand
+    return np.asarray(T[:3, :3] @ session.hand.front + T[:3, 3])
+
+
+def raised(session: Session, face: Feature) -> Cloud:
+    """What stands out of the face: the hand stays over it."""
+    T = face.T_world_feature
+    return over(session.seen(), T[:3, 3], T[:3, 2])
+
+
+def pose_over(session: Session, face: Feature, place: Vectors, along: FloatArray) -> Transforms:
+    """The pose at the stand-off over the foot of a place."""
+    origin, normal = face.T_world_feature[:3, 3], face.T_world_feature[:3, 2]
+    foot = place - ((place - origin) @ normal) * normal
+    return facing(session.hand, foot, normal, along, session.standoff, session.robot.sensed.T_world_hand)
+
+
+def free_way(session: Session, cloud: Cloud, T: Transforms, outwards: Vectors, most: float) -> float:
+    """How far what was met leaves room from a pose, at most so far; negative if it may not even be there [m]."""
+    steps = np.arange(1 + math.ceil(most / _STEP)) * _STEP
+    for s in steps:
+        if not fits(session, cloud, moved(T, s * outwards)[None]):
+            return float(s) - _STEP
+    return float(steps[-1])
+
+
+def stand(session: Session, face: Feature, place: Vectors, along: FloatArray, outwards: Vectors) -> Motion:
+    """At the stand-off over a place of the face, square to it, the pair along a line.
+
+    The way leads along the face where what was seen leaves room for it, else over the hover height.
+
+    Args:
+        session: The acquisition.
+        face: As sensed.
+        place: In the world ``(3,)`` [m]; its foot on the face counts.
+        along: For the pair ``(3,)``.
+        outwards: How far the crossing from there will go at least ``(3,)`` [m]; there has to be room for that, too.
+    """
+    hand, cloud = session.hand, raised(session, face)
+    down = pose_over(session, face, place, along)
+    if not fits(session, cloud, np.stack([down, moved(down, outwards)])):
+        return Motion("stand", "limit", "there is no room for the hand at the edge", ())
+    looked = look_there(session, face, place[None], along)
+    if looked is not None and not looked.reached:
+        return looked
+    T = session.robot.sensed.T_world_hand
+    down = pose_over(session, face, place, along)
+    if not known(session, down[None]):
+        return Motion("stand", "limit", "not all was seen around the hand's place at the edge", ())
+    way = path(T, down, hand.front, 12)
+    if fits(session, cloud, way) and known(session, way):
+        return session.does(go_to(session.robot, down, session.rules))
+    up = moved(down, HOVER * face.T_world_feature[:3, 2])
+    if not known(session, path(up, down, hand.front, 12)):
+        return Motion("stand", "limit", "not all was seen above the hand's place at the edge", ())
+    back = _rise(session, face)
+    if not back.reached:
+        return back
+    above = session.does(go_to(session.robot, up, session.rules))
+    if not above.reached:
+        return above
+    return session.does(approach(session.robot, session.standoff, session.rules, reach=2 * HOVER))
+
+
+def look_there(session: Session, face: Feature, places: Vectors, along: FloatArray) -> Motion | None:
+    """Looks from over the first of some places, until all is known that the fingers will take at them.
+
+    Returns:
+        None if nothing had to be done; the last motion otherwise.
+    """
+    low = np.stack([pose_over(session, face, p, along) for p in places])
+    if known(session, low):
+        return None
+    back = _rise(session, face)
+    if not back.reached:
+        return back
+    above = moved(pose_over(session, face, places[0], along), HOVER * face.T_world_feature[:3, 2])
+    if not fits(session, raised(session, face), path(session.robot.sensed.T_world_hand, above, session.hand.front, 12)):
+        return Motion("look", "limit", "there is no room for the hand over the edge", ())
+    there = session.does(go_to(session.robot, above, session.rules))
+    for tilt, spacing in LOOKS[1 : 1 + _LOOKS]:
+        if not there.reached:
+            break
+        there = session.does(look(session.robot, swing(session, tilt), session.rules, spacing=spacing))
+        if known(session, low):
+            break
+    return there
+
+
+def _rise(session: Session, face: Feature) -> Motion:
+    """Back to the hover height over the face, or as high as it is."""
+    T = face.T_world_feature
+    missing = session.standoff + HOVER - float((front_of(session) - T[:3, 3]) @ T[:3, 2])
+    return back_off(session, max(missing, 0.0))
+
+
+def cross(session: Session, face: Feature, outwards: Vectors, reach: float, spread: float) -> Crossing:
+    """A crossing as far as what was seen leaves room for it."""
+    T, cloud = session.robot.sensed.T_world_hand, raised(session, face)
+    farthest = free_way(session, cloud, T, outwards, reach + spread)
+    crossing = cross_edge(
+        session.robot,
+        T[:3, :3].T @ outwards,
+        max(min(reach, farthest), 0.0),
+        session.standoff,
+        session.rules,
+        spread=max(min(spread, farthest), 0.0),
+    )
+    session.does(crossing.motion)
+    return crossing

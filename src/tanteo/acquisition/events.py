@@ -1,0 +1,89 @@
+"""Where edge events are in the world, and the line that they are on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.hand import Hand
+from tanteo.motion import EdgeEvent
+from tanteo.sensors import error_model
+from tanteo.typing import FloatArray
+
+Line = tuple[FloatArray, FloatArray]
+"""A point and a direction ``(3,)``."""
+
+_APART = 0.0025
+"""Root mean square of the distances from their middle that places need to have a direction [m]."""
+
+ONE_PLACE = 0.005
+"""Events nearer to each other than this along an edge are at one place [m]."""
+
+_CONTROLLED = 0.9
+"""Largest leverage of one place on the line: beyond, the others hardly show that it is of another edge."""
+
+_GATE = 3.3
+"""A place that is farther from the line of all, in standard deviations of its residual, is of another edge."""
+
+
+def place_of(hand: Hand, event: EdgeEvent) -> FloatArray:
+    """Where an event was ``(3,)`` [m]."""
+    T = event.T_world_hand
+    local = hand.origins[event.sensor] + event.distance * hand.axes[event.sensor]
+    return np.asarray(T[:3, :3] @ local + T[:3, 3])
+
+
+def line_through(hand: Hand, events: Sequence[EdgeEvent]) -> Line | None:
+    """The line through events; None if they are all at one place."""
+    if not events:
+        return None
+    places = np.array([place_of(hand, e) for e in events])
+    middle = places.mean(axis=0)
+    _, size, axes = np.linalg.svd(places - middle)
+    if size[0] / math.sqrt(len(places)) < _APART:
+        return None
+    return middle, axes[0]
+
+
+def distance_from(hand: Hand, event: EdgeEvent, line: Line) -> float:
+    """Of an event from a line [m]."""
+    away = place_of(hand, event) - line[0]
+    return float(np.linalg.norm(away - (away @ line[1]) * line[1]))
+
+
+def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray) -> str:
+    """What speaks against all events being of one straight edge; empty if nothing does.
+
+    Events at one place, there and back, meet the same corner or step: only the other places can tell. The share of a
+    place's own error that the line takes over is its leverage; the rest shows in its residual (Baarda 1968).
+    """
+    spots = np.array([place_of(hand, e) for e in events]).reshape(-1, 3)
+    order = np.argsort(spots @ along)
+    group = np.zeros(len(events), dtype=np.int64)
+    group[order[1:]] = np.cumsum(np.diff(spots[order] @ along) > ONE_PLACE)
+    counts = np.bincount(group)
+    if len(events) == 0 or len(counts) < 3:
+        return f"the edge was met {len(events)} times, at too few places"
+    x, y, variance = (
+        np.bincount(group, weights=v) / counts for v in (spots @ along, spots @ outwards, _variances(hand, events))
+    )
+    A = np.stack([np.ones_like(x), x - x.mean()], axis=1) / np.sqrt(variance)[:, None]
+    H = A @ np.linalg.solve(A.T @ A, A.T)
+    leverages = np.diag(H)
+    if leverages.max() > _CONTROLLED:
+        return f"the edge was met {len(events)} times, and one place stands alone"
+    residuals = (y / np.sqrt(variance) - H @ (y / np.sqrt(variance))) / np.sqrt(1 - leverages)
+    worst = float(np.abs(residuals).max())
+    return f"one place is {worst:.1f} standard deviations beside the line of the others" if worst > _GATE else ""
+
+
+def _variances(hand: Hand, events: Sequence[EdgeEvent]) -> FloatArray:
+    """Of a place across the edge: half that of an event, which comes there and back, and the sensor's mounting."""
+    unit = error_model(hand.rig).cov_unit
+    out = []
+    for e in events:
+        C = unit[e.sensor]
+        out.append(0.5 * e.across_sd**2 + max(C[0, 0], C[1, 1]) + e.distance**2 * max(C[3, 3], C[4, 4]))
+    return np.array(out)

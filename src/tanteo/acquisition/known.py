@@ -1,0 +1,83 @@
+"""Where the hand may go: what beams went through and where the hand has been. All else may hold something.
+
+A beam says that its way was free, and the hand that it fitted where it was. A place is known if one of them came near
+enough; things narrower than twice :data:`GAP` may stay unseen between two beams.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.hand import FREE, MET, Body, Hand, Sensed
+from tanteo.lie import SE3
+from tanteo.sensors import error_model
+from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+
+GAP = 0.0055
+"""A place is known if a beam went by at this distance or less [m]."""
+
+_PACE = 0.004
+"""From point to point along a beam [m]."""
+
+_CELL = 0.002
+"""Points of beams nearer to each other than about this count once [m]."""
+
+_MOST = 500
+"""Instants of a log that are kept, evenly."""
+
+
+class Known:
+    """All places that were seen free or taken by the hand in some logs."""
+
+    def __init__(self, hand: Hand, log: Sequence[Sensed]) -> None:
+        from scipy.spatial import cKDTree
+
+        kept = log[:: max(1, len(log) // _MOST)]
+        T = np.array([s.T_world_hand for s in kept])
+        points = _along_beams(hand, kept, T)
+        cells = np.unique(np.round(points / _CELL).astype(np.int64), axis=0)
+        self._beams = cKDTree(_CELL * cells) if len(cells) else None
+        centres, radii = hand.body.placed(T), hand.body.radii
+        # between two instants that are kept the hand was nearly as far out
+        self._taken = [(float(r) + _CELL, cKDTree(centres[:, radii == r].reshape(-1, 3))) for r in np.unique(radii)]
+
+    def has(self, points: Vectors) -> BoolArray:
+        """Which of some places ``(*batch, 3)`` are known."""
+        flat = points.reshape(-1, 3)
+        out = np.zeros(len(flat), dtype=bool)
+        trees = [*self._taken, *([] if self._beams is None else [(GAP, self._beams)])]
+        for reach, tree in trees:
+            left = np.flatnonzero(~out)
+            out[left] = np.isfinite(tree.query(flat[left], distance_upper_bound=reach)[0])
+        return out.reshape(points.shape[:-1])
+
+    def holds(self, body: Body, Ts_world_hand: Transforms, margin: float) -> bool:
+        """Whether at all poses ``(m, 4, 4)`` everything is known around what is not blind of a body, up to a margin."""
+        skin = _skin(body.centres[~body.blind], body.radii[~body.blind] + margin)
+        return all(bool(self.has(SE3.apply(T, skin)).all()) for T in Ts_world_hand)
+
+
+def _skin(centres: Vectors, radii: FloatArray) -> Vectors:
+    """Points all over some spheres that are in none of the others ``(n, 3)``."""
+    points = (centres[:, None] + radii[:, None, None] * _SHELL).reshape(-1, 3)
+    depths = radii - np.linalg.norm(points[:, None] - centres, axis=-1)
+    return points[(depths < 1e-9).all(axis=1)]
+
+
+_SHELL = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
+_SHELL /= np.linalg.norm(_SHELL, axis=1, keepdims=True)
+
+
+def _along_beams(hand: Hand, log: Sequence[Sensed], T: Transforms) -> Vectors:
+    """Points along the free ways of all beams ``(n, 3)``."""
+    states, ranges = np.array([s.states for s in log]), np.array([s.ranges for s in log])
+    farthest = error_model(hand.rig).max_range
+    reach = np.where(states == MET, ranges, np.where((states == FREE) & np.isfinite(farthest), farthest, 0.0))
+    R = T[:, None, :3, :3]
+    starts = (R @ hand.origins[..., None])[..., 0] + T[:, None, :3, 3]
+    beams = (R @ hand.axes[..., None])[..., 0]
+    steps = np.arange(0.0, reach.max(initial=0.0), _PACE)
+    points = starts[..., None, :] + steps[:, None] * beams[..., None, :]
+    return np.asarray(points[steps < reach[..., None]])

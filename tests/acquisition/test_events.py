@@ -1,0 +1,67 @@
+"""Events on a line, and what speaks against one edge."""
+
+import numpy as np
+import pytest
+
+from felt_scenes import gripper
+from tanteo.acquisition.events import distance_from, doubt, line_through, place_of
+from tanteo.lie import SE3
+from tanteo.motion import EdgeEvent
+
+ALONG, OUTWARDS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+SD = 4e-4
+
+
+def event(x, y, sensor=0):
+    """The beam straight down at (x, y), 20 mm over the surface."""
+    R = np.diag([1.0, -1.0, -1.0])
+    foot = np.array([x, y, 0.0]) - R @ (gripper().origins[sensor] + [0, 0, 0.02])
+    return EdgeEvent(sensor, SE3.from_parts(R, foot), 0.02, 1e-4, SD, True)
+
+
+def edge(xs, ys, sensor=0):
+    """There and back at every place."""
+    return [event(x, y, sensor) for x, y in zip(xs, ys, strict=True) for _ in range(2)]
+
+
+def test_the_place_of_an_event():
+    np.testing.assert_allclose(place_of(gripper(), event(0.03, -0.01)), [0.03, -0.01, 0.0], atol=1e-15)
+    np.testing.assert_allclose(place_of(gripper(), event(0.03, -0.01, sensor=1)), [0.03, -0.01, 0.0], atol=1e-15)
+
+
+def test_the_line_through_events():
+    events = edge([0.0, 0.012, 0.024], [0.001, 0.0, -0.001])
+    point, direction = line_through(gripper(), events)
+    np.testing.assert_allclose(point, [0.012, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(np.abs(direction @ [12, -1, 0]) / np.sqrt(145), 1.0, atol=1e-12)
+    assert distance_from(gripper(), event(0.012, 0.003), (point, direction)) == pytest.approx(0.003 * 12 / np.sqrt(145))
+    assert line_through(gripper(), edge([0.0], [0.0])) is None
+    assert line_through(gripper(), []) is None
+
+
+def test_one_straight_edge_is_not_doubted():
+    """As often as its gate says: 3.3 standard deviations of a few residuals."""
+    rng, doubted, n = np.random.default_rng(0), 0, 400
+    xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
+    for _ in range(n):
+        ys = 0.05 * xs + rng.normal(size=len(xs)) * SD / np.sqrt(2)
+        doubted += bool(doubt(gripper(), edge(xs, ys), ALONG, OUTWARDS))
+    assert doubted <= 10
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_a_place_of_another_edge_is_found(k):
+    xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
+    ys = np.where(np.arange(6) == k, 0.004, 0.0)
+    assert "beside the line of the others" in doubt(gripper(), edge(xs, ys), ALONG, OUTWARDS)
+    assert doubt(gripper(), edge(xs, 0 * ys), ALONG, OUTWARDS) == ""
+
+
+def test_three_places_control_each_other():
+    """There and back meet the same corner: the number of events does not help, the middle place does."""
+    xs = np.array([-0.01, 0.0, 0.01])
+    assert doubt(gripper(), edge(xs, [0, 0, 0]), ALONG, OUTWARDS) == ""
+    assert "beside the line" in doubt(gripper(), edge(xs, [0, 0, 0.0035]), ALONG, OUTWARDS)
+    assert "at too few places" in doubt(gripper(), edge(xs[:2], [0, 0]) * 4, ALONG, OUTWARDS)
+    assert "at too few places" in doubt(gripper(), [], ALONG, OUTWARDS)
+    assert "stands alone" in doubt(gripper(), edge([-0.006, 0.0, 0.07], [0, 0, 0]), ALONG, OUTWARDS)
