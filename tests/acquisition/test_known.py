@@ -57,7 +57,7 @@ def test_after_a_look_there_is_room_to_move_in_but_not_beyond():
     before = Known(gripper(), [robot.sensed])
     assert not before.holds(gripper().body, over(x=0.005, y=0.005)[None], 0.0)
     known = Known(gripper(), look(robot, 0.22, RULES, spacing=0.05).log)
-    near = np.stack([over(x=x, y=y, height=h) for x, y in ((0, 0), (0.005, 0), (0, 0.005)) for h in (0.04, 0.08)])
+    near = np.stack([over(height=0.08, y=0.004), *(over(height=h) for h in (0.03, 0.04, 0.05, 0.08))])
     assert known.holds(gripper().body, near, 0.0)
     assert not known.holds(gripper().body, over(x=0.06)[None], 0.0)
     assert not known.holds(gripper().body, over(y=0.06)[None], 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -132,4 +133,7 @@ def cross(session: Session, face: Feature, outwards: Vectors, reach: float, spre
         spread=max(min(spread, farthest), 0.0),
     )
     session.does(crossing.motion)
+    if crossing.motion.status == "nothing" and farthest < reach:
+        why = f"there is room for {1e3 * max(farthest, 0.0):.3g} mm only, and the surface does not end there"
+        return replace(crossing, motion=replace(crossing.motion, status="limit", message=why))
     return crossing

@@ -49,20 +49,16 @@ def find_edge(session: Session, face: Feature, along: FloatArray, wanted: FloatA
     outwards = np.cross(along, face.T_world_feature[:3, 2])
     front = front_of(session)
     needed = max(float((wanted - front) @ outwards), 0.0)
-    reach, least = needed + REACH, needed + ENOUGH
-    place, free = _best_place(session, face, (front, along, outwards), (least, reach))
+    reach = needed + REACH
+    place = _best_place(session, face, (front, along, outwards), (needed + ENOUGH, reach))
     stood = stand(session, face, place, along, 0.0 * outwards)
     if not stood.reached:
         return stood
     front = front_of(session)
     crossing = cross(session, face, outwards, reach, 2 * session.hand.baseline)
-    if crossing.motion.reached:
-        return Found(front, along, outwards, reach, crossing.events)
-    if crossing.motion.status == "nothing" and free < least:
-        far, had = 1e3 * needed, 1e3 * free
-        why = f"the edge should be {far:.3g} mm away, and there was room for {had:.3g} mm"
-        return Motion("cross edge", "limit", why, ())
-    return crossing.motion
+    if not crossing.motion.reached:
+        return crossing.motion
+    return Found(front, along, outwards, reach, crossing.events)
 
 
 def _best_place(
@@ -70,7 +66,7 @@ def _best_place(
     face: Feature,
     known: tuple[FloatArray, FloatArray, FloatArray],
     least_and_most: tuple[float, float],
-) -> tuple[FloatArray, float]:
+) -> FloatArray:
     """The first place beside the front from which there is room for enough, or the one with most room."""
     front, along, outwards = known
     least, most = least_and_most
@@ -82,7 +78,7 @@ def _best_place(
             best = (place, free)
         if free >= least:
             break
-    return best
+    return best[0]
 
 
 def cross_beside(session: Session, face: Feature, found: Found, sensor: int) -> list[EdgeEvent]:
