@@ -10,9 +10,9 @@ import numpy as np
 from tanteo.acquisition.cloud import Cloud, over
 from tanteo.acquisition.plane import HOVER, LOOKS
 from tanteo.acquisition.session import Session, back_off
-from tanteo.acquisition.ways import facing, fits, known, moved, path, swing
+from tanteo.acquisition.ways import facing, fits, known, look_around, moved, path
 from tanteo.features import Feature
-from tanteo.motion import Crossing, Motion, approach, cross_edge, go_to, look
+from tanteo.motion import Crossing, Motion, approach, cross_edge, go_to
 from tanteo.typing import FloatArray, Transforms, Vectors
 
 _STEP = 0.005
@@ -107,7 +107,7 @@ def look_there(session: Session, face: Feature, places: Vectors, along: FloatArr
     for tilt, spacing in LOOKS[1 : 1 + _LOOKS]:
         if not there.reached:
             break
-        there = session.does(look(session.robot, swing(session, tilt), session.rules, spacing=spacing))
+        there = look_around(session, tilt, spacing)
         if known(session, low):
             break
     return there

@@ -13,7 +13,7 @@ import numpy as np
 from tanteo.hand import FREE, MET, Body, Hand, Sensed
 from tanteo.lie import SE3
 from tanteo.sensors import error_model
-from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 GAP = 0.0055
 """A place is known if a beam went by at this distance or less [m]."""
@@ -24,31 +24,41 @@ _PACE = 0.004
 _CELL = 0.002
 """Points of beams nearer to each other than about this count once [m]."""
 
-_MOST = 500
-"""Instants of a log that are kept, evenly."""
+_HALF = 2**20
+"""Cells from the origin to the end of the world, which is two kilometres away."""
+
+_EVERY = 2
+"""Of a log every so manieth instant counts: the hand hardly moves meanwhile."""
 
 
 class Known:
-    """All places that were seen free or taken by the hand in some logs."""
+    """All places that were seen free or taken by the hand in some logs.
 
-    def __init__(self, hand: Hand, log: Sequence[Sensed]) -> None:
+    Args:
+        hand: The hand.
+        log: What it sensed.
+        before: What was known before; it stays known.
+    """
+
+    def __init__(self, hand: Hand, log: Sequence[Sensed], before: Known | None = None) -> None:
         from scipy.spatial import cKDTree
 
-        kept = log[:: max(1, len(log) // _MOST)]
+        kept = log[::_EVERY]
         T = np.array([s.T_world_hand for s in kept])
-        points = _along_beams(hand, kept, T)
-        cells = np.unique(np.round(points / _CELL).astype(np.int64), axis=0)
-        self._beams = cKDTree(_CELL * cells) if len(cells) else None
         centres, radii = hand.body.placed(T), hand.body.radii
         # between two instants that are kept the hand was nearly as far out
-        self._taken = [(float(r) + _CELL, cKDTree(centres[:, radii == r].reshape(-1, 3))) for r in np.unique(radii)]
+        places = {GAP: _along_beams(hand, kept, T)}
+        places |= {float(r) + _CELL: centres[:, radii == r].reshape(-1, 3) for r in np.unique(radii)}
+        self._cells = {reach: _cells(points) for reach, points in places.items()}
+        for reach, cells in before._cells.items() if before is not None else ():
+            self._cells[reach] = np.union1d(cells, self._cells[reach])
+        self._trees = [(reach, cKDTree(_middles(cells))) for reach, cells in self._cells.items() if len(cells)]
 
     def has(self, points: Vectors) -> BoolArray:
         """Which of some places ``(*batch, 3)`` are known."""
         flat = points.reshape(-1, 3)
         out = np.zeros(len(flat), dtype=bool)
-        trees = [*self._taken, *([] if self._beams is None else [(GAP, self._beams)])]
-        for reach, tree in trees:
+        for reach, tree in self._trees:
             left = np.flatnonzero(~out)
             out[left] = np.isfinite(tree.query(flat[left], distance_upper_bound=reach)[0])
         return out.reshape(points.shape[:-1])
@@ -81,3 +91,15 @@ def _along_beams(hand: Hand, log: Sequence[Sensed], T: Transforms) -> Vectors:
     steps = np.arange(0.0, reach.max(initial=0.0), _PACE)
     points = starts[..., None, :] + steps[:, None] * beams[..., None, :]
     return np.asarray(points[steps < reach[..., None]])
+
+
+def _cells(points: Vectors) -> IntArray:
+    """Numbers of the cells that hold some points, each once."""
+    i = np.round(points / _CELL).astype(np.int64) + _HALF
+    return np.unique((i[:, 0] * 2 * _HALF + i[:, 1]) * 2 * _HALF + i[:, 2])
+
+
+def _middles(cells: IntArray) -> Vectors:
+    """Of cells ``(n, 3)`` [m]."""
+    rest, z = np.divmod(cells, 2 * _HALF)
+    return np.asarray(_CELL * (np.stack([*np.divmod(rest, 2 * _HALF), z], axis=-1) - _HALF))

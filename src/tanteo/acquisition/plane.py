@@ -10,10 +10,10 @@ from tanteo.acquisition.ideas import FaceIdea
 from tanteo.acquisition.patch import Patch, find_patch, stands
 from tanteo.acquisition.record import fitted_feature, plane_readings
 from tanteo.acquisition.session import Session, back_off, finish
-from tanteo.acquisition.ways import facing, fits, known, moved, path, squared, swing
+from tanteo.acquisition.ways import facing, fits, known, look_around, moved, path, squared
 from tanteo.features import Feature
 from tanteo.hand import Hand, Robot, Sensed
-from tanteo.motion import Motion, Rules, approach, follow, go_to, look, settle
+from tanteo.motion import Motion, Rules, approach, follow, go_to, settle
 from tanteo.sensors import Readings, RobotPreset
 from tanteo.typing import FloatArray
 
@@ -93,7 +93,7 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str) -> Attempt:
     attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
     wanted, first, failed_at = idea, len(session.motions), list[FloatArray]()
     for tilt, spacing in LOOKS:
-        looked = session.does(look(session.robot, swing(session, tilt), session.rules, spacing=spacing))
+        looked = look_around(session, tilt, spacing)
         if looked.status == "timeout":
             return failed(looked)
         patch = find_patch(cloud_of(session.hand, session.motions[first:]), wanted) if looked.reached else None

@@ -42,7 +42,7 @@ class Session:
     readings: list[Readings] = field(default_factory=list)
     others: list[Feature] = field(default_factory=list)
     places: list[FloatArray] = field(default_factory=list)
-    _known: tuple[int, Known] | None = None
+    _known: tuple[int, Known | None] = (0, None)
 
     def __post_init__(self) -> None:
         least = LEAST_STANDOFF * self.rules.clearance
@@ -68,10 +68,12 @@ class Session:
 
     def known(self) -> Known:
         """Where beams and hand have been in all motions so far."""
-        if self._known is None or self._known[0] < len(self.motions):
-            log = [s for motion in self.motions for s in motion.log] or [self.robot.sensed]
-            self._known = len(self.motions), Known(self.hand, log)
-        return self._known[1]
+        count, before = self._known
+        if before is None or count < len(self.motions):
+            log = [s for motion in self.motions[count:] for s in motion.log] or [self.robot.sensed]
+            before = Known(self.hand, log, before)
+            self._known = len(self.motions), before
+        return before
 
 
 def back_off(session: Session, distance: float) -> Motion:

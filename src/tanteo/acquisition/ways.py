@@ -9,6 +9,7 @@ from tanteo.acquisition.session import Session
 from tanteo.features import Feature
 from tanteo.hand import Hand, advance, gap
 from tanteo.lie import SE3, SO3
+from tanteo.motion import Motion, look
 from tanteo.typing import FloatArray, Transforms, Vectors
 
 _SLACK = 2e-3
@@ -21,6 +22,13 @@ _BETWEEN = 5e-3
 
 _LEAST_SWING = 0.08
 """A look with less tilt shows nothing new [rad]."""
+
+
+def look_around(session: Session, tilt: float, spacing: float) -> Motion:
+    """A look with as much tilt as there is room for; every second one goes between the turns of the one before."""
+    before = sum(motion.name == "look" for motion in session.motions)
+    begin = np.pi * (before % 2)
+    return session.does(look(session.robot, swing(session, tilt), session.rules, spacing=spacing, begin=begin))
 
 
 def swing(session: Session, tilt: float) -> float:

@@ -24,7 +24,7 @@ _LAG = 0.15
 """The spiral waits while the hand is this far behind it [rad]."""
 
 
-def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09) -> Motion:
+def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, begin: float = 0.0) -> Motion:
     """Turn the hand so that its beams sweep a cone, and back.
 
     Args:
@@ -32,6 +32,7 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09) ->
         widest: Tilt of the hand's axis at the end of the spiral [rad].
         rules: What to keep to. Where the hand cannot go, it leaves that part of the spiral out.
         spacing: From turn to turn of the spiral [rad].
+        begin: Where the spiral begins [rad]; one that begins half a turn later goes between the turns of the first.
 
     Returns:
         ``reached``; ``nothing`` if no frontal beam met anything; ``timeout``.
@@ -41,7 +42,7 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09) ->
     frontal = list(run.hand.frontal)
     pivot = run.hand.body.centres[int(np.argmax(run.hand.body.radii))]
     while (tilt := spacing * angle / (2 * math.pi)) < widest:
-        target = _tilted(start, pivot, tilt, angle)
+        target = _tilted(start, pivot, tilt, angle, begin)
         twist, _, behind = towards(run, target)
         ending = run.step(twist)
         if ending == "timeout":
@@ -58,7 +59,8 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09) ->
     return run.end("reached", "looked around") if seen else run.end("nothing", "nothing was within range")
 
 
-def _tilted(T: Transforms, pivot: FloatArray, tilt: float, angle: float) -> Transforms:
+def _tilted(T: Transforms, pivot: FloatArray, tilt: float, angle: float, begin: float) -> Transforms:
     """A pose turned by ``tilt`` about an axis across z at ``angle``, and about z, through a point of the hand."""
-    tilted = advance(T, turn(np.array([tilt * math.cos(angle), tilt * math.sin(angle), 0.0]), pivot), 1.0)
+    x, y = math.cos(begin + angle), math.sin(begin + angle)
+    tilted = advance(T, turn(np.array([tilt * x, tilt * y, 0.0]), pivot), 1.0)
     return advance(tilted, turn(np.array([0.0, 0.0, _SPIN * math.sin(angle / _SPIN_OVER)]), pivot), 1.0)
