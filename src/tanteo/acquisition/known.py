@@ -28,7 +28,7 @@ _HALF = 2**20
 """Cells from the origin to the end of the world, which is two kilometres away."""
 
 _EVERY = 2
-"""Of a log every so manieth instant counts: the hand hardly moves meanwhile."""
+"""Every second instant of a log counts: the hand hardly moves meanwhile."""
 
 
 class Known:
