@@ -62,7 +62,7 @@ def until(session, target, T, rng, k, corner, most):
         best = int(np.argmax(step.probabilities))
         if known is None and step.probabilities[best] > 0.99:
             known = session.count, best == k
-        if step.probabilities[best] > 0.99 and step.worst_corner_sd <= corner:
+        if session.belief.weights[0] > 0.95 and step.probabilities[best] > 0.99 and step.worst_corner_sd <= corner:
             placed = session.count, off(session, k, T) / corner
             break
     return known, placed

@@ -33,6 +33,9 @@ NEGLIGIBLE = 12.0
 _MATTERS = 0.003
 """Probability of a part from which its posterior is sampled until the weights can be believed."""
 
+_CLOSE = 3.0
+"""Log odds, by Laplace's approximation, below the best part within which another is sampled so from the first."""
+
 _CLIMB = 6
 """Steps towards the maxima after every reading; those that stay alive go on at the next."""
 
@@ -228,11 +231,11 @@ def _weigh(
     prior = np.log1p(-start.priors.unknown)
     best = max((f.masses[0] for f in found if len(f.masses)), default=-np.inf)
     alive = [f for f in found if len(f.masses) and f.masses[0] > best - _REACH]
-    parts = [weigh_part(start, f, touches, free) for f in alive]
+    parts = [weigh_part(start, f, touches, free, ROUNDS if f.masses[0] > best - _CLOSE else 1) for f in alive]
     total = float(logsumexp([log_unknown - prior, *(logsumexp(p.log_mass) for p in parts)]))
     parts = [
         weigh_part(start, f, touches, free, ROUNDS)
-        if p.effective < ENOUGH and logsumexp(p.log_mass) > total + np.log(_MATTERS)
+        if p.effective < ENOUGH and f.masses[0] <= best - _CLOSE and logsumexp(p.log_mass) > total + np.log(_MATTERS)
         else p
         for p, f in zip(parts, alive, strict=True)
     ]

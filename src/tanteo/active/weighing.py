@@ -236,6 +236,7 @@ def _as_modes(
     share = np.bincount(draws.owner, weights=w, minlength=len(masses))
     owner, kept, moments, log_mass = np.array(draws.owner), [], [], []
     left = list(np.argsort(-share, kind="stable"))
+    tops = posterior(about.Ts, about.z)
     while left and share[left[0]] > 0:
         j = int(left.pop(0))
         C, mean = _second_moment(draws.x[j], w * (owner == j))
@@ -247,7 +248,7 @@ def _as_modes(
         if near:
             C, mean = _second_moment(draws.x[j], mine)
         kept.append(j)
-        normal = not near and _is_normal(draws, about, posterior, j, mine)
+        normal = not near and _is_normal(draws, about, float(tops[j]), j, mine)
         log_mass.append(masses[j] if normal else log_total + np.log(mine.sum()))
         moments.append(None if normal else _moments(C, mean))
     number = np.full(len(masses), -1)
@@ -273,9 +274,8 @@ def _distance(draws: _Draws, about: _Proposals, j: int, i: int, C: FloatArray) -
     return float((x / s) @ np.linalg.lstsq(C / np.outer(s, s), x / s, rcond=1e-9)[0])
 
 
-def _is_normal(draws: _Draws, about: _Proposals, posterior: _Posterior, j: int, w: FloatArray) -> bool:
-    """Whether the draws about a maximum have the density of its curvature."""
-    top = float(posterior(about.Ts[j : j + 1], about.z[j : j + 1])[0])
+def _is_normal(draws: _Draws, about: _Proposals, top: float, j: int, w: FloatArray) -> bool:
+    """Whether the draws about a maximum, whose log density is ``top``, have the density of its curvature."""
     white = np.linalg.solve(about.roots[j], draws.x[j].T)
     off = draws.log - top + 0.5 * np.sum(white * white, axis=0)
     used = w > 1e-3 * w.max()
