@@ -1,5 +1,5 @@
 # Two commands do everything on a fresh machine with Python (3.11 or later) and make:
-#   make demo   the main job on an example the project ships
+#   make demo   the story: an image, a few readings, an answer with its spread, a report
 #   make test   lint, types, contracts and tests
 PYTHON ?= python3
 VENV   ?= .venv
@@ -9,7 +9,7 @@ PIP     = $(BIN)/python -m pip --disable-pip-version-check
 .PHONY: demo test check unit bench clean
 
 demo: $(VENV)/.demo
-	$(BIN)/tanteo identify examples/readings/bracket_left.csv --parts examples/parts
+	$(BIN)/tanteo demo --no-open
 
 test: check unit
 
@@ -29,7 +29,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) install --quiet -c constraints.txt -e '.[step]'
+	$(PIP) install --quiet -c constraints.txt -e '.[step,vision]'
 	touch $@
 
 $(VENV)/.test: pyproject.toml constraints.txt | $(BIN)/python

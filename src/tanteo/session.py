@@ -232,6 +232,12 @@ class Session:
         return concatenate(self._readings) if self._readings else None
 
     @property
+    def prior(self) -> PosePrior:
+        """The rough pose of the start that the best hypothesis comes from; the likeliest before the first reading."""
+        row = int(self._belief.rows[0]) if len(self._belief.rows) else int(np.argmax(self.start.weights))
+        return PosePrior(self.start.Ts[row], self.start.covariances[row])
+
+    @property
     def tells(self) -> tuple[Readings, ...]:
         """The same, as it came."""
         return tuple(self._readings)

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from tanteo.cli.completing import robot_names, sensor_names
+from tanteo.cli.demo_app import demo
 from tanteo.cli.plan_app import plan
 from tanteo.cli.prior_options import BoxAt, Near, PriorPath, TableAt
 from tanteo.cli.sense_app import sense_app
@@ -21,6 +22,7 @@ app = typer.Typer(
 )
 part_app = typer.Typer(help="Look at CAD files.", rich_markup_mode=None, no_args_is_help=True)
 app.add_typer(part_app, name="part")
+app.command()(demo)
 app.command()(plan)
 app.add_typer(sense_app, name="sense")
 app.add_typer(sensor_app, name="sensor")

@@ -6,6 +6,7 @@ tell than one answer (a session, a plan) hands in further :class:`Section` value
 
 from tanteo.report.budget import Budget, Source, make_budget
 from tanteo.report.contacts import Contacts, find_contacts
+from tanteo.report.course import course_section
 from tanteo.report.ghosts import Way, find_ways
 from tanteo.report.html import Html, element
 from tanteo.report.section import Section
@@ -20,6 +21,7 @@ __all__ = [
     "Sensed",
     "Source",
     "Way",
+    "course_section",
     "element",
     "find_contacts",
     "find_ways",

@@ -1,0 +1,150 @@
+"""One part of twelve on a table: what the camera leaves open, what a beam settles, and how many readings that takes."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from tanteo.active import Probe, Start, Stop, around, from_hypotheses, policy_named
+from tanteo.catalogue import read_parts
+from tanteo.hand import Workspace
+from tanteo.io import read_camera, read_image, read_marks
+from tanteo.lie import SE3, SO3
+from tanteo.matching import PosePrior, Priors, Recognition
+from tanteo.parts import Part
+from tanteo.sensors import Readings
+from tanteo.sensors.law import NoiseLaw
+from tanteo.session import Action, Sensing, Session, Step
+from tanteo.surface_search import Target, prepare_target
+from tanteo.typing import Transforms
+
+_IMAGE, _NOISE, _TOLERANCE, _MOST = "twins", 3e-4, 5e-4, 25
+_LASER = Probe(
+    "laser", NoiseLaw.of(_NOISE), max_range=0.3, standoff=0.1, clearance=0.01, approach=np.array([0.0, 0.0, -1.0]),
+    cone=np.radians(80.0), workspace=Workspace.above(0.0),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What came out.
+
+    Attributes:
+        answer: of the session.
+        readings: all that were made.
+        sensing: how they became measurements.
+        steps: what each told.
+        prior: the rough pose from which the answer started.
+        names: of the parts of the session's start, in order.
+        parts: the twelve.
+        truth: name of the part that lay there.
+        T_world_part: where it truly was ``(4, 4)``.
+        count: readings that the session chose.
+        random: readings that random sensing needed for the same; the most that were tried if it did not get there.
+    """
+
+    answer: Recognition
+    readings: Readings
+    sensing: Sensing
+    steps: tuple[Step, ...]
+    prior: PosePrior
+    names: tuple[str, ...]
+    parts: tuple[Part, ...]
+    truth: str
+    T_world_part: Transforms
+    count: int
+    random: int
+
+
+def tell(say: Callable[[str], None], seed: int = 0) -> Told:
+    """Run the story and say it line by line.
+
+    Args:
+        say: takes one line.
+        seed: of the readings' noise.
+    """
+    with resources.as_file(resources.files("tanteo.demo")) as folder:
+        parts = read_parts([folder / "parts"], unit="mm").parts
+        name, T = _truth(folder)
+        say(f"One of {len(parts)} parts lies on a table. Which one, and where?")
+        targets = {part.name: prepare_target(part) for part in parts}
+        start = _seen(folder, parts, targets, say) if find_spec("cv2") else _placed(targets, T, name, say)
+    say("")
+    say("A laser (0.3 mm, from above) is sent where it tells most:")
+    session = _session(start, "information", seed)
+    _sense(session, targets[name], T, seed, say)
+    answer = session.answer()
+    say("")
+    say(answer.message)
+    moved = SE3.inverse(T) @ answer.hypotheses[0].T_world_part
+    corners = np.stack(np.meshgrid(*targets[name].part.box.T), axis=-1).reshape(8, 3)
+    off = np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max()
+    say(f"It was {name}, and its worst corner is {1e3 * off:.2f} mm from where it truly is.")
+    random = _session(start, "random", seed)
+    _sense(random, targets[name], T, seed, None)
+    count = f"{random.count}" if random.count < _MOST else f"more than {_MOST}"
+    say(f"Readings: {session.count}. Random places would have taken {count}.")
+    assert session.readings is not None
+    names = tuple(target.part.name for target in start.targets)
+    return Told(
+        answer, session.readings, session.sensing, session.steps, session.prior, names, parts, name, T, session.count,
+        random.count,
+    )  # fmt: skip
+
+
+def _truth(folder: Path) -> tuple[str, Transforms]:
+    with open(folder / "truth.csv", encoding="utf-8", newline="") as stream:
+        row = next(r for r in csv.DictReader(stream) if r["image"] == _IMAGE)
+    q = np.array([float(row[k]) for k in ("qw", "qx", "qy", "qz")])
+    p = np.array([float(row[k]) for k in ("x_mm", "y_mm", "z_mm")]) / 1e3
+    return row["part"], SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), p)
+
+
+def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, Target], say: Callable[[str], None]) -> Start:
+    """What the camera leaves open."""
+    from tanteo.vision import fit_camera, prepare_vision, see_table
+
+    camera = read_camera(folder / "camera.yaml")
+    placed = fit_camera(camera, *read_marks(folder / "marks.csv"))
+    camera = replace(camera, T_world_camera=placed.T_world_camera, covariance=placed.covariance)
+    sight = see_table(read_image(folder / f"{_IMAGE}.png"), camera, [prepare_vision(part) for part in parts])
+    answer = sight.objects[0].recognition
+    likely = [h for h in answer.hypotheses if h.probability > 1e-3]
+    words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in likely)
+    say(f"The camera above it: {words}; worst corner {1e3 * likely[0].worst_corner_sd:.1f} mm, 1 sd.")
+    names = list(dict.fromkeys(h.part for h in answer.hypotheses))
+    return from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
+
+
+def _placed(targets: dict[str, Target], T: Transforms, name: str, say: Callable[[str], None]) -> Start:
+    """Without OpenCV: a feeder that puts parts down to some millimetres and degrees."""
+    say("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
+    place = T @ SE3.from_parts(np.eye(3), targets[name].part.centroid)
+    return around(list(targets.values()), place, np.diag(np.repeat([5e-3, 0.1], 3) ** 2))
+
+
+def _session(start: Start, policy: str, seed: int) -> Session:
+    stop = Stop(probability=0.99, tolerance=_TOLERANCE, confidence=0.95, least_gain=0.0, most=_MOST)
+    return Session(start, _LASER, Sensing(sd=_NOISE), policy_named(policy), stop, seed)
+
+
+def _sense(session: Session, target: Target, T: Transforms, seed: int, say: Callable[[str], None] | None) -> None:
+    """Ask and tell, with ranges by rays on the part that is truly there."""
+    rng, to_part = np.random.default_rng((1991, seed)), SE3.inverse(T)
+    while isinstance(action := session.ask(), Action):
+        start, along = SE3.apply(to_part, action.origin), to_part[:3, :3] @ action.direction
+        distance = float(target.surface.cast(start[None], along[None]).distances[0])
+        step = session.tell(action.read(distance + _NOISE * rng.normal() if np.isfinite(distance) else np.inf))
+        if say is not None:
+            best = int(np.argmax(step.probabilities))
+            read = f"{1e3 * distance:6.1f} mm" if np.isfinite(distance) else "  nothing"
+            say(
+                f"  {session.count:2d}  {action.part} {action.face:8} {read}   {session.start.targets[best].part.name} "
+                f"{100 * step.probabilities[best]:5.1f} %, worst corner {1e3 * step.worst_corner_sd:.2f} mm"
+            )
