@@ -34,6 +34,7 @@ SAYS = {
     "08_bare_touches": ["12 touches with directions: recognized. bracket_left"],
     "10_calibrate_a_sensor": ["calibrated: Calibrated eye.", "saturated places: 6", "calibrated: table at"],
     "11_sense_without_contact": ["acquired", "edge face: plane", "to the last bit: True"],
+    "12_a_session": ["recognized: bracket_right", "a1 met face", "worst known: ", "to the last bit: True"],
 }
 
 

@@ -10,6 +10,7 @@ from tanteo.cli.completing import robot_names, sensor_names
 from tanteo.cli.demo_app import demo
 from tanteo.cli.plan_app import plan
 from tanteo.cli.prior_options import BoxAt, Near, PriorPath, TableAt
+from tanteo.cli.replay_app import replay
 from tanteo.cli.sense_app import sense_app
 from tanteo.cli.sensor_app import sensor_app
 
@@ -24,6 +25,7 @@ part_app = typer.Typer(help="Look at CAD files.", rich_markup_mode=None, no_args
 app.add_typer(part_app, name="part")
 app.command()(demo)
 app.command()(plan)
+app.command()(replay)
 app.add_typer(sense_app, name="sense")
 app.add_typer(sensor_app, name="sensor")
 

@@ -14,7 +14,7 @@ TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 """The words of the command that runs, as they were typed: a report says how to run it again."""
 
 _MANY = ("--parts", "--distinguish")
-_READINGS_SUFFIXES = (".csv", ".txt", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+_READINGS_SUFFIXES = (".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
 class MisuseError(TanteoError):
@@ -130,8 +130,8 @@ def read_unit(units: str) -> str:
 def spread_values(argv: Sequence[str]) -> list[str]:
     """``--parts A B C`` as ``--parts A --parts B --parts C``, which is what the parser understands.
 
-    The values end at the next option, or at a readings file (``.csv``) or image, which is never a part: so these may
-    come after the parts, too.
+    The values end at the next option, or at a readings file (``.csv``), a record (``.json``) or an image, which is
+    never a part: so these may come after the parts, too.
     """
     out: list[str] = []
     many = ""

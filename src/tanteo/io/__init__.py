@@ -4,7 +4,7 @@
 ``read_prior`` for what is known of a pose,
 ``recognition_json`` for results, ``read_camera``, ``read_marks`` and ``read_image`` for what a camera saw and
 ``sight_json`` for what was made of it, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``parse_length`` for
-quantities with units.
+quantities with units. Records of sessions are in ``tanteo.io.session_record``, which loads much and is not loaded here.
 """
 
 from tanteo.io.camera_file import read_camera

@@ -52,6 +52,7 @@ class SessionRecord:
 
     Attributes:
         source: the file.
+        version: of tanteo that wrote it.
         parts: their files.
         start: what was assumed beforehand.
         probe: what senses.
@@ -65,6 +66,7 @@ class SessionRecord:
     """
 
     source: str
+    version: str
     parts: tuple[PartFile, ...]
     start: RoughPoses
     probe: Probe
@@ -145,7 +147,7 @@ def load_record(path: str | Path) -> SessionRecord:
         sensing=_sensing(values["sensing"], f"{file}, sensing"),
         policy=_policy(values["policy"], f"{file}, policy"),
         told=tuple(_told(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"])),
-        **{key: values[key] for key in ("parts", "start", "probe", "stop", "seed", "asked", "answer")},
+        **{key: values[key] for key in ("version", "parts", "start", "probe", "stop", "seed", "asked", "answer")},
     )
 
 

@@ -30,7 +30,7 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         pose: what was known of it beforehand; the joint test asks whether the readings agree with that, too.
     """
     part, found, k = mode.target.part, mode.found, mode.k
-    T, free, faces = found.Ts[k], mode.free, _faces(touches, mode)
+    T, free, faces = found.Ts[k], mode.free, faces_met(touches, mode)
     covariance = mode.covariance + _common_tolerance(touches, mode, faces)
     belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
     known = prior_rows(pose, part, T[None])[0][0]
@@ -53,8 +53,8 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
     )
 
 
-def _faces(touches: Touches, mode: Mode) -> IntArray:
-    """Index of the face that each reading is nearest to."""
+def faces_met(touches: Touches, mode: Mode) -> IntArray:
+    """Index of the face that each reading is nearest to ``(n,)``."""
     points = touches.points + touches.gains @ mode.found.z[mode.k]
     near = mode.target.surface.closest(SE3.apply(SE3.inverse(mode.found.Ts[mode.k]), points))
     return mode.target.part.triangle_face[near.triangles]

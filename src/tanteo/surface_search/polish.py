@@ -262,6 +262,31 @@ def _normal_equations(touches: Touches, at: _At, belongs: FloatArray, z: FloatAr
     return A, b
 
 
+def information_of_readings(
+    touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors
+) -> FloatArray:
+    """What each reading adds to the information on the pose ``(S, n, 6, 6)``, the shared errors taken as known.
+
+    Args:
+        touches: the readings.
+        Ts: poses ``(S, 4, 4)``.
+        z: whitened shared errors there ``(S, D)``.
+        target: the part.
+        priors: rate of clutter and size of the workspace.
+    """
+    at, n = _linearise(touches, Ts, z, target, priors), len(touches)
+    belongs, rows = _responsibility(at), np.flatnonzero(touches.oriented)
+    J = at.J[..., :6]
+    out = J[:, :n, :, None] * J[:, :n, None, :]
+    if len(rows):
+        turn = J[:, n:].reshape(len(Ts), len(rows), 3, 6)
+        out[:, rows] += np.swapaxes(turn, -1, -2) @ turn
+    if at.edges is not None:
+        out[at.edges.poses, at.edges.readings] = 0.0
+        np.add.at(out, (at.edges.poses, at.edges.readings), at.edges.resistance[:, :6, :6])
+    return np.asarray(out * belongs[..., None, None])
+
+
 def _solve(A: FloatArray, b: FloatArray, damping: FloatArray) -> FloatArray:
     """Damped steps, which stay put along directions that nothing resists."""
     d = np.array(np.einsum("sii->si", A))

@@ -1,0 +1,205 @@
+"""What each reading of a session told, and which readings the answer rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from tanteo.active.belief import NEGLIGIBLE, Belief
+from tanteo.active.start import Start
+from tanteo.localization import describe_motion
+from tanteo.matching.verdict import corner_moves, corner_sd
+from tanteo.parts import Part
+from tanteo.surface_search.answer import faces_met
+from tanteo.surface_search.polish import information_of_readings
+from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+
+_FORGOTTEN = np.exp(-NEGLIGIBLE)
+"""What a part that is not listed any more may still have had."""
+
+_MOSTLY = 0.9
+"""Share of the corners' mean square motion from which a motion is called sliding, or turning."""
+
+
+class Told(Protocol):
+    """What is known after a step, as :class:`tanteo.session.Step` has it."""
+
+    @property
+    def ids(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def probabilities(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def unknown(self) -> float: ...  # noqa: D102
+    @property
+    def T_world_part(self) -> Transforms: ...  # noqa: D102
+    @property
+    def part(self) -> int: ...  # noqa: D102
+    @property
+    def covariance(self) -> Covariances: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What some readings told when they came.
+
+    Attributes:
+        ids: names of the readings.
+        met: face of the part of the final answer that each of them met, or that it met nothing, or nothing of it.
+        part: the likeliest part after them; empty for none.
+        probability: of that part.
+        about_part: information about the part: of the probabilities after against those before [nats].
+        about_pose: half the log of the determinants' ratio of the pose's covariances [nats]; NaN where the likeliest
+            part is another one than before.
+        motion: in which direction the pose became better known, in words; empty where in none.
+        narrowed: standard deviation along it over that before; NaN without one.
+        corner_sd_before: of the worst corner before them, of the same part [m].
+        corner_sd: after them [m].
+    """
+
+    ids: tuple[str, ...]
+    met: tuple[str, ...]
+    part: str
+    probability: float
+    about_part: float
+    about_pose: float
+    motion: str
+    narrowed: float
+    corner_sd_before: float
+    corner_sd: float
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """One principal direction of the final pose's covariance, and what is known of it from where.
+
+    Principal in the sense of the corners of the part's box: the squares of ``moves`` sum to their mean square error.
+
+    Attributes:
+        motion: in words.
+        moves: how far one standard deviation along it moves the corners of the part's box, root mean square [m].
+        shares: of the information along it, names of readings and their shares, largest first.
+        rough_pose: share of what was known beforehand; all shares sum to one.
+    """
+
+    motion: str
+    moves: float
+    shares: tuple[tuple[str, float], ...]
+    rough_pose: float
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why a session's answer is what it is.
+
+    Attributes:
+        part: of the answer; empty if no part explains the readings.
+        added: by the readings of each step.
+        directions: of the answer's pose, the worst known first; none before the first reading that met something.
+    """
+
+    part: str
+    added: tuple[Added, ...]
+    directions: tuple[Direction, ...]
+
+
+def explain(belief: Belief, steps: Sequence[Told]) -> Explanation:
+    """What each reading told and what the answer rests on.
+
+    Args:
+        belief: at the end.
+        steps: on the way there, from the first.
+    """
+    start, met = belief.start, _met(belief)
+    before: list[Told | None] = [None, *steps][: len(steps)]
+    added = tuple(_added(start, a, b, met) for a, b in zip(before, steps, strict=True))
+    name = belief.target(0).part.name if len(belief.weights) else ""
+    return Explanation(name, added, _directions(belief))
+
+
+def _met(belief: Belief) -> dict[str, str]:
+    """Names of the faces that the readings met, if the best mode is true."""
+    if belief.touches is None or not belief.modes:
+        return {} if belief.touches is None else dict.fromkeys(belief.touches.ids, "nothing of it")
+    mode = belief.modes[0]
+    belongs, part = mode.found.belongs[mode.k] > 0.5, mode.target.part
+    names = [part.faces[f].name for f in faces_met(belief.touches, mode)]
+    return {i: n if ok else "nothing of it" for i, n, ok in zip(belief.touches.ids, names, belongs, strict=True)}
+
+
+def _added(start: Start, before: Told | None, after: Told, met: dict[str, str]) -> Added:
+    faces = tuple(met.get(name, "nothing") for name in after.ids)
+    told = _about_part(start, before, after)
+    if after.part < 0:
+        return Added(after.ids, faces, "", 0.0, told, np.nan, "", np.nan, np.nan, np.nan)
+    part, old = start.targets[after.part].part, _covariance_before(start, before, after.part)
+    P, sd = float(after.probabilities[after.part]), corner_sd(part, after.covariance)
+    if old is None:
+        return Added(after.ids, faces, part.name, P, told, np.nan, "", np.nan, np.nan, sd)
+    shrunk = 0.5 * float(np.linalg.slogdet(old)[1] - np.linalg.slogdet(after.covariance)[1])
+    motion, narrowed = _narrowed(part, old, after)
+    return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, corner_sd(part, old), sd)
+
+
+def _about_part(start: Start, before: Told | None, after: Told) -> float:
+    """Relative entropy of the parts' probabilities, "none of these" among them, to those before."""
+    P = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
+    prior = np.r_[P, start.priors.unknown] if before is None else np.r_[before.probabilities, before.unknown]
+    now = np.r_[after.probabilities, after.unknown]
+    some = now > 0
+    return max(0.0, float(np.sum(now[some] * np.log(now[some] / np.maximum(prior[some], _FORGOTTEN)))))
+
+
+def _covariance_before(start: Start, before: Told | None, part: int) -> Covariances | None:
+    """Of the pose of a part; None where another part was likelier."""
+    if before is not None:
+        return before.covariance if before.part == part else None
+    rows = np.flatnonzero(start.part == part)
+    return np.asarray(start.covariances[rows[np.argmax(start.weights[rows])]])
+
+
+def _narrowed(part: Part, old: Covariances, after: Told) -> tuple[str, float]:
+    """The motion whose spread shrank most, in words, and by which factor; of all that is linear in the pose."""
+    d = np.sqrt(np.diag(old))
+    L = d[:, None] * np.linalg.cholesky(old / np.outer(d, d))
+    values, vectors = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, after.covariance).T))
+    if values[0] > 1 - 1e-6:
+        return "", np.nan
+    return _words(L @ vectors[:, 0], part, after.T_world_part), float(np.sqrt(max(values[0], 0.0)))
+
+
+def _words(motion: Tangents, part: Part, T_world_part: Transforms) -> str:
+    """A motion in words, without what hardly moves the corners of the part's box."""
+    moved = corner_moves(part) @ motion
+    middle = moved.mean(axis=0)
+    share = len(moved) * float(middle @ middle) / float(np.sum(moved**2))
+    if share > _MOSTLY:
+        motion = np.r_[middle, np.zeros(3)]
+    elif share < 1 - _MOSTLY:  # about an axis through the middle of the box
+        motion = np.r_[np.cross(part.box.mean(axis=0), motion[3:]), motion[3:]]
+    scaled = motion / np.r_[np.full(3, part.diagonal), np.ones(3)]
+    return describe_motion(scaled / np.linalg.norm(scaled), T_world_part, part.diagonal)
+
+
+def _directions(belief: Belief) -> tuple[Direction, ...]:
+    """Principal directions of the error of the corners of the part's box: whatever the part's frame, the same."""
+    if belief.touches is None or not belief.modes:
+        return ()
+    mode, start = belief.modes[0], belief.start
+    found, k, part = mode.found, mode.k, mode.target.part
+    priors = replace(start.priors, pose=None)
+    own = information_of_readings(belief.touches, found.Ts[k : k + 1], found.z[k : k + 1], mode.target, priors)[0]
+    J = corner_moves(part)
+    L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
+    values, vectors = np.linalg.eigh(L.T @ belief.covariances[0] @ L)
+    out = []
+    for variance, u in zip(values[::-1], vectors.T[::-1], strict=True):
+        xi = np.linalg.solve(L.T, u)
+        total, each = float(xi @ found.information[k, :6, :6] @ xi), (own @ xi) @ xi
+        order = np.argsort(-each, kind="stable")
+        shares = tuple((belief.touches.ids[i], float(each[i] / total)) for i in order)
+        words = _words(xi, part, belief.poses[0])
+        out.append(Direction(words, float(np.sqrt(max(variance, 0.0))), shares, 1 - float(each.sum()) / total))
+    return tuple(out)

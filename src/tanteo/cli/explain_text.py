@@ -1,0 +1,54 @@
+"""An explanation in words: what each reading told, then which readings each direction of the answer rests on."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from tanteo.cli.printing import bold, table
+
+if TYPE_CHECKING:
+    from tanteo.active.explain import Added, Direction, Explanation
+
+_NOTABLE = 0.05
+"""Share of the information on a direction from which a reading is named."""
+
+
+def explain_lines(told: Explanation) -> list[str]:
+    """The lines for a person."""
+    if not told.added:
+        return ["Nothing was told, so there is nothing to explain."]
+    headers = ["reading", "met", "part nats", "pose nats", "corner mm", "likeliest", "P", "what it narrowed most", "to"]
+    lines = [bold("What each reading told:")]
+    lines += table(headers, [_step(a) for a in told.added], left=(0, 1, 5, 7), indent=2)
+    if told.directions:
+        lines += ["", bold(f"What the pose of {told.part} rests on, the worst known direction first:")]
+        headers = ["direction", "corners mm", "readings", "rough pose"]
+        lines += table(headers, [_direction(d) for d in told.directions], left=(0, 2), indent=2)
+    return lines
+
+
+def _step(a: Added) -> list[str]:
+    met = ", ".join(dict.fromkeys(a.met)) or "told before"
+    return [
+        ", ".join(a.ids) or "-", met, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
+        _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "none of these", _percent(a.probability),
+        a.motion or "-", _percent(a.narrowed),
+    ]  # fmt: skip
+
+
+def _direction(d: Direction) -> list[str]:
+    named = [f"{name} {_percent(share)}" for name, share in d.shares if share >= _NOTABLE]
+    return [d.motion, f"{1e3 * d.moves:.3g}", ", ".join(named) or "-", _percent(d.rough_pose)]
+
+
+def _number(value: float, form: str) -> str:
+    return form.format(value) if math.isfinite(value) else "-"
+
+
+def _percent(share: float) -> str:
+    if not math.isfinite(share):
+        return "-"
+    if share > 0.9995:
+        return "> 99.9 %"
+    return "< 0.1 %" if share < 0.0005 else f"{100 * share:.1f} %"

@@ -1,0 +1,91 @@
+"""What ``tanteo replay`` does: read the record and its parts, tell everything again, compare, print."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import typer
+
+from tanteo.cli.printing import emit, printable, progress
+from tanteo.cli.running import UNDECIDED
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from tanteo.active.explain import Explanation
+    from tanteo.io.session_record import SessionRecord
+    from tanteo.matching import Recognition
+
+_SHOWN = 5
+"""Differences that are listed."""
+
+
+def run_replay(path: str, folders: Sequence[str], *, explained: bool, as_json: bool, verbose: bool) -> None:
+    """Print the answer of a record; exits with 3 when it is not decided.
+
+    Raises:
+        InputError: the record or a part of it is not what it was, or the answer is not the recorded one.
+    """
+    from tanteo.active.explain import explain
+    from tanteo.io.part_files import parts_of
+    from tanteo.io.session_record import load_record, resumed
+
+    begun = time.perf_counter()
+    record = load_record(path)
+    parts = parts_of(record.parts, record.source, folders=folders)
+    loaded = time.perf_counter()
+    with progress("telling again", quiet=as_json) as tick:
+        session = resumed(record, parts, tick)
+    answer, now = session.answer(), time.perf_counter()
+    answer = replace(answer, elapsed={"load": loaded - begun, "replay": now - loaded, "total": now - begun})
+    told = explain(session.belief, session.steps) if explained else None
+    how = _compared(record, answer)
+    _print(answer, told, as_json=as_json, verbose=verbose)
+    if verbose:
+        emit([f"The recorded answer was given again {how}."], sys.stderr)
+    if answer.status != "recognized":
+        raise typer.Exit(UNDECIDED)
+
+
+def _print(answer: Recognition, told: Explanation | None, *, as_json: bool, verbose: bool) -> None:
+    if as_json:
+        from tanteo.io.explanation_json import explanation_document
+        from tanteo.io.result_json import recognition_document
+
+        document = recognition_document(answer)
+        if told is not None:
+            document["explanation"] = explanation_document(told)
+        sys.stdout.write(json.dumps(document, indent=2, allow_nan=False) + "\n")
+        if answer.status != "recognized":
+            emit([f"{answer.status}: {printable(answer.message)}"], sys.stderr)
+        return
+    from tanteo.cli.answer import answer_lines
+    from tanteo.cli.explain_text import explain_lines
+
+    emit(answer_lines(answer, verbose=verbose))
+    if told is not None:
+        emit(["", *explain_lines(told)])
+
+
+def _compared(record: SessionRecord, answer: Recognition) -> str:
+    """How exactly this is the recorded answer, in words.
+
+    Raises:
+        InputError: it is another.
+    """
+    from tanteo import __version__
+    from tanteo.io.result_json import recognition_document
+    from tanteo.io.same_answer import differences
+
+    differ, exact = differences(record.answer, recognition_document(answer))
+    if differ:
+        rest = f"; and {len(differ) - _SHOWN} more" if len(differ) > _SHOWN else ""
+        raise InputError(
+            f"{record.source}: expected the recorded answer again, got another: {'; '.join(differ[:_SHOWN])}{rest}. It "
+            f"was written by tanteo {record.version}, this is {__version__}: use that one, or report this."
+        )
+    return "to the last bit" if exact else "up to rounding"

@@ -1,0 +1,111 @@
+"""``tanteo replay``: the answer again, whether it is the same, and what each reading told."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from sensing_scenes import LASER, true_range
+from tanteo.active import Stop, at_pose
+from tanteo.io.result_json import recognition_document
+from tanteo.io.session_record import write_record
+from tanteo.parts import read_part
+from tanteo.session import Action, Sensing, Session
+from tanteo.surface_search import prepare_target
+
+
+@pytest.fixture
+def session(parts):
+    """A wedge, placed by readings without noise."""
+    target = prepare_target(read_part(parts / "wedge.stl", unit="mm", name="my wedge"))
+    start = at_pose(target, np.eye(4), np.diag([3e-3, 3e-3, 3e-3, 0.05, 0.05, 0.05]) ** 2)
+    session = Session(start, LASER, Sensing(sd=3e-4), stop=Stop(tolerance=3e-3, most=4))
+    while isinstance(action := session.ask(), Action):
+        session.tell(action.read(true_range(target, np.eye(4), action)))
+    return session
+
+
+@pytest.fixture
+def record(session, tmp_path):
+    path = tmp_path / "session.json"
+    write_record(session, path)
+    return path
+
+
+def test_the_answer_is_given_again(run, session, record):
+    done = run("replay", record, "--json", "-v")
+    now, then = json.loads(done.out), recognition_document(session.answer())
+    assert then["status"] == "recognized"
+    assert done.code == 0
+    assert set(now.pop("elapsed_s")) == {"load", "replay", "total"}
+    del then["elapsed_s"]
+    assert now == then
+    assert "again to the last bit" in done.err
+    spoken = run("replay", record)
+    assert spoken.code == 0
+    assert "my wedge at x" in spoken.out
+    assert not spoken.err
+
+
+def test_it_says_what_each_reading_told(run, session, record):
+    spoken = run("replay", record, "--explain").out
+    assert "What each reading told" in spoken
+    assert "What the pose of my wedge rests on" in spoken
+    for k in range(session.count):
+        assert f"a{k + 1} " in spoken
+    told = json.loads(run("replay", record, "--explain", "--json").out)["explanation"]
+    assert told["schema"] == "tanteo.explanation/1"
+    assert [a["readings"] for a in told["added"]] == [[f"a{k + 1}"] for k in range(session.count)]
+    assert len(told["directions"]) == 6
+    for d in told["directions"]:
+        assert sum(d["shares"].values()) + d["rough_pose"] == pytest.approx(1)
+
+
+def test_an_undecided_session_is_an_undecided_answer(run, session, tmp_path):
+    write_record(Session(session.start, LASER), tmp_path / "new.json")
+    done = run("replay", tmp_path / "new.json", "--json", "--explain")
+    assert done.code == 3
+    assert json.loads(done.out)["status"] == "insufficient"
+    assert done.err.startswith("insufficient: ")
+    assert "nothing to explain" in run("replay", tmp_path / "new.json", "--explain").out
+
+
+def test_another_answer_than_the_recorded_one_is_an_error(run, record):
+    document = json.loads(record.read_text())
+    document["answer"]["hypotheses"][0]["probability"] += 1e-3
+    document["answer"]["status"] = "ambiguous"
+    record.write_text(json.dumps(document))
+    done = run("replay", record, "--json")
+    assert (done.code, done.out) == (1, "")
+    assert "status: 'ambiguous' then, 'recognized' now" in done.err
+    assert "hypotheses[0].probability" in done.err
+
+
+def test_parts_are_looked_for_where_they_are_now(run, parts, record, tmp_path):
+    parts.rename(tmp_path / "elsewhere")
+    lost = run("replay", record)
+    assert lost.code == 1
+    assert "nothing there" in lost.err
+    assert "--parts" in lost.err
+    assert run("replay", "--parts", tmp_path / "elsewhere", record).code == 0
+    wedge = tmp_path / "elsewhere" / "wedge.stl"
+    wedge.write_text(wedge.read_text().replace("60", "61"))
+    changed = run("replay", record, "--parts", tmp_path / "elsewhere")
+    assert changed.code == 1
+    assert "another content" in changed.err
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"schema": "tanteo.recognition/1"}'])
+def test_what_is_no_record_is_an_error_in_one_line(run, record, content):
+    record.write_text(content)
+    done = run("replay", record, "--json")
+    assert (done.code, done.out) == (1, "")
+    assert done.err.startswith(f"error: {record}")
+    assert len(done.err.splitlines()) == 1
+
+
+def test_misuse(run, tmp_path):
+    assert run("replay").code == 2
+    assert run("replay", tmp_path / "none.json").code == 1
