@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenes import random_pose, surface_touches
+from scenes import points_on_plane, random_pose, sensed_edge, sensed_vertex, surface_touches, touch
 from tanteo.lie import SE3, SO3
 from tanteo.localization import covariance_with_free
 from tanteo.matching import PosePrior, Priors, Table
@@ -16,8 +16,10 @@ from tanteo.matching.evidence import pose_volume
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.prior import alike, prior_log_density, prior_rows
 from tanteo.matching.sensed import sense
+from tanteo.matching.tree import interpret
 from tanteo.matching.unknown import _anywhere, _log_places
 from tanteo.matching.verdict import corner_sd, excuse, spins, without_spins
+from tanteo.matching.verify import within_extent
 from tanteo.parts import read_part
 
 RADIUS = 0.2
@@ -69,13 +71,13 @@ def test_what_is_known_of_a_pose_is_a_density(parts, kind):
     part, rng = parts["block"], np.random.default_rng(2)
     T0 = random_pose(rng)
     sds = np.r_[np.full(3, 4e-3), np.full(3, 0.03)]
-    reach = 5 * sds
+    reach = 4 * sds
     prior = {
         "near": PosePrior(T0, np.diag(sds**2)),
         "table": PosePrior(table=Table(T0[:3, 3], np.array([0.2, -0.3, 0.9]), 3e-3)),
         "box": PosePrior(box=SE3.apply(T0, part.centroid) + 5e-3 * np.array([[-1, -1, -2], [1, 1, 2]])),
     }[kind]
-    n = 400_000
+    n = 100_000
     if kind == "near":  # anywhere else it is next to nothing
         e = rng.uniform(-reach, reach, size=(n, 6))
         Ts, share = T0 @ SE3.exp(e), np.prod(2 * reach) / ((2 * RADIUS) ** 3 * 8 * np.pi**2)
@@ -111,6 +113,7 @@ def test_the_spin_of_a_round_part_is_no_error(wheel):
     dual = across / scale**2
     expected = np.linalg.inv(across @ information @ across.T)
     np.testing.assert_allclose(dual @ rest @ dual.T, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+    assert abs(spin @ (rest / np.outer(scale, scale)) @ spin) < 1e-3
     free = np.eye(6)[:1]
     assert excuse(wheel, free, ("slide",), covariance_with_free(information, free, wheel.diagonal))[0] == ("slide",)
 
@@ -148,6 +151,38 @@ def test_what_faces_leave_free_is_what_moves_them_into_themselves(models):
             np.testing.assert_allclose(n @ T[:3, :3].T, n, atol=1e-11)
         directions = np.linalg.matrix_rank(n)
         assert rank[0] == {1: 3, 2: 1, 3: 0}[directions]
+
+
+@pytest.mark.parametrize(("kind", "freedom"), [("edge", 2), ("vertex", 3)])
+def test_what_an_edge_or_a_corner_leaves_free_keeps_it_in_place(models, kind, freedom):
+    """A slide along the edge and a turn about it; the turns about a corner: none goes through the frame's origin."""
+    model, rng = models["wedge"], np.random.default_rng(7)
+    if kind == "edge":
+        sensed = sense([sensed_edge(model.part, np.eye(4), 0, 1e-4, rng)])
+    else:
+        sensed = sense([sensed_vertex(model.part, np.eye(4), 0, 1e-4, rng)])
+    candidates = model.candidates[kind]
+    k = int(np.argmax(np.linalg.norm(candidates.Ts_part_feature[:, :3, 3], axis=1)))
+    free, rank = free_projector(sensed, model, np.array([[k]]), RADIUS)
+    assert rank[0] == freedom
+    p, u = candidates.Ts_part_feature[k, :3, 3], candidates.directions[k]
+    for xi in (free[0] @ rng.normal(size=6) for _ in range(5)):
+        T = SE3.exp(1e-6 * pose_scale(RADIUS) * xi)
+        step = SE3.apply(T, p) - p
+        np.testing.assert_allclose(step - (step @ u) * u, 0, atol=1e-11)
+        np.testing.assert_allclose(T[:3, :3] @ u, u, atol=1e-11)
+
+
+def test_the_share_of_free_motions_is_the_face_s_area(models):
+    """One touch may be anywhere on a face, the part turned about its normal in any way."""
+    model, rng = models["block"], np.random.default_rng(8)
+    sensed = sense([touch(*points_on_plane(model.part, 0, 1, rng), model.part.planes.normals[0], rng, sd=1e-5)])
+    found = interpret(sensed, model, 0)
+    ok, _, share = within_extent(sensed, model, found, 0.0, RADIUS)
+    assert ok.all()
+    areas = model.part.planes.areas[found.choices[:, 0]]
+    turn = 2 * np.pi / (8 * np.pi**2) ** (1 / 3)
+    np.testing.assert_allclose(np.exp(share), areas / (2 * RADIUS) ** 2 * turn, rtol=0.15)
 
 
 def test_distances_of_faces_anywhere_are_a_density(models):

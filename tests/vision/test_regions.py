@@ -1,0 +1,35 @@
+"""What is not table, and how high answers say that it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tanteo.lie import SE3, SO3
+from tanteo.vision.edges import find_edges
+from tanteo.vision.question import heights
+from tanteo.vision.regions import find_regions
+
+
+def test_the_outline_of_a_disc_is_its_circle_and_its_normals_look_outwards():
+    pytest.importorskip("cv2", reason="needs tanteo[vision]")
+    rng, centre, radius = np.random.default_rng(1), np.array([70.3, 62.8]), 28.5
+    y, x = np.mgrid[0:130, 0:150]
+    far = np.hypot(x - centre[0], y - centre[1]) - radius
+    image = 160 - 90 / (1 + np.exp(far / 0.6)) + rng.normal(size=far.shape)
+    (region,) = find_regions(image, find_edges(image))
+    spokes = region.contour - centre
+    away = np.linalg.norm(spokes, axis=1)
+    assert np.abs(away - radius).max() < 0.3
+    assert np.sum(region.normals * spokes, axis=1) / away == pytest.approx(1, abs=0.02)
+    assert region.centre == pytest.approx(centre, abs=0.2)
+    assert not region.cut
+
+
+def test_heights_over_a_table_are_the_surface_s(models):
+    model = models["block"]
+    part = model.part
+    T = SE3.from_parts(SO3.axis_rotation(2, 0.4), np.array([0.03, -0.02, 0.01]))
+    middle = SE3.apply(T, part.centroid)
+    found = heights(model.surface, T, np.array([middle[:2], middle[:2] + 1.0]))
+    assert found == pytest.approx([part.box[1, 2] + 0.01, 0.0])
