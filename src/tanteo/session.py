@@ -33,7 +33,7 @@ from tanteo.active import (
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Recognition
-from tanteo.matching.verdict import corner_sd, verdict
+from tanteo.matching.verdict import corner_sd, observed_covariance, verdict
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, concatenate, measure
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.surface_search.answer import as_hypothesis
@@ -382,7 +382,8 @@ class Session:
         else:
             k = int(np.argmax(b.weights))
             T, part, C = b.poses[k], int(b.part[k]), b.covariances[k]
-            sd = corner_sd(b.target(k).part, C)
+            part_k = b.target(k).part
+            sd = corner_sd(part_k, observed_covariance(part_k, C))
             inside = np.nan if self.stop.tolerance is None else chance_within(b, self.stop.tolerance)
         return Step(tuple(ids), self._asked, b.of_parts(), b.unknown, T, part, C, sd, float(inside), note)
 

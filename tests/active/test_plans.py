@@ -89,6 +89,27 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     assert "robot's own error" in found.message
 
 
+@pytest.fixture(scope="module")
+def disc(tmp_path_factory):
+    """A disc of 360 facets, which is round as far as anybody can feel."""
+    path = tmp_path_factory.mktemp("disc") / "disc.stl"
+    angles = np.arange(360) * np.pi / 180
+    path.write_text(stl(prism([(40 * np.cos(a), 40 * np.sin(a)) for a in angles], 25)))
+    target = prepare_target(read_part(path, unit="mm"))
+    assert target.part.symmetry.continuous
+    return target
+
+
+def test_the_spin_of_a_round_part_needs_no_reading(disc):
+    found = plan(at_pose(disc, np.eye(4), C), TOUCH, 1.5e-3)
+    assert found.reached
+    assert len(found.readings) <= 8
+    session = new_session(at_pose(disc, np.eye(4), C), tolerance=1.5e-3, most=12)
+    end = sense(session, disc, SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.02, 0.01, 0.03])), np.random.default_rng(1))
+    assert end.reached
+    assert session.steps[-1].worst_corner_sd < 1e-3
+
+
 def test_out_of_reach_is_said(bracket):
     from tanteo.hand import Workspace
 

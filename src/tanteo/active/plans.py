@@ -19,7 +19,7 @@ from tanteo.active.samples import beams, draw, even_normals, predict
 from tanteo.active.start import Start
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.matching.verdict import corner_moves, corner_sd
+from tanteo.matching.verdict import corner_moves, corner_sd, observed_covariance
 from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 
@@ -28,6 +28,9 @@ _CANDIDATES = 800
 
 _STEADY, _LEAST = 0.9, 40
 """Share of the possible poses at which a reading must meet its face; at least so many readings are kept."""
+
+_TINY = 1e-9
+"""Share of the variances that is left where nothing needs to be known."""
 
 _SWEEPS = 6
 """Rounds of exchanges."""
@@ -102,7 +105,9 @@ def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95,
     if design is None:
         part = start.targets[0].part
         message = f"The probe reaches no place of {part.name}: give it more room, or another approach."
-        return Plan(part.name, start.Ts[0], (), corner_sd(part, start.covariances[0]), False, message)
+        return Plan(
+            part.name, start.Ts[0], (), corner_sd(part, observed_covariance(part, start.covariances[0])), False, message
+        )
     chosen = _chosen(design, tolerance, confidence, most)
     return _as_plan(start, design, chosen, tolerance, confidence)
 
@@ -161,7 +166,8 @@ def _design(start: Start, probe: Probe, seed: int) -> _Design | None:
     candidates = candidates.take(_steady(start, candidates))
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
-    prior, biased = start.covariances[0], probe.shared_sd > 0
+    prior, biased = observed_covariance(target.part, start.covariances[0]), probe.shared_sd > 0
+    prior = prior + _TINY * np.diag(np.diag(start.covariances[0]))  # invertible, where a round part may spin
     if biased:
         g = np.concatenate([g, np.ones((len(g), 1))], axis=1)
         prior = np.block([[prior, np.zeros((6, 1))], [np.zeros((1, 6)), np.full((1, 1), probe.shared_sd**2)]])

@@ -127,6 +127,16 @@ def without_spins(part: Part, information: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
 
 
+def observed_covariance(part: Part, covariance: Covariances) -> Covariances:
+    """A pose's covariance ``(6, 6)`` without its spread along the continuous symmetry, which moves nothing."""
+    rows = spins(part)
+    if not len(rows):
+        return covariance
+    scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
+    keep = (np.eye(6) - rows.T @ rows) * (scale[:, None] / scale[None, :])
+    return np.asarray(keep @ covariance @ keep.T)
+
+
 def corner_sd(part: Part, covariance: Covariances) -> float:
     """Largest standard deviation of the position of a corner of the part's box, in any direction [m]."""
     J = corner_moves(part)
