@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -87,14 +86,13 @@ def write_record(session: Session, path: str | Path) -> None:
         OSError: the file cannot be written.
     """
     text = json.dumps(session_document(session), allow_nan=False, separators=(",", ":"))
-    handle, temporary = tempfile.mkstemp(dir=Path(path).parent, suffix=".tmp")
+    temporary = Path(f"{path}.part")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text + "\n")
+        temporary.write_text(text + "\n", encoding="utf-8")
         os.replace(temporary, path)
     except OSError:
         with suppress(OSError):
-            os.unlink(temporary)
+            temporary.unlink()
         raise
 
 
