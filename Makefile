@@ -1,12 +1,13 @@
 # Two commands do everything on a fresh machine with Python (3.11 or later) and make:
 #   make demo   the story: an image, a few readings, an answer with its spread, a report
 #   make test   lint, types, contracts and tests
+# make docs makes the site in build/docs.
 PYTHON ?= python3
 VENV   ?= .venv
 BIN     = $(VENV)/bin
 PIP     = $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test check unit bench clean
+.PHONY: demo test check unit docs bench clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -22,6 +23,9 @@ check: $(VENV)/.test
 unit: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto
 
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -W -q -c docs -b html . build/docs
+
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/run.py
 
@@ -33,7 +37,11 @@ $(VENV)/.demo: pyproject.toml constraints.txt | $(BIN)/python
 	touch $@
 
 $(VENV)/.test: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) install --quiet -c constraints.txt -e '.[step,vision,test]'
+	$(PIP) install --quiet -c constraints.txt -e '.[step,vision,test,docs]'
+	touch $@
+
+$(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) install --quiet -c constraints.txt -e '.[vision,plot,docs]'
 	touch $@
 
 $(VENV)/.bench: pyproject.toml constraints.txt | $(BIN)/python

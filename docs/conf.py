@@ -1,0 +1,64 @@
+"""The documentation as a site: ``make docs``. The pages of the repository are the source; this adds the interface.
+
+The source folder is the repository, so that links between pages, examples and the pages beside ``docs`` hold. Nothing
+is fetched when a page is read: mathematics becomes MathML, which browsers draw themselves.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import latex2mathml.converter
+from docutils import nodes
+
+import tanteo
+
+ROOT = Path(__file__).resolve().parents[1]
+
+project = "tanteo"
+author = copyright = "The tanteo authors"
+version = release = tanteo.__version__
+root_doc = "docs/index"
+include_patterns = ["docs/**", "*.md", "LICENSE"]
+exclude_patterns = ["docs/pictures/*.py", "docs/conf.py"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 4
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autodoc_class_signature = "separated"
+napoleon_google_docstring = True
+napoleon_use_ivar = True
+
+html_theme = "furo"
+html_title = f"tanteo {release}"
+html_copy_source = False
+html_math_renderer = "mathml"
+
+FOLDER_LINK = re.compile(r"\[([^\]]*)\]\(((?!https?:|mailto:|#)[^)\s#]+)\)")
+
+
+def without_folders(app: Any, name: str, text: list[str]) -> None:
+    """Links to folders are for code hosts; a site has none to show."""
+    page = Path(app.env.doc2path(name))
+
+    def words(link: re.Match[str]) -> str:
+        return link[1] if (page.parent / link[2]).is_dir() else link[0]
+
+    text[0] = FOLDER_LINK.sub(words, text[0])
+
+
+def draw_math(translator: Any, node: Any) -> None:
+    """A formula as MathML."""
+    display = "block" if node.tagname == "math_block" else "inline"
+    translator.body.append(latex2mathml.converter.convert(node.astext(), display=display))
+    raise nodes.SkipNode
+
+
+def setup(app: Any) -> None:
+    """What the site needs beside its extensions."""
+    app.connect("source-read", without_folders)
+    app.add_html_math_renderer("mathml", (draw_math, None), (draw_math, None))
