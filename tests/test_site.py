@@ -14,7 +14,7 @@ import pytest
 import tanteo
 
 ROOT = Path(__file__).parents[1]
-NOT_FOR_PROGRAMS = {"cli", "typing"}
+NOT_FOR_PROGRAMS = {"cli", "demo", "typing"}
 
 
 def test_the_interface_has_every_room():
