@@ -34,7 +34,8 @@ def main():
                 sure.append(found)
         print(
             f"{placement}: truth among the modes in {hits}/{n} subsets, {np.median(modes):.0f} modes on the average, "
-            f"{len(sure)} given as sure, {(time.process_time() - start) / n:.2f} s each"
+            f"{len(sure)} given as sure, {(time.process_time() - start) / n:.2f} s each",
+            flush=True,
         )
 
 

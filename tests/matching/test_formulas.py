@@ -7,18 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenes import points_on_plane, random_pose, sensed_edge, sensed_vertex, surface_touches, touch
+from scenes import points_on_plane, random_pose, sensed_edge, sensed_planes, sensed_vertex, surface_touches, touch
+from tanteo.features import SharedError, SharedTerm
 from tanteo.lie import SE3, SO3
 from tanteo.localization import covariance_with_free
 from tanteo.matching import PosePrior, Priors, Table
 from tanteo.matching.belief import equivalent
-from tanteo.matching.evidence import pose_volume
+from tanteo.matching.evidence import log_evidence, pose_volume
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.prior import alike, prior_log_density, prior_rows
 from tanteo.matching.sensed import sense
 from tanteo.matching.tree import interpret
 from tanteo.matching.unknown import _anywhere, _log_places
-from tanteo.matching.verdict import corner_sd, excuse, spins, without_spins
+from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, without_spins
 from tanteo.matching.verify import within_extent
 from tanteo.parts import read_part
 
@@ -202,3 +203,27 @@ def test_faces_that_look_outwards_are_likelier_than_such_that_look_at_each_other
     kept, priors = np.ones((1, len(sensed)), dtype=bool), Priors(radius=model.radius)
     outside, inside = (_log_places(s, [model], priors, kept)[0] for s in (sensed, inwards))
     assert outside > inside + 1
+
+
+def test_an_error_of_one_feature_alone_is_noise_of_that_feature(models):
+    """The evidence of a shared error that is shared with nothing is that of a larger covariance."""
+    model, rng = models["wedge"], np.random.default_rng(9)
+    plain = sensed_planes(model.part, random_pose(rng), [0, 2, 4, 1], 1e-4, rng)
+    error, gain = SharedError("own", np.diag([4e-8, 1e-6])), np.array([[1.0, 0.0], [0.2, 1.0], [0.0, -0.5]])
+    shared = [replace(plain[0], shared=(SharedTerm(error, gain),)), *plain[1:]]
+    noisier = [replace(plain[0], P=plain[0].P + gain @ error.covariance @ gain.T), *plain[1:]]
+    priors, logs = Priors(radius=model.radius), []
+    for features in (shared, noisier):
+        sensed = sense(features)
+        found = interpret(sensed, model, 0)
+        logs.append(np.sort(log_evidence(sensed, model, found, priors)))
+        assert len(logs[-1])
+    assert logs[0][-1] == pytest.approx(logs[1][-1], abs=0.02)
+
+
+def test_a_free_slide_is_resisted_by_a_face_across_it(parts):
+    part = parts["block"]
+    for axis in range(3):
+        words = where_to_sense(part, np.eye(4), np.eye(6)[axis])
+        face = next(f for f in part.faces if f"sense {f.name} of block" in words)
+        assert abs(face.axis_direction[axis]) == pytest.approx(1)
