@@ -151,6 +151,22 @@ def test_the_frame_of_the_part_does_not_matter(target, tmp_path):
     assert sum(d.moves**2 for d in a.directions) == pytest.approx(mean_square, rel=1e-9)
 
 
+def test_the_spin_of_a_round_part_is_nothing_to_be_known(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.cylinder(20, 60, sections=96).export(tmp_path / "pin.stl")
+    pin = prepare_target(read_part(tmp_path / "pin.stl", unit="mm"))
+    assert pin.part.symmetry.continuous
+    touches = [touch("end", (0, 0, 30), 2), touch("side", (20, 0, 5), 0), touch("other", (0, 20, -5), 1)]
+    session = session_on(pin, touches)
+    told = explain(session.belief, session.steps)
+    assert len(told.directions) == 5
+    for direction in told.directions:
+        assert not direction.motion.startswith(("rotation about world z", "rotation about part z"))
+        assert sum(share for _, share in direction.shares) + direction.rough_pose == pytest.approx(1)
+    for one, now in zip(told.added, session.steps, strict=True):
+        assert one.corner_sd == now.worst_corner_sd
+
+
 def step(ids, probabilities, part, covariance=1e-6):
     P = np.array(probabilities)
     return SimpleNamespace(

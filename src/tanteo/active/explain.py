@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.active.belief import NEGLIGIBLE, Belief
 from tanteo.active.start import Start
 from tanteo.localization import describe_motion
-from tanteo.matching.verdict import corner_moves, corner_sd
+from tanteo.matching.verdict import corner_moves, corner_sd, observed_covariance, spins
 from tanteo.parts import Part
 from tanteo.surface_search.answer import faces_met
 from tanteo.surface_search.polish import information_of_readings
@@ -97,7 +97,8 @@ class Explanation:
     Attributes:
         part: of the answer; empty if no part explains the readings.
         added: by the readings of each step.
-        directions: of the answer's pose, the worst known first; none before the first reading that met something.
+        directions: of the answer's pose, six or, of a round part, those that are not its spin, the worst known first;
+            none before the first reading that met something.
     """
 
     part: str
@@ -135,12 +136,16 @@ def _added(start: Start, before: Told | None, after: Told, met: dict[str, str]) 
     if after.part < 0:
         return Added(after.ids, faces, "", 0.0, told, np.nan, "", np.nan, np.nan, np.nan)
     part, old = start.targets[after.part].part, _covariance_before(start, before, after.part)
-    P, sd = float(after.probabilities[after.part]), corner_sd(part, after.covariance)
+    P, sd = float(after.probabilities[after.part]), _corner_sd(part, after.covariance)
     if old is None:
         return Added(after.ids, faces, part.name, P, told, np.nan, "", np.nan, np.nan, sd)
     shrunk = 0.5 * float(np.linalg.slogdet(old)[1] - np.linalg.slogdet(after.covariance)[1])
     motion, narrowed = _narrowed(part, old, after)
-    return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, corner_sd(part, old), sd)
+    return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, _corner_sd(part, old), sd)
+
+
+def _corner_sd(part: Part, covariance: Covariances) -> float:
+    return corner_sd(part, observed_covariance(part, covariance))
 
 
 def _about_part(start: Start, before: Told | None, after: Told) -> float:
@@ -184,7 +189,10 @@ def _words(motion: Tangents, part: Part, T_world_part: Transforms) -> str:
 
 
 def _directions(belief: Belief) -> tuple[Direction, ...]:
-    """Principal directions of the error of the corners of the part's box: whatever the part's frame, the same."""
+    """Principal directions of the error of the corners of the part's box: whatever the part's frame, the same.
+
+    The spin of a round part is no error, and none of them.
+    """
     if belief.touches is None or not belief.modes:
         return ()
     mode, start = belief.modes[0], belief.start
@@ -193,9 +201,9 @@ def _directions(belief: Belief) -> tuple[Direction, ...]:
     own = information_of_readings(belief.touches, found.Ts[k : k + 1], found.z[k : k + 1], mode.target, priors)[0]
     J = corner_moves(part)
     L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
-    values, vectors = np.linalg.eigh(L.T @ belief.covariances[0] @ L)
-    out = []
-    for variance, u in zip(values[::-1], vectors.T[::-1], strict=True):
+    values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, belief.covariances[0]) @ L)
+    out, count = [], 6 - len(spins(part))
+    for variance, u in zip(values[::-1][:count], vectors.T[::-1][:count], strict=True):
         xi = np.linalg.solve(L.T, u)
         total, each = float(xi @ found.information[k, :6, :6] @ xi), (own @ xi) @ xi
         order = np.argsort(-each, kind="stable")
