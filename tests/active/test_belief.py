@@ -17,7 +17,7 @@ from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
-from tanteo.surface_search.polish import log_posterior
+from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.recognition import unknown_log_density
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -33,6 +33,10 @@ def near_points(target, rng, n, corner):
     return at + SD * rng.uniform(-2, 2, (n, 3))
 
 
+def at_edges(touches, target, R, p):
+    return near_edges(touches, target, R, p, target.surface.closest(p).triangles)
+
+
 def integral(target, x, C, weight):
     """``int weight(n) N(x; q, C) dq`` over the faces of a box."""
     total = 0.0
@@ -61,7 +65,7 @@ def integral(target, x, C, weight):
 def test_the_density_is_the_integral_over_the_surface(block, corner):
     rng = np.random.default_rng(3)
     p = near_points(block, rng, 6, corner)
-    found = near_edges(touches_of(p, SD), block, np.eye(3)[None], p[None])
+    found = at_edges(touches_of(p, SD), block, np.eye(3)[None], p[None])
     assert len(found.log) == 6
     for k, x in enumerate(p):
         truth = integral(block, x, SD**2 * np.eye(3), lambda n: 1 / block.part.area)
@@ -75,7 +79,7 @@ def test_a_slanted_covariance_is_cut_where_the_face_ends(block):
     A = rng.normal(size=(4, 3, 3))
     covs = 0.1 * SD**2 * (A @ np.swapaxes(A, 1, 2) + np.eye(3))
     touches = replace(touches_of(p, SD), covs=covs)
-    found = near_edges(touches, block, np.eye(3)[None], p[None])
+    found = at_edges(touches, block, np.eye(3)[None], p[None])
     for k, x in enumerate(p):
         truth = integral(block, x, covs[k], lambda n: 1 / block.part.area)
         assert np.exp(found.log[k]) == pytest.approx(truth, rel=1e-3)
@@ -86,7 +90,7 @@ def test_a_beam_meets_only_faces_that_look_at_it(block):
     p = near_points(block, rng, 6, corner=False)
     d = rng.normal(size=(6, 3))
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    found = near_edges(touches_of(p, SD, directions=d), block, np.eye(3)[None], p[None])
+    found = at_edges(touches_of(p, SD, directions=d), block, np.eye(3)[None], p[None])
     for k, x in enumerate(p):
         truth = integral(block, x, SD**2 * np.eye(3), lambda n, k=k: max(-n @ d[k], 0.0))
         assert np.exp(found.log[k]) == pytest.approx(truth, rel=0.05, abs=3e-3)
@@ -106,7 +110,7 @@ def test_derivatives(parts, name, corner):
     def at(xi):
         moved, shifted = T @ SE3.exp(xi[:6]), points + gains @ xi[6:]
         p = SE3.apply(SE3.inverse(moved), shifted)
-        return near_edges(touches, target, moved[None, :3, :3], p[None])
+        return at_edges(touches, target, moved[None, :3, :3], p[None])
 
     found, h = at(np.zeros(8)), 1e-7
     fixed = replace(touches, covs=np.tile(SD**2 * np.eye(3), (n, 1, 1)))
@@ -120,7 +124,7 @@ def test_derivatives(parts, name, corner):
 
 def test_far_from_every_edge_nothing_is_looked_at(block):
     middle = np.array([block.part.box.mean(axis=0)])
-    assert near_edges(touches_of(middle, SD), block, np.eye(3)[None], middle[None]) is None
+    assert at_edges(touches_of(middle, SD), block, np.eye(3)[None], middle[None]) is None
 
 
 def test_balls_and_sensed_normals_are_not_concerned(block):
@@ -128,7 +132,7 @@ def test_balls_and_sensed_normals_are_not_concerned(block):
     ball = touches_of(p, SD, radii=5e-3)
     oriented = touches_of(p, SD, normals=np.tile([0.0, 0.0, 1.0], (3, 1)), normal_sd=0.1)
     for touches in (ball, oriented):
-        assert near_edges(touches, block, np.eye(3)[None], p[None]) is None
+        assert at_edges(touches, block, np.eye(3)[None], p[None]) is None
 
 
 def test_a_strip_holds_what_is_between_both_its_sides():
@@ -152,7 +156,7 @@ def test_the_far_side_of_a_face_cuts_its_share(block):
     sd = float((high - low)[thin]) / 3
     x = 0.5 * (low + high)
     x[thin], x[(thin + 1) % 3] = low[thin] + sd, high[(thin + 1) % 3] + 0.5 * sd
-    near = near_edges(touches_of(x[None], sd), block, np.eye(3)[None], x[None, None])
+    near = at_edges(touches_of(x[None], sd), block, np.eye(3)[None], x[None, None])
     rows = block.borders.nearest(x[None], np.array([0.0]))[1]
     assert len(near.log) == 1
     assert np.isfinite(block.borders.junctions.take(rows).widths).all()

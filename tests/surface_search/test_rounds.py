@@ -27,39 +27,42 @@ def target():
 
 @pytest.fixture
 def counted(monkeypatch):
-    """Counts the rounds."""
+    """The groups of readings from which each round searched."""
     calls = []
     search = rounds.search
-    monkeypatch.setattr(rounds, "search", lambda *a: calls.append(a[-1]) or search(*a))
+    monkeypatch.setattr(rounds, "search", lambda *a: calls.append(a[-2]) or search(*a))
     return calls
 
 
-def maxima_near(target, T, touches):
-    return polish(touches, no_paths(), np.stack([T]), target, Priors(radius=target.part.radius))
+def maxima_near(target, T, touches, group=0):
+    found = polish(touches, no_paths(), np.stack([T]), target, Priors(radius=target.part.radius))
+    return replace(found, groups=np.array([1 << group]))
 
 
 def test_what_is_found_again_is_counted_and_what_is_new_is_added(target):
     rng = np.random.default_rng(1)
     T = box_centred_pose(rng)
     touches, _, _ = scene(target.surface, T, LASER, 20, rng)
-    one, other = maxima_near(target, T, touches), maxima_near(target, T @ target.turns[0], touches)
+    one, other = maxima_near(target, T, touches), maxima_near(target, T @ target.turns[0], touches, 2)
     first = Search(target, ()).after(one)
     assert first.times.tolist() == [1]
-    again = first.after(one)
+    assert first.after(one).times.tolist() == [1]  # the same readings say nothing new
+    again = first.after(maxima_near(target, T, touches, 1))
     assert again.times.tolist() == [2]
     assert again.log_once == -np.inf
-    more = again.after(other.join(one))
+    more = again.after(other.join(maxima_near(target, T, touches, 2)))
     assert sorted(more.times.tolist()) == [1, 3]
     assert more.maxima.log_evidence[0] >= more.maxima.log_evidence[1]
-    assert more.log_evidence >= more.log_once
+    assert more.log_mass >= more.log_once
 
 
-def test_many_clean_readings_take_two_rounds_from_different_readings(target, counted):
+def test_many_clean_readings_take_one_round_from_two_groups_of_readings(target, counted):
     rng = np.random.default_rng(2)
     touches, _, _ = scene(target.surface, box_centred_pose(rng), TOUCH, 30, rng)
     assert identify_touches(touches, no_paths(), [target]).status == "recognized"
-    assert len(counted) == 2
-    assert set(counted[0]) != set(counted[1])
+    assert len(counted) == 1
+    first, second = counted[0]
+    assert set(first) != set(second)
 
 
 def test_readings_of_something_else_end_the_search(target, counted):
@@ -67,17 +70,18 @@ def test_readings_of_something_else_end_the_search(target, counted):
     touches = touches_of(0.05 * rng.normal(size=(12, 3)), 1e-4)
     answer = identify_touches(touches, no_paths(), [target])
     assert answer.status == "unknown"
-    assert 2 < len(counted) <= 5
+    assert 1 < len(counted) <= 4
 
 
 def test_a_part_that_cannot_matter_is_not_searched_for_long(target, counted):
-    """The readings of one part explain themselves; another part of the same size gets its two rounds only."""
+    """The readings of one part explain themselves; another part of the same size gets its first round only."""
     other = prepare_target(read_part(PARTS / "housing.step"))
     rng = np.random.default_rng(4)
     touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 25, rng)
-    found = search_all(touches, no_paths(), [target, other], Priors(radius=0.1))
+    found, ratio = search_all(touches, no_paths(), [target, other], Priors(radius=0.1))
+    assert ratio == 1.0
     assert len(found) == 2
-    assert len(counted) == 4
+    assert len(counted) == 2
 
 
 @pytest.mark.slow
@@ -108,7 +112,7 @@ def test_a_wall_thinner_than_a_cell_of_the_grid_does_not_lead_away():
         assert min(gaps) < 2e-3
 
 
-@pytest.mark.parametrize(("again", "expected"), [(True, 2), (False, 7)])
+@pytest.mark.parametrize(("again", "expected"), [(True, 1), (False, 6)])
 def test_what_was_found_only_once_asks_for_another_round(target, monkeypatch, again, expected):
     """Rounds that find the same end the search; rounds that each find something else go on to the last."""
     rng, calls = np.random.default_rng(6), []
@@ -116,12 +120,43 @@ def test_what_was_found_only_once_asks_for_another_round(target, monkeypatch, ag
     base = maxima_near(target, box_centred_pose(rng), touches)
     information = np.tile(1e8 * np.eye(6), (1, 1, 1))
 
-    def found(*_):
+    def found(*arguments):
         calls.append(1)
+        of, number = arguments[-2:]
+        bits = np.array([sum(1 << (number + k) for k in range(len(of) if again else 1))])
         moved = base.Ts @ SE3.exp(np.array([0.0 if again else 0.1 * len(calls), 0, 0, 0, 0, 0]))
-        return replace(base, Ts=moved, information=information, log_evidence=np.zeros(1))
+        return replace(base, Ts=moved, information=information, log_evidence=np.zeros(1), groups=bits)
 
     monkeypatch.setattr(rounds, "search", found)
     monkeypatch.setattr(rounds, "explained", lambda *_: True)
     search_all(touches, no_paths(), [target], Priors(radius=0.1))
     assert len(calls) == expected
+
+
+def test_readings_that_scatter_more_than_stated_do_not_keep_the_search_going(target, counted):
+    """The first round explains all of them with 1.6 times the noise; with the stated one nothing ever would."""
+    rng = np.random.default_rng(8)
+    T = box_centred_pose(rng)
+    touches, _, _ = scene(target.surface, T, LASER, 30, rng)
+    stated = touches.widened(1 / 1.6)
+    answer = identify_touches(stated, no_paths(), [target])
+    assert answer.status == "recognized"
+    assert "times as much as stated" in answer.message
+    assert len(counted) == 1
+    assert nees(target.part, answer.hypotheses[0].T_world_part, answer.hypotheses[0].covariance, T)[0] < 22.5
+
+
+@pytest.mark.slow
+def test_a_reading_astray_does_not_hide_the_truth():
+    """Nine exact touches and one anywhere: the right pose misses one by far, wrong ones all by little."""
+    among = 0
+    for name in ("housing", "clamp"):
+        target = prepare_target(read_part(PARTS / f"{name}.step"))
+        for seed in range(4):
+            rng = np.random.default_rng((8, seed))
+            T = box_centred_pose(rng)
+            touches, _, _ = scene(target.surface, T, TOUCH, 10, rng, stray=0.1, radius=target.part.radius)
+            answer = identify_touches(touches, no_paths(), [target], top=1000, priors=Priors(radius=target.part.radius))
+            squares = [nees(target.part, h.T_world_part, h.covariance, T)[0] for h in answer.hypotheses]
+            among += min(squares, default=np.inf) < 40
+    assert among >= 7

@@ -13,7 +13,7 @@ from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, Target, Touches, identify_touches, prepare_target
 from tanteo.surface_search.polish import polish
-from tanteo.surface_search.search import effort_for, groups, search
+from tanteo.surface_search.search import effort_for, groups_of, search
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 SD, TILT = 5e-4, np.deg2rad(3.0)
@@ -37,8 +37,8 @@ def touched(points, normals=None) -> Touches:
 def test_no_start_at_all_is_no_mode_and_no_exception(target, oriented):
     points = np.diag([1.0, 2.0, 3.0]) * 10 * target.part.diagonal
     touches = touched(points, np.eye(3) if oriented else None)
-    base, effort = groups(touches, target, 1)[0], effort_for(touches, target, 0)
-    assert len(search(touches, FreePaths.none(), target, Priors(radius=1.0), effort, base).Ts) == 0
+    groups, effort = groups_of(touches, target, 2), effort_for(touches, target, 0)
+    assert len(search(touches, FreePaths.none(), target, Priors(radius=1.0), effort, groups).Ts) == 0
 
 
 @pytest.mark.parametrize("along", [0.0, 0.05])

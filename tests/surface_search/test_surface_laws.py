@@ -12,9 +12,10 @@ from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.shapes import signed_distance
 from tanteo.surface_search import identify_touches, prepare_target
-from tanteo.surface_search.polish import _linearise, polish
+from tanteo.surface_search.distinct import distinct_maxima
+from tanteo.surface_search.likelihood import explain, log_likelihood
+from tanteo.surface_search.polish import polish
 from tanteo.surface_search.refine import residuals
-from tanteo.surface_search.search import distinct_maxima
 from tanteo.surface_search.starts import bases, oriented_bases, pair_poses, triple_poses
 
 TOUCH, LASER, FLIGHT = SENSORS
@@ -76,12 +77,24 @@ def test_derivatives_of_the_likelihood_by_the_pose_and_by_shared_errors(targets,
     priors, z, n = Priors(radius=target.part.radius), rng.normal(size=(1, 2)), len(touches)
 
     def at(xi):
-        return _linearise(touches, (T @ SE3.exp(xi[:6]))[None], z + xi[6:], target, priors)
+        return explain(touches, (T @ SE3.exp(xi[:6]))[None], z + xi[6:], target, priors)
 
     h, J = 1e-6, at(np.zeros(8)).J[0]
     steps = np.stack([(at(h * e).r - at(-h * e).r)[0] / (2 * h) for e in np.eye(8)], axis=-1)
     close_to_differences(J[:n], steps[:n])
     close_to_differences(J[n:, :6], steps[n:, :6], share=0.6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_derivatives_the_likelihood_is_the_same(targets, seed):
+    rng, target = np.random.default_rng(seed), targets["bracket_left"]
+    touches, T = mixed(target, rng, 60)
+    touches = replace(touches, radii=np.zeros(len(touches)))
+    priors, Ts = Priors(radius=target.part.radius), T @ SE3.exp(1e-3 * rng.normal(size=(40, 6)))
+    z = rng.normal(size=(40, touches.gains.shape[-1]))
+    both = explain(touches, Ts, z, target, priors)
+    assert both.edges is not None
+    np.testing.assert_allclose(log_likelihood(touches, Ts, z, target, priors), both.log, rtol=1e-12)
 
 
 @pytest.mark.parametrize("radius", [0.0, 3e-3])

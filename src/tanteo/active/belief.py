@@ -21,10 +21,11 @@ from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.surface_search import FreePaths, Target, Touches
+from tanteo.surface_search.distinct import SAME_MAXIMUM
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.recognition import unknown_log_density
-from tanteo.surface_search.search import SAME_MAXIMUM, Effort, first_poses
+from tanteo.surface_search.search import Effort, first_poses
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 NEGLIGIBLE = 12.0
@@ -166,7 +167,7 @@ def _fresh(start: Start, part: int, touches: Touches) -> tuple[Transforms, IntAr
     target, raw = start.targets[part], start.drawn(part, _RAW)
     own = np.flatnonzero(start.part == part)
     known = partial(prior_rows, PosePrior(start.Ts[own[0]], start.covariances[own[0]]), target.part)
-    Ts = first_poses(touches, raw, target, _EFFORT, known if len(own) == 1 else None)
+    Ts, _ = first_poses(touches, [raw], target, _EFFORT, known if len(own) == 1 else None)
     xi = SE3.log(SE3.inverse(start.Ts[own])[:, None] @ Ts)
     white = np.linalg.solve(np.linalg.cholesky(start.covariances[own])[:, None], xi[..., None])[..., 0]
     log = np.log(np.maximum(start.weights[own], 1e-300)) - 0.5 * np.linalg.slogdet(start.covariances[own])[1]

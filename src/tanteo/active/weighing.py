@@ -18,8 +18,9 @@ from scipy.special import gammaln, logsumexp
 from tanteo.active.start import Start
 from tanteo.lie import SE3
 from tanteo.surface_search import FreePaths, Target, Touches
+from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import Moments
-from tanteo.surface_search.polish import Polished, log_posterior
+from tanteo.surface_search.polish import Polished
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 _DRAWS, _TAIL = 256, 5

@@ -161,13 +161,24 @@ def equivalent(
     part: Part, T: Transforms, others: Transforms, information: FloatArray, limit: float = _SAME_POSE
 ) -> BoolArray:
     """Which of the poses ``others`` ``(F, 4, 4)`` put the part where ``T`` does, up to its symmetry and their noise."""
-    images = T @ part.symmetry.Ts
-    gaps = SE3.inverse(images)[:, None] @ others
+    Ts = np.broadcast_to(T, others.shape)
+    return np.asarray(squared_gaps(part, Ts, others, information) <= limit, dtype=np.bool_)
+
+
+def squared_gaps(part: Part, Ts: Transforms, others: Transforms, information: FloatArray) -> FloatArray:
+    """Squared Mahalanobis distances ``(F,)`` between poses of a part, to the nearest of those that symmetry makes one.
+
+    Args:
+        part: the part.
+        Ts: poses ``(F, 4, 4)``.
+        others: a pose for each ``(F, 4, 4)``.
+        information: of the others ``(F, 6, 6)``.
+    """
+    gaps = SE3.inverse(part.symmetry.Ts)[:, None] @ (SE3.inverse(Ts) @ others)
     if part.symmetry.continuous:
         gaps = without_spin(part, gaps)
     xi = SE3.log(gaps)
-    distance = np.einsum("sfi,fij,sfj->sf", xi, information, xi)
-    return np.asarray(distance.min(axis=0) <= limit, dtype=np.bool_)
+    return np.asarray(np.sum((xi[:, :, None] @ information)[:, :, 0] * xi, axis=-1).min(axis=0))
 
 
 def without_spin(part: Part, gaps: Transforms) -> Transforms:

@@ -6,6 +6,7 @@ frame of the mesh and in metres; points carry leading batch axes.
 
 from tanteo.shapes.borders import SHARP, Borders, Junctions, borders
 from tanteo.shapes.field import DistanceField, distance_field, signed_distance
+from tanteo.shapes.near_planes import NearPlanes, near_planes, nearest
 from tanteo.shapes.surface import ClosestPoints, RayHits, Surface
 
 __all__ = [
@@ -14,9 +15,12 @@ __all__ = [
     "ClosestPoints",
     "DistanceField",
     "Junctions",
+    "NearPlanes",
     "RayHits",
     "Surface",
     "borders",
     "distance_field",
+    "near_planes",
+    "nearest",
     "signed_distance",
 ]

@@ -59,6 +59,10 @@ class Junctions:
         """Some of the places."""
         return Junctions(*(getattr(self, name)[index] for name in self.__slots__))
 
+    def first(self, count: int) -> Junctions:
+        """The same places with the first faces of each only."""
+        return Junctions(*(getattr(self, name)[:, :count] for name in self.__slots__))
+
     def beside(self, others: Junctions) -> Junctions:
         """The same places with more faces."""
         arrays = ((getattr(self, name), getattr(others, name)) for name in self.__slots__)
@@ -79,12 +83,14 @@ class Borders:
         edges: pairs of vertices ``(E, 2)``.
         junctions: of the edges, and after them of the corners ``(E + C, ...)``.
         corners: row of the junction of each vertex; -1 for one that is no corner ``(V,)``.
+        narrowest: least width of the faces at each junction ``(E + C,)`` [m].
     """
 
     vertices: FloatArray
     edges: IntArray
     junctions: Junctions
     corners: IntArray
+    narrowest: FloatArray
     _tree: Any
     _origin: FloatArray
     _step: float
@@ -147,8 +153,10 @@ def borders(surface: Surface) -> Borders:
     tree = igl.AABB()
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     step = float((high - low).max()) / _CELLS
+    all_ = Junctions.joined(junctions)
+    widths = np.where(np.any(all_.inward != 0, axis=-1), all_.widths, np.inf).min(axis=(1, 2))
     if not len(edges):
-        return Borders(surface.vertices, edges, junctions[0], corners, tree, low, step, np.full((1, 1, 1), np.inf))
+        return Borders(surface.vertices, edges, all_, corners, widths, tree, low, step, np.full((1, 1, 1), np.inf))
     tree.init(surface.vertices, edges)
     shape = np.ceil((high - low) / step).astype(int) + 3
     origin = low - step
@@ -156,7 +164,7 @@ def borders(surface: Surface) -> Borders:
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     squared, _, _ = tree.squared_distance(surface.vertices, edges, np.ascontiguousarray(centres))
     grid = np.sqrt(np.maximum(np.asarray(squared), 0.0)).reshape(shape)
-    return Borders(surface.vertices, edges, Junctions.joined(junctions), corners, tree, origin, step, grid)
+    return Borders(surface.vertices, edges, all_, corners, widths, tree, origin, step, grid)
 
 
 def _sharp_edges(surface: Surface) -> tuple[IntArray, IntArray]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.shapes.surface import Surface
+from tanteo.shapes.surface import ClosestPoints, Surface
 from tanteo.typing import FloatArray, Vectors
 
 CELLS = 40
@@ -29,7 +29,11 @@ def signed_distance(surface: Surface, points: Vectors) -> tuple[FloatArray, Vect
     Returns:
         Distances ``(*batch,)`` [m] and unit gradients ``(*batch, 3)``.
     """
-    near = surface.closest(points)
+    return as_signed(surface, points, surface.closest(points))
+
+
+def as_signed(surface: Surface, points: Vectors, near: ClosestPoints) -> tuple[FloatArray, Vectors]:
+    """:func:`signed_distance` where the closest points are known."""
     gap = points - near.points
     known = surface.pseudonormals
     if known is None:

@@ -9,13 +9,15 @@ from functools import partial
 import numpy as np
 from scipy.special import logsumexp
 
+from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, pose_information, weak_motions
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import alike
 from tanteo.matching.verdict import spins, without_spins
+from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import Moments, posterior_moments
-from tanteo.surface_search.polish import Polished, log_posterior
+from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import Covariances, FloatArray, Tangents
@@ -108,12 +110,15 @@ def weigh(
     ]
     modes.sort(key=lambda mode: -mode.log_mass)
     weighed: list[Mode] = []
-    while (
-        modes and len(weighed) < _MOST and modes[0].log_mass > _total(modes + weighed, log_unknown) + np.log(_WEIGHED)
-    ):
-        weighed.append(_weighed(touches, free, modes.pop(0), priors))
-        if weighed[-1].moments is not None:
-            modes = _not_part_of(weighed[-1], modes)
+    for _ in range(_MOST):
+        if not modes or modes[0].log_mass <= _total(modes + weighed, log_unknown) + np.log(_WEIGHED):
+            break
+        new = _weighed(touches, free, modes.pop(0), priors)
+        if new.moments is not None:
+            modes, apart = _not_part_of(new, modes), _not_part_of(new, weighed)
+            within = [other for other in weighed if other not in apart]
+            new, weighed = (_one_region(within[0], new) if within else new), apart
+        weighed.append(new)
     modes = sorted(weighed + modes, key=lambda mode: -mode.log_mass)
     total = _total(modes, log_unknown)
     kept = [
@@ -150,6 +155,19 @@ def _density(
     touches: Touches, free: FreePaths, target: Target, priors: Priors, Ts: FloatArray, z: FloatArray
 ) -> FloatArray:
     return log_posterior(touches, free, Ts, z, target, priors)
+
+
+def _one_region(best: Mode, other: Mode) -> Mode:
+    """Two maxima of one region, of which only the other one's draws saw the whole: about the best, with those moments.
+
+    Each alone would count the same mass, or leave out what the best one's own ellipsoid does not reach.
+    """
+    assert other.moments is not None
+    seen = other.moments
+    mean = seen.mean + SE3.log(SE3.inverse(best.found.Ts[best.k]) @ other.found.Ts[other.k])
+    shift = np.outer(mean, mean) - np.outer(seen.mean, seen.mean)
+    moments = Moments(mean, seen.covariance + shift, seen.covariance_given_shared + shift, seen.log_mass)
+    return Mode(best.target, best.found, best.k, max(best.log_mass, other.log_mass), moments)
 
 
 def _not_part_of(mode: Mode, others: list[Mode]) -> list[Mode]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr
 
 from tanteo.lie import SO3
 from tanteo.shapes import SHARP, Junctions
@@ -48,7 +48,24 @@ class NearEdges:
     resistance: FloatArray
 
 
-def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors) -> NearEdges | None:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """Those readings in the part, with the faces each may have met and how each face is cut (all by face)."""
+
+    poses: IntArray
+    readings: IntArray
+    at: Vectors
+    faces: Junctions
+    log: FloatArray
+    d: FloatArray
+    s2: FloatArray
+    slant: FloatArray
+    t: FloatArray
+    beta: FloatArray
+    beyond: FloatArray
+
+
+def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: IntArray) -> NearEdges | None:
     """Look at the readings near edges; None if there are none.
 
     Readings with a sensed normal, or of a ball that is large beside the noise, are not concerned: the first know their
@@ -59,55 +76,77 @@ def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors) -> N
         target: the part.
         R: its attitudes ``(S, 3, 3)``.
         p: the readings in the part's frame ``(S, n, 3)`` [m].
+        nearest: the triangle nearest to each ``(S, n)``.
     """
+    seen = _seen(touches, target, R, p, nearest)
+    return None if seen is None else NearEdges(seen.poses, seen.readings, *_mixture(seen, touches, R))
+
+
+def log_near_edges(
+    touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: IntArray
+) -> tuple[IntArray, IntArray, FloatArray] | None:
+    """The first three of :func:`near_edges`, where no derivative is needed."""
+    seen = _seen(touches, target, R, p, nearest)
+    if seen is None:
+        return None
+    log = seen.log - 0.5 * seen.d * seen.d / seen.s2 + _log_cover(seen.beta, seen.beyond, seen.faces.reflex)[0]
+    return seen.poses, seen.readings, _log_sum(log)
+
+
+def _seen(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: IntArray) -> _Seen | None:
     concerned = ~touches.oriented & (touches.radii < touches.sd)
     if not concerned.any():
         return None
     reach = REACH * touches.sd
     s, n = np.nonzero(concerned & target.borders.near(p, np.broadcast_to(reach, p.shape[:2])))
-    if len(s):
-        gaps, rows = target.borders.nearest(p[s, n], reach[n])
-        faces = target.borders.junctions.take(rows)
-        narrow = np.any(faces.inward != 0, axis=-1) & (faces.widths < _BROAD * touches.sd[n, None, None])
-        concerns = (gaps < reach[n]) & ~narrow.any(axis=(1, 2))
-        s, n, rows = (a[concerns] for a in (s, n, rows))
     if not len(s):
         return None
-    at, turn = p[s, n], R[s]
-    gains = np.swapaxes(turn, 1, 2) @ touches.gains[n]
-    C = np.swapaxes(turn, 1, 2) @ touches.covs[n] @ turn
-    along = (touches.directions[n, None] @ turn)[:, 0]
-    faces, past = _with_others(touches, target, target.borders.junctions.take(rows), at, along, n)
+    gaps, rows = target.borders.nearest(p[s, n], reach[n])
+    concerns = (gaps < reach[n]) & (target.borders.narrowest[rows] >= _BROAD * touches.sd[n])
+    if not concerns.any():
+        return None
+    s, n, rows = s[concerns], n[concerns], rows[concerns]
+    at, along = p[s, n], (touches.directions[n, None] @ R[s])[:, 0]
+    faces, past = _with_others(touches, target, target.borders.junctions.take(rows), at, along, n, nearest[s, n])
     log = _weights(touches, target, faces, along, n) - past
-    return NearEdges(s, n, *_mixture(faces, at, C, gains, log))
+    used = int(np.flatnonzero(faces.valid.any(axis=0)).max()) + 1
+    return _cut(touches, R, s, n, at, faces.first(used), log[:, :used])
 
 
 def _with_others(
-    touches: Touches, target: Target, faces: Junctions, at: Vectors, along: Vectors, n: IntArray
+    touches: Touches, target: Target, faces: Junctions, at: Vectors, along: Vectors, n: IntArray, nearest: IntArray
 ) -> tuple[Junctions, FloatArray]:
     """The faces at the edge, the nearest one and the one a beam came through, if these are others; each once.
 
     Where noise is as large as walls are thick, the nearest edge need not be one of the face that was met.
 
     Returns:
-        The faces ``(k, 6)``, and half the squared distance past the border of the last two, in deviations ``(k, 6)``.
+        The faces ``(k, F)``, and half the squared distance past the border of the others, in deviations ``(k, F)``.
     """
     sd = touches.sd[n]
-    away = np.where(touches.directed[n], 2 * sd, 0.0)[:, None] * along
-    near = target.surface.closest(np.stack([at, at - away], axis=1))
-    normals = target.surface.normals[near.triangles]
-    offsets = np.sum(normals * near.points, axis=-1)
+    triangles = nearest[:, None]
+    if touches.directed.any():
+        away = np.where(touches.directed[n], 2 * sd, 0.0)[:, None] * along
+        triangles = np.stack([nearest, target.surface.closest(at - away).triangles], axis=1)
+    normals = target.surface.normals[triangles]
+    offsets = np.sum(normals * target.surface.vertices[target.surface.triangles[triangles, 0]], axis=-1)
     gaps = np.sum(normals * at[:, None], axis=-1) - offsets
-    foot = at[:, None] - gaps[..., None] * normals
-    past = 0.5 * (target.surface.closest(foot).distances / sd[:, None]) ** 2
     known = np.sum(faces.normals * at[:, None], axis=-1) - faces.offsets
     alike = (normals @ np.swapaxes(faces.normals, 1, 2) > np.cos(SHARP)) & faces.valid[:, None]
     alike &= np.abs(gaps[..., None] - known[:, None]) < sd[:, None, None]
-    twice = (np.sum(normals[:, 0] * normals[:, 1], axis=-1) > np.cos(SHARP)) & (np.abs(np.diff(gaps)[:, 0]) < sd)
-    new = ~alike.any(axis=2) & np.stack([np.ones_like(twice), ~twice], axis=1)
-    lines = np.zeros((len(at), 2, 2))
+    new = ~alike.any(axis=2)
+    if new.shape[1] > 1:
+        same = (np.sum(normals[:, 0] * normals[:, 1], axis=-1) > np.cos(SHARP)) & (np.abs(np.diff(gaps)[:, 0]) < sd)
+        new[:, 1] &= ~same
+    past = np.zeros(new.shape)
+    k, j = np.nonzero(new)
+    if not len(k):
+        return faces, np.zeros(faces.valid.shape)
+    foot = at[k] - gaps[k, j, None] * normals[k, j]
+    past[k, j] = 0.5 * (target.surface.closest(foot).distances / sd[k]) ** 2
+    lines = np.zeros((*new.shape, 2))
     others = Junctions(normals, offsets, np.zeros((*lines.shape, 3)), lines, lines, np.zeros_like(new), new)
-    return faces.beside(others), np.concatenate([np.zeros(faces.valid.shape), past], axis=1)
+    return others.beside(faces), np.concatenate([past, np.zeros(faces.valid.shape)], axis=1)
 
 
 def _weights(touches: Touches, target: Target, faces: Junctions, along: Vectors, n: IntArray) -> FloatArray:
@@ -118,27 +157,49 @@ def _weights(touches: Touches, target: Target, faces: Junctions, along: Vectors,
     return np.asarray(np.where(faces.valid, log, -np.inf))
 
 
-def _mixture(
-    faces: Junctions, at: Vectors, C: FloatArray, gains: FloatArray, log: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log density ``(k,)``, its gradient, and the information if the faces were known."""
-    n, m = faces.normals, faces.inward
-    Cn = n @ C
-    s2 = np.where(faces.valid, np.sum(Cn * n, axis=-1), 1.0)
-    d = np.where(faces.valid, (n @ at[:, :, None])[..., 0] - faces.offsets, 0.0)
-    slant = np.sum(m * Cn[:, :, None], axis=-1) / s2[..., None]  # what the distance says of the place across
-    t2 = np.einsum("kfji,kil,kfjl->kfj", m, C, m) - slant**2 * s2[..., None]
+def _cut(
+    touches: Touches, R: Transforms, s: IntArray, n: IntArray, at: Vectors, faces: Junctions, log: FloatArray
+) -> _Seen:
+    """How far each reading is off each face, and inside its lines, with the spread of its noise both ways."""
+    normals, m = faces.normals, faces.inward
     lines = np.any(m != 0, axis=-1)
-    t = np.sqrt(np.where(lines, np.maximum(t2, 1e-6 * s2[..., None]), 1.0))
-    inside = (m @ at[:, None, :, None])[..., 0] - faces.limits - slant * d[..., None]
+    d = np.where(faces.valid, (normals @ at[:, :, None])[..., 0] - faces.offsets, 0.0)
+    inside = (m @ at[:, None, :, None])[..., 0] - faces.limits
+    if not np.isnan(touches.variance):
+        s2, slant = np.full(d.shape, touches.variance), np.zeros(inside.shape)
+        t = np.where(lines, np.sqrt(touches.variance), 1.0)
+    else:
+        turn = R[s]
+        C = np.swapaxes(turn, 1, 2) @ touches.covs[n] @ turn
+        Cn = normals @ C
+        s2 = np.where(faces.valid, np.sum(Cn * normals, axis=-1), 1.0)
+        slant = np.sum(m * Cn[:, :, None], axis=-1) / s2[..., None]  # what the distance says of the place across
+        t2 = np.sum((m @ C[:, None]) * m, axis=-1) - slant**2 * s2[..., None]
+        t = np.sqrt(np.where(lines, np.maximum(t2, 1e-6 * s2[..., None]), 1.0))
+        inside = inside - slant * d[..., None]
     beta = np.where(lines, inside / t, np.inf)
     beyond = np.where(lines & ~faces.reflex[..., None], (inside - faces.widths) / t, -np.inf)
-    cover, pull, hold = _covered(beta, beyond, faces.reflex)
-    log = log - 0.5 * (d * d / s2 + np.log(2 * np.pi * s2)) + cover
-    total = logsumexp(log, axis=1)
+    return _Seen(s, n, at, faces, log - 0.5 * np.log(2 * np.pi * s2), d, s2, slant, t, beta, beyond)
+
+
+def _log_sum(log: FloatArray) -> FloatArray:
+    """Log of the sum over the faces; one of them at least is finite or the reading is on none ``(k,)``."""
+    top = log.max(axis=1)
+    safe = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(safe + np.log(np.exp(log - safe[:, None]).sum(axis=1)))
+
+
+def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log density ``(k,)``, its gradient, and the information if the faces were known."""
+    faces, at, d, s2, slant, t = seen.faces, seen.at, seen.d, seen.s2, seen.slant, seen.t
+    gains = np.swapaxes(R[seen.poses], 1, 2) @ touches.gains[seen.readings]
+    cover, pull, hold = _covered(seen.beta, seen.beyond, faces.reflex)
+    log = seen.log - 0.5 * d * d / s2 + cover
+    total = _log_sum(log)
     share = np.exp(log - total[:, None])
-    row_d = _rows(n, at, gains)
-    row_b = (_rows(m, at, gains) - slant[..., None] * row_d[:, :, None]) / t[..., None]
+    row_d = _rows(faces.normals, at, gains)
+    row_b = (_rows(faces.inward, at, gains) - slant[..., None] * row_d[:, :, None]) / t[..., None]
     slopes = -(d / s2)[..., None] * row_d + np.sum(pull[..., None] * row_b, axis=2)
     gradient = np.sum(share[..., None] * slopes, axis=1)
     rows = np.concatenate([row_d[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * row_b], axis=2)
@@ -153,6 +214,16 @@ def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:
     return np.concatenate([-directions, SO3.cross(directions, np.broadcast_to(at, directions.shape)), shared], axis=-1)
 
 
+def _log_cover(beta: FloatArray, beyond: FloatArray, reflex: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log of the share of the noise that is on the face ``(k, F)``; that of each strip and of reflex corners alone."""
+    log = _log_between(beyond, beta)
+    cover = np.sum(log, axis=-1)
+    if not reflex.any():
+        return cover, log, cover
+    either = np.log(np.maximum(-np.expm1(np.sum(log_ndtr(-beta), axis=-1)), 1e-300))
+    return np.where(reflex, either, cover), log, either
+
+
 def _covered(beta: FloatArray, beyond: FloatArray, reflex: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log of the share of the noise that is on the face ``(k, F)``, and its first and negative second derivatives.
 
@@ -164,13 +235,13 @@ def _covered(beta: FloatArray, beyond: FloatArray, reflex: BoolArray) -> tuple[F
         beyond: distance past the far side ``(k, F, 2)``.
         reflex: whether one line is enough ``(k, F)``.
     """
-    log = _log_between(beyond, beta)
+    cover, log, either = _log_cover(beta, beyond, reflex)
     near, far = _normal_density(beta), _normal_density(beyond)
-    either = np.log(np.maximum(-np.expm1(np.sum(log_ndtr(-beta), axis=-1)), 1e-300))
-    cover = np.where(reflex, either, np.sum(log, axis=-1))
-    outside = np.exp(log_ndtr(-beta))[..., ::-1] * np.exp(-either)[..., None]
     share = np.exp(-np.maximum(log, -700.0))
-    pull = np.where(reflex[..., None], near * outside, (near - far) * share)
+    pull = (near - far) * share
+    if reflex.any():
+        outside = np.exp(log_ndtr(-beta))[..., ::-1] * np.exp(-either)[..., None]
+        pull = np.where(reflex[..., None], near * outside, pull)
     finite, past = np.where(np.isfinite(beta), beta, 0.0), np.where(np.isfinite(beyond), beyond, 0.0)
     hold = pull**2 + (finite * near - past * far) * share
     return cover, pull, np.where(reflex[..., None], 0.0, np.maximum(hold, 0.0))

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-from scipy.special import bdtrc, chdtrc
+from scipy.special import bdtrc
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
-from tanteo.fitting import SUSPECT
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.verdict import CONFIDENCE, verdict
+from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.surface_search.answer import as_hypothesis, what_limits
 from tanteo.surface_search.modes import Mode, weigh
-from tanteo.surface_search.polish import polish
 from tanteo.surface_search.rounds import search_all
-from tanteo.surface_search.search import distinct_maxima
 from tanteo.surface_search.target import Target, prepare_target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray
@@ -31,9 +27,6 @@ LEAST = 3
 
 _TOO_MANY_STRAYS = 1e-4
 """If so many readings off the part are less likely than this, it is not the part, whatever else fits."""
-
-_ENOUGH, _MOST_SCATTER = 6, 2.0
-"""Spare readings from which, and ratio up to which, scatter is put down to the stated standard deviation."""
 
 
 def identify_touches(
@@ -78,17 +71,11 @@ def identify_touches(
     targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
     clock.lap("prepare")
     log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
-    found = search_all(touches, free, targets, priors)
+    found, ratio = search_all(touches, free, targets, priors)
     clock.lap("search")
-    modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
-    ratio = _scatter(modes)
     if ratio > 1:
-        touches = replace(touches, covs=ratio**2 * touches.covs, sd=ratio * touches.sd)
-        found = [
-            (target, distinct_maxima(polish(touches, free, maxima.Ts, target, priors), target))
-            for target, maxima in found
-        ]
-        modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
+        touches = touches.widened(ratio)
+    modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
     worst = _worst(touches, modes[0]) if modes else ""
@@ -151,16 +138,3 @@ def unknown_log_density(touches: Touches, priors: Priors) -> FloatArray:
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     log: FloatArray = np.where(touches.directed, -np.log(2 * priors.radius), -ball)
     return np.asarray(log - np.where(touches.oriented, np.log(4 * np.pi), 0.0))
-
-
-def _scatter(modes: Sequence[Mode]) -> float:
-    """How many times more the readings scatter than stated, if the part is sure and nothing else is wrong; else 1."""
-    if not modes or sum(mode.probability for mode in modes if mode.target is modes[0].target) < CONFIDENCE:
-        return 1.0
-    found, k = modes[0].found, modes[0].k
-    belongs = found.belongs[k] > 0.5
-    chi2, dof = float(np.sum(found.residuals[k, belongs] ** 2)), int(belongs.sum()) - 6
-    if dof < _ENOUGH or chdtrc(dof, chi2) > SUSPECT:
-        return 1.0
-    ratio = float(np.sqrt(chi2 / dof))
-    return ratio if ratio <= _MOST_SCATTER else 1.0

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tanteo.lie import SO3
-from tanteo.surface_search.starts import to_part
+from tanteo.surface_search.starts import both_ways, to_part
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, Transforms, Vectors
 
@@ -37,20 +37,20 @@ def refine(
         known: what is known of the pose; widened by the scale of the step.
 
     Returns:
-        Poses, and the robust cost of each at the last step but one ``(S,)``.
+        Poses, and the robust cost of each at the last step but one, as :func:`both_ways` ``(S, 2)``.
     """
-    cost = np.zeros(len(Ts))
+    cost = np.zeros((len(Ts), 2))
     for scale in scales:
         r, J = residuals(touches, Ts, distance, extra_sd)
         w = 1 / (1 + (r / scale) ** 2)
-        cost = (w * r * r).mean(axis=1)
+        cost = both_ways(w * r * r)
         JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
         A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
         if known is not None:
             r0, J0 = known(Ts)
             pull = np.swapaxes(J0, 1, 2) / scale**2
             A, b = A + pull @ J0, b - (pull @ r0[..., None])[..., 0]
-            cost += np.log1p((r0 / scale) ** 2).sum(axis=1) * scale**2 / r.shape[1]
+            cost += np.log1p((r0 / scale) ** 2).sum(axis=1, keepdims=True) * scale**2 / r.shape[1]
         step = _damped(A, b)
         Ts = moved(Ts, step)
     return Ts, cost

@@ -1,8 +1,8 @@
 """How long to search: until every pose that matters was found twice, from different readings.
 
-Each round makes its first poses from another group of readings, so its finds do not depend on those of the rounds
-before. What several searches find again and again is likely all there is; what was found once says that more of its
-kind was not found at all. The probability that was found only once estimates what is still missing (Good and Turing).
+First poses are made from several groups of readings, which find what they find without each other. What several groups
+lead to again and again is likely all there is; what one alone led to says that more of its kind was not found at all.
+The probability that was found only once estimates what is still missing (Good and Turing).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from tanteo.localization import pose_information
-from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors
-from tanteo.surface_search.polish import Polished
-from tanteo.surface_search.search import LEAST_ORIENTED, SAME_MAXIMUM, effort_for, explained, groups, search
+from tanteo.surface_search.distinct import distinct_maxima
+from tanteo.surface_search.explained import explained, explains_all, leaves_one_of_few, log_mass, scatter
+from tanteo.surface_search.polish import Polished, polish
+from tanteo.surface_search.search import LEAST_ORIENTED, effort_for, groups_of, search
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import IntArray
@@ -25,7 +25,10 @@ from tanteo.typing import IntArray
 _MISSING = 0.02
 """Probability of poses found only once up to which a part is taken as searched."""
 
-_ROUNDS, _HOPELESS_ROUNDS = 7, 5
+_GROUPS = 2
+"""Groups of readings in the first round; one in each later one."""
+
+_ROUNDS, _HOPELESS_ROUNDS = 6, 4
 """Rounds at most; and where nothing explains the readings."""
 
 _DETERMINES = 6
@@ -38,79 +41,103 @@ class Search:
 
     Attributes:
         target: the part.
-        bases: groups of readings to start from, one a round.
+        groups: groups of readings to start from.
         maxima: distinct, best first; None before the first round.
-        times: rounds in which each was found ``(S,)``.
     """
 
     target: Target
-    bases: tuple[tuple[int, ...], ...]
+    groups: tuple[tuple[int, ...], ...]
     maxima: Polished | None = None
-    times: IntArray | None = None
 
     @property
-    def log_evidence(self) -> float:
-        """Of all maxima together."""
-        return self._log_sum(np.array([], dtype=np.int64) if self.maxima is None else np.arange(len(self.maxima.Ts)))
+    def times(self) -> IntArray:
+        """Groups of readings from which each maximum was found ``(S,)``."""
+        assert self.maxima is not None
+        return np.bitwise_count(self.maxima.groups).astype(np.int64)
+
+    @property
+    def log_mass(self) -> float:
+        """Log evidence of all maxima together."""
+        return -np.inf if self.maxima is None else log_mass(self.target, self.maxima)
 
     @property
     def log_once(self) -> float:
-        """Of those found in one round only."""
-        return self._log_sum(np.array([], dtype=np.int64) if self.times is None else np.flatnonzero(self.times == 1))
-
-    def _log_sum(self, rows: IntArray) -> float:
-        if self.maxima is None or not len(rows):
-            return -np.inf
-        return float(logsumexp(self.maxima.log_evidence[rows]) + np.log(self.target.part.symmetry.order))
+        """Of those found from one group only."""
+        return -np.inf if self.maxima is None else log_mass(self.target, self.maxima, np.flatnonzero(self.times < 2))
 
     def after(self, found: Polished) -> Search:
         """With the finds of another round."""
-        if self.maxima is None or self.times is None:
-            return Search(self.target, self.bases, found, np.ones(len(found.Ts), dtype=np.int64))
-        joint = self.maxima.join(found)
-        times = np.concatenate([self.times, np.zeros(len(found.Ts), dtype=np.int64)])
-        new = np.arange(len(times)) >= len(self.times)
-        order, kept, counts = np.argsort(-joint.log_evidence, kind="stable"), [], []
-        information = pose_information(joint.information)
-        while len(order):
-            first = order[0]
-            same = equivalent(self.target.part, joint.Ts[first], joint.Ts[order], information[order], SAME_MAXIMUM)
-            same[0] = True
-            kept.append(first)
-            counts.append(times[order[same]].max() + bool(new[order[same]].any()))
-            order = order[~same]
-        return Search(self.target, self.bases, joint.take(np.array(kept, dtype=np.int64)), np.array(counts))
+        joint = found if self.maxima is None else self.maxima.join(found)
+        return Search(self.target, self.groups, distinct_maxima(joint, self.target))
 
 
 def search_all(
     touches: Touches, free: FreePaths, targets: Sequence[Target], priors: Priors
-) -> list[tuple[Target, Polished]]:
+) -> tuple[list[tuple[Target, Polished]], float]:
     """The maxima of all parts; round by round, each part as long as poses may be missing that matter.
+
+    If the first round explains every reading but for their scattering more than stated, the search goes on with the
+    noise that they have: with the stated one nothing would ever explain them.
 
     Args:
         touches: the readings.
         free: paths on which nothing was met.
         targets: the parts.
         priors: what is assumed beforehand.
+
+    Returns:
+        Parts with their maxima, and how many times the stated noise the readings have.
     """
-    searches = [Search(target, tuple(groups(touches, target, _ROUNDS))) for target in targets]
+    searches = [Search(target, tuple(groups_of(touches, target, _ROUNDS + 1))) for target in targets]
     determined = len(touches) >= _DETERMINES or touches.oriented.sum() >= LEAST_ORIENTED
-    left = list(range(len(searches)))
-    for k in range(_ROUNDS if determined else 2):
+    left, stated = list(range(len(searches))), touches
+    for k in range(_ROUNDS if determined else 1):
         for i in left:
-            s = searches[i]
-            effort = effort_for(touches, s.target, k)
-            searches[i] = s.after(search(touches, free, s.target, priors, effort, s.bases[k % len(s.bases)]))
-        if k > 0:
-            left = _unfinished(searches, left, k, priors)
+            searches[i] = searches[i].after(_round(touches, free, searches[i], priors, k))
+        if k == 0:
+            wide, again = _widened(touches, free, searches, priors, scatter(_found(searches)))
+            if any(s.maxima is not None and explains_all(s.maxima) for s in again):
+                touches, searches = wide, again
+        left = _unfinished(searches, left, k, priors)
         if not left:
             break
+    touches, searches = _widened(touches, free, searches, priors, scatter(_found(searches)))
+    return _found(searches), float(touches.sd[0] / stated.sd[0])
+
+
+def _round(touches: Touches, free: FreePaths, s: Search, priors: Priors, k: int) -> Polished:
+    number = 0 if k == 0 else k + _GROUPS - 1
+    some = s.groups[:_GROUPS] if k == 0 else (s.groups[number % len(s.groups)],)
+    return search(touches, free, s.target, priors, effort_for(touches, s.target, k), some, number)
+
+
+def _found(searches: Sequence[Search]) -> list[tuple[Target, Polished]]:
     return [(s.target, s.maxima) for s in searches if s.maxima is not None]
+
+
+def _widened(
+    touches: Touches, free: FreePaths, searches: list[Search], priors: Priors, ratio: float
+) -> tuple[Touches, list[Search]]:
+    """Readings with that many times the noise, and the maxima there."""
+    if ratio == 1.0:
+        return touches, searches
+    wide = touches.widened(ratio)
+    again = [
+        Search(s.target, s.groups).after(polish(wide, free, s.maxima.Ts, s.target, priors, groups=s.maxima.groups))
+        for s in searches
+        if s.maxima is not None
+    ]
+    return wide, again
 
 
 def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors) -> list[int]:
     """Parts to search again after round ``k``."""
     if not any(s.maxima is not None and explained(s.maxima, priors.clutter) for s in searches):
         return left if k + 1 < _HOPELESS_ROUNDS else []
-    total = logsumexp([s.log_evidence for s in searches])
-    return [i for i in left if searches[i].log_once > total + np.log(_MISSING)]
+    mass = np.array([s.log_mass for s in searches])
+    best = int(np.argmax(mass))
+    doubtful = k == 0 and leaves_one_of_few(
+        searches[best].maxima
+    )  # the next round looks for poses that fit but for one
+    total = logsumexp(mass)
+    return [i for i in left if searches[i].log_once > total + np.log(_MISSING) or (doubtful and i == best)]

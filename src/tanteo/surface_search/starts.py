@@ -164,7 +164,7 @@ def _facing(touches: Touches, index: list[int], Ts: Transforms, normals: Vectors
 
 
 def score(touches: Touches, Ts: Transforms, target: Target, scale: float, rows: IntArray | None = None) -> FloatArray:
-    """Rough misfit of poses ``(S,)``: mean of clipped squared distances, in units of ``scale`` squared."""
+    """Rough misfit of poses: mean of clipped squared distances, in units of ``scale`` squared, as :func:`both_ways`."""
     rows = np.arange(len(touches)) if rows is None else rows
     distance, gradient = target.field(to_part(Ts, touches.points[rows]))
     r = (distance - touches.radii[rows]) / scale
@@ -175,12 +175,36 @@ def score(touches: Touches, Ts: Transforms, target: Target, scale: float, rows: 
     if touches.oriented[rows].any():
         m = touches.normals[rows] @ Ts[:, :3, :3]
         cost += np.where(touches.oriented[rows], 4.0 * (1 - np.sum(gradient * m, axis=-1)), 0.0)
-    return np.asarray(cost.mean(axis=1))
+    return both_ways(cost)
+
+
+def both_ways(costs: FloatArray) -> FloatArray:
+    """Mean of the costs of readings ``(S, n)``, and mean without the worst, which may be astray ``(S, 2)``."""
+    total, n = costs.sum(axis=1), costs.shape[1]
+    return np.stack([total / n, (total - costs.max(axis=1)) / max(n - 1, 1)], axis=1)
+
+
+def either_way(costs: FloatArray, keep: int) -> FloatArray:
+    """One cost ``(S,)`` of the two, each in units of the worst that would be kept by it alone.
+
+    One reading astray among eight costs the right pose as much as small misses at all eight cost a wrong one.
+
+    Args:
+        costs: from :func:`both_ways` ``(S, 2)``.
+        keep: number to keep.
+    """
+    if not len(costs):
+        return costs[:, 0]
+    last = np.partition(costs, min(keep, len(costs)) - 1, axis=0)[min(keep, len(costs)) - 1]
+    return np.asarray((costs / np.maximum(last, 1e-300)).min(axis=1))
 
 
 def to_part(Ts: Transforms, points: Vectors) -> Vectors:
-    """World points ``(n, 3)`` in the part at every pose ``(S, n, 3)``."""
-    return (points - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
+    """World points ``(n, 3)`` in the part at every pose ``(S, n, 3)``: one product of matrices for all."""
+    Rt = np.ascontiguousarray(np.swapaxes(Ts[:, :3, :3], 1, 2))
+    turned = (Rt.reshape(-1, 3) @ points.T).reshape(len(Ts), 3, len(points))
+    turned -= Rt @ Ts[:, :3, 3:]
+    return np.swapaxes(turned, 1, 2)
 
 
 def distinct(touches: Touches, Ts: Transforms, costs: FloatArray, target: Target, keep: int, cell: float) -> IntArray:
@@ -188,12 +212,16 @@ def distinct(touches: Touches, Ts: Transforms, costs: FloatArray, target: Target
     chosen = np.zeros(0, dtype=np.int64)
     for share in (5, 40):  # most often the first few hold enough neighbourhoods
         order = lowest(costs, share * keep)
-        ends = to_part(Ts[order], touches.points[[0, len(touches) // 2, len(touches) - 1]])
-        key = np.rint(ends.reshape(len(order), 9) * (1 / cell)).astype(np.int64) @ _HASH
-        chosen = order[np.sort(np.unique(key, return_index=True)[1])][:keep]
+        chosen = order[np.sort(np.unique(cells(touches, Ts[order], cell), return_index=True)[1])][:keep]
         if len(chosen) == keep or len(order) == len(costs):
             break
     return chosen
+
+
+def cells(touches: Touches, Ts: Transforms, cell: float) -> IntArray:
+    """One number ``(S,)`` for poses that put the readings on the same places of the part, within about ``cell``."""
+    ends = to_part(Ts, touches.points[[0, len(touches) // 2, len(touches) - 1]])
+    return np.asarray(np.rint(ends.reshape(len(Ts), 9) * (1 / cell)).astype(np.int64) @ _HASH)
 
 
 def lowest(costs: FloatArray, count: int) -> IntArray:

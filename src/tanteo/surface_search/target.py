@@ -10,7 +10,16 @@ import numpy as np
 from tanteo.lie import SE3
 from tanteo.matching.model import PartModel
 from tanteo.parts import Part
-from tanteo.shapes import Borders, DistanceField, Surface, borders, distance_field
+from tanteo.shapes import (
+    Borders,
+    DistanceField,
+    NearPlanes,
+    Surface,
+    borders,
+    distance_field,
+    near_planes,
+    nearest,
+)
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 SAMPLES = 320
@@ -53,6 +62,7 @@ class Target:
         part: the part.
         surface: for exact distances and rays.
         field: for many rough distances.
+        planes: where the nearest surface is one plane, for exact ones.
         samples: evenly spread surface points ``(K, 3)`` in the part frame [m].
         normals: their outward normals ``(K, 3)``.
         gaps: distances between samples ``(K, K)``, single precision [m].
@@ -64,6 +74,7 @@ class Target:
     part: Part
     surface: Surface
     field: DistanceField
+    planes: NearPlanes
     samples: Vectors
     normals: Vectors
     gaps: np.ndarray
@@ -71,6 +82,14 @@ class Target:
     turns: Transforms
     borders: Borders
     _pairs: list[SamplePairs] = attribute(default_factory=list, repr=False)
+
+    def distance(self, points: Vectors) -> tuple[FloatArray, Vectors]:
+        """Exact signed distances ``(*batch,)`` and gradients ``(*batch, 3)`` at points of the part frame [m]."""
+        return self.nearest(points)[:2]
+
+    def nearest(self, points: Vectors) -> tuple[FloatArray, Vectors, IntArray]:
+        """The same, and a triangle of the nearest plane ``(*batch,)``."""
+        return nearest(self.surface, self.planes, points)
 
     @property
     def pairs(self) -> SamplePairs:
@@ -91,7 +110,9 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     gaps = np.linalg.norm(points[:, None] - points, axis=-1).astype(np.float32)
     spacing = float(np.sqrt(part.area / samples) * 0.6)
     turns = _half_turns(part, points)
-    return Target(part, surface, distance_field(surface), points, normals, gaps, spacing, turns, borders(surface))
+    field = distance_field(surface)
+    planes = near_planes(surface, field)
+    return Target(part, surface, field, planes, points, normals, gaps, spacing, turns, borders(surface))
 
 
 def _half_turns(part: Part, samples: Vectors) -> Transforms:

@@ -56,6 +56,10 @@ class Touches:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def widened(self, ratio: float) -> Touches:
+        """The same with that many times the noise."""
+        return replace(self, covs=ratio**2 * self.covs, sd=ratio * self.sd)
+
     def take(self, rows: IntArray) -> Touches:
         """Some of the readings."""
         arrays = {

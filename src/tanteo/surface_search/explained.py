@@ -1,0 +1,82 @@
+"""Whether poses explain the readings: with residuals of noise, of the stated size or somewhat more, and few strays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import bdtrc, chdtrc, logsumexp
+
+from tanteo.fitting import SUSPECT
+from tanteo.matching.verdict import CONFIDENCE
+from tanteo.surface_search.polish import Polished
+from tanteo.surface_search.target import Target
+from tanteo.typing import IntArray
+
+_STRAYS, _PLAUSIBLE = 0.03, 1e-3
+"""A pose explains the readings if as many strays as it leaves, and their chi-square, are not less likely than this."""
+
+_ENOUGH, _MOST_SCATTER = 6, 2.0
+"""Spare readings from which, and ratio up to which, scatter is put down to the stated standard deviation."""
+
+
+_FEW = 20
+"""Readings of which one astray raises the mean cost of the right pose above that of many wrong ones."""
+
+
+def explained(found: Polished, clutter: float) -> bool:
+    """Whether the best pose has the residuals of noise, and no more readings aside than clutter at that rate makes.
+
+    Args:
+        found: maxima, best first.
+        clutter: rate of strays.
+    """
+    if not len(found.Ts):
+        return False
+    strays, n = int(np.sum(found.belongs[0] <= 0.5)), found.belongs.shape[1]
+    if strays > 0 and bdtrc(strays - 1, n, clutter) <= _STRAYS:
+        return False
+    chi2, dof = _chi_square(found)
+    return bool(dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE)
+
+
+def explains_all(found: Polished) -> bool:
+    """Whether the best pose has the residuals of noise, and leaves no reading aside."""
+    return explained(found, clutter=0.0)
+
+
+def leaves_one_of_few(found: Polished | None) -> bool:
+    """Whether the best pose leaves a reading aside of so few that one astray may have hidden a better pose."""
+    return found is not None and found.belongs.shape[1] < _FEW and bool(np.any(found.belongs[:1] <= 0.5))
+
+
+def scatter(found: Sequence[tuple[Target, Polished]]) -> float:
+    """How many times more the readings scatter than stated, if the part is sure and nothing else is wrong; else 1.
+
+    Args:
+        found: maxima of each part, best first.
+    """
+    found = [(target, maxima) for target, maxima in found if len(maxima.Ts)]
+    if not found:
+        return 1.0
+    mass = np.array([log_mass(target, maxima) for target, maxima in found])
+    if np.exp(mass.max() - logsumexp(mass)) < CONFIDENCE:
+        return 1.0
+    best = found[int(np.argmax(mass))][1]
+    chi2, dof = _chi_square(best)
+    if dof < _ENOUGH or chdtrc(dof, chi2) > SUSPECT:
+        return 1.0
+    ratio = float(np.sqrt(chi2 / dof))
+    return ratio if ratio <= _MOST_SCATTER else 1.0
+
+
+def _chi_square(found: Polished) -> tuple[float, int]:
+    """Of the readings that the best pose explains, and its degrees of freedom."""
+    belongs = found.belongs[0] > 0.5
+    return float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum()) - 6
+
+
+def log_mass(target: Target, found: Polished, rows: IntArray | None = None) -> float:
+    """Log evidence of some maxima of a part together, all if not given, symmetric poses included."""
+    log = found.log_evidence if rows is None else found.log_evidence[rows]
+    return float(logsumexp(log) + np.log(target.part.symmetry.order)) if len(log) else -np.inf

@@ -1,0 +1,262 @@
+"""The likelihood of readings on a surface at given poses: mixture with clutter, shared errors as state.
+
+A reading without correspondence is either on the surface, with its noise along the normal, or clutter. If nobody
+knows how it was aimed, it may have met the surface anywhere, by area; if its direction is known, what it says is how
+far it went, and material in front of the hit speaks against it (``math.md`` sections 7 and 10).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.lie import SO3
+from tanteo.matching.evidence import Priors
+from tanteo.matching.prior import prior_log_density, prior_rows
+from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
+from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import FreePaths, Touches
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+
+_IN_FRONT = 4.0
+"""Material this many standard deviations before the hit contradicts a beam."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explained:
+    """The readings at some poses ``S``, each explained by the surface and by clutter; normals add residuals.
+
+    Attributes:
+        r: residuals in standard deviations ``(S, n + 3 m)``.
+        J: derivatives by pose and shared errors ``(S, n + 3 m, 6 + D)``.
+        log_hit: log density of each reading on the surface ``(S, n)``.
+        log_stray: as clutter ``(S, n)``.
+        distances: from the surface ``(S, n)`` [m].
+        edges: readings near edges, which are on several faces.
+    """
+
+    r: FloatArray
+    J: FloatArray
+    log_hit: FloatArray
+    log_stray: FloatArray
+    distances: FloatArray
+    edges: NearEdges | None
+
+    @property
+    def log(self) -> FloatArray:
+        """Of both together, all readings ``(S,)``."""
+        return np.asarray(np.logaddexp(self.log_hit, self.log_stray).sum(axis=1))
+
+    @property
+    def belongs(self) -> FloatArray:
+        """Probability that each reading is on the surface ``(S, n)``."""
+        return np.asarray(1 / (1 + np.exp(np.clip(self.log_stray - self.log_hit, -700, 700))))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """The readings in the part, and the surface that each is nearest to or was turned to."""
+
+    R: FloatArray
+    p: Vectors
+    g: Vectors
+    distance: FloatArray
+    s: FloatArray
+    beside: FloatArray
+    normal: Vectors
+    nearest: IntArray
+
+
+def explain(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> Explained:
+    """Residuals, derivatives, and log densities of both explanations.
+
+    Args:
+        touches: the readings.
+        Ts: poses ``(S, 4, 4)``.
+        z: whitened shared errors ``(S, D)``.
+        target: the part.
+        priors: rate of clutter, and the size of the workspace.
+    """
+    at = _placed(touches, Ts, z, target)
+    r = at.distance * at.s
+    shared = [np.einsum("sni,nid->snd", at.normal, touches.gains)] if z.shape[1] else []
+    J = np.concatenate([-at.g, SO3.cross(at.g, at.p), *shared], axis=-1) * at.s[..., None]
+    edges = near_edges(touches, target, at.R, at.p, at.nearest)
+    known = None if edges is None else (edges.poses, edges.readings, edges.log)
+    log, stray, gap = _log_densities(touches, Ts, z, target, priors, at, known)
+    if gap is not None:
+        r, J = _with_normals(touches, at, r, J, gap)
+    return Explained(r, J, log, stray, at.distance, edges)
+
+
+def log_likelihood(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> FloatArray:
+    """Log density of all readings ``(S,)``: that of :func:`explain`, without derivatives."""
+    at = _placed(touches, Ts, z, target)
+    edges = log_near_edges(touches, target, at.R, at.p, at.nearest)
+    log, stray, _ = _log_densities(touches, Ts, z, target, priors, at, edges)
+    return np.asarray(np.logaddexp(log, stray).sum(axis=1))
+
+
+def log_posterior(
+    touches: Touches, free: FreePaths, Ts: Transforms, z: FloatArray, target: Target, priors: Priors
+) -> FloatArray:
+    """Log density of readings, pose and shared errors ``(S,)``, that of the pose over "anywhere".
+
+    Args:
+        touches: the readings.
+        free: paths on which nothing was met.
+        Ts: poses ``(S, 4, 4)``.
+        z: whitened shared errors ``(S, D)``.
+        target: the part.
+        priors: rate of clutter, the size of the workspace, what is known of the pose.
+    """
+    log = log_likelihood(touches, Ts, z, target, priors)
+    return log + log_beside_readings(free, Ts, z, target, priors)
+
+
+def log_beside_readings(free: FreePaths, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> FloatArray:
+    """What :func:`log_posterior` adds to the likelihood: shared errors, prior of the pose, free paths ``(S,)``."""
+    log = log_free_paths(free, Ts, target, priors) - 0.5 * np.sum(z * z, axis=1)
+    if priors.pose is None:
+        return np.asarray(log)
+    r = prior_rows(priors.pose, target.part, Ts)[0]
+    return np.asarray(
+        log + prior_log_density(priors.pose, target.part, Ts, priors.radius) - 0.5 * np.sum(r * r, axis=1)
+    )
+
+
+def _placed(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> _Placed:
+    R = Ts[:, :3, :3]
+    points = touches.points
+    if z.shape[1]:
+        points = points + np.einsum("nid,sd->sni", touches.gains, z)
+    p = (points - Ts[:, None, :3, 3]) @ R
+    phi, g, nearest = target.nearest(p)
+    beside = turn_to_beams(touches, target, R, p, phi, g) + turn_to_normals(touches, target, R, p, phi, g)
+    normal = g @ np.swapaxes(R, 1, 2)
+    if np.isnan(touches.variance):
+        s = 1 / np.sqrt(((normal[:, :, None] @ touches.covs)[:, :, 0] * normal).sum(axis=-1))
+    else:
+        s = np.full(phi.shape, touches.variance**-0.5)
+    return _Placed(R, p, g, phi - touches.radii, s, beside, normal, nearest)
+
+
+def _log_densities(
+    touches: Touches,
+    Ts: Transforms,
+    z: FloatArray,
+    target: Target,
+    priors: Priors,
+    at: _Placed,
+    edges: tuple[IntArray, IntArray, FloatArray] | None,
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Log densities on the surface and as clutter ``(S, n)``, and how far sensed normals are off ``(S, m, 3)``."""
+    r, directed = at.distance * at.s, touches.directed
+    log = -0.5 * (r * r + at.beside + np.log(2 * np.pi)) + np.log(at.s)
+    if directed.any():
+        cosine = -np.einsum("sni,ni->sn", at.normal, touches.directions)
+        aimed = np.where(cosine > 0, np.log(np.maximum(cosine, GRAZING)), AWAY)
+        log += np.where(directed, aimed, -np.log(target.part.area))
+    else:
+        log -= np.log(target.part.area)
+    if edges is not None:
+        log[edges[0], edges[1]] = edges[2]
+    log += np.log1p(-priors.clutter)
+    if (touches.reach * directed).any():
+        log[_material_in_front(touches, Ts, z, target)] = -np.inf
+    ball = np.log(4 / 3 * np.pi * priors.radius**3)
+    stray = np.log(priors.clutter) - np.where(directed, np.log(2 * priors.radius), ball)
+    stray = np.array(np.broadcast_to(stray, r.shape))
+    rows = np.flatnonzero(touches.oriented)
+    if not len(rows):
+        return log, stray, None
+    m, u, sd = touches.normals[rows] @ at.R, at.g[:, rows], touches.normal_sds[rows]
+    gap = SO3.cross(u, m) / sd[:, None]
+    same_side = np.where(np.sum(m * u, axis=-1) > 0, 0.0, -50.0)
+    log[:, rows] += -0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi * sd**2) + same_side
+    stray[:, rows] -= np.log(4 * np.pi)
+    return log, stray, gap
+
+
+def _with_normals(
+    touches: Touches, at: _Placed, r: FloatArray, J: FloatArray, gap: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Add the rows of sensed normals: their tilt against the surface's."""
+    rows = np.flatnonzero(touches.oriented)
+    m, u, sd = touches.normals[rows] @ at.R, at.g[:, rows], touches.normal_sds[rows]
+    W = (m[..., :, None] * u[..., None, :] - np.sum(m * u, axis=-1)[..., None, None] * np.eye(3)) / sd[:, None, None]
+    turn = np.zeros((*W.shape[:-1], J.shape[-1]))
+    turn[..., 3:6] = W
+    S, k = len(at.R), 3 * len(rows)
+    return np.concatenate([r, gap.reshape(S, k)], axis=1), np.concatenate([J, turn.reshape(S, k, J.shape[-1])], axis=1)
+
+
+def normal_equations(touches: Touches, at: Explained, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Information ``(S, 6 + D, 6 + D)`` and gradient, every reading weighted by the probability that it belongs.
+
+    The faces of readings near edges are taken as known, each with its share.
+
+    Args:
+        touches: the readings.
+        at: what they are at some poses.
+        z: whitened shared errors there ``(S, D)``.
+    """
+    rows, edges, all_ = np.flatnonzero(touches.oriented), at.edges, at.belongs
+    belongs = all_
+    if edges is not None:
+        belongs = np.array(all_)
+        belongs[edges.poses, edges.readings] = 0.0
+    w = belongs if not len(rows) else np.concatenate([belongs, np.repeat(belongs[:, rows], 3, axis=1)], axis=1)
+    JtW = np.swapaxes(at.J, 1, 2) * w[:, None, :]
+    A, b = JtW @ at.J, -(JtW @ at.r[..., None])[..., 0]
+    if edges is not None:
+        share = all_[edges.poses, edges.readings, None]
+        poses, first = np.unique(edges.poses, return_index=True)  # they come in order
+        A[poses] += np.add.reduceat(share[..., None] * edges.resistance, first)
+        b[poses] += np.add.reduceat(share * edges.gradient, first)
+    D = z.shape[1]
+    if D:
+        A[:, 6:, 6:] += np.eye(D)
+        b[:, 6:] -= z
+    return A, b
+
+
+def _material_in_front(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> BoolArray:
+    """Readings whose free path runs through the part ``(S, n)``."""
+    out = np.zeros((len(Ts), len(touches)), dtype=bool)
+    rows = np.flatnonzero((touches.reach > 0) & touches.directed)
+    if not len(rows):
+        return out
+    points = touches.points[rows] + np.einsum("nid,sd->sni", touches.gains[rows], z)
+    start = points - touches.reach[rows, None] * touches.directions[rows]
+    local = (start - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
+    along = np.einsum("sji,nj->sni", Ts[:, :3, :3], touches.directions[rows])
+    free = touches.reach[rows] - _IN_FRONT * touches.sd[rows] - 0.01 * target.part.diagonal
+    s, n = np.nonzero(target.surface.cast(local, along).distances < free)
+    if len(s):  # a path that only grazes the part may have passed beside it
+        aside = _IN_FRONT * touches.sd[rows[n], None, None] * _across(along[s, n])
+        hits = target.surface.cast(local[s, n, None] + aside, along[s, n, None]).distances
+        out[s, rows[n]] = np.all(hits < free[n, None], axis=1)
+    return out
+
+
+def _across(directions: Vectors) -> FloatArray:
+    """Four unit vectors across each direction ``(k, 4, 3)``."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    u = SO3.cross(directions, least)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = SO3.cross(directions, u)
+    return np.stack([u, v, -u, -v], axis=1)
+
+
+def log_free_paths(free: FreePaths, Ts: Transforms, target: Target, priors: Priors) -> FloatArray:
+    """Log probability of the paths on which nothing was met ``(S,)``: clutter's, for each that the part blocks."""
+    if not len(free.origins):
+        return np.zeros(len(Ts))
+    local = (free.origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
+    along = np.einsum("sji,nj->sni", Ts[:, :3, :3], free.directions)
+    hits = target.surface.cast(local, along).distances
+    blocked: BoolArray = hits < free.lengths - free.margin - 0.01 * target.part.diagonal
+    return np.asarray(np.sum(np.where(blocked, np.log(priors.clutter), np.log1p(-priors.clutter)), axis=1))
