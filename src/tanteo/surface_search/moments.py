@@ -31,7 +31,7 @@ _NORMAL = 0.2
 _ALIKE = 1.7
 """No variance may be larger than supposed by more than this if a normal density is to be believed beyond there."""
 
-_DRAWS, _ROUNDS, _TAIL = 200, 12, 6
+_DRAWS, _ROUNDS, _TAIL = 400, 10, 6
 """Draws in each round, rounds at most, and degrees of freedom of the proposal."""
 
 _LEAST_ROUNDS, _STEADY = 4, 1.3
