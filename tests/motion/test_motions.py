@@ -175,14 +175,14 @@ def test_another_edge_beside_the_crossing_does_not_shift_an_event():
     """A few readings of a long way miss at the side edge: they are no part of the crossing."""
     spot = STANDOFF * math.tan(math.radians(5))
     off, sds = [], []
-    for seed in range(40):
+    for seed in range(16):
         robot = robot_on(PLATE, over(x=0.08 - 0.85 * spot, y=0.05, height=STANDOFF), seed=seed)
         for event in cross_edge(robot, [0, -1, 0], 0.08, STANDOFF, RULES).events:
             T = event.T_world_hand @ robot._units.T_hand_sensors[event.sensor]
             if event.sensor == 1:
                 off.append((T[:3, 3] + T[2, 3] / -T[2, 2] * T[:3, 2])[1] - 0.1)
                 sds.append(event.across_sd)
-    assert len(off) > 20
+    assert len(off) > 8
     assert abs(np.mean(off)) < 1.0 * np.mean(sds)
 
 
