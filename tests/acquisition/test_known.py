@@ -44,6 +44,16 @@ def test_a_beam_that_gave_no_range_says_nothing():
     assert not known.has(np.array([-0.02, 0.0, -0.004]))
 
 
+def test_what_was_known_stays_known():
+    first, second = (robot_on(TABLE, over(x=x)).sensed for x in (0.0, 0.15))
+    before = Known(gripper(), [first])
+    both = Known(gripper(), [second], before)
+    for x in (0.0, 0.15):
+        assert both.has(np.array([x - 0.02, 0.0, 0.04]))
+        assert both.has(gripper().body.placed(over(x=x))[0])
+    assert not before.has(np.array([0.13, 0.0, 0.04]))
+
+
 def test_where_the_hand_was_is_known():
     known = Known(gripper(), [robot_on(TABLE, over()).sensed])
     body = gripper().body

@@ -27,6 +27,11 @@ def test_a_step_is_taken_without_overshoot(latency):
     assert abs(d[-1]) < 1e-9
 
 
+@pytest.mark.parametrize(("latency", "periods"), [(0.0, 0), (0.01, 1), (0.011, 2), (0.025, 3), (0.03, 3), (0.1, 10)])
+def test_a_part_of_a_period_is_a_whole_one_of_dead_time(latency, periods):
+    assert Loop.of(latency, 0.01).delay == periods
+
+
 @pytest.mark.parametrize("latency", [0.06, 0.1, 0.2])
 def test_a_larger_gain_overshoots(latency):
     loop = Loop.of(latency, 0.01)
