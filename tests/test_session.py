@@ -150,3 +150,28 @@ def test_a_reading_that_contradicts_everything_leaves_none_of_these(targets):
         valid(session)
     assert session.belief.unknown > 0.99
     assert session.answer().status == "unknown"
+
+
+def test_a_refused_reading_is_not_asked_again(targets):
+    session = new_session(rough(targets))
+    seen = []
+    for _ in range(5):
+        action = session.ask()
+        assert all(
+            np.linalg.norm(action.origin - a.origin) > 0.1 * a.expected
+            or np.linalg.norm(action.direction - a.direction) > 0.1
+            for a in seen
+        )
+        seen.append(action)
+        session.refuse(action)
+    assert session.count == 0
+    assert [a.number for a in seen] == [1, 2, 3, 4, 5]
+
+
+def test_only_what_can_be_made_is_asked(targets):
+    session = new_session(rough(targets))
+    session.able = lambda belief, candidates: candidates.directions[:, 2] < -0.9
+    assert session.ask().direction[2] < -0.9
+    none = new_session(rough(targets))
+    none.able = lambda belief, candidates: np.zeros(len(candidates), dtype=bool)
+    assert "reaches no place" in none.ask().why

@@ -10,7 +10,7 @@ The only thing here with memory. It touches no file and moves no hand::
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from tanteo.active import (
     POLICIES,
     Belief,
+    Candidates,
     Choice,
     Policy,
     Probe,
@@ -37,10 +38,13 @@ from tanteo.matching.verdict import corner_sd, observed_covariance, verdict
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, concatenate, measure
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.surface_search.answer import as_hypothesis
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
 _CANDIDATES = 500
 """Readings among which one is chosen."""
+
+_LIKE = 0.15
+"""A reading is like a refused one within this angle [rad], and a place of this share of the stand-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -204,6 +208,7 @@ class Session:
         policy: which reading is chosen.
         stop: when to end.
         seed: of everything that draws: the same seed and readings give the same questions and answers.
+        able: which candidates can be made ``(C,)``, where the probe does not say it all: a hand has a body.
     """
 
     start: Start
@@ -212,11 +217,13 @@ class Session:
     policy: Policy = POLICIES["information"]
     stop: Stop = field(default_factory=Stop)
     seed: int = 0
+    able: Callable[[Belief, Candidates], BoolArray] | None = None
     _belief: Belief = field(init=False)
     _readings: list[Readings] = field(init=False, default_factory=list)
     _steps: list[Step] = field(init=False, default_factory=list)
     _asked: Action | None = field(init=False, default=None)
     _questions: int = field(init=False, default=0)
+    _refused: list[Action] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
         self._belief = begin(self.start)
@@ -273,7 +280,7 @@ class Session:
             return Done(False, f"{self.count} readings were made, which is the most that was asked for.")
         if not len(self._belief.weights):
             return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
-        candidates = propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions)
+        candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
             return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
         situation = Situation(
@@ -285,6 +292,11 @@ class Session:
         self._questions += 1
         self._asked = self._action(situation, choice)
         return self._asked
+
+    def refuse(self, action: Action) -> None:
+        """The reading cannot be made, or was in vain: readings near it are not asked for again."""
+        self._refused.append(action)
+        self._asked = None
 
     def tell(self, readings: Readings) -> Step:
         """Take readings into the belief: the answer to the last question, or any others, at any time.
@@ -340,6 +352,16 @@ class Session:
         )
         status, message = verdict(hypotheses, b.unknown, alpha)
         return Recognition(status, message, hypotheses, b.unknown, {}, self.seed)
+
+    def _open(self, candidates: Candidates) -> Candidates:
+        """The candidates that can be made and are not like one that was refused."""
+        for action in self._refused:
+            away = np.linalg.norm(candidates.origins - action.origin, axis=1)
+            turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
+            candidates = candidates.take((away > _LIKE * action.expected) | (turned > _LIKE))
+        if self.able is None or not len(candidates):
+            return candidates
+        return candidates.take(self.able(self._belief, candidates))
 
     def _place(self) -> Vectors | None:
         asked = [s.action for s in self._steps if s.action is not None]

@@ -147,3 +147,31 @@ def test_the_example():
     scene = read_scene(Path(__file__).parents[2] / "examples" / "scenes" / "bracket.toml")
     assert [s.name for s in scene.scene.solids] == ["table", "bracket", "clamp", "riser"]
     assert set(scene.ideas) == {"plane", "edge"}
+
+
+def test_a_rough_place_and_the_furniture(tmp_path):
+    place = "[prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\nsd_mm = [10, 20, 5]\nturn_sd_deg = 8\n"
+    scene = read(tmp_path, WHOLE + place)
+    assert [s.name for s in scene.furniture] == ["table", "clamp"]
+    assert [b.name for b in scene.occluders] == ["clamp"]
+    np.testing.assert_allclose(scene.occluders[0].high, [0.0508, 0.0508, 0.1016])
+    assert scene.prior is not None
+    np.testing.assert_allclose(scene.prior.T[:3, 3], [0.001, 0.002, 0.003])
+    # the sds are along the world's axes, the covariance along those of the part, which is turned by 90 degrees
+    np.testing.assert_allclose(np.sqrt(np.diag(scene.prior.C)), [0.02, 0.01, 0.005, *np.radians([8, 8, 8])])
+    assert read(tmp_path, LEAST).prior is None
+    assert read(tmp_path, LEAST).furniture == ()
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("position_mm = [1, 2, 3]\nturn_sd_deg = 8", "expected 'sd_mm'"),
+        ("sd_mm = 3\nturn_sd_deg = 80", "attitude known to 60 degrees"),
+        ("sd_mm = [3, 4]\nturn_sd_deg = 8", "expected one number"),
+        ("sd_mm = -3\nturn_sd_deg = 8", "positive standard deviations"),
+    ],
+)
+def test_a_rough_place_that_is_none(tmp_path, table, message):
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, f"{LEAST}[prior]\n{table}\n")

@@ -15,3 +15,10 @@ def robot_names(incomplete: str) -> list[str]:
     from tanteo.sensors.presets import robot_presets
 
     return [name for name in robot_presets() if name.startswith(incomplete)]
+
+
+def policy_names(incomplete: str) -> list[str]:
+    """Policies that begin so."""
+    from tanteo.active import POLICIES
+
+    return [name for name in POLICIES if name.startswith(incomplete)]

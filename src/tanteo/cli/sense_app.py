@@ -6,8 +6,13 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.completing import policy_names
+from tanteo.cli.prior_options import Near, PriorPath
+
 sense_app = typer.Typer(
-    help="Sense a feature in the simulator, without contact.", rich_markup_mode=None, no_args_is_help=True
+    help="Sense a feature, or find out which part is there, in the simulator, without contact.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
 )
 
 SceneFile = Annotated[str, typer.Option("--scene", metavar="FILE", help="Scene: parts, table, hand (TOML).")]
@@ -66,6 +71,54 @@ def sense_vertex(
 ) -> None:
     """Acquire a corner, its face and two edges, without touching them."""
     _sense("vertex", scene, standoff, seed, record, forbid or [], json, verbose)
+
+
+@sense_app.command("part")
+def sense_part(
+    scene: SceneFile,
+    parts: Annotated[
+        list[str],
+        typer.Option("--parts", metavar="FILE_OR_FOLDER...", help="CAD files (STEP, STL) or folders of them."),
+    ],
+    policy: Annotated[
+        str,
+        typer.Option("--policy", metavar="NAME", help="How the next reading is chosen.", autocompletion=policy_names),
+    ] = "information",
+    probability: Annotated[float, typer.Option("--probability", help="Of the part, at which to stop.")] = 0.99,
+    tolerance: Annotated[
+        str | None,
+        typer.Option("--tolerance", metavar="LENGTH", help="Go on until all corners are placed within it, as 2mm."),
+    ] = None,
+    confidence: Annotated[float, typer.Option("--confidence", help="With which they are.")] = 0.95,
+    most: Annotated[int, typer.Option("--most", help="Readings after which to stop in any case.")] = 100,
+    standoff: Standoff = None,
+    units: Annotated[
+        str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none: mm, m, um, in.")
+    ] = None,
+    near: Near = None,
+    prior: PriorPath = None,
+    seed: SceneSeed = None,
+    record: Annotated[
+        str | None,
+        typer.Option("--record", metavar="FILE", help="Write the session (JSON), or its readings (.csv)."),
+    ] = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Find out which part is there and where, from a rough idea of its place, without touching it."""
+    from tanteo.cli.options import misuse
+    from tanteo.cli.prior_options import read_pose_prior
+    from tanteo.cli.running import guarded
+    from tanteo.cli.sensing_part import read_part_options, sense_unknown
+
+    with guarded():
+        with misuse():
+            options = read_part_options(
+                policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, most=most,
+                standoff=standoff, seed=seed, units=units,
+            )  # fmt: skip
+        known = read_pose_prior(None, None, near, prior)
+        sense_unknown(scene, parts, options, known, record, as_json=json, verbose=verbose)
 
 
 def _sense(

@@ -41,7 +41,7 @@ def sense(
     from tanteo.simulator import clearances
 
     with misuse():
-        distance = _distance(standoff)
+        distance = read_standoff(standoff)
         if seed is not None and seed < 0:
             raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
         boxes = [_forbidden(text) for text in forbid]
@@ -174,7 +174,12 @@ def _spread(feature: Feature) -> list[str]:
     ]
 
 
-def _distance(text: str | None) -> float | None:
+def read_standoff(text: str | None) -> float | None:
+    """The length of ``--standoff`` [m]; None for the scene's.
+
+    Raises:
+        InputError: Not a length that a hand can keep.
+    """
     from tanteo.io.units import parse_length
 
     if text is None:

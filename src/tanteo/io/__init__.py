@@ -15,7 +15,7 @@ from tanteo.io.prior_text import parse_box, parse_near, parse_table
 from tanteo.io.prior_toml import read_prior
 from tanteo.io.readings_csv import read_readings
 from tanteo.io.readings_write import write_readings
-from tanteo.io.result_json import recognition_document, recognition_json
+from tanteo.io.result_json import executed_json, recognition_document, recognition_json
 from tanteo.io.rig_toml import read_rig, shipped_rigs
 from tanteo.io.rig_write import rig_text, write_rig
 from tanteo.io.scene_toml import SceneFile, read_scene
@@ -27,6 +27,7 @@ __all__ = [
     "BRANDS",
     "Brand",
     "SceneFile",
+    "executed_json",
     "parse_angle",
     "parse_box",
     "parse_length",

@@ -13,6 +13,7 @@ from tanteo.lie import SO3
 from tanteo.typing import FloatArray
 
 if TYPE_CHECKING:
+    from tanteo.execution import Executed, Visit
     from tanteo.matching import Hypothesis, Recognition
 
 SCHEMA = "tanteo.recognition/1"
@@ -38,6 +39,45 @@ def recognition_document(recognition: Recognition) -> dict[str, Any]:
 def recognition_json(recognition: Recognition) -> str:
     """The result as one JSON document, indented, ending in a newline."""
     return json.dumps(recognition_document(recognition), indent=2, allow_nan=False) + "\n"
+
+
+def executed_json(recognition: Recognition, done: Executed, *, readings: int, clearance: float) -> str:
+    """The result of a run of the hand as one JSON document: the answer, and beside it ``sensing``, what it took.
+
+    Args:
+        recognition: the answer.
+        done: the run.
+        readings: that were told.
+        clearance: least true distance of the hand from everything [m].
+    """
+    sensing = {
+        "reached": done.end.reached,
+        "why": done.end.why,
+        "readings": readings,
+        "seconds": _number(done.seconds),
+        "travel_m": _number(done.travel),
+        "least_clearance_m": _number(clearance),
+        "visits": [_visit(visit) for visit in done.visits],
+    }
+    document = recognition_document(recognition) | {"sensing": sensing}
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def _visit(visit: Visit) -> dict[str, Any]:
+    action, step = visit.action, visit.step
+    return {
+        "number": action.number,
+        "origin_m": numbers(action.origin),
+        "direction": numbers(action.direction),
+        "aimed_at": {"part": action.part, "face": action.face},
+        "readings": [] if step is None else list(step.ids),
+        "leader": visit.leader,
+        "probability": None if step is None else _number(float(step.probabilities.max())),
+        "worst_corner_sd_m": None if step is None else _number(step.worst_corner_sd),
+        "note": visit.note,
+        "seconds": _number(visit.seconds),
+        "travel_m": _number(visit.travel),
+    }
 
 
 def _hypothesis(h: Hypothesis) -> dict[str, Any]:

@@ -12,7 +12,9 @@ import numpy as np
 
 from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
 from tanteo.errors import InputError, PartError
+from tanteo.frames import UncertainFrame
 from tanteo.hand import ForbiddenBox, Hand, Workspace, gripper_body
+from tanteo.io.prior_text import rough_pose
 from tanteo.io.rig_toml import read_rig
 from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
 from tanteo.lie import SE3
@@ -23,12 +25,13 @@ from tanteo.typing import FloatArray, IntArray, Transforms
 MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
 """From a CAD file and the unit of files that carry none to vertices [m] and triangles."""
 
-_TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "forbidden", "sense")
+_TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "forbidden", "sense", "prior")
 _HAND = {
     "front": "length", "looks": "plain", "pair": "plain", "rate": "rate", "latency": "time", "speed": "speed",
     "turn": "turn", "cone_rays": "plain",
 }  # fmt: skip
 _SENSE = {"standoff": "length", "clearance": "length"}
+_BOX = {"low": "length", "high": "length", **POSE}
 _PLACE = {"point": "length", "normal": "plain", "direction": "plain", "arriving": "plain", "leaving": "plain"}
 
 AHEAD = 0.06
@@ -52,6 +55,9 @@ class SceneFile:
         standoff: [m].
         clearance: [m].
         ideas: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``.
+        prior: Where the middle of a part roughly is, and how it is turned; None if it is not said.
+        furniture: The solids that are no parts: what is known to stand there.
+        occluders: The same without the table, as boxes to stay out of.
         source: The file.
     """
 
@@ -64,6 +70,9 @@ class SceneFile:
     standoff: float
     clearance: float
     ideas: Mapping[str, FaceIdea | EdgeIdea | CornerIdea]
+    prior: UncertainFrame | None
+    furniture: tuple[Solid, ...]
+    occluders: tuple[ForbiddenBox, ...]
     source: str
 
 
@@ -95,14 +104,18 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
     occluders = [
         _occluder(name, entry, f"{path}, occluder '{name}'") for name, entry in _entries(document, "occluders", path)
     ]
+    clamps = [solid for solid, _ in occluders]
     hand, T_world_hand, cell = _hand(document.get("hand", {}), path)
     return SceneFile(
-        scene=Scene.of([*table, *parts, *occluders]),
+        scene=Scene.of([*table, *parts, *clamps]),
         hand=hand,
         T_world_hand=T_world_hand,
         cell=cell,
         workspace=_workspace(document, path, top),
         seed=seed,
+        prior=_prior(document["prior"], f"{path}, prior") if "prior" in document else None,
+        furniture=(*table, *clamps),
+        occluders=tuple(forbidden for _, forbidden in occluders),
         source=str(path),
         **_sense(document.get("sense", {}), f"{path}, sense", T_world_hand, hand),
     )
@@ -142,9 +155,17 @@ def _mesh(file: Path, unit: str | None) -> tuple[FloatArray, IntArray]:
     return part.vertices, part.triangles
 
 
-def _occluder(name: str, entry: Any, place: str) -> Solid:
-    keys = Keys(entry, place, {"low": "length", "high": "length", **POSE})
-    return box(name, keys.vector("low"), keys.vector("high"), pose_of(keys))
+def _occluder(name: str, entry: Any, place: str) -> tuple[Solid, ForbiddenBox]:
+    """A box that stands there, and the same for the hand to stay out of."""
+    keys = Keys(entry, place, _BOX)
+    corners, T = (keys.vector("low"), keys.vector("high")), pose_of(keys)
+    return box(name, *corners, T), ForbiddenBox(name, *corners, T)
+
+
+def _prior(entry: Any, place: str) -> UncertainFrame:
+    keys = Keys(entry, place, {"sd": "length", "turn_sd": "angle", **POSE})
+    sds, turns = (keys.vector(name) if keys.size(name) == 3 else [keys.number(name)] for name in ("sd", "turn_sd"))
+    return rough_pose(pose_of(keys), sds, turns, place)
 
 
 def _hand(entry: Any, path: Path) -> tuple[Hand, Transforms, Cell]:
@@ -191,7 +212,7 @@ def _workspace(document: Mapping[str, Any], path: Path, top: float) -> Workspace
 
 
 def _forbidden(name: str, entry: Any, place: str) -> ForbiddenBox:
-    keys = Keys(entry, place, {"low": "length", "high": "length", **POSE})
+    keys = Keys(entry, place, _BOX)
     return ForbiddenBox(name, keys.vector("low"), keys.vector("high"), pose_of(keys))
 
 

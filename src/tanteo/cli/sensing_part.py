@@ -1,0 +1,253 @@
+"""``tanteo sense part``: from a rough idea of where some part is to its name and place, by a simulated hand."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import typer
+
+from tanteo.cli.options import MisuseError
+from tanteo.cli.printing import complain, emit, has_colour, printable
+from tanteo.cli.running import UNDECIDED, read_all_parts
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from tanteo.active import Start, Stop
+    from tanteo.execution import Executed, Visit
+    from tanteo.io.scene_toml import SceneFile
+    from tanteo.matching import PosePrior
+    from tanteo.motion import Rules
+    from tanteo.parts import Part
+    from tanteo.session import Session
+    from tanteo.simulator import SimulatedHand
+
+
+@dataclass(frozen=True, slots=True)
+class PartOptions:
+    """Options of ``sense part``, lengths in metres.
+
+    Attributes:
+        policy: Name of the policy.
+        stop: When to end.
+        standoff: Of the sensor from what it reads; None for the scene's.
+        seed: Of all simulated errors and of the session; None for the scene's.
+        units: Of part files that carry none.
+    """
+
+    policy: str
+    stop: Stop
+    standoff: float | None
+    seed: int | None
+    units: str | None
+
+
+def read_part_options(
+    *,
+    policy: str,
+    probability: float,
+    tolerance: str | None,
+    confidence: float,
+    most: int,
+    standoff: str | None,
+    seed: int | None,
+    units: str | None,
+) -> PartOptions:
+    """The options from what was typed.
+
+    Raises:
+        InputError: The first one that cannot be meant, named as on the command line.
+    """
+    from tanteo.active import Stop, policy_named
+    from tanteo.cli.options import read_unit
+    from tanteo.cli.sensing import read_standoff
+    from tanteo.io import parse_length
+
+    policy_named(policy)
+    for name, value in (("--probability", probability), ("--confidence", confidence)):
+        if not 0 < value < 1:
+            raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Use 0.99.")
+    if most < 1:
+        raise InputError(f"--most: expected 1 or more, got {most}. Use 100.")
+    if seed is not None and seed < 0:
+        raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
+    within = None if tolerance is None else parse_length(tolerance, "--tolerance")
+    if within is not None and not within > 0:
+        raise InputError(f"--tolerance: expected a positive length, got '{tolerance}'. Write it as 2mm.")
+    stop = Stop(probability=probability, tolerance=within, confidence=confidence, most=most)
+    unit = None if units is None else read_unit(units)
+    return PartOptions(policy, stop, read_standoff(standoff), seed, unit)
+
+
+def sense_unknown(
+    scene_path: str,
+    part_paths: Sequence[str],
+    options: PartOptions,
+    known: PosePrior | None,
+    record: str | None,
+    *,
+    as_json: bool,
+    verbose: bool,
+) -> None:
+    """Sense until it is enough, print the answer; exits with 3 when it is not decided or not reached."""
+    import numpy as np
+
+    from tanteo.io import read_scene
+    from tanteo.simulator import clearances
+
+    scene = read_scene(scene_path)
+    scene = replace(scene, standoff=options.standoff or scene.standoff)
+    if options.seed is not None:
+        scene = replace(scene, seed=options.seed)
+    parts = read_all_parts(part_paths, options.units, quiet=as_json)
+    session, robot, rules = _prepared(scene, parts, options, known)
+    with _live(verbose=verbose) as watch:
+        done = _executed(scene, session, robot, rules, watch)
+    least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
+    _write(session, record)
+    _answer(session, done, least, as_json=as_json, verbose=verbose)
+
+
+def _prepared(
+    scene: SceneFile, parts: Sequence[Part], options: PartOptions, known: PosePrior | None
+) -> tuple[Session, SimulatedHand, Rules]:
+    """The session, which knows nothing of the truth, and the hand in it."""
+    import numpy as np
+
+    from tanteo.active import policy_named
+    from tanteo.execution import hand_probe, reachable
+    from tanteo.hand import ForbiddenBox, Workspace
+    from tanteo.motion import Rules
+    from tanteo.session import Sensing, Session
+    from tanteo.simulator import SimulatedHand
+
+    occluders = [ForbiddenBox(f"occluder {b.name}", b.low, b.high, b.T_world_box) for b in scene.occluders]
+    w = scene.workspace
+    rules = Rules(clearance=scene.clearance, workspace=Workspace(w.low, w.high, [*w.forbidden, *occluders]))
+    errors = scene.cell.robot
+    probe = hand_probe(scene.hand, rules, scene.standoff, errors)
+    session = Session(
+        _start(scene, parts, known), probe, Sensing(rig=scene.hand.rig, robot=errors), policy_named(options.policy),
+        options.stop, scene.seed, reachable(scene.hand, rules, probe.retreat),
+    )  # fmt: skip
+    rng = np.random.default_rng(scene.seed)
+    return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules
+
+
+def _start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None) -> Start:
+    """Where each part may be: what the options say of its frame, or what the scene says of its middle."""
+    import numpy as np
+
+    from tanteo.active import Start, around
+    from tanteo.matching import Priors
+    from tanteo.surface_search import prepare_target
+
+    if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
+        raise MisuseError("--near, --prior: expected a rough pose and nothing else, got a table or a box. Say --near.")
+    targets = tuple(prepare_target(part) for part in parts)
+    if known is not None and known.T_world_part is not None and known.covariance is not None:
+        n = len(targets)
+        Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))
+        return Start(targets, np.arange(n), Ts, covariances, np.ones(n), Priors())
+    if scene.prior is None:
+        raise InputError(
+            f"{scene.source}: expected a table [prior] with where the part roughly is, got none. Add it, or say --near."
+        )
+    return around(targets, scene.prior.T, scene.prior.C)
+
+
+def _executed(
+    scene: SceneFile, session: Session, robot: SimulatedHand, rules: Rules, watch: Callable[[Visit], None]
+) -> Executed:
+    from tanteo.execution import Furniture, sense_part
+    from tanteo.simulator import Scene
+
+    furniture = Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None
+    return sense_part(session, robot, rules, furniture=furniture, errors=scene.cell.robot, watch=watch)
+
+
+@contextmanager
+def _live(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
+    """A line for every question on standard error; on a terminal also that the hand is under way."""
+    if not sys.stderr.isatty():
+        yield lambda visit: emit(visit_lines(visit, verbose=verbose), sys.stderr)
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True, no_color=not has_colour(sys.stderr), highlight=False)
+    with console.status("sensing") as status:
+
+        def watch(visit: Visit) -> None:
+            for line in visit_lines(visit, verbose=verbose):
+                console.print(line, markup=False, soft_wrap=True)
+            status.update(f"sensing: {visit.seconds:.0f} s simulated")
+
+        yield watch
+
+
+def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
+    """What was asked and what came of it, in one line; with the motions below if there is to be more."""
+    action, step = visit.action, visit.step
+    words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.face} of {action.part}"
+    if step is not None and len(step.ids):
+        words += f", {len(step.ids)} readings: {belief_words(visit)}"
+    words += f" ({visit.note})" if visit.note else ""
+    lines = [printable(words)]
+    if verbose:
+        lines.append(f"       {printable(action.words)}")
+        lines += [f"       {m.seconds:6.2f} s  {m.name:8}  {m.status:8}  {printable(m.message)}" for m in visit.motions]
+    return lines
+
+
+def belief_words(visit: Visit) -> str:
+    """The leading part, how probable it is, and how well it is placed."""
+    step = visit.step
+    if step is None or step.part < 0:
+        return "no part explains them"
+    probability = float(step.probabilities[step.part])
+    words = f"{visit.leader} P = {probability:.3f}" if probability < 0.9995 else f"{visit.leader} P > 0.999"
+    return f"{words}, worst corner sd {1e3 * step.worst_corner_sd:.2f} mm"
+
+
+def _write(session: Session, record: str | None) -> None:
+    """The record of the session; of a file whose name ends in .csv, the readings alone."""
+    from tanteo.io import write_readings
+    from tanteo.io.session_record import write_record
+
+    if record is None:
+        return
+    if session.readings is None:
+        complain("warning", "nothing was read, so there is no record.")
+        return
+    try:
+        if record.lower().endswith(".csv"):
+            write_readings(session.readings, record, unit="m")
+        else:
+            write_record(session, record)
+    except OSError as error:
+        raise InputError(
+            f"--record: expected a file to write, got: {error.strerror or error}. Check the path."
+        ) from None
+
+
+def _answer(session: Session, done: Executed, least: float, *, as_json: bool, verbose: bool) -> None:
+    from tanteo.cli.answer import answer_lines
+    from tanteo.io import executed_json
+
+    result = session.answer()
+    if as_json:
+        sys.stdout.write(executed_json(result, done, readings=session.count, clearance=least))
+    else:
+        cost = (
+            f"  cost        {session.count} readings, {done.seconds:.1f} s simulated, {done.travel:.2f} m of travel, "
+            f"clearance {1e3 * least:.1f} mm at least"
+        )
+        headline, *rest = answer_lines(result, verbose=verbose)
+        emit([headline, cost, *rest, printable(done.end.why)])
+    if as_json and not done.end.reached:
+        emit([printable(done.end.why)], sys.stderr)
+    if result.status != "recognized" or not done.end.reached:
+        raise typer.Exit(UNDECIDED)

@@ -1,0 +1,23 @@
+"""A session carried out by a hand: the whole loop from a rough idea of some part to its name and place.
+
+The hand touches nothing: it keeps clear of every pose that the belief still allows, of the bounds of its workspace and,
+by its sensors, of what it meets on the way. This room knows no simulator.
+"""
+
+from tanteo.execution.loop import Executed, Visit, reachable, sense_part
+from tanteo.execution.possible import Possible, Room
+from tanteo.execution.probes import hand_probe
+from tanteo.execution.resting import Furniture
+from tanteo.execution.stances import stances
+
+__all__ = [
+    "Executed",
+    "Furniture",
+    "Possible",
+    "Room",
+    "Visit",
+    "hand_probe",
+    "reachable",
+    "sense_part",
+    "stances",
+]

@@ -1,0 +1,197 @@
+"""The whole loop: ask the session, bring the hand there without touching, read at rest, tell; until it is enough."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.active import Belief, Candidates
+from tanteo.execution.possible import Possible, Room
+from tanteo.execution.probes import REPEATS
+from tanteo.execution.resting import Furniture, as_readings, beyond_furniture, rest
+from tanteo.execution.routes import route
+from tanteo.execution.stances import feasible, ranked, stances
+from tanteo.hand import Hand, Robot
+from tanteo.lie import SE3
+from tanteo.motion import Motion, Rules, go_to
+from tanteo.sensors import RobotPreset
+from tanteo.session import Action, Done, Session, Step
+from tanteo.typing import BoolArray, Transforms
+
+_AT_ONCE, _CLOSELY = 12, 40
+"""Possible poses that all candidates are checked against, and those that a way is."""
+
+_TRIED = 4
+"""Stances of one beam to which a way is looked for."""
+
+_REFUSED = 25
+"""Questions in a row that the hand cannot answer before the run ends."""
+
+_TRAVEL = 2.5
+"""Speed of travelling where there is known room, in that of the rules."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visit:
+    """One question and what came of it.
+
+    Attributes:
+        action: what was asked.
+        motions: of the hand, in order.
+        step: what its readings told; None if there were none.
+        leader: name of the likeliest part then; empty if there is none.
+        note: what a person should know; empty for nothing.
+        seconds: since the run began [s].
+        travel: of the hand's front since then [m].
+    """
+
+    action: Action
+    motions: tuple[Motion, ...]
+    step: Step | None
+    leader: str
+    note: str
+    seconds: float
+    travel: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Executed:
+    """A run that has ended.
+
+    Attributes:
+        end: why.
+        visits: everything that was asked for and done.
+    """
+
+    end: Done
+    visits: tuple[Visit, ...]
+
+    @property
+    def seconds(self) -> float:
+        """How long it took [s]."""
+        return self.visits[-1].seconds if self.visits else 0.0
+
+    @property
+    def travel(self) -> float:
+        """Of the hand's front [m]."""
+        return self.visits[-1].travel if self.visits else 0.0
+
+
+def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[Belief, Candidates], BoolArray]:
+    """What a session asks which candidates the hand can make: for :attr:`tanteo.session.Session.able`.
+
+    Args:
+        hand: the hand.
+        rules: what its motions keep to.
+        retreat: from how far behind it comes to a reading [m].
+    """
+
+    def able(belief: Belief, candidates: Candidates) -> BoolArray:
+        room = Room(hand.body, rules.workspace, Possible.of(belief, _AT_ONCE), rules.clearance)
+        return feasible(hand, room, candidates, retreat)
+
+    return able
+
+
+def sense_part(
+    session: Session,
+    robot: Robot,
+    rules: Rules,
+    *,
+    furniture: Furniture | None = None,
+    errors: RobotPreset | None = None,
+    watch: Callable[[Visit], None] = lambda visit: None,
+) -> Executed:
+    """Sense with a hand until the session has enough.
+
+    The session's probe is one frontal sensor of the hand; both are read where the hand rests. Where a motion ends
+    early, what is read there is told all the same, and the question is not asked again.
+
+    Args:
+        session: what is known and asked; ``able`` is best :func:`reachable`.
+        robot: the hand.
+        rules: what its motions keep to.
+        furniture: what is known to stand there: beams that meet it were free as far as it.
+        errors: of the robot's poses.
+        watch: called after every question.
+    """
+    run, began = _Run(session, robot, rules, furniture, errors), robot.sensed.time
+    visits, in_vain, gone = list[Visit](), 0, 0.0
+    while isinstance(action := session.ask(), Action):
+        motions, step, note = run.answer(action)
+        gone += sum(_front_way(robot.hand, motion) for motion in motions)
+        leader = session.belief.target(0).part.name if len(session.belief.weights) else ""
+        visits.append(Visit(action, motions, step, leader, note, robot.sensed.time - began, gone))
+        watch(visits[-1])
+        in_vain = in_vain + 1 if visits[-1].step is None else 0
+        if in_vain >= _REFUSED:
+            action = Done(False, "The hand finds no way to the places that are worth it: give it more room.")
+            break
+    return Executed(action, tuple(visits))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    session: Session
+    robot: Robot
+    rules: Rules
+    furniture: Furniture | None
+    errors: RobotPreset | None
+
+    def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, str]:
+        """Go, read, tell; and what a person should know."""
+        stops = self._way(action)
+        if stops is None:
+            self.session.refuse(action)
+            return (), None, "no way for the hand"
+        motions = self._go(stops)
+        note = "" if motions[-1].reached else f"{motions[-1].status}: {motions[-1].message}"
+        step, said = self._read(action)
+        if note or step is None or said:
+            self.session.refuse(action)
+        return motions, step, "; ".join(text for text in (note, said) if text)
+
+    def _way(self, action: Action) -> list[Transforms] | None:
+        hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
+        room = Room(hand.body, self.rules.workspace, Possible.of(session.belief, _CLOSELY), self.rules.clearance)
+        probe = session.probe
+        Ts = stances(hand, action.origin[None], action.direction[None])[0]
+        Ts = Ts[room.allows(Ts)]
+        if not len(Ts):
+            return None
+        ways = (
+            route(hand, room, here, T, probe.retreat)
+            for T in ranked(hand, session.belief, Ts, here, probe.max_range)[:_TRIED]
+        )
+        return next((stops for stops in ways if stops is not None), None)
+
+    def _go(self, stops: list[Transforms]) -> tuple[Motion, ...]:
+        fast = replace(self.rules, speed=_TRAVEL * self.rules.speed)
+        motions = list[Motion]()
+        for k, stop in enumerate(stops):
+            motions.append(go_to(self.robot, stop, self.rules if k == len(stops) - 1 else fast))
+            if not motions[-1].reached:
+                break
+        return tuple(motions)
+
+    def _read(self, action: Action) -> tuple[Step | None, str]:
+        """What was read at rest, told; and what is odd about it."""
+        readings = as_readings(self.robot.hand, rest(self.robot, REPEATS), str(action.number))
+        if readings is None:
+            return None, "no echo"
+        note = ""
+        if self.furniture is not None:
+            of_it = self.furniture.met(readings, self.robot.hand.rig, self.errors)
+            readings = beyond_furniture(readings, of_it, self.robot.hand.rig)
+            note = f"{int(of_it.sum())} of furniture" if of_it.any() else ""
+        if readings.is_free.all():
+            note = "; ".join(text for text in (note, "nothing met") if text)
+        return self.session.tell(readings), note
+
+
+def _front_way(hand: Hand, motion: Motion) -> float:
+    """How far the hand's front went [m]."""
+    Ts = np.array([sensed.T_world_hand for sensed in motion.log])
+    return float(np.linalg.norm(np.diff(SE3.apply(Ts, hand.front), axis=0), axis=1).sum())

@@ -1,0 +1,110 @@
+"""What the frontal sensors read while the hand rests, as readings for the belief; and what is known to stand there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.hand import FREE, MET, Hand, Robot, Sensed
+from tanteo.lie import SO3
+from tanteo.sensors import Readings, Rig, RobotPreset, error_model, measure
+from tanteo.shapes import Surface
+from tanteo.typing import BoolArray, Transforms
+
+_SCATTER = 6.0
+"""Readings that lie farther apart than so many standard deviations met more than one thing: each is told then."""
+
+_ALONE = 4
+"""How many of them."""
+
+_NEAR, _FORM = 4.0, 1e-3
+"""A reading within so many standard deviations and this much more [m] of furniture is of the furniture."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Furniture:
+    """Solids that are known to stand in the cell: a table, clamps, a fixture.
+
+    Attributes:
+        surface: of all of them, in the world.
+    """
+
+    surface: Surface
+
+    def met(self, readings: Readings, rig: Rig, robot: RobotPreset | None) -> BoolArray:
+        """Which readings are of it rather than of a part ``(n,)``: those that lie on it or in it."""
+        measured = measure(readings, rig=rig, robot=robot)
+        J, C = measured.stacked()
+        covs = measured.covs + J @ C @ np.swapaxes(J, 1, 2)
+        out = np.zeros(len(readings), dtype=bool)
+        if len(measured):
+            sds = np.sqrt(np.einsum("ni,nij,nj->n", measured.directions, covs, measured.directions))
+            away = self.surface.closest(measured.points).distances
+            inside = self.surface.inside(measured.points)
+            out[measured.rows] = inside | (away <= _NEAR * sds + _FORM)
+        return out
+
+
+def rest(robot: Robot, count: int) -> list[Sensed]:
+    """Readings of a hand that stays where it is."""
+    return [robot.step(np.zeros(6)) for _ in range(count)]
+
+
+def as_readings(hand: Hand, log: Sequence[Sensed], name: str) -> Readings | None:
+    """The readings of the frontal sensors at rest: one of each, the mean; None if none of them says anything.
+
+    Where those of one sensor disagree more than its noise, it looks over an edge: some of them are taken as they are.
+    Readings that are too near or get no echo say nothing.
+    """
+    model, rows = error_model(hand.rig), list[tuple[str, Transforms, float, float]]()
+    T = log[-1].T_world_hand
+    for i in hand.frontal:
+        met = np.array([s.ranges[i] for s in log if s.states[i] == MET])
+        free = sum(bool(s.states[i] == FREE) for s in log)
+        sensor = hand.rig.sensors[i].name
+        if len(met) and not free:
+            sd = float(model.law.sigma(np.full(len(model), met.mean()))[i])
+            cone = float(0.5 * np.tan(model.beam_half_angle[i]) * met.mean())
+            if np.ptp(met) <= _SCATTER * np.hypot(sd, cone):
+                rows.append((sensor, T, float(met.mean()), sd / np.sqrt(len(met))))
+            else:
+                some = np.unique(np.linspace(0, len(met) - 1, _ALONE).round().astype(np.int64))
+                rows += [(sensor, T, float(r), float("nan")) for r in met[some]]
+        elif free > len(met):
+            rows.append((sensor, T, float("nan"), float("nan")))
+    return _readings(rows, name) if rows else None
+
+
+def _readings(rows: list[tuple[str, Transforms, float, float]], name: str) -> Readings:
+    sensors, Ts, ranges, sds = zip(*rows, strict=True)
+    free = np.isnan(np.array(ranges))
+    return Readings.from_columns(
+        ids=[f"{name}.{k + 1}" for k in range(len(rows))],
+        ranges=np.array(ranges), sensors=sensors, Ts_world_hand=_rigid(np.array(Ts)), sds=np.array(sds), is_free=free,
+        source="sense part",
+    )  # fmt: skip
+
+
+def _rigid(Ts: Transforms) -> Transforms:
+    """Poses as a readings file keeps them."""
+    Ts[:, :3, :3] = SO3.from_quaternion(SO3.as_quaternion(Ts[:, :3, :3]))
+    return Ts
+
+
+def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings:
+    """The same with beams to furniture as free as far as it: nothing else stands between."""
+    if not of_it.any():
+        return readings
+    law = error_model(rig).law
+    number = rig.numbers(readings.sensors)
+    sds = law.sigma(np.nan_to_num(readings.ranges, nan=0.1)[:, None] * np.ones(len(rig.sensors)))
+    sd = sds[np.arange(len(readings)), number]
+    short = np.maximum(readings.ranges - _NEAR * sd - 5 * _FORM, 1e-3)
+    return Readings.from_columns(
+        ids=readings.ids, ranges=np.where(of_it, np.nan, readings.ranges), sensors=readings.sensors,
+        Ts_world_hand=readings.Ts_world_hand, sds=np.where(of_it, np.nan, readings.sds),
+        is_free=readings.is_free | of_it, max_ranges=np.where(of_it, short, readings.max_ranges),
+        source=readings.source,
+    )  # fmt: skip

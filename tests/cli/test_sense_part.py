@@ -1,0 +1,105 @@
+"""``tanteo sense part``: words, JSON, record, live lines and exit codes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from tanteo.io import read_readings
+from tanteo.io.session_record import read_record
+from tanteo.lie import SE3, SO3
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SCENE = EXAMPLES / "scenes" / "part_unknown.toml"
+PARTS = ["--parts", *(str(EXAMPLES / "parts" / f"bracket_{side}.step") for side in ("left", "right"))]
+
+
+@pytest.fixture
+def sense(run):
+    return lambda *options: run("sense", "part", "--scene", str(SCENE), *PARTS, *options)
+
+
+def test_it_ends_with_name_place_and_cost_in_words(sense, tmp_path):
+    record = tmp_path / "readings.csv"
+    code, out, err = sense("--record", str(record), "-v")
+    assert code == 0
+    assert out.startswith("bracket_left at x ")
+    assert "Enough: it is bracket_left (P = " in out
+    readings = read_readings(record)
+    assert f"  cost        {len(readings)} readings, " in out
+    assert "clearance" in out
+    lines = err.splitlines()
+    assert any("of bracket_" in line and "readings: bracket_" in line for line in lines)
+    assert any("go to" in line and "reached" in line for line in lines)
+
+
+def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
+    record = tmp_path / "session.json"
+    code, out, err = sense("--json", "--record", str(record))
+    document = json.loads(out)
+    assert code == 0
+    assert document["schema"] == "tanteo.recognition/1"
+    assert document["status"] == "recognized"
+    best = document["hypotheses"][0]
+    assert best["part"] == "bracket_left"
+    # the scene has it at (-25, -50, 0) mm, turned by 14 degrees; not farther away than what is said of the pose allows
+    true = SE3.from_parts(SO3.exp(np.radians([0, 0, 14])), [-0.025, -0.05, 0])
+    matrix = np.array(best["pose"]["matrix"])
+    xi = SE3.log(SE3.inverse(matrix) @ true)
+    assert xi @ np.linalg.solve(np.array(best["covariance"]["matrix"]), xi) < chi2.ppf(0.999, 6)
+    sensing = document["sensing"]
+    assert sensing["reached"] is True
+    assert sensing["least_clearance_m"] > 0.006
+    assert sensing["readings"] == sum(len(v["readings"]) for v in sensing["visits"])
+    assert sensing["visits"][-1]["worst_corner_sd_m"] == pytest.approx(best["worst_corner_sd_m"], rel=0.5)
+    assert len(err.splitlines()) >= len(sensing["visits"])
+    again = read_record(record).answer()
+    assert again.hypotheses[0].probability == best["probability"]
+    np.testing.assert_array_equal(again.hypotheses[0].T_world_part, matrix)
+
+
+def test_what_is_not_reached_exits_with_three(sense):
+    code, out, _ = sense("--most", "1", "--tolerance", "1mm")
+    assert code == 3
+    assert "which is the most that was asked for" in out
+
+
+def test_the_policies_differ_and_the_seed_repeats(sense):
+    outs = [sense("--most", "2", *more)[2] for more in ((), ("--seed", "1"), ("--policy", "nearest"))]
+    assert outs[0] == outs[1] != outs[2]
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (("--policy", "best"), 2, "policy: expected one of information"),
+        (("--probability", "1.5"), 2, "--probability: expected a probability"),
+        (("--confidence", "0"), 2, "--confidence: expected a probability"),
+        (("--tolerance", "2"), 2, "expected a unit"),
+        (("--tolerance", "0mm"), 2, "--tolerance: expected a positive length"),
+        (("--most", "0"), 2, "--most: expected 1 or more"),
+        (("--seed", "-1"), 2, "--seed: expected 0 or more"),
+        (("--standoff", "0mm"), 2, "--standoff: expected a length"),
+        (("--near", "0,0,0mm"), 2, "--near: expected a value and its standard deviation"),
+        (("--record", "/no/such/folder/x.json", "--most", "1"), 1, "--record: expected a file to write"),
+    ],
+)
+def test_refusals(sense, options, code, message):
+    got, out, err = sense(*options)
+    assert (got, out) == (code, "")
+    assert message in err
+
+
+def test_a_scene_without_a_rough_place_needs_one_from_the_options(run):
+    scene = str(EXAMPLES / "scenes" / "bracket.toml")
+    code, out, err = run("sense", "part", "--scene", scene, *PARTS)
+    assert (code, out) == (1, "")
+    assert "expected a table [prior]" in err
+    near = ("--near", "0,0,30mm 0,0,0deg +- 8mm 4deg")
+    code, _, err = run("sense", "part", "--scene", scene, *PARTS, *near, "--standoff", "40mm", "--most", "2")
+    assert code in (0, 3)
+    assert "readings: bracket_" in err
+    prior = EXAMPLES.parent / "tests" / "nothing.toml"
+    assert run("sense", "part", "--scene", scene, *PARTS, "--prior", str(prior))[0] == 1

@@ -1,0 +1,72 @@
+"""Readings at rest are averaged where they agree; furniture is told from parts, and what it says is kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from felt_scenes import gripper
+from tanteo.execution import Furniture
+from tanteo.execution.resting import as_readings, beyond_furniture
+from tanteo.hand import FREE, LOST, MET, Sensed
+from tanteo.lie import SE3
+from tanteo.sensors import error_model, measure
+from tanteo.simulator import Scene, box
+
+HAND = gripper()
+FIRST, SECOND = HAND.frontal
+ABOVE = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 0.15])
+"""The fingertips are 50 mm over the table."""
+
+
+def log(first, second, T=ABOVE):
+    """Readings of the frontal sensors; NaN is a free beam, minus one an echo that was lost."""
+    out = []
+    for a, b in zip(first, second, strict=True):
+        ranges, states = np.full(len(HAND.origins), np.nan), np.full(len(HAND.origins), LOST)
+        for i, value in ((FIRST, a), (SECOND, b)):
+            states[i] = FREE if np.isnan(value) else LOST if value < 0 else MET
+            ranges[i] = value if value > 0 else np.nan
+        out.append(Sensed(0.0, T, ranges, states))
+    return out
+
+
+def test_readings_that_agree_are_one_with_less_noise():
+    rng = np.random.default_rng(1)
+    sd = float(error_model(HAND.rig).law.sigma(np.full(len(HAND.origins), 0.04))[FIRST])
+    means, said = [], []
+    for _ in range(300):
+        readings = as_readings(HAND, log(0.04 + sd * rng.normal(size=10), [-1] * 10), "1")
+        assert readings.ids == ("1.1",)
+        means.append(readings.ranges[0])
+        said.append(readings.sds[0])
+    # the variance of 300 means is known to 8 percent (1 sd)
+    assert np.var(means) / np.mean(said) ** 2 == pytest.approx(1, abs=0.3)
+
+
+def test_readings_over_an_edge_are_told_one_by_one():
+    readings = as_readings(HAND, log([0.04, 0.07] * 5, [0.05] * 10), "1")
+    assert len(readings) > 3
+    assert {0.04, 0.07} <= set(np.round(readings.ranges, 6))
+    assert np.isnan(readings.sds[readings.ranges != 0.05]).all()
+
+
+def test_free_beams_are_told_and_lost_ones_are_not():
+    readings = as_readings(HAND, log([np.nan] * 10, [-1] * 10), "1")
+    assert readings.is_free.tolist() == [True]
+    assert readings.sensors == (HAND.rig.sensors[FIRST].name,)
+    assert as_readings(HAND, log([-1] * 10, [-1] * 10), "1") is None
+
+
+def test_beams_to_furniture_are_free_as_far_as_it():
+    furniture = Furniture(Scene.of([box("table", [-1, -1, -0.05], [1, 1, 0])]).surface)
+    readings = as_readings(HAND, log([0.05] * 10, [0.02] * 10), "1")
+    of_it = furniture.met(readings, HAND.rig, None)
+    assert of_it.tolist() == [True, False]
+    told = beyond_furniture(readings, of_it, HAND.rig)
+    assert told.is_free.tolist() == [True, False]
+    assert 0.03 < told.max_ranges[0] < 0.05
+    assert len(measure(told, rig=HAND.rig).free) == 1
+    none = furniture.met(as_readings(HAND, log([np.nan] * 3, [0.02] * 3), "2"), HAND.rig, None)
+    assert not none.any()
+    assert beyond_furniture(readings, np.zeros(2, dtype=bool), HAND.rig) is readings

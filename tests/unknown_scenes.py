@@ -1,0 +1,83 @@
+"""A part that nobody was told of, on a table beside a clamp, and a hand above it: for tests and benchmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from felt_scenes import gripper
+from tanteo.active import Start, Stop, around, corner_distances, policy_named
+from tanteo.execution import Furniture, hand_probe, reachable
+from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.lie import SE3, SO3
+from tanteo.motion import Rules
+from tanteo.session import Sensing, Session
+from tanteo.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
+
+STANDOFF, CLEARANCE = 0.04, 0.012
+SDS = np.array([0.015, 0.015, 0.005, np.radians(2), np.radians(2), np.radians(8)])
+"""How roughly the place is known: along the axes of the place [m], about them [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unknown:
+    """The truth, and what may be known of it."""
+
+    scene: Scene
+    T_world_part: np.ndarray
+    start: Start
+    rules: Rules
+    furniture: Furniture
+    robot: SimulatedHand
+
+    @property
+    def clear(self) -> float:
+        """Least distance of the whole hand from everything so far [m]."""
+        return float(clearances(self.scene, gripper().body, np.array(self.robot.truth)).min())
+
+
+def unknown_scene(targets, number, rng, *, told=True, cell=None) -> Unknown:
+    """One of the targets, turned anyhow on the table, its place drawn from what is known of it.
+
+    With ``told`` false nobody knows of the clamp.
+    """
+    part = targets[number].part
+    T_rough = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])), np.zeros(3))
+    T = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, SDS[5] * rng.normal()])) @ T_rough[:3, :3], np.zeros(3))
+    T[2, 3] = -part.box[0, 2]
+    centre = SE3.apply(T, part.centroid)
+    # the place is drawn about the truth: as wrong as it is said to be
+    tilt = SO3.exp(SDS[3:] * [1, 1, 0] * rng.normal(size=3))
+    T_world_place = SE3.from_parts(T_rough[:3, :3] @ tilt, centre + SDS[:3] * rng.normal(size=3))
+    low, high = SE3.apply(T, part.vertices).min(axis=0), SE3.apply(T, part.vertices).max(axis=0)
+    x = high[0] + rng.uniform(0.05, 0.08)
+    corners = np.array([x, low[1], 0.0]), np.array([x + 0.04, low[1] + 0.06, rng.uniform(0.03, 0.08)])
+    table, clamp = box("table", [-0.5, -0.5, -0.05], [0.5, 0.5, 0.0]), box("clamp", *corners)
+    scene = Scene.of([table, clamp, Solid.at("part", part.vertices, part.triangles, T)])
+    boxes = [ForbiddenBox("clamp", *corners)] if told else []
+    above = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), [centre[0], centre[1], high[2] + 0.30])
+    return Unknown(
+        scene,
+        T,
+        around(targets, T_world_place, np.diag(SDS**2)),
+        Rules(clearance=CLEARANCE, workspace=Workspace.above(0.0, boxes)),
+        Furniture(Scene.of([table, clamp] if told else [table]).surface),
+        SimulatedHand(scene, gripper(), above, rng=rng, cell=cell or Cell()),
+    )
+
+
+def unknown_session(unknown, policy="information", seed=0, **stop) -> Session:
+    """A session about it, with the gripper's frontal sensors."""
+    probe = hand_probe(gripper(), unknown.rules, STANDOFF)
+    able = reachable(gripper(), unknown.rules, probe.retreat)
+    sensing = Sensing(rig=gripper().rig)
+    return Session(unknown.start, probe, sensing, policy_named(policy), Stop(**stop), seed, able)
+
+
+def off(session, number, T_world_part) -> float:
+    """How far the worst corner is from where it is said to be [m]; infinite for another part."""
+    belief = session.belief
+    if not len(belief.weights) or belief.part[0] != number:
+        return float("inf")
+    return float(corner_distances(belief, 0, T_world_part[None])[0])
