@@ -51,7 +51,7 @@ def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.split("\n")[0].split("/")[-2][:30])
+@pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.split("\n")[0].removeprefix("$ tanteo ")[:30])
 def test_output_is_that_of_the_program(block, cache):
     command, shown = block.split("\n", 1)
     real = tanteo(command.removeprefix("$ "), cache)

@@ -56,20 +56,20 @@ class Stop:
         if self.probability is not None:
             if P[k] <= self.probability:
                 return ""
-            words.append(f"it is {name} (P = {_short(P[k])})")
+            words.append(f"it is {name} ({_short(P[k])})")
         if self.tolerance is not None:
             inside = chance_within(belief, self.tolerance)
             if inside < self.confidence:
                 return ""
             words.append(
                 f"every corner of {name} is within {1e3 * self.tolerance:.3g} mm of where it is said to be "
-                f"(P = {_short(inside)})"
+                f"({_short(inside)})"
             )
         return " and ".join(words)
 
 
 def _short(p: float) -> str:
-    return f"{p:.4f}" if p < 0.9999 else "> 0.9999"
+    return f"P = {p:.4f}" if p < 0.9999 else "P > 0.9999"
 
 
 def chance_within(belief: Belief, tolerance: float) -> float:

@@ -38,6 +38,9 @@ _MAXIMA, _HOPELESS = 16, 25.0
 _NORMAL = 0.25
 """Root mean square by which the log density may differ from a normal one that is believed."""
 
+_OFF = 2.0
+"""A draw that differs by more than this counts as one that differs by this: a stray's tail is no other shape."""
+
 _ONE = 9.0
 """Squared Mahalanobis distance within which a maximum belongs to a larger mode."""
 
@@ -278,7 +281,7 @@ def _distance(draws: _Draws, about: _Proposals, j: int, i: int, C: FloatArray) -
 def _is_normal(draws: _Draws, about: _Proposals, top: float, j: int, w: FloatArray) -> bool:
     """Whether the draws about a maximum, whose log density is ``top``, have the density of its curvature."""
     white = np.linalg.solve(about.roots[j], draws.x[j].T)
-    off = draws.log - top + 0.5 * np.sum(white * white, axis=0)
+    off = np.clip(draws.log - top + 0.5 * np.sum(white * white, axis=0), -_OFF, _OFF)
     used = w > 1e-3 * w.max()
     return bool(np.sqrt(np.average(off[used] ** 2, weights=w[used])) < _NORMAL)
 
