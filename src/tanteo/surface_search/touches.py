@@ -28,7 +28,8 @@ class Touches:
         tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
         directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
         oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
-        variance: of every point in every direction, where it is one for all [m2]; else NaN; follows from ``covs``.
+        variance: of every point in every direction, where it is one for all [m2]; NaN otherwise, and for no point;
+            follows from ``covs``.
     """
 
     ids: tuple[str, ...]
@@ -51,7 +52,7 @@ class Touches:
         alike = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v))
         object.__setattr__(self, "directed", np.any(self.directions != 0, axis=1))
         object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
-        object.__setattr__(self, "variance", v if alike else float("nan"))
+        object.__setattr__(self, "variance", v if alike and len(self.covs) else float("nan"))
 
     def __len__(self) -> int:
         return len(self.ids)
