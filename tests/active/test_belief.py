@@ -146,3 +146,29 @@ def test_a_start_that_makes_no_sense_is_refused(targets, change, words):
     start = at_pose(targets[0], np.eye(4), 1e-4 * np.eye(6))
     with pytest.raises(InputError, match=words):
         replace(start, **change)
+
+
+def test_a_mode_without_draws_counts_by_its_covariance(targets):
+    """Of a mode that hardly matters no draw may be left among those that are kept."""
+    start = rough(targets)
+    touches = readings(targets[0], start.Ts[0], 2, np.random.default_rng(3))
+    belief = update(begin(start), touches, no_paths())
+    curved = [k for k, mode in enumerate(belief.modes) if mode.moments is not None]
+    assert curved
+    assert belief.draws is not None
+    keep = ~np.isin(belief.draws.mode, curved)
+    bare = replace(belief.draws, **{name: getattr(belief.draws, name)[keep] for name in ("Ts", "mode", "weights")})
+    chances = [chance_within(replace(belief, draws=bare), tolerance) for tolerance in (1e-4, 0.02, 1.0)]
+    assert chances == sorted(chances)
+    assert chances[-1] == pytest.approx(belief.of_parts()[belief.part[0]])
+
+
+def test_free_beams_alone_leave_the_start_where_they_did_not_pass(targets):
+    """Nothing was met: there is no touch to weigh, only paths; beside the part they say nothing."""
+    start = rough(targets, sd=(1e-3, 1e-2))
+    far = FreePaths(np.array([[1.0, 0.0, 0.5]]), np.array([[0.0, 0.0, -1.0]]), np.array([0.4]), np.zeros(1))
+    belief = update(
+        begin(start), readings(targets[0], np.eye(4), 1, np.random.default_rng(1)).take(np.zeros(0, int)), far
+    )
+    P = belief.of_parts()
+    np.testing.assert_allclose(P / P.sum(), 1 / 3, atol=0.05)

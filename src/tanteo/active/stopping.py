@@ -91,8 +91,10 @@ def chance_within(belief: Belief, tolerance: float) -> float:
 
 def _poses(belief: Belief, k: int, count: int) -> tuple[FloatArray, FloatArray]:
     """Poses of one mode and their weights: from its covariance, or those it was weighed by if it is not normal."""
+    rows = np.zeros(0, dtype=np.int64)
     if belief.draws is not None and belief.modes[k].moments is not None:
-        rows = belief.draws.mode == k
+        rows = np.flatnonzero(belief.draws.mode == k)
+    if belief.draws is not None and len(rows):  # of a mode that hardly matters, no draw may be left
         return belief.draws.Ts[rows], belief.draws.weights[rows]
     values, vectors = np.linalg.eigh(belief.covariances[k])
     xi = even_normals(count) @ (vectors * np.sqrt(values.clip(0.0))).T
