@@ -48,7 +48,7 @@ class Touches:
     variance: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        v = float(self.covs[0, 0, 0]) if len(self.covs) else 1.0  # of no touch, any
+        v = float(self.covs[0, 0, 0]) if len(self.covs) else 0.0
         alike = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v))
         object.__setattr__(self, "directed", np.any(self.directions != 0, axis=1))
         object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
