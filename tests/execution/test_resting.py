@@ -51,6 +51,12 @@ def test_readings_over_an_edge_are_told_one_by_one():
     assert np.isnan(readings.sds[readings.ranges != 0.05]).all()
 
 
+def test_a_mean_over_a_low_step_is_of_neither_face():
+    """3 mm is less than the beam's spot is wide, and all that tells two parts of the examples apart."""
+    readings = as_readings(HAND, log([0.04] * 5 + [0.043] * 5, [-1] * 10), "1")
+    assert set(np.round(readings.ranges, 6)) == {0.04, 0.043}
+
+
 def test_free_beams_are_told_and_lost_ones_are_not():
     readings = as_readings(HAND, log([np.nan] * 10, [-1] * 10), "1")
     assert readings.is_free.tolist() == [True]

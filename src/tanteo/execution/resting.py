@@ -14,7 +14,8 @@ from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, Transforms
 
 _SCATTER = 6.0
-"""Readings that lie farther apart than so many standard deviations met more than one thing: each is told then."""
+"""Readings that lie farther apart than so many standard deviations of their noise met a slope or more than one thing:
+their mean may be of neither, so each is told then."""
 
 _ALONE = 4
 """How many of them."""
@@ -66,8 +67,7 @@ def as_readings(hand: Hand, log: Sequence[Sensed], name: str) -> Readings | None
         sensor = hand.rig.sensors[i].name
         if len(met) and not free:
             sd = float(model.law.sigma(np.full(len(model), met.mean()))[i])
-            cone = float(0.5 * np.tan(model.beam_half_angle[i]) * met.mean())
-            if np.ptp(met) <= _SCATTER * np.hypot(sd, cone):
+            if np.ptp(met) <= _SCATTER * sd:
                 rows.append((sensor, T, float(met.mean()), sd / np.sqrt(len(met))))
             else:
                 some = np.unique(np.linspace(0, len(met) - 1, _ALONE).round().astype(np.int64))
