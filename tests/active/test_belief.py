@@ -172,3 +172,24 @@ def test_free_beams_alone_leave_the_start_where_they_did_not_pass(targets):
     )
     P = belief.of_parts()
     np.testing.assert_allclose(P / P.sum(), 1 / 3, atol=0.05)
+
+
+def test_sampled_masses_are_on_the_scale_of_laplace_with_shared_errors(targets):
+    """Readings that fix a pose and share errors: the posterior is normal, and both ways must give one mass."""
+    from tanteo.active import weighing
+
+    start, rng = rough(targets[2:], sd=(1e-3, 1e-2)), np.random.default_rng(5)
+    touches = readings(targets[2], start.Ts[0], 25, rng)
+    touches = replace(touches, gains=1e-4 * rng.normal(size=(len(touches), 3, 4)))
+    seen = []
+    old = weighing._as_modes
+
+    def kept(found, rows, masses, about, draws, posterior):
+        seen.append((draws.log_mass, float(masses[0])))
+        return old(found, rows, masses, about, draws, posterior)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(weighing, "_as_modes", kept)
+        update(begin(start), touches, no_paths())
+    sampled, laplace = seen[-1]
+    assert sampled == pytest.approx(laplace, abs=1.0)  # 4 log(2 pi) / 2 = 3.7 apart if one leaves that out

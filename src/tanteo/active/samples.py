@@ -89,6 +89,8 @@ def _from_draws(
         if belief.draws is None or belief.modes[k].moments is None or n < 2:
             continue
         rows = np.flatnonzero(belief.draws.mode == k)
+        if not len(rows):
+            continue
         w = np.cumsum(belief.draws.weights[rows])
         chosen = rows[np.searchsorted(w, w[-1] * (np.arange(n) + 0.5) / n).clip(0, len(rows) - 1)]
         Ts[at : at + n] = belief.draws.Ts[chosen]

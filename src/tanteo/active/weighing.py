@@ -124,6 +124,7 @@ class _Posterior:
         priors = self.start.priors
         log = log_posterior(self.touches, self.free, Ts, z, self.target, replace(priors, pose=None))
         anywhere = 3 * np.log(2 * priors.radius) + np.log(8 * np.pi**2)
+        log -= 0.5 * z.shape[1] * np.log(2 * np.pi)  # the density of shared errors, which log_posterior leaves at that
         return np.asarray(log + anywhere + self.start.log_density(self.part, Ts))
 
 
