@@ -26,7 +26,7 @@ def test_it_ends_with_name_place_and_cost_in_words(sense, tmp_path):
     code, out, err = sense("--record", str(record), "-v")
     assert code == 0
     assert out.startswith("bracket_left at x ")
-    assert "Enough: it is bracket_left (P = " in out
+    assert "Enough: it is bracket_left (P " in out
     readings = read_readings(record)
     assert f"  cost        {len(readings)} readings, " in out
     assert "clearance" in out

@@ -105,7 +105,7 @@ def sense_part(
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
-    """Find out which part is there and where, from a rough idea of its place, without touching it."""
+    """Find out which part is there and where, from a rough idea of its place, by range sensors on a hand."""
     from tanteo.cli.options import misuse
     from tanteo.cli.prior_options import read_pose_prior
     from tanteo.cli.running import guarded
