@@ -83,6 +83,13 @@ def test_extra_readings_are_taken_and_told_ones_left_out(targets):
     assert session.count == 2
 
 
+def test_new_names_are_not_those_that_are_told_with_them(targets):
+    session = new_session(rough(targets))
+    session.tell(Readings.from_columns(np.array([[0.0, 0.0, 0.1]]), ids=["a"]))
+    step = session.tell(Readings.from_columns(np.array([[0.0, 0.0, 0.2], [0.0, 0.1, 0.1]]), ids=["a", "a (2)"]))
+    assert step.ids == ("a (3)", "a (2)")
+
+
 def test_what_cannot_be_a_reading_changes_nothing(targets):
     session = new_session(rough(targets))
     action = session.ask()

@@ -30,6 +30,7 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
     import tanteo.demo.story as story
 
     monkeypatch.setattr(story, "find_spec", lambda name: None)
+    monkeypatch.setattr(story, "_MOST", 14)  # enough for the session; random sensing need not go on
     got = run("demo", "--no-open", "--report", str(tmp_path / "demo.html"))
     assert got.code == 0
     assert "No camera" in got.out

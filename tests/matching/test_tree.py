@@ -77,7 +77,7 @@ def test_every_number_of_features_left_out(models):
     assert found == expected
 
 
-SCENES = 1000
+SCENES = 600
 ALPHA = 0.01
 
 
@@ -112,7 +112,7 @@ def made(feature, model, plane, T, tolerance, rng):
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.5e-4], ids=["exact part", "made part"])
 def test_the_true_part_is_rejected_as_rarely_as_alpha_says(models, tolerance):
-    """Over 1,000 scenes of all parts (300 of made ones): lost by a gate, the tree, the extent or the test."""
+    """Over 600 scenes of all parts (300 of made ones): lost by a gate, the tree, the extent or the test."""
     names = [n for n in models if len(models[n].part.planes)]
     rejected = 0
     scenes = 300 if tolerance else SCENES

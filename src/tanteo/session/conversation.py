@@ -1,20 +1,11 @@
-"""Sensing as a conversation: ``ask()`` gives the next reading to make, ``tell(readings)`` what came of it.
-
-The only thing here with memory. It touches no file and moves no hand::
-
-    session = Session(around(targets, T_world_place, covariance), probe_of(sensor_preset("tesa_st")), sensing=...)
-    while isinstance(action := session.ask(), Action):
-        session.tell(action.read(measured_range))
-    print(session.answer().message)
-"""
+"""The only thing with memory: what was asked, what was told, and the belief that came of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from tanteo.active import (
     POLICIES,
@@ -31,170 +22,19 @@ from tanteo.active import (
     propose,
     update,
 )
-from tanteo.errors import InputError
-from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Recognition
 from tanteo.matching.verdict import corner_sd, observed_covariance, verdict
-from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, concatenate, measure
-from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
+from tanteo.sensors import Readings, concatenate
+from tanteo.session.names import new_readings
+from tanteo.session.values import Action, Done, Sensing, Step, Told
 from tanteo.surface_search.answer import as_hypothesis
-from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500
 """Readings among which one is chosen."""
 
 _LIKE = 0.15
 """A reading is like a refused one within this angle [rad], and a place of this share of the stand-off."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sensing:
-    """How readings are made into measurements; as in :func:`tanteo.sensors.measure`.
-
-    Attributes:
-        sensor: preset, or its name, of readings without a spread of their own.
-        robot: preset of the robot's errors, or its name.
-        sd: one standard deviation along the beam or normal [m], for the same.
-        tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
-        rig: where the range sensors sit on the hand.
-        tolerance: sd of the made part's surface against its CAD [m].
-    """
-
-    sensor: SensorPreset | str | None = None
-    robot: RobotPreset | str | None = None
-    sd: float | None = None
-    tip_sd: npt.ArrayLike | None = None
-    rig: Rig | None = None
-    tolerance: float = 0.0
-
-    def touches(self, readings: Readings) -> tuple[Touches, FreePaths]:
-        """Readings as touches and free paths in the world."""
-        measured = measure(readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig)
-        reach = readings.ranges[measured.rows]
-        return as_touches(measured, self.tolerance, reach), as_free_paths(measured, self.tolerance)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Action:
-    """The next reading to make.
-
-    Attributes:
-        number: of the question, from 1.
-        origin: from where to look or move, world ``(3,)`` [m].
-        direction: in which, unit, world ``(3,)``.
-        max_range: how far [m].
-        expected: mean range from ``origin`` if the likeliest hypothesis is true [m].
-        part: at which part it is aimed.
-        face: at which of its faces.
-        gain: what it is expected to tell [nats]; NaN where the policy does not ask.
-        why: in words.
-    """
-
-    number: int
-    origin: Vectors
-    direction: Vectors
-    max_range: float
-    expected: float
-    part: str
-    face: str
-    gain: float
-    why: str
-
-    @property
-    def T_world_probe(self) -> Transforms:
-        """A pose of the probe ``(4, 4)`` that looks along its z; its turn about z is free."""
-        z = self.direction
-        x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-        x /= np.linalg.norm(x)
-        return SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=-1), self.origin)
-
-    @property
-    def words(self) -> str:
-        """One line for a person."""
-        x, y, z = 1e3 * self.origin
-        dx, dy, dz = self.direction
-        return (
-            f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
-            f"{self.part} is expected after {1e3 * self.expected:.1f} mm; {self.why}"
-        )
-
-    def read(self, distance: float, sd: float | None = None, name: str | None = None) -> Readings:
-        """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
-
-        Args:
-            distance: from ``origin`` along ``direction``, as measured.
-            sd: of it [m], where the session's sensor does not say it.
-            name: of the reading; that of the question by default.
-        """
-        if np.isnan(distance) or distance <= 0:
-            raise InputError(f"distance: expected a positive length or infinity, got {distance}. Leave it out.")
-        names, free = [name or f"a{self.number}"], not np.isfinite(distance)
-        if free or distance > self.max_range:
-            return Readings.from_columns(
-                self.origin[None], ids=names, directions=self.direction[None], is_free=np.array([True]),
-                max_ranges=np.array([self.max_range]),
-            )  # fmt: skip
-        return Readings.from_columns(
-            (self.origin + distance * self.direction)[None], ids=names, directions=self.direction[None],
-            ranges=np.array([distance]), sds=None if sd is None else np.array([sd]),
-        )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """Nothing more to ask.
-
-    Attributes:
-        reached: the goal is reached; else nothing is left that is worth its cost, or that can be made.
-        why: in words.
-    """
-
-    reached: bool
-    why: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """What some readings told.
-
-    Attributes:
-        ids: names of the readings.
-        action: the question that they answer; None where nothing was asked.
-        probabilities: of every part ``(P,)``.
-        unknown: of "none of these".
-        T_world_part: likeliest pose ``(4, 4)``.
-        part: index of its part; -1 if no part explains the readings.
-        covariance: of that pose ``(6, 6)``.
-        worst_corner_sd: [m].
-        within: probability that all corners are within the tolerance; NaN without one.
-        note: what a person should know; empty for nothing.
-    """
-
-    ids: tuple[str, ...]
-    action: Action | None
-    probabilities: FloatArray
-    unknown: float
-    T_world_part: Transforms
-    part: int
-    covariance: Covariances
-    worst_corner_sd: float
-    within: float
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Told:
-    """What was told at once, as a record keeps it.
-
-    Attributes:
-        action: the question that it answers; None where nothing was asked.
-        readings: those of it that were new; None if all of them had been told before.
-        note: what a person should know; empty for nothing.
-    """
-
-    action: Action | None
-    readings: Readings | None
-    note: str = ""
 
 
 @dataclass(slots=True, eq=False)
@@ -306,7 +146,7 @@ class Session:
         Raises:
             InputError: the readings cannot be made into measurements; nothing has changed then.
         """
-        return self._take(*self._fresh(readings))
+        return self._take(*new_readings(self._readings, readings))
 
     def resume(self, told: Iterable[Told], asked: Action | None = None) -> None:
         """Take what another session was told, in its order: belief and next question are then the same as there.
@@ -376,26 +216,6 @@ class Session:
             part.faces[c.face[k]].name, choice.gain, choice.why,
         )  # fmt: skip
 
-    def _fresh(self, readings: Readings) -> tuple[Readings | None, str]:
-        """The readings that are new, named so that no name comes twice; and what was done about names."""
-        known = {name: (r, k) for r in self._readings for k, name in enumerate(r.ids)}
-        keep, names, again, renamed = [], [], [], []
-        for k, name in enumerate(readings.ids):
-            new = name
-            if name in known:
-                if _same(readings, k, *known[name]):
-                    again.append(name)
-                    continue
-                new = next(f"{name} ({n})" for n in range(2, 10**6) if f"{name} ({n})" not in known)
-                renamed.append(new)
-            keep.append(k)
-            names.append(new)
-        notes = [f"{', '.join(again)}: told before"] if again else []
-        notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
-        if not keep:
-            return None, "; ".join(notes)
-        return replace(readings.take(np.array(keep)), ids=tuple(names)), "; ".join(notes)
-
     def _step(self, ids: Sequence[str], note: str) -> Step:
         b = self._belief
         if not len(b.weights):
@@ -408,10 +228,3 @@ class Session:
             sd = corner_sd(part_k, observed_covariance(part_k, C))
             inside = np.nan if self.stop.tolerance is None else chance_within(b, self.stop.tolerance)
         return Step(tuple(ids), self._asked, b.of_parts(), b.unknown, T, part, C, sd, float(inside), note)
-
-
-def _same(a: Readings, i: int, b: Readings, j: int) -> bool:
-    arrays = ("points", "directions", "ranges", "Ts_world_hand", "max_ranges")
-    return a.sensors[i] == b.sensors[j] and all(
-        np.array_equal(getattr(a, name)[i], getattr(b, name)[j], equal_nan=True) for name in arrays
-    )

@@ -1,0 +1,164 @@
+"""What passes between a session and who senses: questions, what came of them, how readings are made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensing:
+    """How readings are made into measurements; as in :func:`tanteo.sensors.measure`.
+
+    Attributes:
+        sensor: preset, or its name, of readings without a spread of their own.
+        robot: preset of the robot's errors, or its name.
+        sd: one standard deviation along the beam or normal [m], for the same.
+        tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
+        rig: where the range sensors sit on the hand.
+        tolerance: sd of the made part's surface against its CAD [m].
+    """
+
+    sensor: SensorPreset | str | None = None
+    robot: RobotPreset | str | None = None
+    sd: float | None = None
+    tip_sd: npt.ArrayLike | None = None
+    rig: Rig | None = None
+    tolerance: float = 0.0
+
+    def touches(self, readings: Readings) -> tuple[Touches, FreePaths]:
+        """Readings as touches and free paths in the world."""
+        measured = measure(readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig)
+        reach = readings.ranges[measured.rows]
+        return as_touches(measured, self.tolerance, reach), as_free_paths(measured, self.tolerance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Action:
+    """The next reading to make.
+
+    Attributes:
+        number: of the question, from 1.
+        origin: from where to look or move, world ``(3,)`` [m].
+        direction: in which, unit, world ``(3,)``.
+        max_range: how far [m].
+        expected: mean range from ``origin`` if the likeliest hypothesis is true [m].
+        part: at which part it is aimed.
+        face: at which of its faces.
+        gain: what it is expected to tell [nats]; NaN where the policy does not ask.
+        why: in words.
+    """
+
+    number: int
+    origin: Vectors
+    direction: Vectors
+    max_range: float
+    expected: float
+    part: str
+    face: str
+    gain: float
+    why: str
+
+    @property
+    def T_world_probe(self) -> Transforms:
+        """A pose of the probe ``(4, 4)`` that looks along its z; its turn about z is free."""
+        z = self.direction
+        x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+        x /= np.linalg.norm(x)
+        return SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=-1), self.origin)
+
+    @property
+    def words(self) -> str:
+        """One line for a person."""
+        x, y, z = 1e3 * self.origin
+        dx, dy, dz = self.direction
+        return (
+            f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
+            f"{self.part} is expected after {1e3 * self.expected:.1f} mm; {self.why}"
+        )
+
+    def read(self, distance: float, sd: float | None = None, name: str | None = None) -> Readings:
+        """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
+
+        Args:
+            distance: from ``origin`` along ``direction``, as measured.
+            sd: of it [m], where the session's sensor does not say it.
+            name: of the reading; that of the question by default.
+        """
+        if np.isnan(distance) or distance <= 0:
+            raise InputError(f"distance: expected a positive length or infinity, got {distance}. Leave it out.")
+        names, free = [name or f"a{self.number}"], not np.isfinite(distance)
+        if free or distance > self.max_range:
+            return Readings.from_columns(
+                self.origin[None], ids=names, directions=self.direction[None], is_free=np.array([True]),
+                max_ranges=np.array([self.max_range]),
+            )  # fmt: skip
+        return Readings.from_columns(
+            (self.origin + distance * self.direction)[None], ids=names, directions=self.direction[None],
+            ranges=np.array([distance]), sds=None if sd is None else np.array([sd]),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """Nothing more to ask.
+
+    Attributes:
+        reached: the goal is reached; else nothing is left that is worth its cost, or that can be made.
+        why: in words.
+    """
+
+    reached: bool
+    why: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What some readings told.
+
+    Attributes:
+        ids: names of the readings.
+        action: the question that they answer; None where nothing was asked.
+        probabilities: of every part ``(P,)``.
+        unknown: of "none of these".
+        T_world_part: likeliest pose ``(4, 4)``.
+        part: index of its part; -1 if no part explains the readings.
+        covariance: of that pose ``(6, 6)``.
+        worst_corner_sd: [m].
+        within: probability that all corners are within the tolerance; NaN without one.
+        note: what a person should know; empty for nothing.
+    """
+
+    ids: tuple[str, ...]
+    action: Action | None
+    probabilities: FloatArray
+    unknown: float
+    T_world_part: Transforms
+    part: int
+    covariance: Covariances
+    worst_corner_sd: float
+    within: float
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What was told at once, as a record keeps it.
+
+    Attributes:
+        action: the question that it answers; None where nothing was asked.
+        readings: those of it that were new; None if all of them had been told before.
+        note: what a person should know; empty for nothing.
+    """
+
+    action: Action | None
+    readings: Readings | None
+    note: str = ""
