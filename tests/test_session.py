@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,19 @@ def test_the_same_seed_and_readings_give_the_same_questions_and_answers(targets)
 def test_asking_twice_without_telling_gives_the_same_question(targets):
     session = new_session(rough(targets))
     assert session.ask() is session.ask()
+
+
+def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
+    session = new_session(rough(targets))
+    own = session.ask()
+    theirs = replace(own, origin=own.origin + [0.0, 0.0, 0.01])
+    session.put(theirs)
+    assert session.ask() is theirs
+    assert session.tell(theirs.read(0.1)).action is theirs
+    assert session.ask().number == own.number + 1
+    session.put(None)
+    assert session.asked is None
+    assert session.ask().number == own.number + 2
 
 
 def test_extra_readings_are_taken_and_told_ones_left_out(targets):

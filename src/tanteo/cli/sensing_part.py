@@ -103,7 +103,7 @@ def sense_unknown(
     if options.seed is not None:
         scene = replace(scene, seed=options.seed)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
-    session, robot, rules = _prepared(scene, parts, options, known)
+    session, robot, rules = prepare_run(scene, parts, options, known)
     with _live(verbose=verbose) as watch:
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
@@ -111,7 +111,7 @@ def sense_unknown(
     _answer(session, done, least, as_json=as_json, verbose=verbose)
 
 
-def _prepared(
+def prepare_run(
     scene: SceneFile, parts: Sequence[Part], options: PartOptions, known: PosePrior | None
 ) -> tuple[Session, SimulatedHand, Rules]:
     """The session, which knows nothing of the truth, and the hand in it."""

@@ -138,6 +138,16 @@ class Session:
         self._refused.append(action)
         self._asked = None
 
+    def put(self, action: Action | None) -> None:
+        """A question that somebody else chose, in place of the one that waits: the next :meth:`ask` gives it.
+
+        Args:
+            action: the question; None only drops the one that waits, so that another is chosen.
+        """
+        self._asked = action
+        if action is not None:
+            self._questions = action.number
+
     def tell(self, readings: Readings) -> Step:
         """Take readings into the belief: the answer to the last question, or any others, at any time.
 
@@ -156,14 +166,9 @@ class Session:
             asked: its question that waited for an answer.
         """
         for one in told:
-            self._ask_again(one.action)
+            self.put(one.action)
             self._take(one.readings, one.note)
-        self._ask_again(asked)
-
-    def _ask_again(self, action: Action | None) -> None:
-        self._asked = action
-        if action is not None:
-            self._questions = action.number
+        self.put(asked)
 
     def _take(self, fresh: Readings | None, note: str) -> Step:
         if fresh is not None:
