@@ -70,7 +70,7 @@ def test_asking_twice_without_telling_gives_the_same_question(targets):
 def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
     session = new_session(rough(targets))
     own = session.ask()
-    theirs = replace(own, origin=own.origin + [0.0, 0.0, 0.01])
+    theirs = replace(own, origin=own.origin + np.array([0.0, 0.0, 0.01]))
     session.put(theirs)
     assert session.ask() is theirs
     assert session.tell(theirs.read(0.1)).action is theirs
