@@ -157,7 +157,7 @@ class _Proposals:
     def log_density(self, x: FloatArray) -> FloatArray:
         """Of draws by each of them, shares included ``(J, S)``."""
         d = x.shape[-1]
-        white = np.linalg.solve(self.roots[:, None], (x - self.means[:, None])[..., None])[..., 0]
+        white = (x - self.means[:, None]) @ np.swapaxes(np.linalg.inv(self.roots), 1, 2)
         constant = gammaln(0.5 * (_TAIL + d)) - gammaln(0.5 * _TAIL) - 0.5 * d * np.log(_TAIL * np.pi)
         log = constant - np.linalg.slogdet(self.roots)[1] + np.log(self.shares)
         return np.asarray(log[:, None] - 0.5 * (_TAIL + d) * np.log1p(np.sum(white * white, axis=-1) / _TAIL))
@@ -171,9 +171,8 @@ class _Proposals:
         x = self.means[which] + factor[:, None] * (self.roots[which] @ normal[..., None])[..., 0]
         return self.Ts[which] @ SE3.exp(x[:, :6]), self.z[which] + x[:, 6:]
 
-    def adapted(self, x: FloatArray, w: FloatArray) -> _Proposals:
-        """With moments and shares of the weighted draws that each is responsible for."""
-        log = self.log_density(x)
+    def adapted(self, x: FloatArray, w: FloatArray, log: FloatArray) -> _Proposals:
+        """With moments and shares of the weighted draws that each is responsible for, by its log density ``(J, S)``."""
         own = np.exp(log - logsumexp(log, axis=0)) * np.minimum(w, w.mean() * np.sqrt(len(w)))
         mass = own.sum(axis=1)
         share = mass / mass.sum()
@@ -214,22 +213,23 @@ class _Draws:
 
 
 def _sampled(posterior: _Posterior, about: _Proposals, rounds: int) -> _Draws:
-    """Rounds of draws until enough of them carry the weight."""
+    """Rounds of draws until enough of them carry the weight; each weighs against the mixture of all proposals."""
     Ts, z = about.draw(0)
-    log, proposals = posterior(Ts, z), [about]
-    for round_ in range(1, rounds + 1):
-        x = about.coordinates(Ts, z)
-        each = np.stack([p.log_density(x) for p in proposals])
-        log_q = logsumexp(each, axis=(0, 1)) - np.log(len(proposals))
-        log_w = log - log_q
+    log, x, proposals = posterior(Ts, z), about.coordinates(Ts, z), [about]
+    each = about.log_density(x)[None]
+    while True:
+        log_w = log - (logsumexp(each, axis=(0, 1)) - np.log(len(proposals)))
         w = np.exp(log_w - log_w.max()) if np.isfinite(log_w.max()) else np.ones(len(log_w))
         effective = float(w.sum() ** 2 / np.sum(w**2))
-        if effective > ENOUGH or round_ == rounds:
+        if effective > ENOUGH or len(proposals) == rounds:
             break
-        proposals.append(proposals[-1].adapted(x, w))
-        more_Ts, more_z = proposals[-1].draw(round_)
-        log = np.concatenate([log, posterior(more_Ts, more_z)])
-        Ts, z = np.concatenate([Ts, more_Ts]), np.concatenate([z, more_z])
+        proposals.append(proposals[-1].adapted(x, w, each[-1]))
+        each = np.concatenate([each, proposals[-1].log_density(x)[None]])
+        more = proposals[-1].draw(len(proposals) - 1)
+        more_x = about.coordinates(*more)
+        each = np.concatenate([each, np.stack([p.log_density(more_x) for p in proposals])], axis=-1)
+        log, x = np.concatenate([log, posterior(*more)]), np.concatenate([x, more_x], axis=1)
+        Ts, z = np.concatenate([Ts, more[0]]), np.concatenate([z, more[1]])
     return _Draws(Ts, x, log, log_w, np.argmax(logsumexp(each, axis=0), axis=0), effective)
 
 
@@ -245,7 +245,7 @@ def _as_modes(
     while left and share[left[0]] > 0:
         j = int(left.pop(0))
         C, mean = _second_moment(draws.x[j], w * (owner == j))
-        near = [i for i in left if _distance(draws, about, j, i, C) < _ONE]
+        near = [i for i, d in zip(left, _distances(about, j, left, C), strict=True) if d < _ONE]
         for i in near:
             owner[owner == i] = j
             left.remove(i)
@@ -272,11 +272,12 @@ def _second_moment(x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray
     return np.einsum("s,si,sk->ik", share, x, x), share @ x
 
 
-def _distance(draws: _Draws, about: _Proposals, j: int, i: int, C: FloatArray) -> float:
-    """Squared Mahalanobis distance of maximum ``i`` from maximum ``j`` under the moments about it."""
-    x = np.r_[SE3.log(SE3.inverse(about.Ts[j]) @ about.Ts[i]), about.z[i] - about.z[j]]
+def _distances(about: _Proposals, j: int, others: list[int], C: FloatArray) -> FloatArray:
+    """Squared Mahalanobis distances of other maxima from maximum ``j`` under the moments about it."""
+    x = np.concatenate([SE3.log(SE3.inverse(about.Ts[j]) @ about.Ts[others]), about.z[others] - about.z[j]], axis=1)
     s = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    return float((x / s) @ np.linalg.lstsq(C / np.outer(s, s), x / s, rcond=1e-9)[0])
+    x /= s
+    return np.asarray(np.sum(x * np.linalg.lstsq(C / np.outer(s, s), x.T, rcond=1e-9)[0].T, axis=1))
 
 
 def _is_normal(draws: _Draws, about: _Proposals, top: float, j: int, w: FloatArray) -> bool:

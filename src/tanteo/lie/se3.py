@@ -50,10 +50,11 @@ def exp(xi: Tangents) -> Transforms:
     """Exponential: the motion of the twist ``[v, w]`` run for unit time."""
     xi = np.asarray(xi, dtype=np.float64)
     v, w = xi[..., :3], xi[..., 3:]
-    a, b, c = (term[..., None, None] for term in so3.sinc_terms(np.linalg.norm(w, axis=-1)))
+    a, b, c = so3.sinc_terms(np.linalg.norm(w, axis=-1))
     W = so3.hat(w)
-    WW = W @ W
-    return from_parts(np.eye(3) + a * W + b * WW, apply(np.eye(3) + b * W + c * WW, v))
+    R = np.eye(3) + a[..., None, None] * W + b[..., None, None] * (W @ W)
+    wv = so3.cross(w, v)
+    return from_parts(R, v + b[..., None] * wv + c[..., None] * so3.cross(w, wv))
 
 
 def log(T: Transforms) -> Tangents:
@@ -63,11 +64,11 @@ def log(T: Transforms) -> Tangents:
     a, b, _ = so3.sinc_terms(t)
     small = t < 1e-2
     t2 = np.where(small, 1.0, t * t)
-    # V^-1 = I - W/2 + k W^2, k = (1 - a / (2 b)) / t^2
+    # V^-1 = I - [w]x / 2 + k [w]x^2, k = (1 - a / (2 b)) / t^2
     k = np.where(small, (1 + t * t / 60 * (1 + t * t / 42)) / 12, (1 - a / (2 * b)) / t2)
-    W = so3.hat(w)
-    V_inverse = np.eye(3) - 0.5 * W + k[..., None, None] * (W @ W)
-    return np.concatenate([apply(V_inverse, T[..., :3, 3]), w], axis=-1)
+    v = T[..., :3, 3]
+    wv = so3.cross(w, v)
+    return np.concatenate([v - 0.5 * wv + k[..., None] * so3.cross(w, wv), w], axis=-1)
 
 
 def adjoint(T: Transforms) -> Adjoints:

@@ -85,9 +85,22 @@ def right_jacobian(w: Vectors) -> FloatArray:
 def as_quaternion(R: Rotations) -> FloatArray:
     """Unit quaternions ``(w, x, y, z)`` with ``w >= 0``, from the largest of the four components."""
     R = np.asarray(R, dtype=np.float64)
-    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
-    wx, wy, wz = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
-    xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
+    q = np.empty((*R.shape[:-2], 4))
+    q[..., 0] = 1 + R[..., 0, 0] + R[..., 1, 1] + R[..., 2, 2]
+    for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0)), start=1):
+        q[..., k] = R[..., i, j] - R[..., j, i]
+    far = q[..., 0] < 1.0  # turns of more than 120 degrees: another component may be the largest
+    if far.any():
+        q[far] = _from_largest(R[far])
+    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def _from_largest(R: Rotations) -> FloatArray:
+    """Quaternions ``(n, 4)`` of any length, each from the row of its largest component."""
+    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
+    wx, wy, wz = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
+    xy, xz, yz = R[:, 0, 1] + R[:, 1, 0], R[:, 0, 2] + R[:, 2, 0], R[:, 1, 2] + R[:, 2, 1]
     rows = [
         [1 + xx + yy + zz, wx, wy, wz],
         [wx, 1 + xx - yy - zz, xy, xz],
@@ -96,9 +109,7 @@ def as_quaternion(R: Rotations) -> FloatArray:
     ]
     table = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     best = np.argmax(np.diagonal(table, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(table, best[..., None, None], axis=-2)[..., 0, :]
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return np.where(q[..., :1] < 0, -q, q)
+    return np.asarray(table[np.arange(len(R)), best])
 
 
 def from_quaternion(q: FloatArray) -> Rotations:

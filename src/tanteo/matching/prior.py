@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -47,6 +47,7 @@ class PosePrior:
         covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad]; or of each.
         box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
         table: what the part rests on.
+        root: of the inverse of the covariance, which makes residuals standard ones ``(6, 6)``; or of each.
 
     Raises:
         InputError: for half a rough pose, or a box upside down.
@@ -56,6 +57,7 @@ class PosePrior:
     covariance: Covariances | None = None
     box: FloatArray | None = None
     table: Table | None = None
+    root: FloatArray | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         if (self.T_world_part is None) != (self.covariance is None):
@@ -65,26 +67,32 @@ class PosePrior:
             if np.linalg.eigvalsh(C).min(initial=np.inf) <= 0:
                 raise InputError("prior, covariance: expected a positive variance in every direction, got zero.")
             object.__setattr__(self, "covariance", C)
+            object.__setattr__(self, "root", np.swapaxes(np.linalg.cholesky(np.linalg.inv(C)), -1, -2))
         if self.box is not None:
             box = np.array(self.box, dtype=np.float64)
             if box.shape != (2, 3) or not np.all(box[1] > box[0]):
                 raise InputError(f"prior, box: expected lowest and highest x, y, z, got {box.tolist()}.")
             object.__setattr__(self, "box", box)
 
-    def take(self, rows: IntArray) -> PosePrior:
-        """The same for some of the poses; itself where one rough pose is for all of them."""
-        if self.T_world_part is None or self.T_world_part.ndim == 2:
-            return self
-        assert self.covariance is not None
-        return replace(self, T_world_part=self.T_world_part[rows], covariance=self.covariance[rows])
 
+def prior_rows(
+    prior: PosePrior | None, part: Part, Ts: Transforms, rows: IntArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """What the prior says at some poses, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``.
 
-def prior_rows(prior: PosePrior | None, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
-    """What the prior says at some poses, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``."""
+    Args:
+        prior: what is known.
+        part: the part.
+        Ts: poses ``(S, 4, 4)``.
+        rows: where the prior has one rough pose for each that is asked about, which of them these are ``(S,)``.
+    """
     r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
     if prior is not None and prior.T_world_part is not None:
-        L = np.swapaxes(np.linalg.cholesky(np.linalg.inv(prior.covariance)), -1, -2)  # type: ignore[arg-type]
-        e = SE3.log(SE3.inverse(prior.T_world_part) @ Ts)
+        T0, L = prior.T_world_part, prior.root
+        assert L is not None
+        if rows is not None and T0.ndim > 2:
+            T0, L = T0[rows], L[rows]
+        e = SE3.log(SE3.inverse(T0) @ Ts)
         r.append((L @ e[..., None])[..., 0])
         J.append(L @ SE3.right_jacobian_inverse(e))
     if prior is not None and prior.table is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -129,11 +129,10 @@ def _climb(
     """
 
     def look(Ts: Transforms, z: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        some = priors if priors.pose is None else replace(priors, pose=priors.pose.take(rows))
         at = explain(touches, Ts, z, target, priors)
         A, b = normal_equations(touches, at, z)
         log = at.log - 0.5 * np.sum(z * z, axis=1)
-        log += _add_prior(some, target, Ts, A, b)
+        log += _add_prior(priors, target, Ts, A, b, rows)
         return log + log_free_paths(free, Ts, target, priors), A, b
 
     Ts, z = np.array(Ts), np.zeros((len(Ts), touches.gains.shape[-1]))
@@ -157,11 +156,13 @@ def _climb(
     return Ts, z
 
 
-def _add_prior(priors: Priors, target: Target, Ts: Transforms, A: FloatArray, b: FloatArray) -> FloatArray:
-    """Add what is known of the pose beforehand to the normal equations, in place; its log likelihood ``(S,)``."""
+def _add_prior(
+    priors: Priors, target: Target, Ts: Transforms, A: FloatArray, b: FloatArray, rows: IntArray | None = None
+) -> FloatArray:
+    """Add what is known of some of the poses to their normal equations, in place; its log likelihood ``(S,)``."""
     if priors.pose is None:
         return np.zeros(len(Ts))
-    r, J = prior_rows(priors.pose, target.part, Ts)
+    r, J = prior_rows(priors.pose, target.part, Ts, rows)
     Jt = np.swapaxes(J, 1, 2)
     A[:, :6, :6] += Jt @ J
     b[:, :6] -= (Jt @ r[..., None])[..., 0]
