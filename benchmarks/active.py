@@ -3,8 +3,9 @@
 Subjects: ``laser`` and ``flight`` (20 parts, every policy on the same scenes and seeds: readings to a part known with
 P > 0.99 and to a worst corner of 0.5 or 5 mm, and whether what was said then was true), ``stops`` (sessions that end by
 their own rule: are they right, are they inside), ``twins`` (one reading after locating), ``patch`` (six planned touches
-against six in a patch), ``panel`` (ten touches of a large panel), ``times`` (ask and tell over hypotheses and
-candidates). The parts are eight of the examples and the twelve largest of the step_parts set, where that is at hand.
+against six in a patch), ``panel`` (ten touches of a large panel), ``tells`` (random sequences of anything that can be
+told), ``times`` (ask and tell over hypotheses and candidates). The parts are eight of the examples and the twelve
+largest of the step_parts set, where that is at hand.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from common import Table
 
 import tanteo
 from cli.conftest import prism, stl
-from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, true_range
+from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
 from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan, predict, propose, update
 from tanteo.active.distinguish import laid_on, located
 from tanteo.active.policies import POLICIES
@@ -224,6 +225,30 @@ def panel(scenes, seed):
     return Table("A large panel", text, columns, rows)
 
 
+def tells(sequences, seed):
+    """Random sequences: as asked, wrong, free, late, repeated, not finite; each tell must leave a valid belief."""
+    names = "bracket_left", "bracket_right", "wedge"
+    start = rough([prepare_target(tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step")) for name in names])
+    count = broken = 0
+    for number in range(sequences):
+        rng = np.random.default_rng((seed, number))
+        k, T = drawn_truth(start, rng)
+        session = new_session(start, seed=number, policy="random", tolerance=1e-6, most=1000, least_gain=0.0)
+        try:
+            tell_anything(session, start.targets[k], T, rng, int(rng.integers(1, 7)))
+        except Exception as error:  # noqa: BLE001 - whatever it is, it is counted and shown
+            broken += 1
+            print(f"sequence {number}: {type(error).__name__}: {error}", file=sys.stderr)
+        count += len(session.steps)
+    text = "Weights sum to one, covariances are positive, nothing is raised but for what is not finite."
+    return Table(
+        "Random sequences of tell",
+        text,
+        ("sequences", "tells", "broken"),
+        [tuple(map(str, (sequences, count, broken)))],
+    )
+
+
 def times():
     """Processor time of ask and tell."""
     target = prepare_target(tanteo.read_part(HERE / "examples" / "parts" / "bracket_left.step"))
@@ -270,7 +295,7 @@ def main():
     subjects = {
         "laser": lambda: policies(LASER, 5e-4, scenes, seed), "flight": lambda: policies(FLIGHT, 5e-3, scenes, seed),
         "stops": lambda: stops(scenes, seed), "twins": lambda: twins(scenes, seed), "patch": patch,
-        "panel": lambda: panel(scenes, seed), "times": times,
+        "panel": lambda: panel(scenes, seed), "tells": lambda: tells(scenes, seed), "times": times,
     }  # fmt: skip
     if subject not in subjects:
         sys.exit(f"subject: expected one of {', '.join(subjects)}, got {subject}.")

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tanteo.active import Probe, Stop, around, corner_distances, policy_named
+from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.sensors import Readings
 from tanteo.sensors.law import NoiseLaw
-from tanteo.session import Action, Sensing, Session
+from tanteo.session import Action, Done, Sensing, Session
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
 FLIGHT = Probe("time of flight", NoiseLaw.of(3e-3), max_range=0.6, standoff=0.2)
@@ -66,3 +69,55 @@ def off(session, part, T):
 def with_radius(probe, clearance):
     """The same probe, thicker."""
     return replace(probe, clearance=clearance)
+
+
+def valid(session):
+    """Weights sum to one, and every pose and covariance is one."""
+    b = session.belief
+    assert b.unknown + b.weights.sum() == pytest.approx(1, abs=1e-9)
+    assert (b.weights >= 0).all()
+    assert 0 <= b.unknown <= 1
+    assert np.isfinite(b.poses).all()
+    assert not len(b.covariances) or np.linalg.eigvalsh(b.covariances).min() > 0
+
+
+def tell_anything(session, target, T, rng, steps):
+    """Readings as asked, wrong, free, of nothing like the part, repeated, late, not finite: the belief stays valid."""
+    late = []
+    for _ in range(steps):
+        action = session.ask()
+        if isinstance(action, Done):
+            assert action.why
+            break
+        kind = rng.integers(7)
+        if kind == 0:
+            reading = action.read(rng.uniform(1e-3, 0.29))
+        elif kind == 1:
+            reading = action.read(np.inf)
+        elif kind == 2:
+            reading = Readings.from_columns(rng.normal(size=(2, 3)), ids=[f"w{rng.integers(9)}", "x"])
+        elif kind == 3:
+            refuse_nan(session, action, rng)
+            continue
+        elif kind == 4 and late:
+            reading = late[rng.integers(len(late))]
+        else:
+            reading = action.read(true_range(target, T, action))
+            late.append(reading)
+            if rng.uniform() < 0.3:
+                continue
+        session.tell(reading)
+        valid(session)
+        session.answer()
+
+
+def refuse_nan(session, action, rng):
+    """What is not finite is refused, and changes nothing."""
+    before = session.belief
+    with pytest.raises(InputError):
+        action.read(np.nan)
+    with pytest.raises(InputError):
+        session.tell(
+            Readings.from_columns(np.where(rng.uniform(size=(1, 3)) < 0.5, np.nan, 0.1) * np.array([1, 1, np.nan]))
+        )
+    assert session.belief is before

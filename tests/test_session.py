@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, true_range
+from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
 from tanteo.errors import InputError
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
-from tanteo.session import Action, Done
+from tanteo.session import Done
 from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
@@ -21,15 +21,6 @@ PARTS = Path(__file__).parents[1] / "examples" / "parts"
 @pytest.fixture(scope="module")
 def targets():
     return [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
-
-
-def valid(session):
-    b = session.belief
-    assert b.unknown + b.weights.sum() == pytest.approx(1, abs=1e-9)
-    assert (b.weights >= 0).all()
-    assert 0 <= b.unknown <= 1
-    assert np.isfinite(b.poses).all()
-    assert not len(b.covariances) or np.linalg.eigvalsh(b.covariances).min() > 0
 
 
 def test_a_session_names_and_places_the_part(targets):
@@ -124,30 +115,7 @@ def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     start = rough(targets)
     k, T = drawn_truth(start, rng)
     session = new_session(start, seed=seed, tolerance=1e-6, most=1000, least_gain=0.0)
-    late = []
-    for _ in range(6):
-        action = session.ask()
-        if not isinstance(action, Action):
-            assert isinstance(action, Done)
-            assert action.why
-            break
-        kind = rng.integers(6)
-        if kind == 0:
-            reading = action.read(rng.uniform(1e-3, 0.29))
-        elif kind == 1:
-            reading = action.read(np.inf)
-        elif kind == 2:
-            reading = Readings.from_columns(rng.normal(size=(2, 3)), ids=[f"w{rng.integers(9)}", "x"])
-        elif kind == 3 and late:
-            reading = late.pop()
-        else:
-            reading = action.read(true_range(targets[k], T, action))
-            if rng.uniform() < 0.3:
-                late.append(reading)
-                continue
-        session.tell(reading)
-        valid(session)
-        session.answer()
+    tell_anything(session, targets[k], T, rng, 6)
 
 
 def test_a_part_out_of_reach_is_said(targets):
