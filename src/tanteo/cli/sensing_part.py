@@ -103,7 +103,7 @@ def sense_unknown(
     if options.seed is not None:
         scene = replace(scene, seed=options.seed)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
-    session, robot, rules = prepare_run(scene, parts, options, known)
+    session, robot, rules = prepare_run(scene, rough_start(scene, parts, known), options)
     with _live(verbose=verbose) as watch:
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
@@ -111,9 +111,7 @@ def sense_unknown(
     _answer(session, done, least, as_json=as_json, verbose=verbose)
 
 
-def prepare_run(
-    scene: SceneFile, parts: Sequence[Part], options: PartOptions, known: PosePrior | None
-) -> tuple[Session, SimulatedHand, Rules]:
+def prepare_run(scene: SceneFile, start: Start, options: PartOptions) -> tuple[Session, SimulatedHand, Rules]:
     """The session, which knows nothing of the truth, and the hand in it."""
     import numpy as np
 
@@ -130,14 +128,14 @@ def prepare_run(
     errors = scene.cell.robot
     probe = hand_probe(scene.hand, rules, scene.standoff, errors)
     session = Session(
-        _start(scene, parts, known), probe, Sensing(rig=scene.hand.rig, robot=errors), policy_named(options.policy),
+        start, probe, Sensing(rig=scene.hand.rig, robot=errors), policy_named(options.policy),
         options.stop, scene.seed, reachable(scene.hand, rules, probe.retreat),
     )  # fmt: skip
     rng = np.random.default_rng(scene.seed)
     return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules
 
 
-def _start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None) -> Start:
+def rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None) -> Start:
     """Where each part may be: what the options say of its frame, or what the scene says of its middle."""
     import numpy as np
 
