@@ -13,8 +13,9 @@ from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo.active import Probe, Start, at_pose, distinguish, plan
 from tanteo.active.distinguish import laid_on, located
 from tanteo.active.plans import _design
+from tanteo.active.samples import beams
 from tanteo.errors import InputError
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.sensors.law import NoiseLaw
@@ -71,6 +72,57 @@ def test_no_fewer_readings_would_do_when_chosen_one_by_one_or_by_hand(block):
     fewer = [plan(start, TOUCH, 1.4e-3, 0.95, most=n - 1, seed=seed) for seed in range(4)]
     assert found.reached
     assert not any(other.reached for other in fewer)
+
+
+@pytest.mark.parametrize(("name", "n"), [("housing", 6), ("housing", 5), ("wedge", 5)])
+def test_the_worst_corner_is_as_good_as_in_the_best_of_many_plans(name, n):
+    """Thousands of sets drawn at random, the best of them improved by single exchanges of the worst corner itself."""
+    target = prepare_target(read_part(PARTS / f"{name}.step"))
+    start, rng = at_pose(target, np.eye(4), C), np.random.default_rng(3)
+    design = _design(start, TOUCH, 0)
+    best = corner_errors(target, plan(start, TOUCH, 1e-5, most=n).readings[-1].covariance[None])[0]
+
+    def worst(rows):
+        G = design.rows[rows]
+        after = np.linalg.inv(np.linalg.inv(C) + np.swapaxes(G, -1, -2) @ (G / design.variances[rows][..., None]))
+        return corner_errors(target, after)
+
+    sets = rng.integers(len(design.rows), size=(5000, n))
+    for chosen in sets[np.argsort(worst(sets))[:5]]:
+        for k in np.tile(np.arange(n), 3):
+            others = np.tile(chosen, (len(design.rows), 1))
+            others[:, k] = np.arange(len(design.rows))
+            chosen = others[np.argmin(worst(others))]
+        assert best < 1.05 * worst(chosen[None])[0]
+
+
+def corner_errors(target, covariances):
+    """Root mean square error of the worst corner of the part's box ``(k,)``."""
+    corners = np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3)
+    J = np.stack([np.concatenate([np.eye(3), -SO3.hat(x)], axis=1) for x in corners])
+    return np.sqrt(np.einsum("cij,kjl,cil->kc", J, covariances, J).max(axis=1))
+
+
+def test_the_robots_own_error_is_added_in_the_world(bracket):
+    """Place and turn of its base, the turn about the world's origin, far from which the part lies."""
+    T = SE3.from_parts(SO3.exp(np.array([0.3, 0.2, 1.0])), np.array([0.8, -0.5, 0.2]))
+    sds, start = (2e-4, 3e-4), at_pose(bracket, T, C)
+    robot = plan(start, replace(TOUCH, base_sds=sds), 1e-5, most=6).readings
+    base = SE3.adjoint_inverse(T) @ np.diag(np.repeat(np.square(sds), 3)) @ SE3.adjoint_inverse(T).T
+    assert len(robot) == 1  # no number of readings would do
+    first = plan(start, TOUCH, 1e-5, most=1).readings[-1].covariance
+    np.testing.assert_allclose(robot[-1].covariance - first, base, atol=1e-3 * np.abs(base).max())
+
+
+def test_planned_readings_meet_their_faces_wherever_the_part_may_be(bracket):
+    rough_C = np.diag(np.repeat([8e-3, 0.1], 3) ** 2)
+    found, rng = plan(at_pose(bracket, np.eye(4), rough_C), TOUCH, 1e-5, most=8), np.random.default_rng(4)
+    Ts = SE3.exp(rng.normal(size=(300, 6)) @ np.linalg.cholesky(rough_C).T)
+    origins, directions = (np.array([getattr(r, name) for r in found.readings]) for name in ("origin", "direction"))
+    faces = beams(bracket, Ts, origins, directions)[2]
+    names = np.array([[bracket.part.faces[f].name if f >= 0 else "" for f in row] for row in faces])
+    met = names == np.array([r.face for r in found.readings])[:, None]
+    assert met.mean(axis=1).min() > 0.8
 
 
 def test_a_bias_does_not_average_out(bracket):

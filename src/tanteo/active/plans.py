@@ -1,9 +1,9 @@
 """Plans: the fewest readings that place a part within a tolerance, known beforehand.
 
 About the expected pose everything is linear: a reading adds information along one direction of the pose. The plan is
-chosen by greedy addition and then by exchanges (Fedorov) for the mean square error of the corners, the worst counting
-most. What readings share does not average out in it: a bias is a state of its own, and the robot's absolute error is
-added at the end.
+chosen by exchanges (Fedorov) from the last plan with a reading more and from sets drawn at random, for the mean square
+error of the corners, the worst counting most. What readings share does not average out in it: a bias is a state of its
+own, and the robot's absolute error is added at the end.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _STEADY, _LEAST = 0.9, 40
 _TINY = 1e-9
 """Share of the variances that is left where nothing needs to be known."""
 
-_SWEEPS = 6
-"""Rounds of exchanges."""
+_SWEEPS, _STARTS = 6, 12
+"""Rounds of exchanges, and sets drawn at random that are exchanged as well: one alone may end at a poor one."""
 
 _POSES = 2048
 """Poses by which the chance to be within the tolerance is counted."""
@@ -143,6 +143,10 @@ class _Design:
         """Mean square error of every corner ``(8,)``."""
         return np.einsum("cij,jk,cik->c", self.corners, self.pose(C), self.corners)
 
+    def cost_of(self, chosen: list[int]) -> float:
+        """Cost after some readings."""
+        return float(self.cost(self.squares(self.after(np.array(chosen)))))
+
     def with_each(self, C: Covariances) -> FloatArray:
         """Cost after each of the candidates is added ``(N,)``."""
         c = self.rows @ C
@@ -190,15 +194,20 @@ def _steady(start: Start, candidates: Candidates) -> BoolArray:
 def _chosen(design: _Design, tolerance: float, confidence: float, most: int) -> IntArray:
     """The fewest candidates that keep the tolerance, or the best of the most that are allowed."""
     chosen: list[int] = []
-    best: list[int] = []
     while len(chosen) < min(most, len(design.rows)):
-        chosen = _exchanged(design, _extended(design, chosen))
-        best = chosen
+        starts = [_extended(design, chosen), *_drawn(len(design.rows), len(chosen) + 1)]
+        chosen = min((_exchanged(design, start) for start in starts), key=design.cost_of)
         if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
             break
         if design.chance(0.0 * design.prior, tolerance) < confidence:
             break  # the robot's own error is too large for any number of readings
-    return _ordered(design, best)
+    return _ordered(design, chosen)
+
+
+def _drawn(count: int, n: int) -> list[list[int]]:
+    """Sets of ``n`` candidates, the same every time."""
+    rng = np.random.default_rng((1991, n))
+    return [rng.choice(count, n, replace=False).tolist() for _ in range(_STARTS)]
 
 
 def _extended(design: _Design, chosen: list[int]) -> list[int]:
@@ -209,7 +218,7 @@ def _extended(design: _Design, chosen: list[int]) -> list[int]:
 
 def _exchanged(design: _Design, chosen: list[int]) -> list[int]:
     """No swap of one reading makes it better."""
-    cost = float(design.cost(design.squares(design.after(np.array(chosen)))))
+    cost = design.cost_of(chosen)
     for _ in range(_SWEEPS):
         before = cost
         for k in range(len(chosen)):
