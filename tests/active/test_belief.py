@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
 
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import rough
-from tanteo.active import around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
+from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import Priors
@@ -122,6 +123,32 @@ def test_a_symmetric_part_is_one_answer_and_no_more_probable():
     areas = np.array([t.part.area for t in pair])
     assert areas.all()
     np.testing.assert_allclose(P, 0.5, atol=0.1)
+
+
+def two_places(target):
+    """A part at one of two places 0.1 m apart, of unequal probability and spread."""
+    Ts = SE3.exp(np.array([[0, 0, 0, 0, 0, 0], [0.1, 0, 0, 0, 0, 0.3]]))
+    C = np.stack([np.diag(np.repeat(sds, 3) ** 2) for sds in ((1e-3, 0.01), (2e-3, 0.02))])
+    return Start((target,), np.zeros(2, dtype=np.int64), Ts, C, np.array([0.9, 0.1]), Priors())
+
+
+def test_rough_poses_keep_their_odds_while_readings_say_nothing(targets):
+    start = two_places(targets[2])
+    some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
+    blank = replace(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
+    belief = update(begin(start), blank, no_paths())
+    near = np.linalg.norm(belief.poses[:, :3, 3] - start.Ts[0, :3, 3], axis=1) < 0.05
+    share = belief.weights[near].sum() / belief.weights.sum()
+    assert share == pytest.approx(0.9, abs=0.03)
+
+
+def test_the_density_of_the_start_is_the_mixture_of_its_rough_poses(targets):
+    start, rng = two_places(targets[2]), np.random.default_rng(1)
+    Ts = start.Ts[np.arange(20) % 2] @ SE3.exp(0.01 * rng.normal(size=(20, 6)))
+    expected = np.zeros(20)
+    for T, C, w in zip(start.Ts, start.covariances, start.weights, strict=True):
+        expected += w * multivariate_normal(np.zeros(6), C).pdf(SE3.log(SE3.inverse(T) @ Ts))
+    np.testing.assert_allclose(start.log_density(0, Ts), np.log(expected), rtol=1e-9)
 
 
 def test_an_answer_can_be_a_start(targets):

@@ -77,6 +77,12 @@ def test_undecided_headlines(status, start):
     assert answer_lines(recognition(hypothesis(), status=status))[0].startswith(start)
 
 
+def test_a_test_that_speaks_against_likely_parts_is_said():
+    lines = answer_lines(recognition(hypothesis(), status="unknown", unknown=1e-6))
+    assert not any(line.startswith("None of these parts") for line in lines)
+    assert any(line.startswith("A test says that none of these parts fits") for line in lines)
+
+
 def test_no_hypothesis_at_all():
     lines = answer_lines(recognition(status="unknown", unknown=1.0, message="Touch again."))
     assert lines[0] == "unknown: no part fits these readings"

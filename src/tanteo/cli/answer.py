@@ -31,7 +31,9 @@ def answer_lines(recognition: Recognition, known: str = "", *, verbose: bool = F
         lines += _details(best, verbose=verbose)
     if len(recognition.hypotheses) > 1:
         lines += ["", "It could also be:", *_others(recognition.hypotheses[1:])]
-    if best is not None or recognition.status == "unknown":
+    if recognition.status == "unknown" and best is not None and best.probability > recognition.unknown_probability:
+        lines += ["", "A test says that none of these parts fits; the probabilities are what they were if one did."]
+    elif best is not None or recognition.status == "unknown":
         lines += ["", f"None of these parts: {_percent(recognition.unknown_probability)}."]
     if best is not None and best.outliers:
         lines.append(f"Readings that do not fit: {_outliers(best)}.")
