@@ -7,11 +7,38 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
+from tanteo.active import Probe, Stop, around
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings
+from tanteo.sensors.law import NoiseLaw
+from tanteo.session import Sensing, Session
+from tanteo.surface_search import prepare_target
 
 TRUTH = SE3.from_parts(SO3.exp(np.array([0.1, -0.2, 0.7])), np.array([0.4, -0.13, 0.05]))
 SD = 5e-5
+
+
+ROUGH = np.diag(np.repeat([3e-3, 0.05], 3) ** 2)
+TOUCH = Probe("touch", NoiseLaw.of(SD), contact=True, standoff=0.03)
+
+
+def told(*parts):
+    """A session that was told touches of the first part face by face, one beam that met nothing, and nothing asked."""
+    targets = [prepare_target(part) for part in parts]
+    session = Session(
+        around(targets, TRUTH @ SE3.from_parts(np.eye(3), parts[0].centroid), ROUGH), TOUCH, Sensing(sd=SD)
+    )
+    session.stop = Stop(tolerance=1e-3)
+    all_ = replace(touches(parts[0], np.random.default_rng(3), n=2), features=("",) * 2 * len(parts[0].planes),
+                   kinds=("point",) * 2 * len(parts[0].planes))  # fmt: skip
+    for k in range(0, len(all_), 2):
+        session.tell(all_.take(np.arange(k, k + 2)))
+    away = Readings.from_columns(
+        TRUTH[:3, 3][None] + [0.2, 0, 0], ids=["away"], directions=np.array([[0, 0, 1.0]]), is_free=np.array([True]),
+        max_ranges=np.array([0.1]),
+    )  # fmt: skip
+    session.tell(away)
+    return session
 
 
 def off_text(vertices, polygons):

@@ -1,4 +1,4 @@
-"""Take the pictures of ``docs/report.md``: the reports of two examples in a browser.
+"""Take the pictures of ``docs/report.md``: reports of the examples in a browser.
 
 ``python docs/pictures/make_report.py [folder]``. Needs playwright and a Chromium (``TANTEO_BROWSER`` names one that is
 not found by itself).
@@ -10,6 +10,7 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -22,18 +23,18 @@ EXAMPLES = HERE.parents[1] / "examples"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
-def report(readings: str, file: Path) -> None:
-    """Write the report of an example."""
-    command = (
-        "identify",
-        str(EXAMPLES / "readings" / readings),
-        "--parts",
-        str(EXAMPLES / "parts"),
-        "--report",
-        str(file),
-    )
+READINGS, PARTS, BRACKET = EXAMPLES / "readings", EXAMPLES / "parts", EXAMPLES / "parts" / "bracket_left.step"
+PICTURES = {
+    "report.png": (("identify", READINGS / "bracket_left.csv", "--parts", PARTS), 1280, 800, "light"),
+    "report_phone.png": (("identify", READINGS / "step_not_felt.csv", "--parts", PARTS), 390, 844, "dark"),
+    "report_plan.png": (("plan", "--part", BRACKET, "--tolerance", "0.2mm", "--sd", "0.05mm"), 1280, 800, "light"),
+}
+
+
+def report(command: Sequence[object], file: Path) -> None:
+    """Write the report of a command."""
     with suppress(SystemExit):
-        main(command)
+        main([*map(str, command), "--report", str(file)])
 
 
 def shoot(browser: Browser, page_file: Path, picture: Path, width: int, height: int, scheme: str) -> None:
@@ -49,17 +50,14 @@ def shoot(browser: Browser, page_file: Path, picture: Path, width: int, height: 
 
 
 def make(folder: Path) -> None:
-    """Both pictures."""
+    """All pictures."""
     found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome", "chrome"))
     program = os.environ.get("TANTEO_BROWSER") or next(filter(None, found))
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
-        for readings, picture, size in (
-            ("bracket_left.csv", "report.png", (1280, 800, "light")),
-            ("step_not_felt.csv", "report_phone.png", (390, 844, "dark")),
-        ):
+        for picture, (command, *size) in PICTURES.items():
             file = Path(scratch) / "report.html"
-            report(readings, file)
+            report(command, file)
             shoot(browser, file, folder / picture, *size)
         browser.close()
 

@@ -15,8 +15,13 @@ BRACKET = str(PARTS / "bracket_left.step")
 
 def test_a_plan_as_text_csv_and_json(run, tmp_path):
     out = tmp_path / "plan.csv"
-    got = run("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--csv", str(out))
+    report = tmp_path / "plan.html"
+    got = run(
+        "plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--csv", str(out), "--report", str(report)
+    )
     assert got.code == 0
+    assert f"report written: {report}" in got.out
+    assert "readings place bracket_left." in report.read_text(encoding="utf-8")
     assert "all corners of bracket_left within 0.5 mm" in got.out
     rows = list(csv.DictReader(line for line in out.read_text().splitlines() if not line.startswith("#")))
     assert len(rows) >= 6
@@ -45,13 +50,14 @@ def test_a_tolerance_out_of_reach_exits_with_3(run):
     assert "4 readings do not bring" in got.out
 
 
-def test_two_parts_are_told_apart(run):
-    got = run("plan", "--distinguish", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm")
+def test_two_parts_are_told_apart(run, tmp_path):
+    report = tmp_path / "twins.html"
+    words = ("plan", "--distinguish", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm")
+    got = run(*words, "--report", str(report))
     assert got.code == 0
     assert "tells bracket_left" in got.out
-    document = json.loads(
-        run("plan", "--distinguish", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm", "--json").out
-    )
+    assert "One reading tells bracket_left from bracket_right." in report.read_text(encoding="utf-8")
+    document = json.loads(run(*words, "--json").out)
     assert document["schema"] == "tanteo.distinction/1"
     assert document["information_nats"] > 0.6
 
@@ -69,6 +75,7 @@ def test_two_parts_are_told_apart(run):
         (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "nothing"), "sensor"),
         (("--distinguish", BRACKET, "--sd", "1mm"), "two CAD files"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--most", "0"), "--most"),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--report", "plan.pdf"), "--report"),
     ],
 )
 def test_misuse_is_advice(run, words, message):

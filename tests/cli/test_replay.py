@@ -63,6 +63,17 @@ def test_it_says_what_each_reading_told(run, session, record):
         assert sum(d["shares"].values()) + d["rough_pose"] == pytest.approx(1)
 
 
+def test_the_report_has_how_it_went(run, record, tmp_path):
+    file = tmp_path / "report.html"
+    done = run("replay", record, "--report", file, "--json")
+    assert done.code == 0
+    assert f"report written: {file}" in done.err
+    page = file.read_text(encoding="utf-8")
+    assert "How it went" in page
+    assert f"tanteo replay {record}" in page
+    assert run("replay", record, "--report", tmp_path / "report.pdf").code == 2
+
+
 def test_an_undecided_session_is_an_undecided_answer(run, session, tmp_path):
     write_record(Session(session.start, LASER), tmp_path / "new.json")
     done = run("replay", tmp_path / "new.json", "--json", "--explain")

@@ -23,8 +23,12 @@ def sense(run):
 
 def test_it_ends_with_name_place_and_cost_in_words(sense, tmp_path):
     record = tmp_path / "readings.csv"
-    code, out, err = sense("--record", str(record), "-v")
+    report = tmp_path / "report.html"
+    code, out, err = sense("--record", str(record), "-v", "--report", str(report))
     assert code == 0
+    assert out.endswith(f"report written: {report}\n")
+    page = report.read_text(encoding="utf-8")
+    assert all(words in page for words in ("It is bracket_left", "How it went", "Least clearance", "robot"))
     assert out.startswith("bracket_left at x ")
     assert "Enough: it is bracket_left (P " in out
     readings = read_readings(record)
@@ -83,6 +87,7 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
         (("--seed", "-1"), 2, "--seed: expected 0 or more"),
         (("--standoff", "0mm"), 2, "--standoff: expected a length"),
         (("--near", "0,0,0mm"), 2, "--near: expected a value and its standard deviation"),
+        (("--report", "report.pdf"), 2, "--report: expected a file name"),
         (("--record", "/no/such/folder/x.json", "--most", "1"), 1, "--record: expected a file to write"),
     ],
 )

@@ -7,10 +7,12 @@ import io
 import numpy as np
 import pytest
 
-from report_scenes import SD, touches
+from report_scenes import ROUGH, SD, TOUCH, TRUTH, told, touches
+from tanteo.active import at_pose, distinguish, plan
 from tanteo.recognition import identify, locate
-from tanteo.report import gather, write_report
+from tanteo.report import Run, distinction_page, gather, plan_page, report_page, session_page, write_report
 from tanteo.sensors import Readings
+from tanteo.surface_search import prepare_target
 
 SIZES = {"desk": (1280, 800), "phone": (390, 844)}
 
@@ -84,17 +86,27 @@ class Watched:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory, wedge, near_wedge):
-    """Reports: one answer with a wrong reading, several answers, none."""
+    """Reports: one answer with a wrong reading, several answers, none; a session, a plan, a reading for twins."""
     folder = tmp_path_factory.mktemp("reports")
     rng = np.random.default_rng(1)
     clear = touches(wedge, rng, wrong=(7,))
-    write_report(folder / "clear.html", locate(clear, wedge), gather(clear), [wedge], command="tanteo locate clear.csv")
+    write_report(
+        folder / "clear.html", report_page(locate(clear, wedge), gather(clear), [wedge], Run("tanteo locate c.csv"))
+    )
     open_ = touches(wedge, rng, planes=[0, 1])
     several = identify(open_, [wedge, near_wedge])
     assert len(several.hypotheses) > 1
-    write_report(folder / "several.html", several, gather(open_), [wedge, near_wedge], command="tanteo identify x.csv")
+    both = report_page(several, gather(open_), [wedge, near_wedge], Run("tanteo identify x.csv"))
+    write_report(folder / "several.html", both)
     few = Readings.from_columns(points=clear.points[:2], sds=np.full(2, SD))
-    write_report(folder / "none.html", locate(few, wedge), gather(few), [wedge], command="tanteo locate few.csv")
+    write_report(
+        folder / "none.html", report_page(locate(few, wedge), gather(few), [wedge], Run("tanteo locate f.csv"))
+    )
+    write_report(folder / "session.html", session_page(told(wedge, near_wedge), Run("tanteo replay s.json")))
+    planned = plan(at_pose(prepare_target(wedge), TRUTH, ROUGH), TOUCH, 2e-4)
+    write_report(folder / "plan.html", plan_page(planned, wedge, TOUCH, 2e-4, 0.95, Run("tanteo plan --part w.stl")))
+    twins = distinguish(prepare_target(wedge), prepare_target(near_wedge), TOUCH)
+    write_report(folder / "twins.html", distinction_page(twins, [wedge, near_wedge], TOUCH, Run("tanteo plan")))
     return {path.stem: path for path in folder.glob("*.html")}
 
 
@@ -124,7 +136,7 @@ def differ(one, other):
     return float(np.mean(np.abs(one - other).max(axis=-1) > 0.04))
 
 
-@pytest.mark.parametrize("name", ["clear", "several", "none"])
+@pytest.mark.parametrize("name", ["clear", "several", "none", "session", "plan", "twins"])
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_words_overlap_or_are_cut_off(open_page, name, size, scheme):
@@ -141,6 +153,26 @@ def test_the_picture_is_drawn(open_page, size):
     background = picture[2, 2]
     assert differ(picture, np.broadcast_to(background, picture.shape)) > 0.1
     assert colours(picture) > 40
+
+
+def test_a_plan_has_arrows_with_numbers(open_page):
+    watched = open_page("plan")
+    page, before = watched.page, watched.picture()
+    numbers = page.locator("#overlay text").all_text_contents()
+    assert {"1", "2", "3"} <= set(numbers)
+    page.locator("[data-layer=names]").uncheck()
+    watched.settle()
+    assert len(page.locator("#overlay text").all()) < len(numbers)
+    page.locator("[data-layer=readings]").uncheck()
+    assert differ(before, watched.picture()) > 0.005
+
+
+def test_the_ghosts_of_a_direction_can_be_shown(open_page):
+    watched = open_page("session")
+    page, before = watched.page, watched.picture()
+    page.locator("[data-way='2']:visible").click()
+    assert page.locator(".ghosts:visible select").input_value() == "2"
+    assert differ(before, watched.picture()) > 0.003
 
 
 def test_readings_alone_are_drawn_too(open_page):

@@ -14,6 +14,7 @@ from tanteo.matching.verdict import corner_moves
 from tanteo.recognition import locate
 from tanteo.report import find_contacts, gather, make_budget
 from tanteo.sensors import Readings, robot_preset
+from tanteo.session import Sensing
 
 ROBOT = "calibrated_small"
 
@@ -35,8 +36,8 @@ def scene(wedge):
     return readings, options, answer.hypotheses[0]
 
 
-def budget_of(wedge, readings, hypothesis, **options):
-    sensed = gather(readings, **options)
+def budget_of(wedge, readings, hypothesis, prior=None, **options):
+    sensed = gather(readings, Sensing(**options), prior)
     contacts = find_contacts(sensed, wedge, hypothesis)
     return make_budget(contacts, sensed, wedge, hypothesis.T_world_part), contacts, sensed
 

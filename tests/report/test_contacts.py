@@ -12,6 +12,7 @@ from tanteo.lie import SE3
 from tanteo.recognition import locate
 from tanteo.report import find_contacts, gather
 from tanteo.sensors import Readings
+from tanteo.session import Sensing
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +86,7 @@ def test_an_error_that_all_readings_share_is_not_in_the_distances(wedge, answer)
         features=exact.features, kinds=exact.kinds, Ts_world_hand=hands,
     )  # fmt: skip
     h = at_truth(answer, pairings=tuple((i, "") for i in exact.ids))
-    known = find_contacts(gather(long, tip_sd=(2e-3, 2e-3, 2e-3)), wedge, h)
+    known = find_contacts(gather(long, Sensing(tip_sd=(2e-3, 2e-3, 2e-3))), wedge, h)
     unknown = find_contacts(gather(long), wedge, h)
     assert np.median(np.abs(unknown.distances)) == pytest.approx(3e-4, rel=0.2)
     assert np.median(np.abs(known.distances)) < 1.5 * SD

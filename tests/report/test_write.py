@@ -13,7 +13,7 @@ from report_scenes import SD, ball, touches
 from tanteo.errors import InputError
 from tanteo.matching import Recognition
 from tanteo.recognition import identify, locate
-from tanteo.report import Section, element, gather, report_page, write_report
+from tanteo.report import Run, Section, element, gather, report_page, write_report
 from tanteo.report.words import headline, percent
 from tanteo.sensors import Readings
 
@@ -32,7 +32,7 @@ def scene_of(page):
 
 def test_it_says_the_answer_the_wrong_reading_and_the_command(run, wedge):
     readings, answer = run
-    page = report_page(answer, gather(readings), [wedge], command="tanteo locate 'a b.csv' --part w.stl")
+    page = report_page(answer, gather(readings), [wedge], Run("tanteo locate 'a b.csv' --part w.stl"))
     assert "It is wedge, located to" in page
     assert "✕ does not fit" in page
     assert "tanteo locate &#x27;a b.csv&#x27; --part w.stl" in page
@@ -43,14 +43,14 @@ def test_it_says_the_answer_the_wrong_reading_and_the_command(run, wedge):
 
 def test_the_same_answer_is_the_same_file(run, wedge):
     readings, answer = run
-    pages = [report_page(answer, gather(readings), [wedge], command="tanteo") for _ in range(2)]
+    pages = [report_page(answer, gather(readings), [wedge], Run("tanteo")) for _ in range(2)]
     assert pages[0] == pages[1]
-    assert pages[0] == report_page(replace(answer, elapsed={"total": 9.0}), gather(readings), [wedge], command="tanteo")
+    assert pages[0] == report_page(replace(answer, elapsed={"total": 9.0}), gather(readings), [wedge], Run("tanteo"))
 
 
 def test_nothing_outside_the_file_is_named(run, wedge):
     readings, answer = run
-    page = report_page(answer, gather(readings), [wedge], command="tanteo")
+    page = report_page(answer, gather(readings), [wedge], Run("tanteo"))
     assert "default-src 'none'" in page
     assert set(re.findall(r"https?://[^\s\"']+", page)) == {"http://www.w3.org/2000/svg"}  # a name, not an address
     assert not re.search(r"<(?:link|img|iframe)|\ssrc=|@import|url\(", page)
@@ -64,7 +64,7 @@ def test_what_files_say_is_text(run, wedge):
         kinds=readings.kinds, source=evil, ids=[f"{i}{evil}" for i in readings.ids],
     )  # fmt: skip
     found = locate(named, replace(wedge, name=evil, source=evil))
-    page = report_page(found, gather(named), [replace(wedge, name=evil)], command=evil, made_by=evil)
+    page = report_page(found, gather(named), [replace(wedge, name=evil)], Run(evil, evil))
     page.encode("utf-8")
     assert "<img" not in page
     assert page.count("</script>") == 2  # data and program
@@ -75,7 +75,7 @@ def test_several_hypotheses_have_one_body_each(wedge, near_wedge):
     readings = touches(wedge, np.random.default_rng(2), planes=[0, 1])
     answer = identify(readings, [wedge, near_wedge])
     assert len(answer.hypotheses) > 1
-    page = report_page(answer, gather(readings), [wedge, near_wedge], command="tanteo")
+    page = report_page(answer, gather(readings), [wedge, near_wedge], Run("tanteo"))
     assert page.count('name="hypothesis"') == len(answer.hypotheses)
     assert page.count("All readings as a table") == len(answer.hypotheses)
     assert len(scene_of(page)["hypotheses"]) == len(answer.hypotheses)
@@ -84,7 +84,7 @@ def test_several_hypotheses_have_one_body_each(wedge, near_wedge):
 def test_without_a_hypothesis_it_shows_the_readings(run, wedge):
     readings, _ = run
     answer = Recognition("insufficient", "Sense more.", (), 1.0)
-    page = report_page(answer, gather(readings), [wedge], command="tanteo")
+    page = report_page(answer, gather(readings), [wedge], Run("tanteo"))
     assert "Too little was sensed" in page
     assert scene_of(page)["hypotheses"] == []
     assert len(scene_of(page)["readings"]["names"]) == len(readings)
@@ -95,14 +95,14 @@ def test_readings_that_met_nothing_alone_are_no_trouble(wedge):
         points=np.zeros((2, 3)), directions=np.array([[0, 0, 1.0], [0, 1.0, 0]]), kinds=["free"] * 2,
         max_ranges=np.full(2, 0.1),
     )  # fmt: skip
-    page = report_page(Recognition("insufficient", "Sense more.", (), 1.0), gather(free), [wedge], command="tanteo")
+    page = report_page(Recognition("insufficient", "Sense more.", (), 1.0), gather(free), [wedge], Run("tanteo"))
     assert "beam that met nothing" in page
 
 
 def test_further_sections_stand_before_the_figures(run, wedge):
     readings, answer = run
     more = Section("story", "How it was found", "One line a step.", (element("p", "<first>"),))
-    page = report_page(answer, gather(readings), [wedge], command="tanteo", more=[more])
+    page = report_page(answer, gather(readings), [wedge], Run("tanteo"), [more])
     assert page.index("Where the uncertainty") < page.index('id="story"') < page.index('id="figures"')
     assert "&lt;first&gt;" in page
 
@@ -110,7 +110,7 @@ def test_further_sections_stand_before_the_figures(run, wedge):
 def test_a_hypothesis_of_a_part_that_is_not_there_is_the_callers_mistake(run, near_wedge):
     readings, answer = run
     with pytest.raises(InputError, match="expected 'wedge' among them"):
-        report_page(answer, gather(readings), [near_wedge], command="tanteo")
+        report_page(answer, gather(readings), [near_wedge], Run("tanteo"))
 
 
 def test_a_large_mesh_and_many_readings_stay_small(run, wedge, tmp_path):
@@ -120,7 +120,7 @@ def test_a_large_mesh_and_many_readings_stay_small(run, wedge, tmp_path):
     h = replace(best, T_world_part=np.eye(4), pairings=tuple((i, "face 0") for i in readings.ids[5:]), outliers=())
     answer = Recognition("ambiguous", "Sense more.", (h,) * 5, 0.1)
     file = tmp_path / "report.html"
-    write_report(file, answer, gather(readings), [part], command="tanteo")
+    write_report(file, report_page(answer, gather(readings), [part], Run("tanteo")))
     assert 1_000_000 < file.stat().st_size < MOST_BYTES
     assert re.search(r"\d+ of 20000 readings are shown", file.read_text(encoding="utf-8"))
 

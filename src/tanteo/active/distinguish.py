@@ -24,6 +24,9 @@ _PLACES = 60
 _AGREE = 0.02
 """How well, in diagonals of the part."""
 
+_TELLS = 0.3
+"""Information from which a reading is said to tell two parts apart [nats]."""
+
 _TWINS = 4
 """Ways of laying it on that are looked at."""
 
@@ -38,6 +41,7 @@ class Distinction:
         direction: in which, unit ``(3,)``.
         ranges: what it reads if it is the first, and if it is the second [m]; infinite for nothing.
         sds: standard deviations of these [m].
+        T_first_second: where the second part is then, in the frame of the first ``(4, 4)``.
         information: about which it is [nats]; ln 2 is all there is.
         message: one sentence.
     """
@@ -47,8 +51,14 @@ class Distinction:
     direction: Vectors
     ranges: FloatArray
     sds: FloatArray
+    T_first_second: Transforms
     information: float
     message: str
+
+    @property
+    def tells(self) -> bool:
+        """Whether it is worth making."""
+        return self.information >= _TELLS
 
 
 def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, seed: int = 0) -> Distinction:
@@ -77,8 +87,8 @@ def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, s
     names = (first.part.name, second.part.name)
     if not len(candidates):
         nowhere = np.full(3, np.nan)
-        return Distinction(names, nowhere, nowhere, np.full(2, np.nan), np.full(2, np.nan), 0.0, "The probe reaches no "
-                           "place of the parts: give it more room, or another approach.")  # fmt: skip
+        message = "The probe reaches no place of the parts: give it more room, or another approach."
+        return Distinction(names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, message)
     samples = draw(belief, 96)
     predicted = predict(samples, candidates.origins, candidates.directions)
     told = about_mode(samples, predicted, probe, samples.part)
@@ -91,8 +101,8 @@ def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, s
     own = probe.variance(np.where(answers, ranges, 1.0), np.where(answers, seen.cosines[0, rows], 1.0))
     sds = np.sqrt(own + seen.variances[0, rows])
     return Distinction(
-        names, candidates.origins[k], candidates.directions[k], np.where(answers, ranges, np.inf), sds, float(told[k]),
-        _message(names, np.where(answers, ranges, np.inf), float(told[k])),
+        names, candidates.origins[k], candidates.directions[k], np.where(answers, ranges, np.inf), sds, twins[0],
+        float(told[k]),        _message(names, np.where(answers, ranges, np.inf), float(told[k])),
     )  # fmt: skip
 
 
@@ -122,5 +132,5 @@ def _message(names: tuple[str, str], ranges: FloatArray, told: float) -> str:
     words = ["nothing" if np.isinf(r) else f"{1e3 * r:.2f} mm" for r in ranges]
     if told < 0.05:
         return f"No single reading of this sensor tells {names[0]} from {names[1]}: the best reads {words[0]} for both."
-    sure = "tells" if told > 0.6 else "hardly tells" if told < 0.3 else "helps to tell"
+    sure = "tells" if told > 0.6 else "hardly tells" if told < _TELLS else "helps to tell"
     return f"This reading {sure} {names[0]} ({words[0]}) from {names[1]} ({words[1]})."

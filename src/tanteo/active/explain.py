@@ -10,18 +10,14 @@ import numpy as np
 
 from tanteo.active.belief import NEGLIGIBLE, Belief
 from tanteo.active.start import Start
-from tanteo.localization import describe_motion
-from tanteo.matching.verdict import corner_moves, corner_sd, observed_covariance, spins
+from tanteo.matching.verdict import corner_moves, corner_sd, motion_words, observed_covariance, spins
 from tanteo.parts import Part
 from tanteo.surface_search.answer import faces_met
 from tanteo.surface_search.polish import information_of_readings
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.typing import Covariances, FloatArray, Transforms
 
 _FORGOTTEN = np.exp(-NEGLIGIBLE)
 """What a part that is not listed any more may still have had."""
-
-_MOSTLY = 0.9
-"""Share of the corners' mean square motion from which a motion is called sliding, or turning."""
 
 
 class Told(Protocol):
@@ -172,20 +168,7 @@ def _narrowed(part: Part, old: Covariances, after: Told) -> tuple[str, float]:
     values, vectors = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, after.covariance).T))
     if values[0] > 1 - 1e-6:
         return "", np.nan
-    return _words(L @ vectors[:, 0], part, after.T_world_part), float(np.sqrt(max(values[0], 0.0)))
-
-
-def _words(motion: Tangents, part: Part, T_world_part: Transforms) -> str:
-    """A motion in words, without what hardly moves the corners of the part's box."""
-    moved = corner_moves(part) @ motion
-    middle = moved.mean(axis=0)
-    share = len(moved) * float(middle @ middle) / float(np.sum(moved**2))
-    if share > _MOSTLY:
-        motion = np.r_[middle, np.zeros(3)]
-    elif share < 1 - _MOSTLY:  # about an axis through the middle of the box
-        motion = np.r_[np.cross(part.box.mean(axis=0), motion[3:]), motion[3:]]
-    scaled = motion / np.r_[np.full(3, part.diagonal), np.ones(3)]
-    return describe_motion(scaled / np.linalg.norm(scaled), T_world_part, part.diagonal)
+    return motion_words(part, L @ vectors[:, 0], after.T_world_part), float(np.sqrt(max(values[0], 0.0)))
 
 
 def _directions(belief: Belief) -> tuple[Direction, ...]:
@@ -208,6 +191,6 @@ def _directions(belief: Belief) -> tuple[Direction, ...]:
         total, each = float(xi @ found.information[k, :6, :6] @ xi), (own @ xi) @ xi
         order = np.argsort(-each, kind="stable")
         shares = tuple((belief.touches.ids[i], float(each[i] / total)) for i in order)
-        words = _words(xi, part, belief.poses[0])
+        words = motion_words(part, xi, belief.poses[0])
         out.append(Direction(words, float(np.sqrt(max(variance, 0.0))), shares, 1 - float(each.sum()) / total))
     return tuple(out)

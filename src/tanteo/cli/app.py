@@ -11,6 +11,7 @@ from tanteo.cli.demo_app import demo
 from tanteo.cli.plan_app import plan
 from tanteo.cli.prior_options import BoxAt, Near, PriorPath, TableAt
 from tanteo.cli.replay_app import replay
+from tanteo.cli.reporting_option import Report
 from tanteo.cli.sense_app import sense_app
 from tanteo.cli.sensor_app import sensor_app
 
@@ -64,9 +65,6 @@ RigPath = Annotated[
 Alpha = Annotated[float, typer.Option("--alpha", help="Share of true answers that the tests may lose.")]
 Top = Annotated[int, typer.Option("--top", help="How many hypotheses to report.")]
 AsPublished = Annotated[bool, typer.Option("--as-published", help="Use the equations as the paper prints them.")]
-Report = Annotated[
-    str | None, typer.Option("--report", metavar="FILE.html", help="Write a report that any browser opens, offline.")
-]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Seed = Annotated[int, typer.Option("--seed", help="Of the search: the same seed gives the same answer.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")]

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from tanteo.cli.prior_options import Near
+from tanteo.cli.reporting_option import Report
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
@@ -52,6 +53,7 @@ def plan(
     ] = None,
     csv: Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the plan as a table too.")] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the places that are tried.")] = 0,
+    report: Report = None,
     json: Json = False,
 ) -> None:
     """Plan the fewest readings that place a part within a tolerance, or the one that tells two parts apart."""
@@ -66,4 +68,4 @@ def plan(
                 sd=sd, robot=robot, near=near, approach=approach, standoff=standoff, clearance=clearance, most=most,
                 units=units, csv=csv, seed=seed,
             )  # fmt: skip
-        run_plan(options, as_json=json)
+        run_plan(options, report, as_json=json)

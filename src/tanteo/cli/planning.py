@@ -147,13 +147,16 @@ def _approach(text: str) -> tuple[np.ndarray, float]:
     return np.array(values[:3]), float(np.radians(values[3]))
 
 
-def run_plan(options: PlanOptions, *, as_json: bool) -> None:
-    """Plan and print; exits with 3 when there is no such plan."""
+def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None:
+    """Plan, print, write the report; exits with 3 when there is no such plan."""
+    from tanteo.cli.reporting import check_report
+
+    check_report(report)
     for path in options.parts:
         require_file("--part" if len(options.parts) == 1 else "--distinguish", path)
     parts = [read_all_parts([path], options.units, quiet=as_json)[0] for path in options.parts]
     if len(parts) == 2:
-        _tell_apart(parts, options, as_json=as_json)
+        _tell_apart(parts, options, report, as_json=as_json)
         return
     from tanteo.active import at_pose, plan
     from tanteo.io.plan_out import plan_csv, plan_json
@@ -170,6 +173,12 @@ def run_plan(options: PlanOptions, *, as_json: bool) -> None:
         sys.stdout.write(plan_json(found, tolerance=options.tolerance, confidence=options.confidence))
     else:
         emit(plan_lines(found, options))
+    if report is not None:
+        from tanteo.cli.reporting import this_run, write_page
+        from tanteo.report import plan_page
+
+        page = plan_page(found, parts[0], options.probe, options.tolerance, options.confidence, this_run())
+        write_page(report, page, as_json=as_json)
     if not found.reached:
         raise typer.Exit(UNDECIDED)
 
@@ -226,7 +235,7 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
     )
 
 
-def _tell_apart(parts: Sequence[Part], options: PlanOptions, *, as_json: bool) -> None:
+def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None, *, as_json: bool) -> None:
     from tanteo.active import distinguish
     from tanteo.io.plan_out import distinction_json
     from tanteo.surface_search import prepare_target
@@ -237,7 +246,12 @@ def _tell_apart(parts: Sequence[Part], options: PlanOptions, *, as_json: bool) -
         sys.stdout.write(distinction_json(found))
     else:
         emit(distinction_lines(found))
-    if found.information < 0.3:
+    if report is not None:
+        from tanteo.cli.reporting import this_run, write_page
+        from tanteo.report import distinction_page
+
+        write_page(report, distinction_page(found, parts, options.probe, this_run()), as_json=as_json)
+    if not found.tells:
         raise typer.Exit(UNDECIDED)
 
 

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.reporting_option import Report
+
 
 def replay(
     record: Annotated[str, typer.Argument(metavar="RECORD", help="Record of a session (JSON).")],
@@ -18,6 +20,7 @@ def replay(
     explain: Annotated[
         bool, typer.Option("--explain", help="Say what each reading told and what the answer rests on.")
     ] = False,
+    report: Report = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")] = False,
 ) -> None:
@@ -26,4 +29,4 @@ def replay(
     from tanteo.cli.running import guarded
 
     with guarded():
-        run_replay(record, parts or [], explained=explain, as_json=json, verbose=verbose)
+        run_replay(record, parts or [], explained=explain, report=report, as_json=json, verbose=verbose)

@@ -24,16 +24,20 @@ _SHOWN = 5
 """Differences that are listed."""
 
 
-def run_replay(path: str, folders: Sequence[str], *, explained: bool, as_json: bool, verbose: bool) -> None:
-    """Print the answer of a record; exits with 3 when it is not decided.
+def run_replay(
+    path: str, folders: Sequence[str], *, explained: bool, report: str | None = None, as_json: bool, verbose: bool
+) -> None:
+    """Print the answer of a record, write its report; exits with 3 when it is not decided.
 
     Raises:
         InputError: the record or a part of it is not what it was, or the answer is not the recorded one.
     """
     from tanteo.active.explain import explain
+    from tanteo.cli.reporting import check_report, report_session
     from tanteo.io.part_files import parts_of
     from tanteo.io.session_record import load_record, resumed
 
+    check_report(report)
     begun = time.perf_counter()
     record = load_record(path)
     parts = parts_of(record.parts, record.source, folders=folders)
@@ -47,6 +51,8 @@ def run_replay(path: str, folders: Sequence[str], *, explained: bool, as_json: b
     _print(answer, told, as_json=as_json, verbose=verbose)
     if verbose:
         emit([f"The recorded answer was given again {how}."], sys.stderr)
+    if report is not None:
+        report_session(report, session, as_json=as_json)
     if answer.status != "recognized":
         raise typer.Exit(UNDECIDED)
 

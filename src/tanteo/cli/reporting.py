@@ -15,17 +15,21 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.matching import PosePrior, Recognition
     from tanteo.parts import Part
+    from tanteo.report import Run
     from tanteo.sensors import Readings, Rig
+    from tanteo.session import Session
 
 _SUFFIXES = (".html", ".htm")
 
 
-def check_report(path: str) -> None:
-    """Is it a name that can be written; asked before the long work.
+def check_report(path: str | None) -> None:
+    """Is it a name that can be written; asked before the long work. None is no report.
 
     Raises:
         MisuseError: Another suffix, or a folder that is not there.
     """
+    if path is None:
+        return
     file = Path(path)
     if file.suffix.lower() not in _SUFFIXES:
         raise MisuseError(f"--report: expected a file name that ends in .html, got '{path}'. Call it report.html.")
@@ -44,20 +48,44 @@ def report_answer(
     *,
     as_json: bool,
 ) -> None:
-    """Write the report and say where it is; beside JSON on standard error.
+    """Report an answer of ``identify`` or ``locate``."""
+    from tanteo.report import gather, report_page
+    from tanteo.session import Sensing
+
+    sensing = Sensing(options.sensor, options.robot, options.sd, options.tip_sd, rig, options.tolerance)
+    page = report_page(answer, gather(readings, sensing, pose), parts, this_run())
+    write_page(path, page, as_json=as_json)
+
+
+def report_session(path: str, session: Session, *facts: tuple[str, str], as_json: bool) -> None:
+    """Report a session: its answer, and how it came to that."""
+    from tanteo.report import session_page
+
+    write_page(path, session_page(session, this_run(*facts)), as_json=as_json)
+
+
+def this_run(*facts: tuple[str, str]) -> Run:
+    """The command that runs now, as a report says it.
+
+    Args:
+        facts: What else is to stand beside the picture: name and value.
+    """
+    from tanteo import __version__
+    from tanteo.report import Run
+
+    return Run(shlex.join(TYPED.get()), f"tanteo {__version__}", facts)
+
+
+def write_page(path: str, page: str, *, as_json: bool) -> None:
+    """Write a report and say where it is; beside JSON on standard error.
 
     Raises:
         InputError: The file cannot be written.
     """
-    from tanteo import __version__
-    from tanteo.report import gather, write_report
+    from tanteo.report import write_report
 
-    sensed = gather(
-        readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig,
-        tolerance=options.tolerance, prior=pose,
-    )  # fmt: skip
     try:
-        write_report(path, answer, sensed, parts, command=shlex.join(TYPED.get()), made_by=f"tanteo {__version__}")
+        write_report(path, page)
     except OSError as error:
         raise InputError(
             f"--report: expected a file that can be written, got '{path}': {error.strerror or error}."

@@ -59,10 +59,9 @@ def recognize(
         raise MisuseError(
             "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
-    if report is not None:
-        from tanteo.cli.reporting import check_report
+    from tanteo.cli.reporting import check_report
 
-        check_report(report)
+    check_report(report)
     from tanteo.cli.scale import check_scale, meant_units, scale_of
     from tanteo.io import read_readings, read_rig, recognition_json
 

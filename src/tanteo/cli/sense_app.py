@@ -8,6 +8,7 @@ import typer
 
 from tanteo.cli.completing import policy_names
 from tanteo.cli.prior_options import Near, PriorPath
+from tanteo.cli.reporting_option import Report
 
 sense_app = typer.Typer(
     help="Sense a feature, or find out which part is there, in the simulator, without contact.",
@@ -102,6 +103,7 @@ def sense_part(
         str | None,
         typer.Option("--record", metavar="FILE", help="Write the session (JSON), or its readings (.csv)."),
     ] = None,
+    report: Report = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -118,7 +120,7 @@ def sense_part(
                 standoff=standoff, seed=seed, units=units,
             )  # fmt: skip
         known = read_pose_prior(None, None, near, prior)
-        sense_unknown(scene, parts, options, known, record, as_json=json, verbose=verbose)
+        sense_unknown(scene, parts, options, known, record, report, as_json=json, verbose=verbose)
 
 
 def _sense(

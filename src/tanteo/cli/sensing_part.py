@@ -88,6 +88,7 @@ def sense_unknown(
     options: PartOptions,
     known: PosePrior | None,
     record: str | None,
+    report: str | None,
     *,
     as_json: bool,
     verbose: bool,
@@ -95,9 +96,11 @@ def sense_unknown(
     """Sense until it is enough, print the answer; exits with 3 when it is not decided or not reached."""
     import numpy as np
 
+    from tanteo.cli.reporting import check_report
     from tanteo.io import read_scene
     from tanteo.simulator import clearances
 
+    check_report(report)
     scene = read_scene(scene_path)
     scene = replace(scene, standoff=options.standoff or scene.standoff)
     if options.seed is not None:
@@ -108,7 +111,11 @@ def sense_unknown(
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
     _write(session, record)
-    _answer(session, done, least, as_json=as_json, verbose=verbose)
+    decided = _answer(session, done, least, as_json=as_json, verbose=verbose)
+    if report is not None:
+        _report(report, session, done, least, as_json=as_json)
+    if not (decided and done.end.reached):
+        raise typer.Exit(UNDECIDED)
 
 
 def prepare_run(scene: SceneFile, start: Start, options: PartOptions) -> tuple[Session, SimulatedHand, Rules]:
@@ -231,7 +238,8 @@ def _write(session: Session, record: str | None) -> None:
         ) from None
 
 
-def _answer(session: Session, done: Executed, least: float, *, as_json: bool, verbose: bool) -> None:
+def _answer(session: Session, done: Executed, least: float, *, as_json: bool, verbose: bool) -> bool:
+    """Print the answer; is it decided?"""
     from tanteo.cli.answer import answer_lines
     from tanteo.io import executed_json
 
@@ -247,5 +255,18 @@ def _answer(session: Session, done: Executed, least: float, *, as_json: bool, ve
         emit([headline, cost, *rest, printable(done.end.why)])
     if as_json and not done.end.reached:
         emit([printable(done.end.why)], sys.stderr)
-    if result.status != "recognized" or not done.end.reached:
-        raise typer.Exit(UNDECIDED)
+    return result.status == "recognized"
+
+
+def _report(path: str, session: Session, done: Executed, least: float, *, as_json: bool) -> None:
+    """The session as a page, with what the hand did for it."""
+    from tanteo.cli.reporting import report_session
+
+    asked = len(done.visits)
+    facts = [
+        ("Why it ended", done.end.why),
+        ("Questions, readings", f"{asked}, {session.count}"),
+        ("Time and way of the hand, simulated", f"{done.seconds:.1f} s, {done.travel:.2f} m"),
+        ("Least clearance", f"{1e3 * least:.1f} mm"),
+    ]
+    report_session(path, session, *facts, as_json=as_json)

@@ -16,11 +16,10 @@ from tanteo.catalogue import read_parts
 from tanteo.hand import Workspace
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3, SO3
-from tanteo.matching import PosePrior, Priors, Recognition
+from tanteo.matching import Priors
 from tanteo.parts import Part
-from tanteo.sensors import Readings
 from tanteo.sensors.law import NoiseLaw
-from tanteo.session import Action, Sensing, Session, Step
+from tanteo.session import Action, Sensing, Session
 from tanteo.surface_search import Target, prepare_target
 from tanteo.typing import Transforms
 
@@ -36,30 +35,16 @@ class Told:
     """What came out.
 
     Attributes:
-        answer: of the session.
-        readings: all that were made.
-        sensing: how they became measurements.
-        steps: what each told.
-        prior: the rough pose from which the answer started.
-        names: of the parts of the session's start, in order.
-        parts: the twelve.
+        session: that found it.
         truth: name of the part that lay there.
-        T_world_part: where it truly was ``(4, 4)``.
-        count: readings that the session chose.
-        random: readings that random sensing needed for the same; the most that were tried if it did not get there.
+        off: how far its worst corner truly is from where the answer puts it [m].
+        random: readings that random places needed for the same, in words.
     """
 
-    answer: Recognition
-    readings: Readings
-    sensing: Sensing
-    steps: tuple[Step, ...]
-    prior: PosePrior
-    names: tuple[str, ...]
-    parts: tuple[Part, ...]
+    session: Session
     truth: str
-    T_world_part: Transforms
-    count: int
-    random: int
+    off: float
+    random: str
 
 
 def tell(say: Callable[[str], None], seed: int = 0) -> Told:
@@ -90,12 +75,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Told:
     _sense(random, targets[name], T, seed, None)
     count = f"{random.count}" if random.count < _MOST else f"more than {_MOST}"
     say(f"Readings: {session.count}. Random places would have taken {count}.")
-    assert session.readings is not None
-    names = tuple(target.part.name for target in start.targets)
-    return Told(
-        answer, session.readings, session.sensing, session.steps, session.prior, names, parts, name, T, session.count,
-        random.count,
-    )  # fmt: skip
+    return Told(session, name, float(off), count)
 
 
 def _truth(folder: Path) -> tuple[str, Transforms]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.localization import describe_motion
 from tanteo.matching.results import Hypothesis, Status
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
@@ -13,6 +14,9 @@ CONFIDENCE = 0.95
 
 _RESISTS = 0.3
 """A face resists a motion if the motion moves it along its normal by this share of the most it could."""
+
+_MOSTLY = 0.9
+"""Share of the corners' mean square motion from which a motion is called sliding, or turning."""
 
 
 def verdict(
@@ -151,6 +155,27 @@ def corner_moves(part: Part) -> FloatArray:
     x, y, z = corners.T
     J[:, 0, 4], J[:, 0, 5], J[:, 1, 3], J[:, 1, 5], J[:, 2, 3], J[:, 2, 4] = z, -y, -z, x, y, -x
     return J
+
+
+def motion_words(part: Part, motion: Tangents, T_world_part: Transforms) -> str:
+    """A motion in words, without what hardly moves the corners of the part's box; the same for its opposite.
+
+    Args:
+        part: the part.
+        motion: of its pose, right perturbation ``(6,)`` [m, rad].
+        T_world_part: where it is.
+    """
+    moved = corner_moves(part) @ motion
+    middle = moved.mean(axis=0)
+    share = len(moved) * float(middle @ middle) / float(np.sum(moved**2))
+    if share > _MOSTLY:
+        motion = np.r_[middle, np.zeros(3)]
+    elif share < 1 - _MOSTLY:  # about an axis through the middle of the box
+        motion = np.r_[np.cross(part.box.mean(axis=0), motion[3:]), motion[3:]]
+    scaled = motion / np.r_[np.full(3, part.diagonal), np.ones(3)]
+    axis = T_world_part[:3, :3] @ (scaled[3:] if np.any(motion[3:]) else scaled[:3])
+    scaled = scaled * np.sign(axis[np.argmax(np.abs(axis))])
+    return describe_motion(scaled / np.linalg.norm(scaled), T_world_part, part.diagonal)
 
 
 def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:

@@ -1,32 +1,42 @@
-"""A recognition as one HTML file that opens from disk, offline: words, a picture in 3-D, figures, how to run it again.
+"""An answer, a session or a plan as one HTML file that opens from disk, offline.
 
-``write_report(path, answer, sensed, parts, command=...)``; ``sensed`` comes from :func:`gather`. Whoever has more to
-tell than one answer (a session, a plan) hands in further :class:`Section` values.
+It has words, a picture in 3-D, charts, figures, and how to run it again. A page is made by ``report_page``,
+``session_page``, ``plan_page`` or ``distinction_page``, and put to a file by ``write_report(path, page)``. Whoever has
+more to tell about an answer hands in further :class:`Section` values.
 """
 
+from tanteo.report.apart import distinction_page
 from tanteo.report.budget import Budget, Source, make_budget
 from tanteo.report.contacts import Contacts, find_contacts
 from tanteo.report.course import course_section
 from tanteo.report.ghosts import Way, find_ways
 from tanteo.report.html import Html, element
+from tanteo.report.planned import plan_page
+from tanteo.report.rests import directions_of, rests_section
 from tanteo.report.section import Section
 from tanteo.report.sensed import Sensed, gather
-from tanteo.report.write import report_page, write_report
+from tanteo.report.write import Run, report_page, session_page, write_report
 
 __all__ = [
     "Budget",
     "Contacts",
     "Html",
+    "Run",
     "Section",
     "Sensed",
     "Source",
     "Way",
     "course_section",
+    "directions_of",
+    "distinction_page",
     "element",
     "find_contacts",
     "find_ways",
     "gather",
     "make_budget",
+    "plan_page",
     "report_page",
+    "rests_section",
+    "session_page",
     "write_report",
 ]

@@ -1,4 +1,4 @@
-"""How the belief went: one row a reading, with the probabilities and the worst corner after it."""
+"""How the belief went: probabilities and the worst corner after each answer, as curves and as a table."""
 
 from __future__ import annotations
 
@@ -6,46 +6,134 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tanteo.active.explain import Added
 from tanteo.report.charts import bar
+from tanteo.report.curves import SHARES, STYLES, Curve, curve_chart, lengths_scale
 from tanteo.report.html import Html, element, join, table
 from tanteo.report.section import Section
-from tanteo.report.words import percent
-from tanteo.session import Step
+from tanteo.report.words import MM, percent
+from tanteo.session import Session, Step
+from tanteo.typing import FloatArray
 
-_LEADING = 2
-"""Parts shown in each row: those that ever led come first."""
+_IN_TABLE = 2
+"""Parts in each row of the table: those that ever led come first."""
+
+_SEEN = 0.01
+"""A part that never was more probable has no curve."""
+
+_MOST_NAMES = 3
+"""Readings of a step that are named."""
 
 
-def course_section(steps: Sequence[Step], names: Sequence[str]) -> Section:
-    """What every reading told.
+def course_section(session: Session, added: Sequence[Added]) -> Section:
+    """What every answer told.
 
     Args:
-        steps: of the session, in order.
-        names: of the parts, in the order of the session's start.
+        session: That was told something.
+        added: What each step told, as :func:`tanteo.active.explain.explain` has it.
     """
-    shown = _leading(steps)
-    headers = ("reading", "asked at", *(names[k] for k in shown), "none of these", "worst corner, 1 sd")
+    lead = (
+        "From before the first answer to the last: how probable each part was, and how well the worst corner of the "
+        "likeliest one was known (one standard deviation, on a logarithmic scale)."
+    )
+    steps = session.steps
+    if not steps:
+        return Section("course", "How it went", lead, ())
+    told = element("details", element("summary", "What each answer told, as a table"), _rows(session, added))
+    return Section("course", "How it went", lead, (join([_probabilities(session), _corners(session), told]),))
+
+
+def _probabilities(session: Session) -> Html:
+    """The parts that led and the strongest others; and none of these."""
+    steps, names = session.steps, _names(session)
+    before = _before(session)
+    shown = [k for k in _leading(steps, STYLES - 1) if max(before[k], *(s.probabilities[k] for s in steps)) > _SEEN]
+    places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
+    series = [(names[k], np.array([before[k], *(s.probabilities[k] for s in steps)])) for k in shown]
+    series.append(("none of these", np.array([session.start.priors.unknown, *(s.unknown for s in steps)])))
+    curves = [
+        Curve(name, p, tuple(f"{name}, {_place(at)}: {percent(v)}" for at, v in zip(places, p, strict=True)))
+        for name, p in series
+    ]
+    final = ", ".join(f"{c.name} {percent(c.values[-1])}" for c in curves)
+    return curve_chart(f"Probabilities after {len(steps)} answers: {final}.", curves, SHARES, places)
+
+
+def _place(at: str) -> str:
+    return at if at == "before" else f"after {at}"
+
+
+def _before(session: Session) -> FloatArray:
+    """Probabilities of the parts before anything was told."""
+    start = session.start
+    weights = np.bincount(start.part, weights=start.weights, minlength=len(start.targets))
+    return np.asarray(weights * (1 - start.priors.unknown))
+
+
+def _corners(session: Session) -> Html:
+    steps, names = session.steps, _names(session)
+    values = MM * np.array([np.nan, *(s.worst_corner_sd for s in steps)])
+    if not np.isfinite(values).any():
+        return Html("")
+    places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
+    leaders = ["", *(names[s.part] if s.part >= 0 else "" for s in steps)]
+    said = tuple(f"after {p}: {v:.3g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
+    tolerance = session.stop.tolerance
+    goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
+    scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
+    label = f"Standard deviation of the worst corner after {len(steps)} answers, {values[-1]:.3g} mm at last."
+    return curve_chart(label, [Curve("worst corner of the likeliest part, 1 sd", values, said)], scale, places, goal)
+
+
+def _rows(session: Session, added: Sequence[Added]) -> Html:
+    steps, names = session.steps, _names(session)
+    shown = _leading(steps, _IN_TABLE)
+    headers = (
+        "", "readings", "asked at", "met", *(names[k] for k in shown), "none of these", "worst corner, 1 sd",
+        "about the part [nats]", "about the pose [nats]", "best narrowed", "to",
+    )  # fmt: skip
     rows: list[tuple[Html | str, ...]] = [
         (
-            ", ".join(step.ids) or "told before",
+            str(n),
+            _listed(step.ids) or "told before",
             "not asked for" if step.action is None else f"{step.action.face} of {step.action.part}",
+            _listed(tuple(dict.fromkeys(one.met))),
             *(_share(step.probabilities[k]) for k in shown),
             _share(step.unknown),
-            "" if np.isnan(step.worst_corner_sd) else f"{1e3 * step.worst_corner_sd:.3g} mm",
+            _number(MM * step.worst_corner_sd, "{:.3g} mm"),
+            _number(one.about_part, "{:.2f}"),
+            _number(one.about_pose, "{:.2f}"),
+            one.motion.partition(" through")[0] or "–",
+            _number(100 * one.narrowed, "{:.0f} %"),
         )
-        for step in steps
+        for n, (step, one) in enumerate(zip(steps, added, strict=True), 1)
     ]
-    lead = "Each row is after its reading: how probable each part is, and how well its worst corner is known."
-    return Section("course", "How it went", lead, (table(headers, rows, class_="shares"),) if rows else ())
+    note = (
+        "Met: faces of the part of the answer. About the part: relative entropy of the probabilities after it to those "
+        "before. About the pose: how much the logarithm of its volume shrank; none where the likeliest part changed. "
+        "Best narrowed: the motion of the part whose standard deviation shrank most, and to what of it was before."
+    )
+    return join([table(headers, rows, class_="shares plain"), element("p", note, class_="note")])
 
 
-def _leading(steps: Sequence[Step]) -> list[int]:
-    """Parts that led after some reading, the last first; and the strongest others."""
-    if not steps:
-        return []
+def _listed(names: tuple[str, ...]) -> str:
+    rest = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _number(value: float, form: str) -> str:
+    return form.format(value) if np.isfinite(value) else "–"
+
+
+def _names(session: Session) -> tuple[str, ...]:
+    return tuple(target.part.name for target in session.start.targets)
+
+
+def _leading(steps: Sequence[Step], most: int) -> list[int]:
+    """Parts that led after some answer, the last first; and the strongest others."""
     led = [int(np.argmax(step.probabilities)) for step in reversed(steps)]
     strongest = np.argsort(-np.max([step.probabilities for step in steps], axis=0), kind="stable").tolist()
-    return list(dict.fromkeys([*led, *strongest]))[: max(_LEADING, 1)]
+    return list(dict.fromkeys([*led, *strongest]))[:most]
 
 
 def _share(p: float) -> Html:

@@ -84,13 +84,14 @@ class Picture {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
     if (!gl) throw new Error("no WebGL 2");
     Object.assign(this, { canvas, overlay, data, gl, chosen: 0, way: "0", picked: -1, waiting: false });
-    this.layers = { readings: true, beams: true, sticks: true };
+    this.layers = {};
     this.programs = Object.fromEntries(Object.entries(SHADERS).map(([k, s]) => [k, makeProgram(gl, s)]));
     this.corners = buffer(gl, new Float32Array([0, -1, 1, -1, 0, 1, 1, 1]));
     this.parts = data.parts.map((part) => this.partBuffers(part));
     this.points = unpack(data.readings.points, Float32Array);
-    const starts = unpack(data.readings.starts, Float32Array);
-    this.beams = this.lineBuffers(interleave(starts, this.points));
+    this.starts = unpack(data.readings.starts, Float32Array);
+    this.beams = this.lineBuffers(interleave(this.starts, this.points));
+    if (data.arrows) this.heads = this.meshBuffers(...cones(this.starts, this.points, 0.05 * data.size_mm));
     this.free = this.lineBuffers(unpack(data.free, Float32Array));
     this.pointBuffer = buffer(gl, this.points);
     this.radiusBuffer = buffer(gl, unpack(data.readings.radii, Float32Array));
@@ -104,12 +105,13 @@ class Picture {
   }
 
   partBuffers(part) {
-    const gl = this.gl, triangles = unpack(part.triangles, Uint32Array);
-    return {
-      places: buffer(gl, unpack(part.vertices, Float32Array)),
-      triangles: buffer(gl, triangles, gl.ELEMENT_ARRAY_BUFFER), count: triangles.length,
-      lines: this.lineBuffers(unpack(part.lines, Float32Array)),
-    };
+    const mesh = this.meshBuffers(unpack(part.vertices, Float32Array), unpack(part.triangles, Uint32Array));
+    return { ...mesh, lines: this.lineBuffers(unpack(part.lines, Float32Array)) };
+  }
+
+  meshBuffers(places, triangles) {
+    const gl = this.gl;
+    return { places: buffer(gl, places), triangles: buffer(gl, triangles, gl.ELEMENT_ARRAY_BUFFER), count: triangles.length };
   }
 
   lineBuffers(ends) { return { ends: buffer(this.gl, ends), count: ends.length / 6 }; }
@@ -163,6 +165,12 @@ class Picture {
     this.view = this.viewMatrix(); this.dpr = dpr;
     const now = this.data.hypotheses[this.chosen];
     if (now) this.drawPart(this.parts[now.part], new Float32Array(now.pose));
+    if (this.heads && this.layers.readings) {
+      this.hiddenToo((faint) => {
+        this.drawLines(this.beams, IDENTITY, this.colour("good", faint ? 0.25 : 1), 2.4);
+        this.drawMesh(this.heads, IDENTITY, this.colour("good", faint ? 0.25 : 1));
+      });
+    }
     if (this.layers.beams) {
       this.hiddenToo((faint) => this.drawLines(this.beams, IDENTITY, this.colour("beam", faint ? 0.2 : 0.85), 1.3));
       this.hiddenToo((faint) => this.drawLines(this.free, IDENTITY, this.colour("free", faint ? 0.2 : 0.9), 1.3, 6));
@@ -171,23 +179,28 @@ class Picture {
       this.hiddenToo((faint) => this.drawLines(this.poses[this.chosen].sticks, IDENTITY, this.colour("stick", faint ? 0.25 : 1), 3.2));
     }
     if (now && this.way !== "") this.drawGhosts(now);
-    if (this.layers.readings) this.hiddenToo((faint) => this.drawPoints(faint ? 0.3 : 1));
+    if (this.layers.readings && !this.heads) this.hiddenToo((faint) => this.drawPoints(faint ? 0.3 : 1));
     this.drawOverlay(now);
   }
 
   drawPart(part, pose) {
+    const { gl } = this;
+    gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(1.5, 2);
+    this.drawMesh(part, pose, this.colour("part"));
+    gl.disable(gl.POLYGON_OFFSET_FILL);
+    this.drawLines(part.lines, pose, this.colour("edge", 0.9), 0.8);
+  }
+
+  drawMesh(mesh, pose, colour) {
     const { gl } = this, { program, uniforms, at } = this.programs.mesh;
     gl.useProgram(program);
     gl.uniformMatrix4fv(uniforms.model, false, pose);
     gl.uniformMatrix4fv(uniforms.view, false, this.view);
-    gl.uniform4fv(uniforms.colour, this.colour("part"));
+    gl.uniform4fv(uniforms.colour, colour);
     gl.uniform3f(uniforms.scale, 1 / this.half[0], 1 / this.half[1], -1 / this.half[2]);
-    gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(1.5, 2);
-    this.attribute(at("place"), part.places, 3);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.triangles);
-    gl.drawElements(gl.TRIANGLES, part.count, gl.UNSIGNED_INT, 0);
-    gl.disable(gl.POLYGON_OFFSET_FILL);
-    this.drawLines(part.lines, pose, this.colour("edge", 0.9), 0.8);
+    this.attribute(at("place"), mesh.places, 3);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.triangles);
+    gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
   }
 
   drawGhosts(now) {
@@ -246,13 +259,17 @@ class Picture {
     gl.drawArrays(gl.POINTS, 0, this.points.length / 3);
   }
 
-  place(i) { return [this.points[3 * i], this.points[3 * i + 1], this.points[3 * i + 2]]; }
+  place(i) { return this.points.slice(3 * i, 3 * i + 3); }
+
+  /* Where the name of a reading belongs: at the beginning of an arrow, else at the reading. */
+  nameAt(i) { return this.heads ? this.starts.slice(3 * i, 3 * i + 3) : this.place(i); }
 
   /* The reading nearest to a place of the canvas, -1 for none within reach of a finger. */
   nearest(x, y, reach = 16) {
     let best = -1, least = reach;
     for (let i = 0; i < this.points.length / 3; i++) {
-      const [px, py] = this.project(this.place(i)), d = Math.hypot(px - x, py - y);
+      const to = (p) => { const [px, py] = this.project(p); return Math.hypot(px - x, py - y); };
+      const d = Math.min(to(this.place(i)), to(this.nameAt(i)));
       if (d < least) [best, least] = [i, d];
     }
     return best;
@@ -268,26 +285,56 @@ class Picture {
     const wanted = 0.25 * w * this.eye.scale, power = 10 ** Math.floor(Math.log10(wanted));
     const bar = [5, 2, 1].map((m) => m * power).find((m) => m <= wanted), long = bar / this.eye.scale;
     marks.push(line([w - 18 - long, h - 18], [w - 18, h - 18]), text(w - 18 - long / 2, h - 26, `${Number(bar.toPrecision(3))} mm`));
-    marks.push(...this.wrongWords(now, w, h));
+    marks.push(...this.words(now, w, h));
     this.overlay.replaceChildren(...marks);
   }
 
-  /* Names beside the readings that do not fit, as long as they do not cover each other. */
-  wrongWords(now, w, h) {
-    if (!now || !this.layers.readings) return [];
+  /* Names beside the readings, those that do not fit first, as long as they do not cover each other. */
+  words(now, w, h) {
     const taken = [[0, h - 96, 96, h], [w - 0.3 * w, h - 44, w, h]], marks = [];
-    now.wrong.forEach((wrong, i) => {
-      if (!wrong) return;
-      const words = `${this.data.readings.names[i]}: ${Math.abs(now.off_mm[i]).toPrecision(3)} mm off`, long = 7.6 * words.length;
-      const [x, y] = this.project(this.place(i)), left = x + 12 + long < w ? x + 12 : x - 12 - long;
-      const box = [left, y - 16, left + long, y + 6];
-      if (left < 4 || y < 18 || y > h - 6 || taken.some((t) => box[0] < t[2] && t[0] < box[2] && box[1] < t[3] && t[1] < box[3])) return;
-      taken.push(box);
-      marks.push(text(left, y + 4, words, "wrong", "start"));
+    if (!this.layers.readings) return marks;
+    const { names } = this.data.readings, wrong = (i) => Boolean(now && now.wrong[i]);
+    names.forEach((name, i) => {
+      if (wrong(i)) marks.push(...beside(this.project(this.place(i)), `${name}: ${Math.abs(now.off_mm[i]).toPrecision(3)} mm off`, "wrong", taken, w, h));
     });
+    if (this.layers.names) {
+      names.forEach((name, i) => { if (!wrong(i)) marks.push(...beside(this.project(this.nameAt(i)), name, "", taken, w, h)); });
+    }
     return marks;
   }
 }
+
+/* Words at the first place about a point where nothing stands; nowhere, if there is none. */
+function beside([x, y], words, kind, taken, w, h) {
+  const long = 7.9 * words.length + 2;
+  for (const [left, base] of [[x + 9, y + 4], [x - 9 - long, y + 4], [x - long / 2, y - 9], [x - long / 2, y + 20]]) {
+    const box = [left, base - 13, left + long, base + 4];
+    const clear = taken.every((t) => box[0] >= t[2] || t[0] >= box[2] || box[1] >= t[3] || t[1] >= box[3]);
+    if (!clear || left < 3 || left + long > w - 3 || base < 16 || base > h - 6) continue;
+    taken.push(box);
+    return [text(left, base, words, kind, "start")];
+  }
+  return [];
+}
+
+/* Heads of arrows: places and triangles of one cone each, its tip at the end. */
+function cones(starts, ends, long, sides = 12) {
+  const places = [], triangles = [];
+  for (let k = 0; k < ends.length; k += 3) {
+    const tip = ends.slice(k, k + 3), d = tip.map((v, i) => v - starts[k + i]), l = Math.hypot(...d) || 1;
+    const z = d.map((v) => v / l), least = z.map(Math.abs).indexOf(Math.min(...z.map(Math.abs)));
+    const x = unit(cross(z, [0, 1, 2].map((i) => Number(i === least)))), y = cross(z, x), first = places.length / 3;
+    places.push(...tip, ...tip.map((v, i) => v - long * z[i]));
+    for (let j = 0; j < sides; j++) {
+      const a = (2 * Math.PI * j) / sides, r = 0.3 * long, next = first + 2 + ((j + 1) % sides);
+      places.push(...tip.map((v, i) => v - long * z[i] + r * (Math.cos(a) * x[i] + Math.sin(a) * y[i])));
+      triangles.push(first, first + 2 + j, next, first + 1, next, first + 2 + j);
+    }
+  }
+  return [new Float32Array(places), new Uint32Array(triangles)];
+}
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (v) => { const l = Math.hypot(...v); return v.map((c) => c / l); };
 
 function interleave(a, b) {
   const out = new Float32Array(2 * a.length);

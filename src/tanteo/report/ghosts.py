@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SE3
-from tanteo.localization import describe_motion
-from tanteo.matching import Hypothesis
-from tanteo.matching.verdict import corner_moves
+from tanteo.matching.verdict import corner_moves, motion_words
 from tanteo.parts import Part
-from tanteo.typing import Transforms
+from tanteo.report.words import brief
+from tanteo.typing import Covariances, Tangents, Transforms
 
 _NOTABLE = 0.01
 """Ways that move the part less than this share of the largest are not shown."""
@@ -30,39 +29,44 @@ class Way:
     Attributes:
         words: The motion.
         moves: How far one standard deviation of it moves the farthest corner of the box [m].
+        rms: How far it moves all corners, root mean square [m].
+        xi: One standard deviation of it, right perturbation of the pose ``(6,)`` [m, rad].
         Ts_world_part: Ghosts ``(3, 2, 4, 4)``: at 1, 2 and 3 standard deviations, backwards and forwards, enlarged.
     """
 
     words: str
     moves: float
+    rms: float
+    xi: Tangents
     Ts_world_part: Transforms
 
 
-def find_ways(hypothesis: Hypothesis, part: Part) -> tuple[tuple[Way, ...], int]:
+def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> tuple[tuple[Way, ...], int]:
     """The ways, and how many times their ghosts are enlarged.
 
     The covariance is split so that each way moves the corners of the box independently of the others, as much as
     possible in the first.
 
     Args:
-        hypothesis: Pose and covariance.
-        part: Its part.
+        part: The part.
+        T_world_part: Where it is.
+        covariance: Of that pose ``(6, 6)`` [m, rad].
     """
-    T, J = hypothesis.T_world_part, corner_moves(part)
-    values, vectors = np.linalg.eigh(hypothesis.covariance)
+    T, J = T_world_part, corner_moves(part)
+    values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(values.clip(0.0))
     moved = (J @ root).reshape(24, 6)
     order = np.linalg.eigh(moved.T @ moved)[1][:, ::-1]
     xis = (root @ order).T
-    moves = np.linalg.norm(xis @ np.swapaxes(J, 1, 2), axis=-1).max(axis=0)
+    far = np.linalg.norm(xis @ np.swapaxes(J, 1, 2), axis=-1)
+    moves, rms = far.max(axis=0), np.sqrt(np.mean(far**2, axis=0))
     kept = moves > _NOTABLE * moves.max()
     enlarged = _enlarged(float(moves.max()), part.diagonal)
     steps = np.array([[-level, level] for level in LEVELS], dtype=np.float64) * enlarged
     ways = []
-    for xi, far in zip(xis[kept], moves[kept], strict=True):
-        scaled = xi / np.r_[np.full(3, part.diagonal), np.ones(3)]
-        words = describe_motion(scaled / np.linalg.norm(scaled), T, part.diagonal).partition(" through")[0]
-        ways.append(Way(words, float(far), T @ SE3.exp(steps[..., None] * xi)))
+    for xi, most, all_ in zip(xis[kept], moves[kept], rms[kept], strict=True):
+        words = brief(motion_words(part, xi, T))
+        ways.append(Way(words, float(most), float(all_), xi, T @ SE3.exp(steps[..., None] * xi)))
     return tuple(ways), enlarged
 
 

@@ -11,12 +11,23 @@ try {
   byId("no3d").textContent = `This browser cannot draw the picture (${error.message}). Everything else on this page is complete.`;
 }
 
+function ghostsNow() {
+  return [...document.querySelectorAll(".ghosts")].find((e) => !e.hidden)?.querySelector("select");
+}
+
+function showWay(way) {
+  const select = ghostsNow();
+  if (!select) return;
+  select.value = way;
+  select.dispatchEvent(new Event("change"));
+  byId("view").scrollIntoView({ block: "nearest" });
+}
+
 function choose(k) {
   for (const piece of document.querySelectorAll("[data-h]")) piece.hidden = piece.dataset.h !== String(k);
   if (!picture) return;
   picture.chosen = k;
-  const ghosts = document.querySelector(`.ghosts[data-h="${k}"] select, .ghosts:not([data-h]) select`);
-  picture.way = ghosts ? ghosts.value : "";
+  picture.way = ghostsNow()?.value ?? "";
   picture.redraw();
 }
 for (const radio of document.querySelectorAll("input[name=hypothesis]")) {
@@ -40,7 +51,12 @@ if (picture) {
     select.addEventListener("change", () => { picture.way = select.value; picture.redraw(); });
   }
   for (const box of document.querySelectorAll("[data-layer]")) {
-    box.addEventListener("change", () => { picture.layers[box.dataset.layer] = box.checked; picture.redraw(); });
+    const apply = () => { picture.layers[box.dataset.layer] = box.checked; picture.redraw(); };
+    box.addEventListener("change", apply);
+    apply();
+  }
+  for (const button of document.querySelectorAll("[data-way]")) {
+    button.addEventListener("click", () => showWay(button.dataset.way));
   }
   for (const button of document.querySelectorAll("[data-view]")) {
     button.addEventListener("click", () => picture.look(button.dataset.view));
@@ -114,7 +130,8 @@ function listen(canvas, tip) {
 }
 
 function readingWords(i) {
-  const { names, labels } = scene.readings, now = scene.hypotheses[picture.chosen];
+  const { names, labels, words } = scene.readings, now = scene.hypotheses[picture.chosen];
+  if (words) return words[i];
   const label = labels[i] ? `, ${labels[i]}` : "";
   if (!now) return `reading ${names[i]}${label}`;
   const verdict = now.wrong[i] ? "does not fit" : "fits";

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from tanteo.report.drawn import draw_part
 from tanteo.report.ghosts import Way
 from tanteo.report.sensed import Sensed
 from tanteo.report.words import MM
-from tanteo.typing import FloatArray, IntArray, Transforms
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 _ARM = 0.14
 """Length of a beam whose origin is unknown, and most of a drawn distance, as a share of the part's size."""
@@ -55,27 +55,26 @@ def scene_document(candidates: Sequence[Candidate], sensed: Sensed) -> dict[str,
     centre, size = _extent(candidates, measured.points)
     parts = list(dict.fromkeys(c.part.name for c in candidates))
     shown = {c.part.name: c.part for c in candidates}
-    rows = chosen_rows(len(measured), candidates)
+    rows = _chosen_rows(len(measured), candidates)
     starts = _beam_starts(sensed, _ARM * size)
     free = measured.free
     ends = free.origins + free.directions * free.lengths[:, None]
     return {
-        "centre_mm": _list(centre * MM),
-        "size_mm": float(size * MM),
-        "parts": [_part(shown[name], len(parts)) for name in parts],
+        **view_document(centre, size),
+        "parts": [part_document(shown[name], len(parts)) for name in parts],
         "readings": {
             "names": [measured.ids[i] for i in rows],
             "labels": [measured.features[i] for i in rows],
-            "points": _floats((measured.points - centre)[rows]),
-            "radii": _floats(measured.radii[rows]),
-            "starts": _floats((starts - centre)[rows]),
+            "points": packed((measured.points - centre)[rows]),
+            "radii": packed(measured.radii[rows]),
+            "starts": packed((starts - centre)[rows]),
         },
-        "free": _floats(np.stack([free.origins - centre, ends - centre], axis=1)[:MOST_READINGS]),
+        "free": packed(np.stack([free.origins - centre, ends - centre], axis=1)[:MOST_READINGS]),
         "hypotheses": [_hypothesis(c, parts.index(c.part.name), centre, rows, measured.points) for c in candidates],
     }
 
 
-def chosen_rows(n: int, candidates: Sequence[Candidate]) -> IntArray:
+def _chosen_rows(n: int, candidates: Sequence[Candidate]) -> IntArray:
     """Readings to draw: all, or evenly chosen ones and those that do not fit the best hypothesis."""
     if n <= MOST_READINGS:
         return np.arange(n)
@@ -102,13 +101,24 @@ def _beam_starts(sensed: Sensed, arm: float) -> FloatArray:
     return sensed.measured.points - np.nan_to_num(sensed.measured.directions) * reach[:, None]
 
 
-def _part(part: Part, count: int) -> dict[str, Any]:
+def view_document(centre: Vectors, size: float) -> dict[str, Any]:
+    """What is in the middle, and how much there is to see."""
+    return {"centre_mm": [float(v) for v in centre * MM], "size_mm": float(size * MM)}
+
+
+def part_document(part: Part, count: int) -> dict[str, Any]:
+    """A part as it is drawn.
+
+    Args:
+        part: The part.
+        count: Number of parts that share the page.
+    """
     drawn = draw_part(part, count)
     return {
         "name": part.name,
-        "vertices": _floats(drawn.vertices),
-        "triangles": _packed(drawn.triangles.astype("<u4")),
-        "lines": _floats(drawn.lines),
+        "vertices": packed(drawn.vertices),
+        "triangles": _base64(drawn.triangles.astype("<u4")),
+        "lines": packed(drawn.lines),
         "coarse": drawn.coarse,
     }
 
@@ -125,13 +135,13 @@ def _hypothesis(
     sticks = np.stack([contacts.feet, contacts.feet + away * drawn[:, None]], axis=1) - centre
     return {
         "part": part,
-        "pose": _pose(candidate.hypothesis.T_world_part, centre),
+        "pose": pose_numbers(candidate.hypothesis.T_world_part, centre),
         "met": [contacts.met[i] for i in rows],
         "off_mm": [round(float(contacts.distances[i]) * MM, 5) for i in rows],
         "sd_mm": [round(float(contacts.sds[i]) * MM, 5) for i in rows],
         "wrong": [int(not contacts.used[i]) for i in rows],
-        "sticks": _floats(sticks[rows]),
-        "ghosts": [[[_pose(T, centre) for T in level] for level in way.Ts_world_part] for way in candidate.ways],
+        "sticks": packed(sticks[rows]),
+        "ghosts": ghost_numbers(candidate.ways, centre),
     }
 
 
@@ -143,27 +153,22 @@ def distance_enlarged(candidate: Candidate) -> int:
     return max((m * 10**e for e in range(4) for m in (1, 2, 5) if m * 10**e <= wanted), default=1)
 
 
-def _pose(T: Transforms, centre: FloatArray) -> list[float]:
-    """Column by column, as the program wants it; millimetres from the centre."""
+def pose_numbers(T: Transforms, centre: Vectors) -> list[float]:
+    """A pose column by column, as the program wants it; millimetres from the centre."""
     M = np.array(T)
     M[:3, 3] = (M[:3, 3] - centre) * MM
     return [round(float(v), 9) for v in M.T.ravel()]
 
 
-def _floats(metres: FloatArray) -> str:
-    return _packed((np.asarray(metres) * MM).astype("<f4"))
+def packed(metres: FloatArray) -> str:
+    """Lengths as the program unpacks them, in millimetres."""
+    return _base64((np.asarray(metres) * MM).astype("<f4"))
 
 
-def _packed(array: np.ndarray) -> str:
+def _base64(array: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
 
 
-def _list(values: FloatArray) -> list[float]:
-    return [float(v) for v in values]
-
-
-def ghost_words(candidate: Candidate) -> Mapping[str, str]:
-    """Keys and words of the ways, for the choice of ghosts."""
-    return {
-        str(k): f"{way.words}: {MM * way.moves:.2g} mm at the farthest corner" for k, way in enumerate(candidate.ways)
-    }
+def ghost_numbers(ways: Sequence[Way], centre: Vectors) -> list[list[list[list[float]]]]:
+    """Poses of the ghosts: of each way, each level, both sides."""
+    return [[[pose_numbers(T, centre) for T in level] for level in way.Ts_world_part] for way in ways]

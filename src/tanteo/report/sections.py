@@ -1,4 +1,4 @@
-"""The sections that every answer has: fit of the readings, uncertainty budget, all figures, how to run it again."""
+"""The sections that every answer has: fit of the readings, uncertainty budget, how to run it again."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.lie import SO3
 from tanteo.report.budget import Budget, make_budget
 from tanteo.report.charts import bar, residual_chart
 from tanteo.report.html import Html, element, join, table
 from tanteo.report.scene import Candidate
 from tanteo.report.section import Section, per_hypothesis
 from tanteo.report.sensed import Sensed
-from tanteo.report.words import MM, fixed, length
-from tanteo.typing import FloatArray, IntArray
+from tanteo.report.words import MM, length
+from tanteo.typing import IntArray
 
 _MOST_ROWS = 300
 """Of a table or chart of readings."""
@@ -106,50 +105,6 @@ def _total(candidate: Candidate, budget: Budget) -> str:
 
 def _share(share: float) -> str:
     return "< 1 %" if share < 0.005 else f"{100 * share:.0f} %"
-
-
-def figure_section(candidates: Sequence[Candidate]) -> Section:
-    """Pose and covariance with frames and units."""
-    lead = "The pose maps points of the part to the world. Every figure names its frame and its unit."
-    return Section("figures", "All figures", lead, per_hypothesis(candidates, _figures))
-
-
-def _figures(candidate: Candidate) -> Html:
-    h = candidate.hypothesis
-    T, C = h.T_world_part, h.covariance
-    R = T[:3, :3]
-    in_world = np.sqrt(np.diag(R @ C[:3, :3] @ R.T))
-    sds, q = np.sqrt(np.diag(C)), SO3.as_quaternion(R)
-    rows: list[Sequence[Html | str]] = [
-        [f"{axis} of the part's origin", f"{fixed(MM * p, 3)} ± {MM * s:.3g}", "mm", "world"]
-        for axis, p, s in zip("xyz", T[:3, 3], in_world, strict=True)
-    ]
-    rows += [["quaternion w, x, y, z", ", ".join(fixed(v, 6) for v in q), "–", "part to world"]]
-    rows += [
-        [f"turn about {axis}, 1 sd", f"{np.degrees(s):.3g}", "deg", "part"]
-        for axis, s in zip("xyz", sds[3:], strict=True)
-    ]
-    rows += [
-        ["worst corner of the box, 1 sd", f"{MM * h.worst_corner_sd:.3g}", "mm", "any direction"],
-        ["rms distance of readings", f"{MM * h.rms:.3g}", "mm", "–"],
-        ["chi-square", f"{h.chi2:.3g} with {h.dof} degrees of freedom", "–", "–"],
-        ["p-value", f"{h.p_value:.3g}", "–", "–"],
-    ]
-    pose = table(["", "x", "y", "z", "position"], _matrix(["row x", "row y", "row z", "row 4"], T, "{:.9g}"))
-    names = ["x", "y", "z", "rx", "ry", "rz"]
-    covariance = table(["", *names], _matrix(names, C, "{:.3e}"))
-    return join(
-        [
-            table(["figure", "value", "unit", "frame"], rows),
-            element("details", element("summary", "Pose as a matrix [m]"), pose),
-            element("details", element("summary", "Covariance [m, rad], part frame, right perturbation"), covariance),
-            element("p", f"CAD file: {h.file}", class_="note"),
-        ]
-    )
-
-
-def _matrix(names: Sequence[str], M: FloatArray, form: str) -> list[list[str]]:
-    return [[name, *(form.format(v) for v in row)] for name, row in zip(names, M, strict=True)]
 
 
 def _mm(metres: float) -> str:

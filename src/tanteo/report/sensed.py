@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from tanteo.matching import PosePrior
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.sensors import PointMeasurements, Readings
+from tanteo.session import Sensing
 from tanteo.typing import Covariances, FloatArray
 
 
@@ -33,34 +33,20 @@ class Sensed:
     prior: PosePrior | None = None
 
 
-def gather(
-    readings: Readings,
-    *,
-    sensor: SensorPreset | str | None = None,
-    robot: RobotPreset | str | None = None,
-    sd: float | None = None,
-    tip_sd: npt.ArrayLike | None = None,
-    rig: Rig | None = None,
-    tolerance: float = 0.0,
-    prior: PosePrior | None = None,
-) -> Sensed:
+def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior | None = None) -> Sensed:
     """Measure the readings as :func:`tanteo.recognition.identify` does, and keep apart what the robot adds.
 
     Args:
         readings: What the devices said.
-        sensor: Preset of readings without an sd of their own.
-        robot: Preset of the robot's errors.
-        sd: One standard deviation of a point along beam or normal [m], for the same.
-        tip_sd: Sds of the tip's offset in the hand's frame [m].
-        rig: Where range sensors sit on the hand.
-        tolerance: Sd of the made part's surface against its CAD [m].
+        sensing: How they are made into measurements; what the readings say themselves, if not given.
         prior: What was known of the pose beforehand.
 
     Raises:
         InputError: Options and readings do not fit each other.
         ReadingsError: A range is outside what its device can give.
     """
-    measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
-    alone = measured if robot is None else measure(readings, sensor=sensor, sd=sd, tip_sd=tip_sd, rig=rig)
+    sensing = Sensing() if sensing is None else sensing
+    measured = sensing.measured(readings)
+    alone = measured if sensing.robot is None else replace(sensing, robot=None).measured(readings)
     reach = np.asarray(readings.ranges[measured.rows])
-    return Sensed(readings.source, measured, measured.covs - alone.covs, reach, tolerance, prior)
+    return Sensed(readings.source, measured, measured.covs - alone.covs, reach, sensing.tolerance, prior)

@@ -76,6 +76,11 @@ def _agreement(hypothesis: Hypothesis) -> str:
     return f"{verdict} (p = {hypothesis.p_value:.2g})"
 
 
+def brief(motion: str) -> str:
+    """A motion without where its axis passes."""
+    return motion.partition(" through")[0]
+
+
 def length(metres: float) -> str:
     """A length in millimetres, three digits."""
     return f"{MM * metres:.3g} mm"

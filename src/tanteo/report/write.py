@@ -1,84 +1,111 @@
-"""From an answer to the file."""
+"""From an answer, a session or a plan to the text of the file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from tanteo.active.explain import explain
 from tanteo.errors import InputError
 from tanteo.matching import Recognition
 from tanteo.parts import Part
+from tanteo.report.answered import answer_front
 from tanteo.report.contacts import find_contacts
+from tanteo.report.course import course_section
+from tanteo.report.figures import figure_section
 from tanteo.report.ghosts import find_ways
 from tanteo.report.page import make_page
+from tanteo.report.rests import directions_of, rests_section
 from tanteo.report.scene import Candidate, scene_document
 from tanteo.report.section import Section
-from tanteo.report.sections import budget_section, figure_section, rerun_section, residual_section
-from tanteo.report.sensed import Sensed
+from tanteo.report.sections import budget_section, rerun_section, residual_section
+from tanteo.report.sensed import Sensed, gather
+from tanteo.sensors import Readings
+from tanteo.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Where an answer comes from.
+
+    Attributes:
+        command: What to type to get it again.
+        made_by: Program and version.
+        facts: What else is to stand beside the picture: name and value.
+    """
+
+    command: str
+    made_by: str = "tanteo"
+    facts: tuple[tuple[str, str], ...] = ()
 
 
 def report_page(
-    answer: Recognition,
-    sensed: Sensed,
-    parts: Sequence[Part],
-    *,
-    command: str,
-    made_by: str = "tanteo",
-    more: Sequence[Section] = (),
+    answer: Recognition, sensed: Sensed, parts: Sequence[Part], run: Run, more: Sequence[Section] = ()
 ) -> str:
-    """The report as the text of one HTML file.
+    """The report of an answer as the text of one HTML file.
 
     Args:
         answer: What was found.
         sensed: The readings it was found from; see :func:`tanteo.report.gather`.
         parts: The parts that were tried; those of the hypotheses are needed.
-        command: What to type to get the answer again.
-        made_by: Program and version.
+        run: Where it comes from.
         more: Further sections; they stand before the figures.
 
     Raises:
         InputError: A hypothesis is of a part that is not among ``parts``.
     """
-    candidates = [_candidate(answer, k, sensed, parts) for k in range(len(answer.hypotheses))]
-    sections = [residual_section(candidates, sensed), budget_section(candidates, sensed), *more]
-    made = f"{made_by}, seed {answer.seed}; readings: {sensed.source}."
-    sections += [figure_section(candidates), rerun_section(command, made)]
-    return make_page(answer, candidates, sensed, scene_document(candidates, sensed), sections)
+    candidates = _candidates(answer, sensed, parts)
+    rests = rests_section(candidates, [directions_of(c, sensed) for c in candidates])
+    fit, budget = residual_section(candidates, sensed), budget_section(candidates, sensed)
+    return _page(answer, candidates, sensed, run, [fit, rests, budget, *more])
 
 
-def write_report(
-    path: str | Path,
-    answer: Recognition,
-    sensed: Sensed,
-    parts: Sequence[Part],
-    *,
-    command: str,
-    made_by: str = "tanteo",
-    more: Sequence[Section] = (),
-) -> None:
-    """Write the report; a file of that name is replaced.
+def session_page(session: Session, run: Run) -> str:
+    """The report of a session as the text of one HTML file: its answer as of now, and how it came to that.
+
+    Args:
+        session: That was told something, or nothing yet.
+        run: Where it comes from.
+    """
+    answer, told = session.answer(), explain(session.belief, session.steps)
+    readings = Readings.from_columns(n=0) if session.readings is None else session.readings
+    sensed = gather(readings, session.sensing, session.prior)
+    candidates = _candidates(answer, sensed, [target.part for target in session.start.targets])
+    directions = [told.directions, *(directions_of(c, sensed) for c in candidates[1:])]
+    rests = rests_section(candidates, directions[: len(candidates)])
+    fit, budget = residual_section(candidates, sensed), budget_section(candidates, sensed)
+    return _page(answer, candidates, sensed, run, [course_section(session, told.added), fit, rests, budget])
+
+
+def write_report(path: str | Path, page: str) -> None:
+    """Write a page to a file; one of that name is replaced.
 
     Args:
         path: The HTML file.
-        answer: What was found.
-        sensed: The readings it was found from.
-        parts: The parts that were tried.
-        command: What to type to get the answer again.
-        made_by: Program and version.
-        more: Further sections.
+        page: Its text, as :func:`report_page` gives it.
 
     Raises:
-        InputError: A hypothesis is of a part that is not among ``parts``.
         OSError: The file cannot be written.
     """
-    text = report_page(answer, sensed, parts, command=command, made_by=made_by, more=more)
-    Path(path).write_text(text, encoding="utf-8", newline="\n")
+    Path(path).write_text(page, encoding="utf-8", newline="\n")
 
 
-def _candidate(answer: Recognition, k: int, sensed: Sensed, parts: Sequence[Part]) -> Candidate:
-    hypothesis = answer.hypotheses[k]
-    part = next((p for p in parts if p.name == hypothesis.part), None)
-    if part is None:
-        raise InputError(f"parts: expected '{hypothesis.part}' among them, got {len(parts)} others. Pass all of them.")
-    ways, enlarged = find_ways(hypothesis, part)
-    return Candidate(hypothesis, part, find_contacts(sensed, part, hypothesis), ways, enlarged)
+def _page(
+    answer: Recognition, candidates: Sequence[Candidate], sensed: Sensed, run: Run, sections: Sequence[Section]
+) -> str:
+    made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
+    last = [figure_section(candidates), rerun_section(run.command, made)]
+    front = answer_front(answer, candidates, sensed, run.facts)
+    return make_page(front, scene_document(candidates, sensed), [*sections, *last])
+
+
+def _candidates(answer: Recognition, sensed: Sensed, parts: Sequence[Part]) -> list[Candidate]:
+    named, out = {part.name: part for part in parts}, []
+    for h in answer.hypotheses:
+        part = named.get(h.part)
+        if part is None:
+            raise InputError(f"parts: expected '{h.part}' among them, got {len(parts)} others. Pass all of them.")
+        ways, enlarged = find_ways(part, h.T_world_part, h.covariance)
+        out.append(Candidate(h, part, find_contacts(sensed, part, h), ways, enlarged))
+    return out

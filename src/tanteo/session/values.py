@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
@@ -34,9 +34,13 @@ class Sensing:
     rig: Rig | None = None
     tolerance: float = 0.0
 
+    def measured(self, readings: Readings) -> PointMeasurements:
+        """Points in the world with their covariance, and the free beams."""
+        return measure(readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig)
+
     def touches(self, readings: Readings) -> tuple[Touches, FreePaths]:
         """Readings as touches and free paths in the world."""
-        measured = measure(readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig)
+        measured = self.measured(readings)
         reach = readings.ranges[measured.rows]
         return as_touches(measured, self.tolerance, reach), as_free_paths(measured, self.tolerance)
 

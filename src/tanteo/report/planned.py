@@ -1,0 +1,177 @@
+"""A plan as a page: the part with the planned readings as numbered arrows, and what each of them brings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tanteo.active import Plan, PlannedReading, Probe
+from tanteo.parts import Part
+from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
+from tanteo.report.figures import pose_figures
+from tanteo.report.ghosts import Way, find_ways
+from tanteo.report.html import element, join, table
+from tanteo.report.page import Front, fact_list, make_page
+from tanteo.report.picture import Layer, picture, times
+from tanteo.report.scene import ghost_numbers, packed, part_document, pose_numbers, view_document
+from tanteo.report.section import Section
+from tanteo.report.sections import rerun_section
+from tanteo.report.words import MM, fixed, length, percent
+from tanteo.report.write import Run
+from tanteo.typing import Vectors
+
+_ARROW = 0.3
+"""Longest arrow, as a share of the part's size: it starts nearer than the probe does, if that is far."""
+
+
+def plan_page(plan: Plan, part: Part, probe: Probe, tolerance: float, confidence: float, run: Run) -> str:
+    """The report of a plan as the text of one HTML file.
+
+    Args:
+        plan: The plan.
+        part: Its part.
+        probe: What senses.
+        tolerance: Of the corners of the part's box [m].
+        confidence: With which they are to keep it.
+        run: Where it comes from.
+    """
+    ways, enlarged = find_ways(part, plan.T_world_part, plan.readings[-1].covariance) if plan.readings else ((), 1)
+    sections = [_steps(plan, tolerance, confidence)]
+    if plan.readings:
+        sections.append(_figures(plan))
+    sections.append(rerun_section(run.command, f"{run.made_by}."))
+    front = _front(plan, probe, tolerance, confidence, run, ways, enlarged)
+    return make_page(front, _scene(plan, part, ways), sections)
+
+
+def _front(
+    plan: Plan, probe: Probe, tolerance: float, confidence: float, run: Run, ways: Sequence[Way], enlarged: int
+) -> Front:
+    n = len(plan.readings)
+    title = f"{n} readings place {plan.part}." if plan.reached else f"No plan for {plan.part} keeps the tolerance."
+    layers = [Layer("readings", "planned readings"), Layer("names", "numbers")]
+    legend = [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
+    ghost = f"ghosts: off by 1, 2 and 3 sd after the last{times(enlarged)}"
+    x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
+    facts = [
+        ("Goal", f"all corners within {length(tolerance)}, with {percent(confidence)}"),
+        ("Worst corner before, 1 sd", length(plan.before)),
+    ]
+    if plan.readings:
+        last = plan.readings[-1]
+        facts += [
+            (f"Worst corner after {n} readings, 1 sd", length(last.worst_corner_sd)),
+            ("All corners within the tolerance then", percent(last.within)),
+        ]
+    facts += [
+        ("Sensor", probe.name),
+        ("Starts before the surface", length(probe.standoff)),
+        ("Part expected at, in the world", f"x {x}, y {y}, z {z} mm"),
+    ]
+    side = join([element("h2", "What it brings"), element("dl", fact_list([*facts, *run.facts]), class_="first")])
+    shown = picture(layers, [ways] if ways else [], legend, [[("ghost", ghost)]] if ways else [], haunted=False)
+    chip, status = ("✓ planned", "recognized") if plan.reached else ("✕ not reached", "unknown")
+    return Front(title, chip, status, plan.message, shown, side)
+
+
+def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
+    """What each reading brings, as curves and as a table."""
+    lead = (
+        "How well the worst corner of the part's box is expected to be known, one standard deviation, and how probably "
+        "all corners are within the tolerance: before the first reading and after each. The order is the one in which "
+        "they help most; the first ones hardly show before six directions are fixed."
+    )
+    if not plan.readings:
+        return Section("steps", "What each reading brings", lead, ())
+    places = ["before", *(str(k) for k in range(1, len(plan.readings) + 1))]
+    sds = MM * np.array([plan.before, *(r.worst_corner_sd for r in plan.readings)])
+    within = np.array([np.nan, *(r.within for r in plan.readings)])
+    words = ["before", *(f"after {k}" for k in places[1:])]
+    sd = Curve("worst corner, 1 sd", sds, tuple(f"{w}: {v:.3g} mm" for w, v in zip(words, sds, strict=True)))
+    chance = Curve(
+        "all corners within the tolerance", within,
+        tuple(f"{w}: {percent(v)}" for w, v in zip(words, within, strict=True)),
+    )  # fmt: skip
+    charts = [
+        curve_chart(
+            f"Standard deviation of the worst corner over {len(plan.readings)} readings, {sds[-1]:.3g} mm at last.",
+            [sd], lengths_scale(np.r_[sds, MM * tolerance]), places,
+            (MM * tolerance, f"tolerance, {length(tolerance)}"),
+        ),
+        curve_chart(
+            f"Probability to be within the tolerance, {percent(within[-1])} at last.",
+            [chance], SHARES, places, (confidence, f"wanted, {percent(confidence)}"),
+        ),
+    ]  # fmt: skip
+    headers = (
+        "", "meets", "worst corner, 1 sd [mm]", "P(within)", "from x, y, z [mm]", "along", "meets it at x, y, z [mm]",
+    )  # fmt: skip
+    rows = [_row(n, r) for n, r in enumerate(plan.readings, 1)]
+    note = element("p", "Frame: world. Each row is after its reading.", class_="note")
+    return Section(
+        "steps", "What each reading brings", lead, (join([*charts, table(headers, rows, class_="plain"), note]),)
+    )
+
+
+def _row(n: int, r: PlannedReading) -> tuple[str, ...]:
+    return (
+        str(n), r.face, f"{MM * r.worst_corner_sd:.3g}", percent(r.within), _three(MM * r.origin, 1),
+        _three(r.direction, 3), _three(MM * r.point, 1),
+    )  # fmt: skip
+
+
+def _three(values: Vectors, digits: int) -> str:
+    return ", ".join(fixed(v, digits) for v in values)
+
+
+def _figures(plan: Plan) -> Section:
+    lead = "The expected pose maps points of the part to the world; the covariance is the one after the last reading."
+    return Section("figures", "All figures", lead, (pose_figures(plan.T_world_part, plan.readings[-1].covariance),))
+
+
+def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
+    T = plan.T_world_part
+    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3) @ T[:3, :3].T + T[:3, 3]
+    arrows = _arrows(plan)
+    points = np.array([r.point for r, _ in arrows]).reshape(-1, 3)
+    way = points - np.array([r.origin for r, _ in arrows]).reshape(-1, 3)
+    long = np.linalg.norm(way, axis=1, keepdims=True)
+    starts = points - way / np.maximum(long, 1e-12) * np.minimum(long, _ARROW * part.diagonal)
+    seen = np.concatenate([corners, starts])
+    centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    size = 1.6 * float(np.linalg.norm(seen - centre, axis=1).max())
+    return {
+        **view_document(centre, size),
+        "arrows": True,
+        "parts": [part_document(part, 1)],
+        "readings": {
+            "names": [", ".join(map(str, numbers)) for _, numbers in arrows],
+            "words": [_said(plan, numbers) for _, numbers in arrows],
+            "points": packed(points - centre),
+            "radii": packed(np.zeros(len(points))),
+            "starts": packed(starts - centre),
+        },
+        "free": "",
+        "hypotheses": [
+            {
+                "part": 0, "pose": pose_numbers(T, centre), "wrong": [0] * len(points), "sticks": "",
+                "ghosts": ghost_numbers(ways, centre),
+            }
+        ],
+    }  # fmt: skip
+
+
+def _arrows(plan: Plan) -> list[tuple[PlannedReading, list[int]]]:
+    """Readings with their numbers; those that are made again have one arrow."""
+    out: dict[bytes, tuple[PlannedReading, list[int]]] = {}
+    for n, r in enumerate(plan.readings, 1):
+        out.setdefault(np.round(np.r_[r.origin, r.direction], 9).tobytes(), (r, []))[1].append(n)
+    return list(out.values())
+
+
+def _said(plan: Plan, numbers: Sequence[int]) -> str:
+    r = plan.readings[numbers[0] - 1]
+    name = f"reading {numbers[0]}" if len(numbers) == 1 else f"readings {', '.join(map(str, numbers))}"
+    return f"{name}: {r.face}; worst corner {length(r.worst_corner_sd)} after {numbers[0]}"
