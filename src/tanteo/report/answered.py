@@ -14,7 +14,7 @@ from tanteo.report.section import switched
 from tanteo.report.sensed import Sensed
 from tanteo.report.words import SIGNS, facts, headline, percent
 
-_NAMED = 25
+_NAMED = 15
 """With more readings their names are not written into the picture, unless they are asked for."""
 
 
