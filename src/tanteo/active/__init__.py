@@ -3,6 +3,7 @@
 from tanteo.active.belief import Belief, begin, update
 from tanteo.active.candidates import Candidates, propose
 from tanteo.active.distinguish import Distinction, distinguish
+from tanteo.active.features import Feature, features
 from tanteo.active.measures import (
     AcceptProbability,
     Discrimination,
@@ -17,9 +18,10 @@ from tanteo.active.measures import (
     predict_range,
 )
 from tanteo.active.plans import Plan, PlannedReading, plan
-from tanteo.active.policies import POLICIES, Choice, Policy, Situation, policy_named
+from tanteo.active.policies import POLICIES, policy_named
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
+from tanteo.active.situation import Choice, Policy, Situation
 from tanteo.active.start import Start, around, at_pose, from_hypotheses
 from tanteo.active.stopping import Stop, chance_within, corner_distances
 from tanteo.active.utility import expected_information
@@ -32,6 +34,7 @@ __all__ = [
     "Choice",
     "Discrimination",
     "Distinction",
+    "Feature",
     "Plan",
     "PlannedReading",
     "Policy",
@@ -53,6 +56,7 @@ __all__ = [
     "distinguish",
     "draw",
     "expected_information",
+    "features",
     "from_hypotheses",
     "information_bounds",
     "kl_divergence",

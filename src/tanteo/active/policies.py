@@ -1,74 +1,20 @@
-"""Which of the candidates to take: by what it tells, or by one of the rules that others use."""
+"""Which of the candidates to take: by what it tells, alone or with others, or by one of the rules that others use."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from tanteo.active.belief import Belief
-from tanteo.active.candidates import Candidates
-from tanteo.active.probe import Probe
+from tanteo.active.baselines import LargestFace, Nearest, Random, Scripted321
+from tanteo.active.features import Feature, features, joint_information
 from tanteo.active.samples import draw, predict
+from tanteo.active.situation import Choice, Policy, Situation
 from tanteo.active.utility import expected_information
 from tanteo.errors import InputError
-from tanteo.lie import SE3
-from tanteo.typing import FloatArray, IntArray, Vectors
 
 _SAMPLES = 128
 """Poses on which every candidate is tried."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Situation:
-    """What a policy decides on.
-
-    Attributes:
-        belief: what is known.
-        candidates: one at least.
-        probe: what senses.
-        place: where the probe is, world ``(3,)`` [m]; None before the first reading.
-        tolerance: of the corners, beyond which nothing more needs to be known [m]; None for none.
-        count: readings made so far.
-        seed: of policies that draw.
-    """
-
-    belief: Belief
-    candidates: Candidates
-    probe: Probe
-    place: Vectors | None
-    tolerance: float | None
-    count: int
-    seed: int
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """One candidate.
-
-    Attributes:
-        index: of the candidate.
-        gain: what it is expected to tell [nats]; NaN where the policy does not ask.
-        why: in words.
-    """
-
-    index: int
-    gain: float
-    why: str
-
-
-class Policy(Protocol):
-    """A rule that chooses the next reading."""
-
-    @property
-    def name(self) -> str:
-        """As on the command line."""
-        ...
-
-    def choose(self, situation: Situation) -> Choice:
-        """One of the candidates."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,144 +34,49 @@ class Information:
         s, c = situation, situation.candidates
         samples = draw(s.belief, _SAMPLES, s.tolerance)
         gains = expected_information(samples, predict(samples, c.origins, c.directions), s.probe)
-        worth = gains / _seconds(s) if self.per_second else gains
+        worth = gains / s.seconds() if self.per_second else gains
         k = int(np.argmax(worth))
         return Choice(k, float(gains[k]), f"it is expected to tell {gains[k]:.2f} nats about part and pose")
 
 
-def _seconds(s: Situation) -> FloatArray:
-    travel = np.zeros(len(s.candidates)) if s.place is None else _travel(s)
-    return s.probe.seconds + travel / s.probe.speed
-
-
-def _travel(s: Situation) -> FloatArray:
-    assert s.place is not None
-    return np.asarray(np.linalg.norm(s.candidates.origins - s.place, axis=1))
-
-
 @dataclass(frozen=True, slots=True)
-class Random:
-    """Any candidate."""
+class Features:
+    """The face, edge or corner whose readings together tell most for their time; of these the one that does so.
 
-    name: str = "random"
-
-    def choose(self, situation: Situation) -> Choice:
-        """A draw that depends on seed and number of readings only."""
-        rng = np.random.default_rng((1991, situation.seed, situation.count))
-        return Choice(int(rng.integers(len(situation.candidates))), np.nan, "it was drawn at random")
-
-
-@dataclass(frozen=True, slots=True)
-class Nearest:
-    """The candidate that is reached soonest, at least ``apart`` from all readings so far.
+    It looks as many readings ahead as the feature needs, and moves on as soon as another feature is worth more.
 
     Attributes:
-        apart: least distance to earlier readings, in diagonals of the part.
         name: of the policy.
     """
 
-    apart: float = 0.1
-    name: str = "nearest"
+    name: str = "features"
 
     def choose(self, situation: Situation) -> Choice:
-        """The nearest start, of those that meet a new place."""
+        """A reading of the feature that is worth most."""
         s = situation
-        away = _from_readings(s) - self.apart * s.belief.target(0).part.diagonal
-        travel = np.zeros(len(s.candidates)) if s.place is None else _travel(s)
-        k = int(np.lexsort((travel, np.minimum(away, 0.0) * -1.0))[0])
-        return Choice(k, np.nan, "it is the nearest new place")
+        samples = draw(s.belief, _SAMPLES, s.tolerance)
+        predicted = predict(samples, s.candidates.origins, s.candidates.directions)
+        alone = expected_information(samples, predicted, s.probe)
+        found = features(s.belief, s.candidates, s.probe.standoff)
+        gains = joint_information(found, samples, predicted, s)
+        worth = gains / np.array([_seconds(s, feature) for feature in found])
+        best = int(np.argmax(worth))
+        chosen = found[best]
+        k = int(chosen.rows[np.argmax((alone / s.seconds())[chosen.rows])])
+        why = f"with {len(chosen.rows) - 1} more of {chosen.name} it is expected to tell {gains[best]:.2f} nats"
+        return Choice(k, float(gains[best]), why)
 
 
-@dataclass(frozen=True, slots=True)
-class LargestFace:
-    """The largest face of the likeliest mode that was sensed least, near its middle or away from earlier readings."""
-
-    name: str = "largest-face"
-
-    def choose(self, situation: Situation) -> Choice:
-        """A place on the face with the largest area for each reading on it."""
-        s = situation
-        counts = _sensed_faces(s)
-        on_best = np.flatnonzero(s.candidates.mode == 0)
-        pool = on_best if len(on_best) else np.arange(len(s.candidates))
-        part = s.belief.target(int(s.candidates.mode[pool[0]])).part
-        areas = np.array([part.faces[f].area for f in s.candidates.face[pool]])
-        met = np.array([counts.get(int(f), 0) for f in s.candidates.face[pool]])
-        worth = areas / (1 + met)
-        best = pool[worth >= worth.max() * (1 - 1e-9)]
-        k = _spread_out(s, best)
-        return Choice(k, np.nan, f"it is on {part.faces[s.candidates.face[k]].name}, the largest that was sensed least")
-
-
-@dataclass(frozen=True, slots=True)
-class Scripted321:
-    """Three readings on the largest plane, two on a plane across it, one on a plane across both; and again."""
-
-    name: str = "3-2-1"
-
-    def choose(self, situation: Situation) -> Choice:
-        """A place on the plane whose turn it is, as far from earlier readings as there is one."""
-        s = situation
-        on_best = np.flatnonzero(s.candidates.mode == 0)
-        pool = on_best if len(on_best) else np.arange(len(s.candidates))
-        script = _script(s, pool)
-        turn = s.count % 6
-        which = script[0 if turn < 3 else 1 if turn < 5 else 2] if len(script) == 3 else -1
-        on_face = pool[s.candidates.face[pool] == which]
-        k = _spread_out(s, on_face if len(on_face) else pool)
-        return Choice(k, np.nan, f"it is reading {turn + 1} of 3-2-1")
-
-
-def _script(s: Situation, pool: IntArray) -> list[int]:
-    """The largest plane that can be sensed, the largest across it, and the largest across both."""
-    part = s.belief.target(int(s.candidates.mode[pool[0]])).part
-    reachable = set(s.candidates.face[pool].tolist())
-    planes = part.planes
-    order = [k for k in np.argsort(-planes.areas) if int(planes.faces[k]) in reachable]
-    chosen: list[int] = []
-    for k in order:
-        n = planes.normals[k]
-        if all(abs(float(n @ planes.normals[c])) < 0.3 for c in chosen):
-            chosen.append(int(k))
-    return [int(planes.faces[k]) for k in chosen[:3]]
-
-
-def _sensed_faces(s: Situation) -> dict[int, int]:
-    """How many readings lie on each face of the likeliest mode."""
-    if s.belief.touches is None or not len(s.belief.touches) or not len(s.belief.weights):
-        return {}
-    target = s.belief.target(0)
-    local = SE3.apply(SE3.inverse(s.belief.poses[0]), s.belief.touches.points)
-    faces = target.part.triangle_face[target.surface.closest(local).triangles]
-    names, counts = np.unique(faces, return_counts=True)
-    return dict(zip(names.tolist(), counts.tolist(), strict=True))
-
-
-def _aims(s: Situation) -> Vectors:
-    return np.asarray(s.candidates.origins + s.probe.standoff * s.candidates.directions)
-
-
-def _from_readings(s: Situation) -> FloatArray:
-    """Distance of every candidate's aim from the nearest reading ``(C,)``; infinite before the first."""
-    if s.belief.touches is None or not len(s.belief.touches):
-        return np.full(len(s.candidates), np.inf)
-    gaps = _aims(s)[:, None] - s.belief.touches.points
-    return np.asarray(np.linalg.norm(gaps, axis=-1).min(axis=1))
-
-
-def _spread_out(s: Situation, pool: IntArray) -> int:
-    """The one farthest from all readings; the first, nearest to the middle of them all."""
-    away = _from_readings(s)[pool]
-    if np.isinf(away).all():
-        aims = _aims(s)[pool]
-        return int(pool[np.argmin(np.linalg.norm(aims - aims.mean(axis=0), axis=1))])
-    return int(pool[np.argmax(away)])
+def _seconds(s: Situation, feature: Feature) -> float:
+    """Time that the readings of a feature take, one after another."""
+    way = np.linalg.norm(np.diff(s.candidates.origins[feature.rows], axis=0), axis=1).sum()
+    return float(s.probe.seconds * len(feature.rows) + (s.travel()[feature.rows[0]] + way) / s.probe.speed)
 
 
 POLICIES: dict[str, Policy] = {
     policy.name: policy
-    for policy in (Information(), Information(True, "information-per-second"), Random(), Nearest(), LargestFace(),
-                   Scripted321())
+    for policy in (Information(), Information(True, "information-per-second"), Features(), Random(), Nearest(),
+                   LargestFace(), Scripted321())
 }  # fmt: skip
 """All policies by name."""
 

@@ -1,0 +1,78 @@
+"""What a policy decides on, what it decides, and what it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from tanteo.active.belief import Belief
+from tanteo.active.candidates import Candidates
+from tanteo.active.probe import Probe
+from tanteo.typing import FloatArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Situation:
+    """What a policy decides on.
+
+    Attributes:
+        belief: what is known.
+        candidates: one at least.
+        probe: what senses.
+        place: where the probe is, world ``(3,)`` [m]; None before the first reading.
+        tolerance: of the corners, beyond which nothing more needs to be known [m]; None for none.
+        count: readings made so far.
+        seed: of policies that draw.
+    """
+
+    belief: Belief
+    candidates: Candidates
+    probe: Probe
+    place: Vectors | None
+    tolerance: float | None
+    count: int
+    seed: int
+
+    def travel(self) -> FloatArray:
+        """From where the probe is to the start of every candidate ``(C,)`` [m]; none before the first reading."""
+        if self.place is None:
+            return np.zeros(len(self.candidates))
+        return np.asarray(np.linalg.norm(self.candidates.origins - self.place, axis=1))
+
+    def seconds(self) -> FloatArray:
+        """Time that each candidate takes, travelling included ``(C,)``."""
+        return self.probe.seconds + self.travel() / self.probe.speed
+
+    def aims(self) -> Vectors:
+        """Where the candidates are expected to meet the surface, world ``(C, 3)`` [m]."""
+        return np.asarray(self.candidates.origins + self.probe.standoff * self.candidates.directions)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One candidate.
+
+    Attributes:
+        index: of the candidate.
+        gain: what it is expected to tell [nats]; NaN where the policy does not ask.
+        why: in words.
+    """
+
+    index: int
+    gain: float
+    why: str
+
+
+class Policy(Protocol):
+    """A rule that chooses the next reading."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+        ...
+
+    def choose(self, situation: Situation) -> Choice:
+        """One of the candidates."""
+        ...

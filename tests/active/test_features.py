@@ -1,0 +1,81 @@
+"""Faces, edges and corners as candidates: readings that lie there, and what they tell together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense
+from tanteo.active import Situation, at_pose, begin, draw, features, predict, propose
+from tanteo.active.features import joint_information
+from tanteo.active.samples import beams
+from tanteo.lie import SE3
+from tanteo.parts import read_part
+from tanteo.surface_search import prepare_target
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.fixture(scope="module")
+def situation():
+    target = prepare_target(read_part(PARTS / "bracket_left.step"))
+    T = SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.1, -0.2]))
+    belief = begin(at_pose(target, T, np.diag(np.repeat([1e-4, 1e-3], 3) ** 2)))
+    return Situation(belief, propose(belief, LASER, 300), LASER, None, None, 0, 0)
+
+
+def test_readings_of_a_feature_lie_on_its_faces_and_near_it(situation):
+    s = situation
+    found = features(s.belief, s.candidates, LASER.standoff)
+    part, to_part = s.belief.target(0).part, SE3.inverse(s.belief.poses[0])
+    aims = SE3.apply(to_part, s.aims())
+    assert {f.kind for f in found} == {"face", "edge", "corner"}
+    for f in found:
+        assert len(set(f.rows.tolist())) == len(f.rows) == {"face": 3, "edge": 4, "corner": len(f.faces)}[f.kind]
+        assert sorted(set(s.candidates.face[f.rows].tolist())) == sorted(f.faces)
+        assert all(part.faces[k].name in f.name for k in f.faces)
+    for f in (f for f in found if f.kind == "face"):
+        a, b, c = aims[f.rows]
+        own = aims[s.candidates.face == f.faces[0]]
+        spread = np.linalg.norm(own[:, None] - own, axis=-1).max()
+        assert max(np.linalg.norm(x - y) for x, y in ((a, b), (b, c), (c, a))) > 0.7 * spread
+    corners = {tuple(sorted(f.faces)): aims[f.rows].mean(axis=0) for f in found if f.kind == "corner"}
+    for point in part.corners.points:
+        near = min(corners.values(), key=lambda x: np.linalg.norm(x - point))
+        assert np.linalg.norm(near - point) < 0.6 * part.diagonal
+
+
+def test_what_a_feature_tells_is_the_ratio_of_determinants(situation):
+    """One pose, so well known that all is linear: against the determinant of the covariance after the readings."""
+    s = situation
+    found, samples = features(s.belief, s.candidates, LASER.standoff), draw(s.belief, 1)
+    predicted = predict(samples, s.candidates.origins, s.candidates.directions)
+    got = joint_information(found, samples, predicted, s)
+    C, T = s.belief.covariances[0], s.belief.poses
+    for f, gain in zip(found, got, strict=True):
+        d, cosine, _, g = beams(s.belief.target(0), T, s.candidates.origins[f.rows], s.candidates.directions[f.rows])
+        G, R = g[:, 0], LASER.variance(d, cosine)[:, 0]
+        after = np.linalg.inv(np.linalg.inv(C) + G.T @ (G / R[:, None]))
+        assert gain == pytest.approx(0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1]), rel=1e-6)
+
+
+def test_sessions_that_choose_features_reach_their_goal_and_name_them():
+    targets = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right")]
+    start, rng = rough(targets, (5e-3, 0.1)), np.random.default_rng(8)
+    k, T = drawn_truth(start, rng)
+    session = new_session(start, policy="features", tolerance=1e-3, most=25)
+    end = sense(session, targets[k], T, rng)
+    assert end.reached
+    assert off(session, k, T) < 1.5e-3
+    why = [step.action.why for step in session.steps]
+    assert all("of bracket_" in words and "more of" in words for words in why)
+    assert len({words.split("more of ")[1].split(" of bracket")[0] for words in why}) > 2
+
+
+def test_where_nothing_makes_a_feature_single_places_are_left(situation):
+    s = situation
+    lone = s.candidates.take(np.array([0]))
+    (only,) = features(s.belief, lone, LASER.standoff)
+    assert only.rows.tolist() == [0]

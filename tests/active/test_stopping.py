@@ -1,0 +1,50 @@
+"""How near the truth is said to be, against sampling of another kind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bare_scenes import SENSORS, no_paths, scene
+from sensing_scenes import rough
+from tanteo.active import at_pose, begin, chance_within, corner_distances, update
+from tanteo.lie import SE3
+from tanteo.parts import read_part
+from tanteo.surface_search import prepare_target
+from tanteo.surface_search.likelihood import log_posterior
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_the_chance_to_be_within_is_that_of_plain_importance_sampling(n):
+    """Draws of the rough pose, weighed by the readings' likelihood; a coarse sensor, a posterior that is not normal."""
+    target, coarse, rng = (
+        prepare_target(read_part(PARTS / "wedge.step")),
+        replace(SENSORS[1], sd=4e-3),
+        np.random.default_rng(n),
+    )
+    start = rough([target], (0.01, 0.08))
+    touches = scene(target.surface, start.Ts[0], coarse, n, rng)[0]
+    belief = update(begin(start), touches, no_paths())
+    Ts = start.Ts[0] @ SE3.exp((np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=(40000, 6, 1)))[..., 0])
+    log = log_posterior(touches, no_paths(), Ts, np.zeros((len(Ts), 0)), target, start.priors)
+    w = np.exp(log - log.max())
+    off = corner_distances(belief, 0, Ts)
+    for tolerance in (0.008, 0.015, 0.025):
+        expected = w @ (off <= tolerance) / w.sum()
+        known = belief.of_parts().sum()
+        assert chance_within(belief, tolerance) / known == pytest.approx(expected, abs=0.06)
+
+
+def test_poses_that_symmetry_makes_equal_are_no_way_apart():
+    target = prepare_target(read_part(PARTS / "square_post.step"))
+    start = at_pose(target, SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.2, 0.1])), 1e-6 * np.eye(6))
+    images = start.Ts[0] @ target.part.symmetry.Ts
+    assert len(images) > 1
+    np.testing.assert_allclose(corner_distances(begin(start), 0, images), 0.0, atol=1e-9)
+    moved = images @ SE3.exp(np.array([2e-3, 0, 0, 0, 0, 0]))
+    np.testing.assert_allclose(corner_distances(begin(start), 0, moved), 2e-3, atol=1e-9)
