@@ -24,7 +24,7 @@ from tanteo.io.session_record import load_record, read_record, resumed, session_
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.sensors import Readings, sensor_preset
-from tanteo.session import Sensing, Session
+from tanteo.session import Action, Sensing, Session
 from tanteo.surface_search import prepare_target
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -137,6 +137,8 @@ def test_a_session_is_resumed_to_the_last_bit_at_any_point(scene, targets, tmp_p
         session.tell(told)
         again.tell(told)
         same(session, again)
+    if isinstance(action := session.ask(), Action):  # what cannot be made is not forgotten
+        session.refuse(action)
     write_record(session, path)
     again = read_record(path, some)
     same(session, again)
@@ -250,6 +252,18 @@ def test_readings_that_cannot_be_are_named(recorded):
         read_record(path)
 
 
+def test_questions_that_cannot_be_are_named(recorded):
+    _, path = recorded
+    document = json.loads(path.read_text())
+    for change, says in (
+        ({"number": -5}, "number: expected 1 or more"),
+        ({"direction": [0, 0, 2]}, "a unit direction"),
+    ):
+        path.write_text(json.dumps(document | {"asked": document["told"][0]["asked"] | change}))
+        with pytest.raises(InputError, match=f"^{re.escape(str(path))}, asked.*{says}"):
+            read_record(path)
+
+
 def settle(path, target):
     """Load; what is loaded makes a session before its first reading, what is refused names the file."""
     complaint = str(path)
@@ -259,6 +273,14 @@ def settle(path, target):
     except InputError as error:
         complaint = str(error)
     assert complaint.startswith(str(path))
+
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=4) | st.sampled_from(["nan", "inf", "-inf", "../..", "a\0b"]),
+    lambda inside: st.lists(inside, max_size=3) | st.dictionaries(st.text(max_size=4), inside, max_size=3),
+    max_leaves=4,
+)  # fmt: skip
 
 
 @RELAXED
@@ -274,14 +296,8 @@ def test_a_record_with_anything_in_it(recorded, data):
         if not inner or data.draw(st.integers(0, 3)) == 0:
             break
         place = place[key]
-    anything = st.recursive(
-        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
-        | st.text(max_size=4) | st.sampled_from(["nan", "inf", "-inf", "../..", "a\0b"]),
-        lambda inside: st.lists(inside, max_size=3) | st.dictionaries(st.text(max_size=4), inside, max_size=3),
-        max_leaves=4,
-    )  # fmt: skip
     if data.draw(st.booleans()):
-        place[key] = data.draw(anything)
+        place[key] = data.draw(ANYTHING)
     else:
         del place[key]
     path.write_text(json.dumps(document))

@@ -57,6 +57,10 @@ class Start:
             raise InputError(f"start, weights: expected probabilities, got {w.tolist()}. Normalise them.")
         if not (np.min(self.part) >= 0 and np.max(self.part) < len(self.targets)):
             raise InputError(f"start, part: expected indices of {len(self.targets)} parts, got {list(self.part)}.")
+        if self.priors.pose is not None:
+            raise InputError(
+                "priors, pose: expected none, for the start's own poses are what is known. Give it as them."
+            )
         for name in ("unknown", "clutter"):
             if not 0 < getattr(self.priors, name) < 1:
                 raise InputError(

@@ -28,6 +28,7 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 SCHEMA = "tanteo.session/1"
 
 _POLICIES = {type(policy).__name__: type(policy) for policy in POLICIES.values()}
+_AS_THEY_ARE = "version", "parts", "start", "probe", "stop", "seed", "asked", "refused", "answer"
 _SENSING: dict[str, Any] = {
     "sensor": SensorPreset | None, "robot": RobotPreset | None, "sd": float | None, "tip_sd": FloatArray | None,
     "rig": Rig | None, "tolerance": float,
@@ -61,6 +62,7 @@ class SessionRecord:
         seed: of everything that draws.
         told: what was told, in order.
         asked: the question that waited for its answer.
+        refused: the questions that could not be answered.
         answer: the answer then, a document ``tanteo.recognition/1``.
     """
 
@@ -75,6 +77,7 @@ class SessionRecord:
     seed: int
     told: tuple[Told, ...]
     asked: Action | None
+    refused: tuple[Action, ...]
     answer: dict[str, Any]
 
 
@@ -115,6 +118,7 @@ def session_document(session: Session) -> dict[str, Any]:
             for t in session.told
         ],
         "asked": as_plain(session.asked),
+        "refused": [as_plain(action) for action in session.refused],
         "answer": recognition_document(session.answer()),
     }
 
@@ -133,7 +137,7 @@ def load_record(path: str | Path) -> SessionRecord:
     kinds: dict[str, Any] = {
         "schema": str, "version": str, "parts": tuple[PartFile, ...], "start": RoughPoses, "probe": Probe,
         "sensing": object, "policy": object, "stop": Stop, "seed": int, "told": tuple[object, ...],
-        "asked": Action | None, "answer": object,
+        "asked": Action | None, "refused": tuple[Action, ...], "answer": object,
     }  # fmt: skip
     values = table(document, kinds, str(file))
     if not isinstance(values["answer"], dict):
@@ -145,7 +149,7 @@ def load_record(path: str | Path) -> SessionRecord:
         sensing=_sensing(values["sensing"], f"{file}, sensing"),
         policy=_policy(values["policy"], f"{file}, policy"),
         told=tuple(_told(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"])),
-        **{key: values[key] for key in ("version", "parts", "start", "probe", "stop", "seed", "asked", "answer")},
+        **{key: values[key] for key in _AS_THEY_ARE},
     )
 
 
@@ -175,7 +179,7 @@ def resumed(
             yield one
 
     try:
-        session.resume(told(), record.asked)
+        session.resume(told(), record.asked, record.refused)
     except InputError as error:
         raise InputError(f"{record.source}, told[{len(session.steps)}]: {error}") from None
     return session

@@ -26,6 +26,10 @@ _ARRAYS = (
 )  # fmt: skip
 _POSITIVE = {"normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m"}
 
+_LENGTHS = "points", "ranges", "max_ranges", "radii", "sds", "across_sds"
+LEAST_SD, LARGEST = 1e-12, 1e6
+"""Nothing is known better than this, and nothing is farther away or larger [m]; squares of more would overflow."""
+
 
 def check_readings(readings: Readings) -> None:
     """Names unique, kinds known, numbers finite, directions unit, labels of one kind, every row located.
@@ -89,6 +93,15 @@ def _check_numbers(readings: Readings) -> None:
         if who := _first_bad(readings, getattr(readings, name) <= 0):
             value = getattr(readings, name)[getattr(readings, name) <= 0][0]
             raise ReadingsError(f"{name} of reading {who}: expected a positive number [{unit}], got {value:g}.")
+    for name in _LENGTHS:
+        far = np.abs(getattr(readings, name)) > LARGEST
+        if who := _first_bad(readings, far if far.ndim == 1 else far.any(axis=1)):
+            raise ReadingsError(f"{name} of reading {who}: expected at most {LARGEST:g} m, got more. Check the units.")
+    for name in ("sds", "across_sds"):
+        if who := _first_bad(readings, getattr(readings, name) < LEAST_SD):
+            raise ReadingsError(
+                f"{name} of reading {who}: expected at least {LEAST_SD:g} m, got less. Check the units."
+            )
     if who := _first_bad(readings, ~(readings.radii >= 0)):
         raise ReadingsError(f"radii of reading {who}: expected zero or more [m], got a negative number or NaN.")
     for name in ("directions", "normals"):
@@ -99,6 +112,10 @@ def _check_numbers(readings: Readings) -> None:
 
 def _check_hands(readings: Readings) -> None:
     Ts = readings.Ts_world_hand[readings.has_hand]
+    if (np.abs(Ts[:, :3, 3]) > LARGEST).any():
+        raise ReadingsError(
+            f"Ts_world_hand: expected a hand within {LARGEST:g} m, got one farther away. Check the units."
+        )
     R = Ts[:, :3, :3]
     skewed = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(axis=(1, 2), initial=0) > 1e-6
     mirrored = np.linalg.det(R) < 0

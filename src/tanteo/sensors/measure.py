@@ -15,6 +15,7 @@ import numpy.typing as npt
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.lie import SO3
+from tanteo.sensors.checks import LARGEST, LEAST_SD
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov, body_jacobian
@@ -58,7 +59,7 @@ def measure(
     """
     sensor = sensor_preset(sensor) if isinstance(sensor, str) else sensor
     robot = robot_preset(robot) if isinstance(robot, str) else robot
-    if sd is not None and not (np.isfinite(sd) and sd > 0):
+    if sd is not None and not LEAST_SD <= sd <= LARGEST:
         raise InputError(f"sd: expected a positive number of metres, got {sd:g}. Give one standard deviation.")
     devices, numbers = find_devices(readings, sensor, rig)
     placed = place(readings, devices, numbers)

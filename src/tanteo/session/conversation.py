@@ -100,6 +100,11 @@ class Session:
         return self._asked
 
     @property
+    def refused(self) -> tuple[Action, ...]:
+        """The questions that could not be answered; none like them is asked again."""
+        return tuple(self._refused)
+
+    @property
     def told(self) -> tuple[Told, ...]:
         """All that has to be kept to :meth:`resume` from here."""
         readings = iter(self._readings)
@@ -146,7 +151,7 @@ class Session:
         """
         self._asked = action
         if action is not None:
-            self._questions = action.number
+            self._questions = max(self._questions, action.number)
 
     def tell(self, readings: Readings) -> Step:
         """Take readings into the belief: the answer to the last question, or any others, at any time.
@@ -158,13 +163,16 @@ class Session:
         """
         return self._take(*new_readings(self._readings, readings))
 
-    def resume(self, told: Iterable[Told], asked: Action | None = None) -> None:
+    def resume(self, told: Iterable[Told], asked: Action | None = None, refused: Iterable[Action] = ()) -> None:
         """Take what another session was told, in its order: belief and next question are then the same as there.
 
         Args:
             told: by that session, see :attr:`told`.
             asked: its question that waited for an answer.
+            refused: its questions that could not be answered, see :attr:`refused`.
         """
+        self._refused.extend(refused)
+        self._questions = max([0, *(action.number for action in self._refused)])
         for one in told:
             self.put(one.action)
             self._take(one.readings, one.note)

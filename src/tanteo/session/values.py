@@ -71,6 +71,15 @@ class Action:
     gain: float
     why: str
 
+    def __post_init__(self) -> None:
+        if self.number < 1:
+            raise InputError(f"question, number: expected 1 or more, got {self.number}. Correct it.")
+        if not (np.isfinite(self.origin).all() and abs(np.linalg.norm(self.direction) - 1) < 1e-6):
+            raise InputError(
+                f"question {self.number}: expected a place and a unit direction, got {self.origin} and "
+                f"{self.direction}. Correct it."
+            )
+
     @property
     def T_world_probe(self) -> Transforms:
         """A pose of the probe ``(4, 4)`` that looks along its z; its turn about z is free."""
