@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
+from tanteo.active import Candidates
 from tanteo.errors import InputError
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
@@ -155,6 +156,22 @@ def test_a_refused_reading_is_not_asked_again(targets):
         session.refuse(action)
     assert session.count == 0
     assert [a.number for a in seen] == [1, 2, 3, 4, 5]
+
+
+def test_places_and_directions_like_a_refused_one_are_left_out(targets):
+    session = new_session(rough(targets))
+    action = session.ask()
+    session.refuse(action)
+    a, b = np.cos(0.05), np.sin(0.05)
+    across = np.cross(action.direction, np.eye(3)[np.argmin(np.abs(action.direction))])
+    tilted = a * action.direction + b * across / np.linalg.norm(across)
+    near, far = action.origin + 1e-3, action.origin + 0.5 * action.expected
+    some = Candidates(
+        np.stack([action.origin, near, far, action.origin]),
+        np.stack([action.direction, tilted, action.direction, -action.direction]),
+        np.zeros(4, dtype=int), np.zeros(4, dtype=int),
+    )  # fmt: skip
+    np.testing.assert_array_equal(session._open(some).origins, some.origins[2:])
 
 
 def test_only_what_can_be_made_is_asked(targets):

@@ -142,6 +142,16 @@ def test_rough_poses_keep_their_odds_while_readings_say_nothing(targets):
     assert share == pytest.approx(0.9, abs=0.03)
 
 
+def test_a_part_with_two_rough_poses_at_one_place_has_the_mass_of_both(targets):
+    pair = targets[0], targets[2]
+    C = np.tile(np.diag(np.repeat([1e-3, 0.01], 3) ** 2), (3, 1, 1))
+    start = Start(pair, np.array([0, 0, 1]), np.tile(np.eye(4), (3, 1, 1)), C, np.array([0.25, 0.25, 0.5]), Priors())
+    some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
+    blank = replace(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
+    P = update(begin(start), blank, no_paths()).of_parts()
+    assert P[0] / P[1] == pytest.approx(1.0, abs=0.15)
+
+
 def test_the_density_of_the_start_is_the_mixture_of_its_rough_poses(targets):
     start, rng = two_places(targets[2]), np.random.default_rng(1)
     Ts = start.Ts[np.arange(20) % 2] @ SE3.exp(0.01 * rng.normal(size=(20, 6)))
@@ -199,6 +209,7 @@ def test_free_beams_alone_leave_the_start_where_they_did_not_pass(targets):
     )
     P = belief.of_parts()
     np.testing.assert_allclose(P / P.sum(), 1 / 3, atol=0.05)
+    assert belief.unknown == pytest.approx(start.priors.unknown, rel=0.05)
 
 
 def test_sampled_masses_are_on_the_scale_of_laplace_with_shared_errors(targets):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, rough
+from sensing_scenes import LASER, new_session, rough, sense
 from tanteo.active import Probe, Start, at_pose, begin, draw, expected_information, predict, propose
 from tanteo.active.samples import beams
 from tanteo.active.utility import about_mode, about_pose
@@ -56,6 +56,39 @@ def test_information_about_the_pose_is_half_the_log_of_the_ratio_of_determinants
         after = np.linalg.inv(np.linalg.inv(C) + np.outer(g[k, 0], g[k, 0]) / R[k])
         gain = 0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1])
         assert got[k] == pytest.approx(gain, rel=1e-9)
+
+
+def test_samples_have_the_covariance_of_the_belief(bracket):
+    """That between them and that of their own together."""
+    belief = begin(at(bracket, (2e-3, 2e-2)))
+    samples = draw(belief, 512)
+    xi = SE3.log(SE3.inverse(belief.poses[0]) @ samples.Ts)
+    total = xi.T @ xi / len(xi) + samples.covariances.mean(axis=0)
+    s = np.sqrt(np.diag(belief.covariances[0]))
+    np.testing.assert_allclose(total / np.outer(s, s), np.eye(6), atol=0.05)
+
+
+def test_errors_that_all_readings_share_count_in_what_is_told():
+    """A bias along the beam; the base's place in any direction, so more of it at a slanted surface."""
+    own = Probe("laser", NoiseLaw.of(1e-4))
+    off = replace(own, shared_sd=3e-4, base_sds=(1e-3, 0.0))
+    d, cosine = np.array([0.1, 0.1]), np.array([1.0, 0.5])
+    np.testing.assert_allclose(off.variance(d, cosine) - own.variance(d, cosine), [9e-8 + 1e-6, 9e-8 + 4e-6])
+
+
+def test_the_largest_face_is_not_sensed_for_ever(bracket):
+    session = new_session(at(bracket, (1e-3, 1e-2)), policy="largest-face", probability=None, tolerance=1e-9)
+    sense(
+        session,
+        bracket,
+        np.eye(4),
+        np.random.default_rng(0),
+        each=lambda s: setattr(s, "stop", replace(s.stop, most=6)),
+    )
+    faces = [step.action.face for step in session.steps]
+    largest = max(bracket.part.faces, key=lambda face: face.area).name
+    assert faces[0] == largest
+    assert len(set(faces)) >= 3
 
 
 def test_what_exceeds_no_tolerance_is_worth_nothing(bracket):
