@@ -77,14 +77,9 @@ def test_errors_that_all_readings_share_count_in_what_is_told():
 
 
 def test_the_largest_face_is_not_sensed_for_ever(bracket):
-    session = new_session(at(bracket, (1e-3, 1e-2)), policy="largest-face", probability=None, tolerance=1e-9)
-    sense(
-        session,
-        bracket,
-        np.eye(4),
-        np.random.default_rng(0),
-        each=lambda s: setattr(s, "stop", replace(s.stop, most=6)),
-    )
+    goal = {"probability": None, "tolerance": 1e-9, "most": 6, "least_gain": 0.0}
+    session = new_session(at(bracket, (1e-3, 1e-2)), policy="largest-face", **goal)
+    sense(session, bracket, np.eye(4), np.random.default_rng(0))
     faces = [step.action.face for step in session.steps]
     largest = max(bracket.part.faces, key=lambda face: face.area).name
     assert faces[0] == largest
