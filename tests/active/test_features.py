@@ -28,7 +28,7 @@ def situation():
 
 def test_readings_of_a_feature_lie_on_its_faces_and_near_it(situation):
     s = situation
-    found = features(s.belief, s.candidates, LASER.standoff)
+    found = features(s.belief, s.candidates)
     part, to_part = s.belief.target(0).part, SE3.inverse(s.belief.poses[0])
     aims = SE3.apply(to_part, s.aims())
     assert {f.kind for f in found} == {"face", "edge", "corner"}
@@ -50,7 +50,7 @@ def test_readings_of_a_feature_lie_on_its_faces_and_near_it(situation):
 def test_what_a_feature_tells_is_the_ratio_of_determinants(situation):
     """One pose, so well known that all is linear: against the determinant of the covariance after the readings."""
     s = situation
-    found, samples = features(s.belief, s.candidates, LASER.standoff), draw(s.belief, 1)
+    found, samples = features(s.belief, s.candidates), draw(s.belief, 1)
     predicted = predict(samples, s.candidates.origins, s.candidates.directions)
     got = joint_information(found, samples, predicted, s)
     C, T = s.belief.covariances[0], s.belief.poses
@@ -77,5 +77,5 @@ def test_sessions_that_choose_features_reach_their_goal_and_name_them():
 def test_where_nothing_makes_a_feature_single_places_are_left(situation):
     s = situation
     lone = s.candidates.take(np.array([0]))
-    (only,) = features(s.belief, lone, LASER.standoff)
+    (only,) = features(s.belief, lone)
     assert only.rows.tolist() == [0]

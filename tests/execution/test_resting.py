@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.execution import Furniture
-from tanteo.execution.resting import as_readings, beyond_furniture
+from tanteo.execution import Furniture, Possible
+from tanteo.execution.resting import as_readings, beyond_furniture, of_parts
 from tanteo.hand import FREE, LOST, MET, Sensed
 from tanteo.lie import SE3
 from tanteo.sensors import error_model, measure
@@ -62,6 +62,29 @@ def test_free_beams_are_told_and_lost_ones_are_not():
     assert readings.is_free.tolist() == [True]
     assert readings.sensors == (HAND.rig.sensors[FIRST].name,)
     assert as_readings(HAND, log([-1] * 10, [-1] * 10), "1") is None
+
+
+def test_side_beams_are_told_where_a_part_may_be_and_nowhere_else(targets):
+    """A bracket is possible 60 mm to the right of the hand; what the beam to the left meets is no part."""
+    states, ranges = np.full(len(HAND.origins), FREE), np.full(len(HAND.origins), np.nan)
+    names = [sensor.name for sensor in HAND.rig.sensors]
+    for name, value in (("side_left", 0.05), ("side_right", 0.06)):
+        states[names.index(name)], ranges[names.index(name)] = MET, value
+    readings = as_readings(HAND, [Sensed(0.0, ABOVE, ranges, states)] * 10, "1")
+    assert set(readings.sensors) == set(names)
+    box = targets[0].part.box
+    tip = ABOVE @ HAND.rig.sensors[names.index("side_right")].T_hand_sensor
+    place = tip[:3, 3] + 0.06 * tip[:3, 2] - [box[0, 0], box[:, 1].mean(), box[:, 2].mean()]
+    for away, told in ((0.0, True), (0.2, False)):
+        T = SE3.from_parts(np.eye(3), place + np.array([away, 0.0, 0.0]))
+        possible = Possible(tuple(targets[:1]), np.zeros(1, dtype=np.int64), T[None])
+        kept = of_parts(HAND, readings, possible)
+        assert ("side_right" in kept.sensors) is told
+        assert {"front_left", "front_right"} <= set(kept.sensors)
+        assert "side_left" not in kept.sensors
+    states[list(HAND.frontal)] = LOST
+    sides = Sensed(0.0, ABOVE, ranges, states)
+    assert of_parts(HAND, as_readings(HAND, [sides], "2"), possible) is None
 
 
 def test_beams_to_furniture_are_free_as_far_as_it():

@@ -47,7 +47,7 @@ def test_a_stance_has_a_frontal_sensor_on_the_beam():
 
 
 def test_distances_are_those_of_the_meshes_or_a_bit_less(targets):
-    possible = Possible.of(believed(targets), 20)
+    possible = Possible.of(believed(targets))
     points = np.random.default_rng(2).uniform(-0.15, 0.15, (300, 3))
     exact = np.min(
         [
@@ -65,7 +65,7 @@ def test_distances_are_those_of_the_meshes_or_a_bit_less(targets):
 
 
 def test_before_the_first_reading_every_part_is_possible(targets):
-    possible = Possible.of(believed(targets), 40)
+    possible = Possible.of(believed(targets))
     assert set(possible.part.tolist()) == {0, 1, 2}
     spread = possible.Ts[possible.part == 0][:, :3, 3]
     assert np.std(spread, axis=0).min() > 1e-3
@@ -78,7 +78,7 @@ def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
     candidates = propose(belief, probe, 120)
     able = reachable(hand, RULES, probe.retreat)(belief, candidates)
     assert 0 < able.sum() < len(candidates)
-    possible = Possible.of(belief, 12)
+    possible = Possible.of(belief)
     room = Room(hand.body, RULES.workspace, possible, RULES.clearance)
     for k in np.flatnonzero(able)[:5]:
         Ts = stances(hand, candidates.origins[k][None], candidates.directions[k][None])[0]
@@ -93,7 +93,7 @@ def test_a_way_leads_over_what_stands_between_and_is_none_where_there_is_none(ta
     probe = hand_probe(hand, RULES, 0.04)
     down = np.diag([1.0, -1.0, -1.0])
     a, b = (SE3.from_parts(down, [x, 0.0, 0.14]) for x in (-0.2, 0.2))
-    possible = Possible.of(believed(targets, 1e-4), 6)
+    possible = Possible.of(believed(targets, 1e-4))
     room = Room(hand.body, RULES.workspace, possible, RULES.clearance)
     assert not room.along(way(hand, a, b))
     stops = route(hand, room, a, b, probe.retreat)
@@ -110,7 +110,7 @@ def test_a_way_leads_over_what_stands_between_and_is_none_where_there_is_none(ta
 
 def test_from_a_narrow_place_there_is_a_way_out_but_not_further_in(targets):
     hand = gripper()
-    possible = Possible.of(believed(targets[:1], 1e-5), 1)
+    possible = Possible.of(believed(targets[:1], 1e-5))
     room = Room(hand.body, RULES.workspace, possible, RULES.clearance)
     down = np.diag([1.0, -1.0, -1.0])
     heights = np.arange(0.14, 0.30, 0.002)

@@ -31,19 +31,26 @@ class Candidates:
         directions: in which it looks or moves, unit, world ``(C, 3)``.
         mode: mode of the belief that each is aimed at ``(C,)``.
         face: index of the face of that mode's part that is to be met ``(C,)``.
+        ranges: after which it is, if that mode is true ``(C,)`` [m].
     """
 
     origins: Vectors
     directions: Vectors
     mode: IntArray
     face: IntArray
+    ranges: FloatArray
 
     def __len__(self) -> int:
         return len(self.origins)
 
     def take(self, rows: IntArray | BoolArray) -> Candidates:
         """Some of them."""
-        return Candidates(self.origins[rows], self.directions[rows], self.mode[rows], self.face[rows])
+        return Candidates(*(getattr(self, name)[rows] for name in self.__slots__))
+
+    @property
+    def aims(self) -> Vectors:
+        """What each would meet if its mode is true, world ``(C, 3)`` [m]."""
+        return np.asarray(self.origins + self.ranges[:, None] * self.directions)
 
 
 def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0) -> Candidates:
@@ -61,9 +68,9 @@ def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0) -> Ca
     share = np.sqrt(w[likely]) / max(np.sqrt(w[likely]).sum(), 1e-300)
     some = [_on_mode(belief, int(k), probe, int(np.ceil(n)), seed) for k, n in zip(likely, count * share, strict=True)]
     if not some:
-        return Candidates(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    names = Candidates.__slots__
-    joint = Candidates(*(np.concatenate([getattr(c, name) for c in some]) for name in names))
+        none, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        return Candidates(nowhere, nowhere, none, none, np.zeros(0))
+    joint = Candidates(*(np.concatenate([getattr(c, name) for c in some]) for name in Candidates.__slots__))
     return joint.take(has_room(belief, joint, probe))
 
 
@@ -77,12 +84,13 @@ def _on_mode(belief: Belief, k: int, probe: Probe, count: int, seed: int) -> Can
     directions = within_cone(-outward, probe)
     cosines = -np.sum(directions * outward, axis=1)
     ok = cosines > np.cos(0.95 * probe.max_incidence)
-    origins = world - probe.standoff * directions
+    ranges = np.resize(probe.standoffs, len(points))
+    origins = world - ranges[:, None] * directions
     to_part = SE3.inverse(T)
     first = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T).distances
-    ok &= np.abs(first - probe.standoff) < 1e-6 + 1e-3 * probe.standoff
+    ok &= np.abs(first - ranges) < 1e-6 + 1e-3 * ranges
     index = np.flatnonzero(ok)[:count]
-    return Candidates(origins[index], directions[index], np.full(len(index), k), faces[index])
+    return Candidates(origins[index], directions[index], np.full(len(index), k), faces[index], ranges[index])
 
 
 def _faces(target: Target, points: Vectors) -> IntArray:
@@ -117,5 +125,6 @@ def has_room(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArray:
 
 
 def _distances(target: Target, points: Vectors) -> FloatArray:
-    """To the surface, negative inside: from the grid, less what that may be off."""
-    return np.asarray(target.field(points)[0] - 0.5 * target.field.step)
+    """To the surface, negative inside: from the grid, and exactly where that leaves doubt."""
+    rough = target.field(points)[0]
+    return np.asarray(rough - 0.5 * target.field.step)

@@ -48,17 +48,16 @@ class Feature:
     rows: IntArray
 
 
-def features(belief: Belief, candidates: Candidates, standoff: float) -> tuple[Feature, ...]:
+def features(belief: Belief, candidates: Candidates) -> tuple[Feature, ...]:
     """The faces, edges and corners that the candidates can acquire; single places where they can acquire none.
 
     Args:
         belief: what is known.
         candidates: readings that can be made.
-        standoff: from their starts to the surface [m].
     """
     modes = np.unique(candidates.mode)
     modes = modes[np.argsort(-belief.weights[modes], kind="stable")][:_MODES]
-    found = [feature for mode in modes for feature in _of_mode(belief, candidates, int(mode), standoff)]
+    found = [feature for mode in modes for feature in _of_mode(belief, candidates, int(mode))]
     if found:
         return tuple(found)
     part = belief.target(int(candidates.mode[0])).part
@@ -68,11 +67,11 @@ def features(belief: Belief, candidates: Candidates, standoff: float) -> tuple[F
     )
 
 
-def _of_mode(belief: Belief, c: Candidates, mode: int, standoff: float) -> Iterable[Feature]:
+def _of_mode(belief: Belief, c: Candidates, mode: int) -> Iterable[Feature]:
     """The features of one mode, faces first."""
     part = belief.target(mode).part
     own = np.flatnonzero(c.mode == mode)
-    local = SE3.apply(SE3.inverse(belief.poses[mode]), c.origins[own] + standoff * c.directions[own])
+    local = SE3.apply(SE3.inverse(belief.poses[mode]), c.aims[own])
     on = {int(f): own[c.face[own] == f] for f in np.unique(c.face[own])}
     place = dict(zip(own.tolist(), local, strict=True))
 

@@ -57,7 +57,7 @@ class Features:
         samples = draw(s.belief, _SAMPLES, s.tolerance)
         predicted = predict(samples, s.candidates.origins, s.candidates.directions)
         alone = expected_information(samples, predicted, s.probe)
-        found = features(s.belief, s.candidates, s.probe.standoff)
+        found = features(s.belief, s.candidates)
         gains = joint_information(found, samples, predicted, s)
         worth = gains / np.array([_seconds(s, feature) for feature in found])
         best = int(np.argmax(worth))

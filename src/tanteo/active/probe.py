@@ -29,6 +29,7 @@ class Probe:
         base_sds: of the robot's absolute error, which all readings share: place [m] and turn about the world's
             origin [rad], each axis.
         standoff: from where it starts to the surface that it is to meet [m].
+        farthest: the most that this may be, where it may also start from farther off [m]; 0 where it may not.
         clearance: radius of the room that it needs about its start and on the straight way there [m].
         retreat: length of that way [m].
         approach: direction in which it may look or move, world ``(3,)``; None for any.
@@ -48,6 +49,7 @@ class Probe:
     repeat_sd: float = 0.0
     base_sds: tuple[float, float] = (0.0, 0.0)
     standoff: float = 0.05
+    farthest: float = 0.0
     clearance: float = 0.01
     retreat: float = 0.10
     approach: Vectors | None = None
@@ -75,6 +77,11 @@ class Probe:
             if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector stays as it is, to the last bit
                 d = d / np.linalg.norm(d)
             object.__setattr__(self, "approach", d)
+
+    @property
+    def standoffs(self) -> FloatArray:
+        """Distances from which it may start, evenly spread from the nearest to the farthest ``(n,)`` [m]."""
+        return np.linspace(self.standoff, max(self.standoff, self.farthest), 3 if self.farthest > self.standoff else 1)
 
     def variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
         """Variance of what it reads along its beam, errors that its readings share included [m^2].

@@ -47,7 +47,7 @@ class Situation:
 
     def aims(self) -> Vectors:
         """Where the candidates are expected to meet the surface, world ``(C, 3)`` [m]."""
-        return np.asarray(self.candidates.origins + self.probe.standoff * self.candidates.directions)
+        return self.candidates.aims
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.active import Belief, Candidates
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.probes import REPEATS
-from tanteo.execution.resting import Furniture, as_readings, beyond_furniture, rest
+from tanteo.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
 from tanteo.execution.routes import route
 from tanteo.execution.stances import feasible, ranked, stances
 from tanteo.hand import Hand, Robot
@@ -19,9 +19,6 @@ from tanteo.motion import Motion, Rules, go_to
 from tanteo.sensors import RobotPreset
 from tanteo.session import Action, Done, Session, Step
 from tanteo.typing import BoolArray, Transforms
-
-_AT_ONCE, _CLOSELY = 12, 40
-"""Possible poses that all candidates are checked against, and those that a way is."""
 
 _TRIED = 4
 """Stances of one beam to which a way is looked for."""
@@ -89,7 +86,7 @@ def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[Belief, Can
     """
 
     def able(belief: Belief, candidates: Candidates) -> BoolArray:
-        room = Room(hand.body, rules.workspace, Possible.of(belief, _AT_ONCE), rules.clearance)
+        room = Room(hand.body, rules.workspace, Possible.of(belief), rules.clearance)
         return feasible(hand, room, candidates, retreat)
 
     return able
@@ -155,7 +152,7 @@ class _Run:
 
     def _way(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
-        room = Room(hand.body, self.rules.workspace, Possible.of(session.belief, _CLOSELY), self.rules.clearance)
+        room = Room(hand.body, self.rules.workspace, Possible.of(session.belief), self.rules.clearance)
         probe = session.probe
         Ts = stances(hand, action.origin[None], action.direction[None])[0]
         Ts = Ts[room.allows(Ts)]
@@ -178,13 +175,15 @@ class _Run:
 
     def _read(self, action: Action) -> tuple[Step | None, str]:
         """What was read at rest, told; and what is odd about it."""
-        readings = as_readings(self.robot.hand, rest(self.robot, REPEATS), str(action.number))
+        hand = self.robot.hand
+        readings = as_readings(hand, rest(self.robot, REPEATS), str(action.number))
+        readings = None if readings is None else of_parts(hand, readings, Possible.of(self.session.belief))
         if readings is None:
             return None, "no echo"
         note = ""
         if self.furniture is not None:
-            of_it = self.furniture.met(readings, self.robot.hand.rig, self.errors)
-            readings = beyond_furniture(readings, of_it, self.robot.hand.rig)
+            of_it = self.furniture.met(readings, hand.rig, self.errors)
+            readings = beyond_furniture(readings, of_it, hand.rig)
             note = f"{int(of_it.sum())} of furniture" if of_it.any() else ""
         if readings.is_free.all():
             note = "; ".join(text for text in (note, "nothing met") if text)

@@ -1,61 +1,59 @@
-"""What may stand in the hand's way: every pose that the belief still allows, and the bounds of the workspace."""
+"""What may stand in the hand's way: all that the belief holds, all that no reading has contradicted, and the bounds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
 from tanteo.active import Belief
+from tanteo.execution.allowed import allowed
+from tanteo.execution.occupied import Occupied
 from tanteo.hand import Body, Workspace
-from tanteo.lie import SE3
 from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _LIVE = 0.003
 """Modes of at least this probability are kept clear of."""
 
-_BEFORE = 6
-"""Poses drawn of each rough pose before the first reading, itself apart."""
+CONFIRMED = 0.999
+"""Probability of a part from which the hand goes by the belief."""
+
+_DRAWS, _ALLOWED = 24, 120
+"""Poses drawn from the belief, and of all that no reading has contradicted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Possible:
-    """Where parts may be, as poses drawn from a belief.
+    """Where parts may be, as poses.
 
     Attributes:
         targets: the parts.
         part: index of the part of each pose ``(K,)``.
         Ts: ``T_world_part`` ``(K, 4, 4)``, the likeliest first.
+        occupied: distances from all of them.
     """
 
     targets: tuple[Target, ...]
     part: IntArray
     Ts: Transforms
+    occupied: Occupied = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "occupied", Occupied.by(self.targets, self.part, self.Ts))
 
     @classmethod
-    def of(cls, belief: Belief, count: int) -> Possible:
-        """Every mode that is alive, and about so many draws from all of them."""
-        live = np.flatnonzero(belief.weights >= _LIVE)
-        live = live[np.argsort(-belief.weights[live], kind="stable")]
-        if belief.draws is None:
-            Ts, part = _rough(belief, live, max(1, min(_BEFORE, count // max(len(live), 1))))
-        else:
-            w = np.cumsum(belief.draws.weights)
-            some = np.searchsorted(w, w[-1] * (np.arange(count) + 0.5) / count).clip(0, len(w) - 1) if len(w) else []
-            rows = np.unique(np.asarray(some, dtype=np.int64))
-            Ts, part = belief.draws.Ts[rows], belief.part[belief.draws.mode[rows]]
-        return cls(
-            belief.start.targets, np.concatenate([belief.part[live], part]), np.concatenate([belief.poses[live], Ts])
-        )
+    def of(cls, belief: Belief) -> Possible:
+        """Every mode that is alive, draws from all of them, and what the start allows and no reading has contradicted.
+
+        A belief may be wrong, and a hand that went by it alone would find out by touching.
+        """
+        return _possible(belief)
 
     def distances(self, points: Vectors) -> FloatArray:
         """Least distance of points ``(*batch, 3)`` from any of them ``(*batch,)`` [m]; a bit less, negative inside."""
-        out = np.full(points.shape[:-1], np.inf)
-        for k, T in zip(self.part, self.Ts, strict=True):
-            field, local = self.targets[k].field, SE3.apply(SE3.inverse(T), points)
-            np.minimum(out, field(local)[0] - 0.5 * field.step, out=out)
-        return out
+        return self.occupied(points)
 
     def top(self) -> float:
         """Greatest height of any of them in the world [m]."""
@@ -66,12 +64,22 @@ class Possible:
         return max(heights, default=-np.inf)
 
 
-def _rough(belief: Belief, live: IntArray, each: int) -> tuple[Transforms, IntArray]:
-    """Draws from the rough poses, as many of each, somewhat beyond what the start says."""
-    start = belief.start
-    drawn = [(start.drawn(int(k), each * int(np.sum(belief.part[live] == k))), int(k)) for k in set(belief.part[live])]
-    Ts = np.concatenate([np.zeros((0, 4, 4)), *(T for T, _ in drawn)])
-    return Ts, np.concatenate([np.zeros(0, dtype=np.int64), *(np.full(len(T), k) for T, k in drawn)])
+@lru_cache(maxsize=1)
+def _possible(belief: Belief) -> Possible:
+    """The same for one belief every time: candidates and ways ask in turn."""
+    live = np.flatnonzero(belief.weights >= _LIVE)
+    live = live[np.argsort(-belief.weights[live], kind="stable")]
+    Ts, part = [belief.poses[live]], [belief.part[live]]
+    if belief.draws is not None and len(belief.draws.weights):
+        w = np.cumsum(belief.draws.weights)
+        rows = np.unique(np.searchsorted(w, w[-1] * (np.arange(_DRAWS) + 0.5) / _DRAWS).clip(0, len(w) - 1))
+        Ts.append(belief.draws.Ts[rows])
+        part.append(belief.part[belief.draws.mode[rows]])
+    if belief.of_parts().max(initial=0.0) < CONFIRMED:
+        more, of = allowed(belief, _ALLOWED)
+        Ts.append(more)
+        part.append(of)
+    return Possible(belief.start.targets, np.concatenate(part), np.concatenate(Ts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,6 +23,9 @@ LEAST_STANDOFF = 1.25
 _RETREAT = 0.05
 """From how far behind it comes to a reading [m]."""
 
+_FAR = 0.8
+"""Share of its range from which a sensor may look: what may stand about keeps the hand away at first."""
+
 _SECONDS = 0.5
 """Of one reading, beside travelling [s]."""
 
@@ -66,6 +69,7 @@ def hand_probe(
         repeat_sd=repeat,
         base_sds=(float(np.hypot(place, across)), turn),
         standoff=standoff,
+        farthest=_FAR * float(min(model.max_range[k], 1.0)),
         clearance=float(hand.body.radii.min()) + rules.clearance,
         retreat=_RETREAT,
         workspace=rules.workspace,

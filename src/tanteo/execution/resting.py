@@ -1,4 +1,4 @@
-"""What the frontal sensors read while the hand rests, as readings for the belief; and what is known to stand there."""
+"""What the sensors read while the hand rests, as readings for the belief; and what is known to stand there."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.execution.allowed import OFF
+from tanteo.execution.possible import Possible
 from tanteo.hand import FREE, MET, Hand, Robot, Sensed
-from tanteo.lie import SO3
+from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings, Rig, RobotPreset, error_model, measure
 from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, Transforms
@@ -19,6 +21,9 @@ their mean may be of neither, so each is told then."""
 
 _ALONE = 4
 """How many of them."""
+
+_ALONG, _FARTHEST = 24, 0.3
+"""Places along a beam at which is asked what may be there, and how far out [m]."""
 
 _NEAR, _FORM = 4.0, 1e-3
 """A reading within so many standard deviations and this much more [m] of furniture is of the furniture."""
@@ -54,14 +59,14 @@ def rest(robot: Robot, count: int) -> list[Sensed]:
 
 
 def as_readings(hand: Hand, log: Sequence[Sensed], name: str) -> Readings | None:
-    """The readings of the frontal sensors at rest: one of each, the mean; None if none of them says anything.
+    """The readings of the sensors at rest: one of each, the mean; None if none of them says anything.
 
     Where those of one sensor disagree more than its noise, it looks over an edge: some of them are taken as they are.
     Readings that are too near or get no echo say nothing.
     """
     model, rows = error_model(hand.rig), list[tuple[str, Transforms, float, float]]()
     T = log[-1].T_world_hand
-    for i in hand.frontal:
+    for i in range(len(hand.rig.sensors)):
         met = np.array([s.ranges[i] for s in log if s.states[i] == MET])
         free = sum(bool(s.states[i] == FREE) for s in log)
         sensor = hand.rig.sensors[i].name
@@ -75,6 +80,21 @@ def as_readings(hand: Hand, log: Sequence[Sensed], name: str) -> Readings | None
         elif free > len(met):
             rows.append((sensor, T, float("nan"), float("nan")))
     return _readings(rows, name) if rows else None
+
+
+def of_parts(hand: Hand, readings: Readings, possible: Possible) -> Readings | None:
+    """Those of the frontal sensors, and of the others those whose beams come to where a part may be; None for none.
+
+    The others were not aimed at anything: what they meet elsewhere is something else, and that they are free there
+    tells no part from another.
+    """
+    sensors = hand.rig.numbers(readings.sensors)
+    reach = np.where(readings.is_free, error_model(hand.rig).max_range[sensors], readings.ranges)
+    Ts = readings.Ts_world_hand
+    along = np.linspace(0.0, 1.0, _ALONG)[:, None] * np.minimum(reach, _FARTHEST)
+    points = SE3.apply(Ts, hand.origins[sensors] + along[..., None] * hand.axes[sensors])
+    told = np.isin(sensors, hand.frontal) | (possible.distances(points).min(axis=0) < OFF)
+    return readings.take(np.flatnonzero(told)) if told.any() else None
 
 
 def _readings(rows: list[tuple[str, Transforms, float, float]], name: str) -> Readings:

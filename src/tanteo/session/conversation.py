@@ -225,7 +225,7 @@ class Session:
         c, mode = s.candidates, int(s.candidates.mode[k])
         part = s.belief.target(mode).part
         return Action(
-            self._questions, c.origins[k], c.directions[k], self.probe.max_range, self.probe.standoff, part.name,
+            self._questions, c.origins[k], c.directions[k], self.probe.max_range, float(c.ranges[k]), part.name,
             part.faces[c.face[k]].name, choice.gain, choice.why,
         )  # fmt: skip
 

@@ -1,0 +1,76 @@
+"""A hand keeps clear of the true part whatever the belief makes of it, and of no pose that readings rule out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bare_scenes import SENSORS, no_paths, scene
+from tanteo.active import around, begin, update
+from tanteo.execution import Possible
+from tanteo.execution.allowed import OFF, allowed
+from tanteo.lie import SE3
+from tanteo.surface_search import FreePaths
+from unknown_scenes import CLEARANCE, SDS
+
+RIGHT = 1
+
+
+@pytest.fixture(scope="module")
+def start(targets):
+    return around(targets, np.eye(4), np.diag(SDS**2))
+
+
+def drawn(start, part, rng):
+    return start.Ts[part] @ SE3.exp(np.linalg.cholesky(start.covariances[part]) @ rng.normal(size=6))
+
+
+def test_the_true_part_is_kept_clear_of_though_the_belief_stands_on_its_mirror_image(targets, start):
+    """Readings of the right bracket, and an assumption so wrong that all of the belief is on the left one."""
+    rng, covered = np.random.default_rng(1), []
+    wrong = replace(start, weights=np.array([1 - 2e-9, 1e-9, 1e-9]))
+    for _ in range(8):
+        T = drawn(start, RIGHT, rng)
+        few = scene(targets[RIGHT].surface, T, SENSORS[1], 2, rng)[0]
+        belief = update(begin(wrong), few, no_paths())
+        assert belief.of_parts()[RIGHT] < 1e-3
+        there = SE3.apply(T, targets[RIGHT].samples)
+        covered.append(Possible.of(belief).distances(there).max())
+    # nowhere is the true surface farther from what is kept clear of than the clearance
+    assert max(covered) < CLEARANCE
+
+
+def test_what_is_allowed_agrees_with_all_readings_but_one(targets, start):
+    rng = np.random.default_rng(2)
+    T = drawn(start, RIGHT, rng)
+    touches = scene(targets[RIGHT].surface, T, SENSORS[1], 6, rng)[0]
+    belief = update(begin(start), touches, no_paths())
+    Ts, part = allowed(belief, 120)
+    assert RIGHT in part
+    for P, k in zip(Ts, part, strict=True):
+        gaps = np.abs(targets[k].surface.closest(SE3.apply(SE3.inverse(P), touches.points)).distances)
+        assert (gaps > OFF + targets[k].field.step).sum() <= 1
+
+
+def test_two_free_beams_through_the_middle_rule_a_pose_out_and_one_does_not(targets):
+    """A solid wedge whose place is known well; the beams go through it as if it were not there."""
+    place = around(targets[2:], np.eye(4), np.diag(np.repeat([1e-3, 1e-2], 3)) ** 2)
+    origins = np.array([[0.0, 0.0, 0.3], [0.003, 0.0, 0.3]])
+    down = np.tile([0.0, 0.0, -1.0], (2, 1))
+    for count, left in ((0, True), (1, True), (2, False)):
+        paths = FreePaths(origins[:count], down[:count], np.full(count, 0.3), np.zeros(count))
+        belief = replace(begin(place), free=paths)
+        assert bool(len(allowed(belief, 20)[0])) is left
+    shallow = FreePaths(origins, down, np.full(2, 0.2), np.zeros(2))  # the ways end above it
+    assert len(allowed(replace(begin(place), free=shallow), 20)[0])
+
+
+def test_poses_are_spread_and_no_more_than_asked_for(targets, start):
+    for most in (6, 30, 120):
+        Ts, part = allowed(begin(start), most)
+        assert set(part.tolist()) == {0, 1, 2}
+        assert len(Ts) <= most
+    few, many = (allowed(begin(start), most)[0] for most in (30, 120))
+    assert np.ptp(few[:, :3, 3], axis=0).min() > 0.7 * np.ptp(many[:, :3, 3], axis=0).min()
