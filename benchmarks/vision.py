@@ -1,9 +1,9 @@
 """Parts on a table as a camera sees them, part of each hidden: ``python benchmarks/vision.py [parts images share]``.
 
 The parts are the twelve of ``examples/parts`` and random workpieces; of each, so many rendered images
-(``tests/rendered.py``: shading, cast shadows, blur, noise) with a plate in the way that hides a share of it, 0.3 if not
-given. Every tenth image is of a part that is not among them. Printed: how often the true part is among the first
-answers, how often the probabilities are right, and the normalised squared error of position and yaw.
+(``tanteo.vision.rendering``: shading, cast shadows, blur, noise) with a plate in the way that hides a share of it, 0.3
+if not given. Every tenth image is of a part that is not among them. Printed: how often the true part is among the
+first answers, how often the probabilities are right, and the normalised squared error of position and yaw.
 """
 
 from __future__ import annotations

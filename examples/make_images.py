@@ -1,7 +1,7 @@
 """Draw the images in ``examples/images``: parts of ``examples/parts`` on a table, as a camera over it would see them.
 
-``python examples/make_images.py [folder]``. Light, shadows, blur and noise are drawn by ``tests/rendered.py``; every
-file has a fixed seed. The truth is in ``truth.csv`` beside them, part and pose: an answer can be checked by eye.
+``python examples/make_images.py [folder]``. Light, shadows, blur and noise are drawn by ``tanteo.vision.rendering``;
+every file has a fixed seed. The truth is in ``truth.csv`` beside them, part and pose: an answer can be checked by eye.
 """
 
 import sys
@@ -11,11 +11,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from rendered import Look, Scene, render, slab_thing, table_camera, thing
+from rendered import slab_thing, table_camera
 from tanteo.io import write_image
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import project, rests
+from tanteo.vision.rendering import Look, Stage, render, thing
 
 HERE = Path(__file__).resolve().parent
 CAMERA = table_camera(distance=0.62, tilt=22.0, turn=30.0)
@@ -70,7 +71,7 @@ def main():
         if name == "half_hidden":
             place = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.005, 0.0, 0.09]))
             drawn.append(slab_thing(HAND, 0.012, place, 160))
-        image, _ = render(Scene(CAMERA, drawn, Look(noise=2.0)), rng)
+        image, _ = render(Stage(CAMERA, drawn, Look(noise=2.0)), rng)
         write_image(folder / f"{name}.png", image)
     (folder / "truth.csv").write_text("\n".join([*truth, ""]))
 

@@ -37,19 +37,20 @@ class Unknown:
         return float(clearances(self.scene, gripper().body, np.array(self.robot.truth)).min())
 
 
-def unknown_scene(targets, number, rng, *, told=True, cell=None) -> Unknown:
+def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> Unknown:
     """One of the targets, turned anyhow on the table, its place drawn from what is known of it.
 
-    With ``told`` false nobody knows of the clamp.
+    With ``told`` false nobody knows of the clamp. ``rest`` is how the part lies, a rotation; upright if not given.
     """
-    part = targets[number].part
+    part, rest = targets[number].part, np.eye(3) if rest is None else rest
     T_rough = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])), np.zeros(3))
-    T = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, SDS[5] * rng.normal()])) @ T_rough[:3, :3], np.zeros(3))
-    T[2, 3] = -part.box[0, 2]
+    T = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, SDS[5] * rng.normal()])) @ T_rough[:3, :3] @ rest, np.zeros(3))
+    T[2, 3] = -SE3.apply(T, part.vertices)[:, 2].min()
     centre = SE3.apply(T, part.centroid)
     # the place is drawn about the truth: as wrong as it is said to be
     tilt = SO3.exp(SDS[3:] * [1, 1, 0] * rng.normal(size=3))
-    T_world_place = SE3.from_parts(T_rough[:3, :3] @ tilt, centre + SDS[:3] * rng.normal(size=3))
+    T_world_place = SE3.from_parts(T_rough[:3, :3] @ tilt @ rest, centre + SDS[:3] * rng.normal(size=3))
+    spread = np.kron(np.eye(2), rest.T) @ np.diag(SDS**2) @ np.kron(np.eye(2), rest)
     low, high = SE3.apply(T, part.vertices).min(axis=0), SE3.apply(T, part.vertices).max(axis=0)
     x = high[0] + rng.uniform(0.05, 0.08)
     corners = np.array([x, low[1], 0.0]), np.array([x + 0.04, low[1] + 0.06, rng.uniform(0.03, 0.08)])
@@ -60,7 +61,7 @@ def unknown_scene(targets, number, rng, *, told=True, cell=None) -> Unknown:
     return Unknown(
         scene,
         T,
-        around(targets, T_world_place, np.diag(SDS**2)),
+        around(targets, T_world_place, spread),
         Rules(clearance=CLEARANCE, workspace=Workspace.above(0.0, boxes)),
         Furniture(Scene.of([table, clamp] if told else [table]).surface),
         SimulatedHand(scene, gripper(), above, rng=rng, cell=cell or Cell()),

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rendered import Look, Scene, render, slab_thing, table_camera, thing
+from rendered import slab_thing, table_camera
 from tanteo.lie import SE3, SO3
 from tanteo.vision.camera import on_plane
+from tanteo.vision.rendering import Look, Stage, render, thing
 
 TABLE = 0.09
 """Half side of the square of the table in which parts lie [m]."""
@@ -72,14 +73,14 @@ def random_shot(models, rng, hidden=0.0, stranger=None):
     camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
     rest, T = lying(model, rng)
     look = random_look(rng)
-    scene = Scene(camera, [thing(model.part, T, rng.uniform(70, 150))], look)
+    scene = Stage(camera, [thing(model.part, T, rng.uniform(70, 150))], look)
     if hidden:
         plate = plate_over(scene, hidden, rng, rng.uniform(30, 235))
-        scene = Scene(camera, [*scene.things, plate], look)
+        scene = Stage(camera, [*scene.things, plate], look)
     image, whose = render(scene, rng)
     covered = 0.0
     if hidden:
-        alone = Scene(camera, scene.things[:1], look)
+        alone = Stage(camera, scene.things[:1], look)
         x0, x1, y0, y1 = scene.extent()
         pixels = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).reshape(-1, 2)
         before = (alone.shade(pixels.astype(float))[2] == 0).sum()

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rendered import Scene, render, table_camera, thing
+from rendered import table_camera
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import prepare_vision
@@ -19,6 +19,7 @@ from tanteo.vision.edge_map import map_edges
 from tanteo.vision.edges import CORRELATION, FLOOR, find_edges
 from tanteo.vision.evidence import CREASE_SEEN, REACH, RIM_SEEN, SHARES, SPREADS, STRETCH, Evidence, weigh
 from tanteo.vision.fit import BIAS, OWN, Met, _normal_equations, information, meet, refine
+from tanteo.vision.rendering import Stage, render, thing
 from tanteo.vision.sight import clear_edges, hypothesis
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -77,7 +78,7 @@ def seen(model):
     """Camera, edges of an image of the part on the table, and its pose in the camera."""
     camera = table_camera()
     T = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.02, 0.01, 0.0])) @ model.rests[0].T_table_part
-    image, _ = render(Scene(camera, [thing(model.part, T, 120)]), np.random.default_rng(2))
+    image, _ = render(Stage(camera, [thing(model.part, T, 120)]), np.random.default_rng(2))
     return camera, map_edges(find_edges(image)), SE3.inverse(camera.T_world_camera) @ T
 
 

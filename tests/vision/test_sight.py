@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rendered import Look, Scene, render, table_camera, thing
+from rendered import table_camera
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
@@ -25,6 +25,7 @@ from tanteo.vision import (
 from tanteo.vision.belief import UNKNOWN, one_pose
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.question import ask, heights
+from tanteo.vision.rendering import Look, Stage, render, thing
 from vision_scenes import random_shot
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
@@ -47,7 +48,7 @@ def two(models):
     camera = table_camera()
     poses = [lay_down(models[0], 0, -0.08, 0.05, 0.6), lay_down(models[4], 1, 0.08, -0.04, -1.0)]
     things = [thing(models[0].part, poses[0], 110), thing(models[4].part, poses[1], 130)]
-    image, whose = render(Scene(camera, things), np.random.default_rng(2))
+    image, whose = render(Stage(camera, things), np.random.default_rng(2))
     return image, camera, poses, whose
 
 
@@ -160,7 +161,7 @@ def test_a_part_in_the_air_is_found_without_a_table(models):
     truth = SE3.from_parts(R, np.array([0.02, -0.01, 0.55]) - R @ model.part.centroid)
     above = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 5.0], [0, 0, 0, 1]])
     far = Camera(camera.K, camera.size, T_world_camera=above)
-    scene = Scene(far, [thing(model.part, far.T_world_camera @ truth, 120)], Look(light=(0.3, -0.5, 1.0)))
+    scene = Stage(far, [thing(model.part, far.T_world_camera @ truth, 120)], Look(light=(0.3, -0.5, 1.0)))
     image, _ = render(scene, rng)
     sight = see_anywhere(image, camera, [model])
     best = sight.objects[0].recognition.hypotheses[0]

@@ -48,7 +48,7 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     from tanteo.io.images import read_image, write_image
     from tanteo.io.sight_json import sight_json
 
-    camera = _placed(read_camera(options.camera), options.marks, quiet=as_json)
+    camera = placed_camera(read_camera(options.camera), options.marks, quiet=as_json)
     image = read_image(options.image)
     parts = read_all_parts(options.parts, options.units, quiet=as_json)
     from tanteo.vision import draw_sight, see_anywhere, see_table
@@ -68,7 +68,7 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
         raise typer.Exit(UNDECIDED)
 
 
-def _placed(camera: Camera, marks: str | None, *, quiet: bool) -> Camera:
+def placed_camera(camera: Camera, marks: str | None, *, quiet: bool) -> Camera:
     """The camera with its place, from marks if there are any."""
     if marks is None:
         return camera

@@ -98,6 +98,17 @@ def sense_part(
     ] = None,
     near: Near = None,
     prior: PriorPath = None,
+    image: Annotated[
+        str | None,
+        typer.Option("--image", metavar="IMAGE", help="Start from an image of the table; render: of the scene itself."),
+    ] = None,
+    camera: Annotated[
+        str | None, typer.Option("--camera", metavar="FILE", help="Its calibration (YAML, JSON); else the scene's.")
+    ] = None,
+    marks: Annotated[
+        str | None,
+        typer.Option("--marks", metavar="FILE", help="Known points of the table, to place the camera (CSV)."),
+    ] = None,
     seed: SceneSeed = None,
     record: Annotated[
         str | None,
@@ -108,6 +119,7 @@ def sense_part(
     verbose: Verbose = False,
 ) -> None:
     """Find out which part is there and where, from a rough idea of its place, by range sensors on a hand."""
+    from tanteo.cli.image_start import image_options
     from tanteo.cli.options import misuse
     from tanteo.cli.prior_options import read_pose_prior
     from tanteo.cli.running import guarded
@@ -120,7 +132,8 @@ def sense_part(
                 standoff=standoff, seed=seed, units=units,
             )  # fmt: skip
         known = read_pose_prior(None, None, near, prior)
-        sense_unknown(scene, parts, options, known, record, report, as_json=json, verbose=verbose)
+        seen = image_options(image, camera, marks)
+        sense_unknown(scene, parts, options, known, seen, record, report, as_json=json, verbose=verbose)
 
 
 def _sense(

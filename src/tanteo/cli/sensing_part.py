@@ -17,6 +17,7 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start, Stop
+    from tanteo.cli.image_start import ImageOptions, View
     from tanteo.execution import Executed, Visit
     from tanteo.io.scene_toml import SceneFile
     from tanteo.matching import PosePrior
@@ -87,6 +88,7 @@ def sense_unknown(
     part_paths: Sequence[str],
     options: PartOptions,
     known: PosePrior | None,
+    image: ImageOptions | None,
     record: str | None,
     report: str | None,
     *,
@@ -96,6 +98,7 @@ def sense_unknown(
     """Sense until it is enough, print the answer; exits with 3 when it is not decided or not reached."""
     import numpy as np
 
+    from tanteo.cli.image_start import view_of
     from tanteo.cli.reporting import check_report
     from tanteo.io import read_scene
     from tanteo.simulator import clearances
@@ -105,8 +108,9 @@ def sense_unknown(
     scene = replace(scene, standoff=options.standoff or scene.standoff)
     if options.seed is not None:
         scene = replace(scene, seed=options.seed)
+    view = None if image is None else view_of(scene, image)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
-    session, robot, rules = prepare_run(scene, rough_start(scene, parts, known), options)
+    session, robot, rules = prepare_run(scene, seen_or_rough(scene, parts, known, view), options)
     with _live(verbose=verbose) as watch:
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
@@ -159,9 +163,21 @@ def rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None
         return Start(targets, np.arange(n), Ts, covariances, np.ones(n), Priors())
     if scene.prior is None:
         raise InputError(
-            f"{scene.source}: expected a table [prior] with where the part roughly is, got none. Add it, or say --near."
+            f"{scene.source}: expected a table [prior] with where the part roughly is, got none. Add it, say --near, "
+            "or show an --image."
         )
     return around(targets, scene.prior.T, scene.prior.C)
+
+
+def seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start:
+    """What an image leaves open, or what is roughly known; the latter also where the image is wrong."""
+    from tanteo.cli.image_start import start_from_view
+    from tanteo.surface_search import prepare_target
+
+    if view is not None and known is None and scene.prior is None:
+        return start_from_view(view, tuple(prepare_target(part) for part in parts), None)
+    rough = rough_start(scene, parts, known)
+    return rough if view is None else start_from_view(view, rough.targets, rough)
 
 
 def _executed(

@@ -8,16 +8,20 @@ from tanteo.execution.loop import Executed, Visit, reachable, sense_part
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.probes import hand_probe
 from tanteo.execution.resting import Furniture
+from tanteo.execution.seen import HYPOTHESES, part_seen, seen_start
 from tanteo.execution.stances import stances
 
 __all__ = [
+    "HYPOTHESES",
     "Executed",
     "Furniture",
     "Possible",
     "Room",
     "Visit",
     "hand_probe",
+    "part_seen",
     "reachable",
+    "seen_start",
     "sense_part",
     "stances",
 ]

@@ -25,7 +25,7 @@ from tanteo.typing import FloatArray, IntArray, Transforms
 MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
 """From a CAD file and the unit of files that carry none to vertices [m] and triangles."""
 
-_TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "forbidden", "sense", "prior")
+_TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "forbidden", "sense", "prior", "camera")
 _HAND = {
     "front": "length", "looks": "plain", "pair": "plain", "rate": "rate", "latency": "time", "speed": "speed",
     "turn": "turn", "cone_rays": "plain",
@@ -39,6 +39,19 @@ AHEAD = 0.06
 
 CLEARANCE = 0.6
 """Without one of its own, the clearance is this share of the stand-off."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPaths:
+    """Files of a camera that looks at the scene.
+
+    Attributes:
+        file: Calibration.
+        marks: Known points of the table, to place the camera; None where the calibration says where it stands.
+    """
+
+    file: str
+    marks: str | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +69,7 @@ class SceneFile:
         clearance: [m].
         ideas: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``.
         prior: Where the middle of a part roughly is, and how it is turned; None if it is not said.
+        camera: The camera that looks at it; None if there is none.
         furniture: The solids that are no parts: what is known to stand there.
         occluders: The same without the table, as boxes to stay out of.
         source: The file.
@@ -71,6 +85,7 @@ class SceneFile:
     clearance: float
     ideas: Mapping[str, FaceIdea | EdgeIdea | CornerIdea]
     prior: UncertainFrame | None
+    camera: CameraPaths | None
     furniture: tuple[Solid, ...]
     occluders: tuple[ForbiddenBox, ...]
     source: str
@@ -114,6 +129,7 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
         workspace=_workspace(document, path, top),
         seed=seed,
         prior=_prior(document["prior"], f"{path}, prior") if "prior" in document else None,
+        camera=_camera(document["camera"], path) if "camera" in document else None,
         furniture=(*table, *clamps),
         occluders=tuple(forbidden for _, forbidden in occluders),
         source=str(path),
@@ -166,6 +182,12 @@ def _prior(entry: Any, place: str) -> UncertainFrame:
     keys = Keys(entry, place, {"sd": "length", "turn_sd": "angle", **POSE})
     sds, turns = (keys.vector(name) if keys.size(name) == 3 else [keys.number(name)] for name in ("sd", "turn_sd"))
     return rough_pose(pose_of(keys), sds, turns, place)
+
+
+def _camera(entry: Any, path: Path) -> CameraPaths:
+    keys = Keys(entry, f"{path}, camera", {}, ("file", "marks"))
+    marks = str(path.parent / keys.word("marks")) if "marks" in keys else None
+    return CameraPaths(str(path.parent / keys.word("file")), marks)
 
 
 def _hand(entry: Any, path: Path) -> tuple[Hand, Transforms, Cell]:

@@ -70,15 +70,10 @@ def scatter(found: Sequence[tuple[Target, Polished]]) -> float:
     return ratio if ratio <= _MOST_SCATTER else 1.0
 
 
-def _chi_square(found: Polished) -> tuple[float, float]:
-    """Of the readings that the best pose explains, and its degrees of freedom.
-
-    What was known beforehand fixes a share of the pose that the readings then need not: they are left that much freer.
-    """
+def _chi_square(found: Polished) -> tuple[float, int]:
+    """Of the readings that the best pose explains, and its degrees of freedom."""
     belongs = found.belongs[0] > 0.5
-    G, A = found.rows[0, belongs], found.information[0, :6, :6]
-    fitted = float(np.trace(np.linalg.pinv(A, hermitian=True, rcond=1e-12) @ (G.T @ G)))
-    return float(np.sum(found.residuals[0, belongs] ** 2)), float(belongs.sum()) - min(fitted, 6.0)
+    return float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum()) - 6
 
 
 def log_mass(target: Target, found: Polished, rows: IntArray | None = None) -> float:

@@ -15,7 +15,7 @@ from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.verdict import spins, verdict, without_spins
 from tanteo.parts import Part
-from tanteo.typing import FloatArray, Transforms
+from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.belief import Belief, Mode, Weights, believe, candidates_in, lie_down
 from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.descriptors import Descriptors, describe
@@ -81,6 +81,7 @@ def see_table(
     table: TableErrors | None = None,
     weights: Weights | None = None,
     top: int = 5,
+    ignore: BoolArray | None = None,
 ) -> Sight:
     """Recognize what lies on a table.
 
@@ -92,6 +93,7 @@ def see_table(
         table: how well that is known.
         weights: of the evidence.
         top: how many hypotheses to report for each object.
+        ignore: pixels of what is known to stand there ``(rows, columns)``: a region that is mostly of it is left out.
 
     Returns:
         One sighting for each region that is not the table; none if nothing lies there.
@@ -111,6 +113,8 @@ def see_table(
     edges = map_edges(points)
     objects = []
     for region in find_regions(image, points):
+        if ignore is not None and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
+            continue
         found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table)
         belief = believe(found, stretches, weights, len(models))
         seen = _sighting(belief, camera, edges, T_world_table, table, top)

@@ -1,0 +1,79 @@
+"""What an image leaves open, as the start of a session: the hand then senses what the camera could not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.active import Start, from_hypotheses
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.surface_search import Target
+from tanteo.vision import Sight, Sighting
+
+HYPOTHESES = 20
+"""Answers of an image that are worth asking for: the true one is often not among the first five."""
+
+_LEAST, _HALF = 0.02, 0.5
+"""Probability that the image is wrong, at least and at most, whatever it says."""
+
+_FORGOTTEN = 1e-4
+"""Answers of the image less probable than this are left out."""
+
+
+def part_seen(sight: Sight, rough: Start | None = None) -> Sighting | None:
+    """The object that is meant: the one nearest to where the part roughly is, else the largest; None without any.
+
+    Args:
+        sight: of an image, known furniture left out (``see_table(..., ignore=)``).
+        rough: where the part is expected.
+    """
+    some = [seen for seen in sight.objects if seen.recognition.hypotheses]
+    if not some or rough is None:
+        return some[0] if some else None
+    centres = [SE3.apply(T, rough.targets[k].part.centroid) for k, T in zip(rough.part, rough.Ts, strict=True)]
+    place = np.average(centres, axis=0, weights=rough.weights)[:2]
+
+    def away(seen: Sighting) -> float:
+        mode, best = seen.modes[0], seen.recognition.hypotheses[0]
+        return float(np.linalg.norm(SE3.apply(best.T_world_part, mode.model.part.centroid)[:2] - place))
+
+    return min(some, key=away)
+
+
+def seen_start(seen: Sighting | None, targets: Sequence[Target], rough: Start | None = None) -> Start:
+    """The start of a session from what an image shows.
+
+    The image's answers are rough poses with its probabilities. Where it is wrong, which is as probable as its "none of
+    these" and 2 % at least, the rough place holds; without one, the session may find that it is none of these.
+
+    Args:
+        seen: the object; None if nothing was seen.
+        targets: all parts that it may be.
+        rough: where each part may be without the image, of the same targets.
+
+    Raises:
+        InputError: nothing was seen, and there is no rough place either.
+    """
+    answers = [] if seen is None else [h for h in seen.recognition.hypotheses if h.probability > _FORGOTTEN]
+    if not answers:
+        if rough is None:
+            raise InputError(
+                "image: expected a part on the table, got none that is known. Give a rough place, or its CAD file."
+            )
+        return rough
+    assert seen is not None
+    wrong = float(np.clip(seen.recognition.unknown_probability, _LEAST, _HALF))
+    image = from_hypotheses(answers, targets, Priors(unknown=wrong))
+    if rough is None:
+        return image
+    return Start(
+        image.targets,
+        np.concatenate([image.part, rough.part]),
+        np.concatenate([image.Ts, rough.Ts]),
+        np.concatenate([image.covariances, rough.covariances]),
+        np.concatenate([(1 - wrong) * image.weights, wrong * rough.weights]),
+        rough.priors,
+    )

@@ -1,0 +1,195 @@
+"""What a camera would see of things on a table, by rays: Lambert shading, cast shadows, blur, noise.
+
+A picture is drawn once a pixel, and again with sixteen rays a pixel where neighbours differ in what they show. Beside
+:func:`see_table` this is what ``emit`` is beside ``measure``: images whose truth is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.parts import Part
+from tanteo.shapes import Surface
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.vision.camera import Camera, project, rays
+from tanteo.vision.opencv import opencv
+
+FINE = 4
+"""Rays along a pixel's side where neighbours differ."""
+
+_PLANE = 1e-5
+"""Triangles whose planes agree so far are of one face [1, m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Light, paint and lens.
+
+    Attributes:
+        light: direction to the light in the world.
+        ambient: share of light that comes from everywhere.
+        table: brightness of the table [grey levels].
+        slope: change of the table's brightness across a metre, along x and y [grey levels/m].
+        blur: standard deviation of the lens's spread [px].
+        noise: standard deviation of a pixel [grey levels].
+    """
+
+    light: tuple[float, float, float] = (0.35, -0.25, 1.0)
+    ambient: float = 0.45
+    table: float = 200.0
+    slope: tuple[float, float] = (60.0, -40.0)
+    blur: float = 0.8
+    noise: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Thing:
+    """A mesh in the world.
+
+    Attributes:
+        vertices: ``(V, 3)`` [m].
+        triangles: ``(T, 3)``, seen from outside counter-clockwise.
+        labels: number of the face of each triangle ``(T,)``; where faces meet, more rays are cast.
+        paint: brightness [grey levels].
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    labels: IntArray
+    paint: float
+
+    @classmethod
+    def of_mesh(cls, vertices: FloatArray, triangles: IntArray, paint: float = 120.0) -> Thing:
+        """A mesh whose faces are not known: triangles in one plane are one."""
+        a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+        n = np.cross(b - a, c - a)
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
+        planes = np.column_stack([n, np.sum(n * a, axis=1)])
+        labels = np.unique(np.round(planes / _PLANE).astype(np.int64), axis=0, return_inverse=True)[1]
+        return cls(vertices, triangles, labels.reshape(-1), paint)
+
+
+def thing(part: Part, T_world_part: Transforms, paint: float = 120.0) -> Thing:
+    """A part at a pose."""
+    return Thing(SE3.apply(T_world_part, part.vertices), part.triangles, part.triangle_face, paint)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """Things on a table z = 0, seen by a camera that stands in the world.
+
+    Attributes:
+        camera: the camera, with its place.
+        things: at least one.
+        look: light, paint and lens.
+        surface: of all things.
+        labels: number of the face of every triangle, of all things.
+        owner: number of its thing.
+        paints: its brightness.
+    """
+
+    camera: Camera
+    things: list[Thing]
+    look: Look = field(default_factory=Look)
+    surface: Surface = field(init=False)
+    labels: IntArray = field(init=False)
+    owner: IntArray = field(init=False)
+    paints: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        things = self.things
+        starts = np.cumsum([0, *[len(t.vertices) for t in things]])
+        first = np.cumsum([0, *[t.labels.max() + 1 for t in things]])
+        values = {
+            "surface": Surface(
+                np.concatenate([t.vertices for t in things]),
+                np.concatenate([t.triangles + s for t, s in zip(things, starts, strict=False)]),
+            ),
+            "labels": np.concatenate([t.labels + s for t, s in zip(things, first, strict=False)]),
+            "owner": np.concatenate([np.full(len(t.triangles), k) for k, t in enumerate(things)]),
+            "paints": np.concatenate([np.full(len(t.triangles), t.paint) for t in things]),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def T_world_camera(self) -> Transforms:
+        """Where the camera stands."""
+        assert self.camera.T_world_camera is not None
+        return self.camera.T_world_camera
+
+    def extent(self) -> tuple[int, int, int, int]:
+        """First and last columns, first and last rows that the things and their shadows are in."""
+        light = np.array(self.look.light)
+        vertices = self.surface.vertices
+        shadows = vertices - vertices[:, 2:] / light[2] * light
+        local = SE3.apply(SE3.inverse(self.T_world_camera), np.concatenate([vertices, shadows]))
+        seen = project(self.camera, local)
+        low, high = np.floor(seen.min(axis=0)) - 4, np.ceil(seen.max(axis=0)) + 5
+        (x0, y0), (x1, y1) = np.clip(low, 0, self.camera.size), np.clip(high, 0, self.camera.size)
+        return int(x0), int(x1), int(y0), int(y1)
+
+    def bare(self, pixels: FloatArray) -> FloatArray:
+        """Brightness of the table without anything on it."""
+        T = self.T_world_camera
+        way = rays(self.camera, pixels) @ T[:3, :3].T
+        where = T[:3, 3] - T[2, 3] / np.minimum(way[..., 2:], -1e-9) * way
+        return np.asarray(np.clip(self.look.table + where[..., :2] @ np.array(self.look.slope), 0, 255))
+
+    def shade(self, pixels: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
+        """Brightness of pixels ``(n, 2)``, what they show (a label; -1 table, -2 table in shadow), and whose."""
+        T = self.T_world_camera
+        eye, way = T[:3, 3], rays(self.camera, pixels) @ T[:3, :3].T
+        way = way / np.linalg.norm(way, axis=-1, keepdims=True)
+        hits = self.surface.cast(np.broadcast_to(eye, way.shape), way)
+        met = hits.triangles >= 0
+        light = np.array(self.look.light) / np.linalg.norm(self.look.light)
+        table = np.where(way[:, 2] < 0, -eye[2] / np.minimum(way[:, 2], -1e-9), 50.0)
+        where = eye + np.where(met, hits.distances, table)[:, None] * way
+        normals = np.where(met[:, None], self.surface.normals[hits.triangles], [0.0, 0.0, 1.0])
+        normals = np.where(np.sum(normals * way, axis=1, keepdims=True) > 0, -normals, normals)
+        facing = np.maximum(normals @ light, 0.0)
+        lit: BoolArray = facing > 0
+        lit[lit] = (
+            self.surface.cast(where[lit] + 1e-5 * normals[lit], np.broadcast_to(light, way[lit].shape)).triangles < 0
+        )
+        paint = np.where(met, self.paints[hits.triangles], self.look.table + where[:, :2] @ np.array(self.look.slope))
+        share = self.look.ambient + (1 - self.look.ambient) * facing / light[2] * lit
+        what = np.where(met, 2 * self.labels[hits.triangles] + lit, np.where(lit, -1, -2))
+        return np.clip(paint * share, 0, 255), what, np.where(met, self.owner[hits.triangles], -1)
+
+
+def render(stage: Stage, rng: np.random.Generator) -> tuple[FloatArray, IntArray]:
+    """The picture ``(rows, columns)``, and which thing each pixel shows (-1 for the table).
+
+    Args:
+        stage: what is there, and the camera.
+        rng: of the noise.
+
+    Raises:
+        MissingExtraError: without OpenCV.
+    """
+    cv2 = opencv()
+    width, height = stage.camera.size
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    pixels = np.stack([x, y], axis=-1).astype(float)
+    value, whose = stage.bare(pixels), np.full((height, width), -1)
+    x0, x1, y0, y1 = stage.extent()
+    inner = pixels[y0:y1, x0:x1]
+    if inner.size:
+        part, what, owner = (a.reshape(inner.shape[:2]) for a in stage.shade(inner.reshape(-1, 2)))
+        value[y0:y1, x0:x1], whose[y0:y1, x0:x1] = part, owner
+        differ = np.zeros(what.shape, dtype=np.uint8)
+        differ[:, 1:] |= what[:, 1:] != what[:, :-1]
+        differ[1:] |= what[1:] != what[:-1]
+        border = cv2.dilate(differ, np.ones((3, 3), np.uint8)) > 0
+        steps = (np.arange(FINE) + 0.5) / FINE - 0.5
+        offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        fine, _, _ = stage.shade((inner[border][:, None] + offsets).reshape(-1, 2))
+        value[y0:y1, x0:x1][border] = fine.reshape(-1, FINE * FINE).mean(axis=1)
+    value = cv2.GaussianBlur(value, (0, 0), stage.look.blur, borderType=cv2.BORDER_REPLICATE)
+    value = value + rng.normal(0.0, stage.look.noise, value.shape)
+    return np.clip(np.rint(value), 0, 255), whose

@@ -1,0 +1,104 @@
+"""An image starts the session: what it leaves open is asked for first, and where it is wrong the rough place holds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensing_scenes import LASER, true_range
+from tanteo.active import around
+from tanteo.errors import InputError
+from tanteo.execution import part_seen, seen_start
+from tanteo.io import read_camera, read_image, read_marks
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.parts import read_part
+from tanteo.session import Sensing, Session
+from tanteo.surface_search import prepare_target
+from tanteo.vision import find_edges, find_regions, fit_camera, see_table
+
+pytest.importorskip("cv2")
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NARROW, WIDE = np.diag(np.repeat([0.01, 0.1], 3) ** 2), np.diag(np.repeat([0.02, 0.2], 3) ** 2)
+
+
+def camera():
+    unplaced = read_camera(EXAMPLES / "images" / "camera.yaml")
+    placed = fit_camera(unplaced, *read_marks(EXAMPLES / "images" / "marks.csv"))
+    return replace(unplaced, T_world_camera=placed.T_world_camera)
+
+
+@pytest.fixture(scope="module")
+def steps():
+    return [prepare_target(read_part(EXAMPLES / "parts" / f"step_{n}mm.step")) for n in (12, 15)]
+
+
+@pytest.fixture(scope="module")
+def twins(steps):
+    """An image of a part whose silhouette is its twin's: a step that a camera above hardly sees tells them apart."""
+    image = read_image(EXAMPLES / "images" / "twins.png")
+    return see_table(image, camera(), [target.part for target in steps], top=20)
+
+
+def best_of(seen, name):
+    return next(h for h in seen.recognition.hypotheses if h.part == name)
+
+
+def test_the_first_reading_is_the_one_that_the_image_cannot_make(twins, steps):
+    seen = part_seen(twins)
+    assert {h.part for h in seen.recognition.hypotheses[:2]} == {"step_12mm", "step_15mm"}
+    assert seen.recognition.hypotheses[0].probability < 0.99
+    probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
+    sd = float(probe.law.const)
+    session = Session(seen_start(seen, steps), probe, Sensing(sd=sd))
+    action = session.ask()
+    ranges = [true_range(target, best_of(seen, target.part.name).T_world_part, action) for target in steps]
+    assert abs(ranges[0] - ranges[1]) > 2e-3  # of the 3 mm by which the steps differ
+    session.tell(action.read(ranges[0]))
+    assert session.belief.of_parts()[0] > 0.99
+    assert session.ask().reached
+
+
+def test_where_the_image_is_wrong_the_rough_place_holds(twins, steps):
+    seen = part_seen(twins)
+    rough = around(steps, np.eye(4), NARROW)
+    start = seen_start(seen, steps, rough)
+    n = len(start) - len(rough)
+    np.testing.assert_array_equal(start.Ts[n:], rough.Ts)
+    np.testing.assert_allclose(start.weights.sum(), 1.0)
+    wrong = max(seen.recognition.unknown_probability, 0.02)
+    np.testing.assert_allclose(start.weights[n:].sum(), wrong)
+    h = [h for h in seen.recognition.hypotheses if h.probability > 1e-4]
+    shares = np.array([x.probability for x in h])
+    np.testing.assert_allclose(start.weights[:n], (1 - wrong) * shares / shares.sum())
+    np.testing.assert_array_equal(start.Ts[0], h[0].T_world_part)
+    alone = seen_start(seen, steps)
+    assert len(alone) == n
+    assert alone.priors.unknown == wrong
+
+
+def test_nothing_seen_is_the_rough_place_and_without_one_an_error(steps):
+    rough = around(steps, np.eye(4), NARROW, Priors(unknown=0.2))
+    assert seen_start(None, steps, rough) is rough
+    with pytest.raises(InputError, match="expected a part on the table"):
+        seen_start(None, steps)
+
+
+def test_the_object_is_the_one_at_the_rough_place_and_never_known_furniture(steps):
+    """Three parts lie there; one is known and left out, and the rough place says which of the others is meant."""
+    image = read_image(EXAMPLES / "images" / "three_parts.png")
+    regions = find_regions(image, find_edges(image))
+    left = see_table(image, camera(), [target.part for target in steps], ignore=regions[0].mask)
+    assert len(left.objects) == len(regions) - 1 == 2
+    assert all(not (seen.region.mask & regions[0].mask).any() for seen in left.objects)
+    assert part_seen(left) is left.objects[0]
+    for seen in left.objects:
+        place = seen.recognition.hypotheses[0].T_world_part
+        middle = SE3.apply(place, seen.modes[0].model.part.centroid)
+        rough = around(steps, SE3.from_parts(np.eye(3), middle + np.array([0.01, -0.01, 0.03])), WIDE)
+        assert part_seen(left, rough) is seen
+    assert part_seen(replace(left, objects=())) is None
