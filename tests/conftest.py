@@ -1,7 +1,9 @@
-"""The example parts, read once."""
+"""The example parts, read once; and a real browser if there is one."""
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from tanteo.matching import prepare
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 @pytest.fixture(scope="session")
@@ -23,3 +26,17 @@ def models():
 def parts(models):
     """The same, not prepared."""
     return {name: model.part for name, model in models.items()}
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Headless Chromium; the tests are skipped where there is none."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    program = os.environ.get("TANTEO_BROWSER") or next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
+        pytest.skip("no Chromium found; install one, or name it in TANTEO_BROWSER")
+    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with sync_api.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=program, args=arguments)
+        yield started
+        started.close()

@@ -99,7 +99,7 @@ def test_missing_extras_are_named_with_what_they_give_and_how_to_get_them(monkey
     code, out = run(capsys)
     assert code == 0
     assert re.search(r"vision +no +parts in images", out)
-    assert "pip install 'tanteo[step,plot,vision]'" in out
+    assert "pip install 'tanteo[step,plot,vision,viewer]'" in out
 
 
 def test_a_folder_that_cannot_be_written_is_named(monkeypatch, capsys):

@@ -30,6 +30,7 @@ EXTRAS = {
     "step": ("OCP", "STEP files, with exact faces and edges"),
     "plot": ("matplotlib", "pictures of sensors and calibrations (--picture)"),
     "vision": ("cv2", "parts in images (tanteo see)"),
+    "viewer": ("viser", "the live page (tanteo view)"),
 }
 """Extra: a module that it brings, and what it is for."""
 

@@ -1,16 +1,11 @@
-"""Parts, and a real browser if there is one."""
+"""Two parts that are nearly alike."""
 
 from __future__ import annotations
-
-import os
-import shutil
 
 import pytest
 
 from report_scenes import prism_text
 from tanteo.parts import read_part
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 @pytest.fixture(scope="session")
@@ -27,17 +22,3 @@ def near_wedge(tmp_path_factory):
     path = tmp_path_factory.mktemp("parts") / "near_wedge.off"
     path.write_text(prism_text([(0, 0), (60, 0), (44.9, 40), (0, 40)], 30))
     return read_part(path, unit="mm")
-
-
-@pytest.fixture(scope="session")
-def browser():
-    """Headless Chromium; the tests are skipped where there is none."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    program = os.environ.get("TANTEO_BROWSER") or next(filter(None, map(shutil.which, BROWSERS)), None)
-    if program is None:
-        pytest.skip("no Chromium found; install one, or name it in TANTEO_BROWSER")
-    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with sync_api.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=program, args=arguments)
-        yield started
-        started.close()

@@ -14,6 +14,7 @@ from tanteo.cli.replay_app import replay
 from tanteo.cli.reporting_option import Report
 from tanteo.cli.sense_app import sense_app
 from tanteo.cli.sensor_app import sensor_app
+from tanteo.cli.view_app import view
 
 app = typer.Typer(
     help="Which part is it, where is it, and how sure are we: from touches and ranges against CAD files.",
@@ -27,6 +28,7 @@ app.add_typer(part_app, name="part")
 app.command()(demo)
 app.command()(plan)
 app.command()(replay)
+app.command()(view)
 app.add_typer(sense_app, name="sense")
 app.add_typer(sensor_app, name="sensor")
 

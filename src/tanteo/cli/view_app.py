@@ -1,0 +1,81 @@
+"""``tanteo view``. Only the parser is imported here."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from tanteo.cli.completing import policy_names
+from tanteo.cli.prior_options import Near, PriorPath
+
+
+def view(
+    record: Annotated[
+        str | None, typer.Argument(metavar="[RECORD]", help="Record of a session (JSON), to be seen step by step.")
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option("--scene", metavar="FILE", help="Scene: parts, table, hand (TOML); else an example.")
+    ] = None,
+    parts: Annotated[
+        list[str] | None,
+        typer.Option("--parts", metavar="FILE_OR_FOLDER...", help="CAD files (STEP, STL) or folders of them."),
+    ] = None,
+    bare: Annotated[bool, typer.Option("--bare", help="No hand: a laser that is simply where it is wanted.")] = False,
+    policy: Annotated[
+        str,
+        typer.Option("--policy", metavar="NAME", help="How the next reading is chosen.", autocompletion=policy_names),
+    ] = "information",
+    probability: Annotated[float, typer.Option("--probability", help="Of the part, at which to stop.")] = 0.99,
+    tolerance: Annotated[
+        str | None,
+        typer.Option("--tolerance", metavar="LENGTH", help="Go on until all corners are placed within it, as 2mm."),
+    ] = None,
+    confidence: Annotated[float, typer.Option("--confidence", help="With which they are.")] = 0.95,
+    most: Annotated[int, typer.Option("--most", help="Readings after which to stop in any case.")] = 100,
+    standoff: Annotated[
+        str | None,
+        typer.Option("--standoff", metavar="LENGTH", help="Of the sensors, as 40mm; else the scene's."),
+    ] = None,
+    units: Annotated[
+        str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none: mm, m, um, in.")
+    ] = None,
+    near: Near = None,
+    prior: PriorPath = None,
+    image: Annotated[
+        str | None,
+        typer.Option("--image", metavar="IMAGE", help="Start from an image of the table; render: of the scene itself."),
+    ] = None,
+    camera: Annotated[
+        str | None, typer.Option("--camera", metavar="FILE", help="Its calibration (YAML, JSON); else the scene's.")
+    ] = None,
+    marks: Annotated[
+        str | None,
+        typer.Option("--marks", metavar="FILE", help="Known points of the table, to place the camera (CSV)."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Of all simulated errors; else the scene's.")] = None,
+    port: Annotated[int, typer.Option("--port", help="Of the page on this machine; else the next free one.")] = 8080,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the page in a browser.")] = False,
+) -> None:
+    """Show a session as it happens in a browser, and sense there yourself; or a record, step by step."""
+    from tanteo.cli.image_start import image_options
+    from tanteo.cli.options import misuse
+    from tanteo.cli.prior_options import read_pose_prior
+    from tanteo.cli.running import guarded
+    from tanteo.cli.sensing_part import read_part_options
+    from tanteo.cli.viewing import check_view, require_viser, view_record, view_scene
+
+    with guarded():
+        with misuse():
+            check_view(record, scene, parts or [], port)
+            options = read_part_options(
+                policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, most=most,
+                standoff=standoff, seed=seed, units=units,
+            )  # fmt: skip
+        require_viser()
+        if record is not None:
+            view_record(record, parts or [], port, show=not no_open)
+            return
+        known = read_pose_prior(None, None, near, prior)
+        seen = image_options(image, camera, marks)
+        view_scene(scene, parts or [], options, known, seen, port, bare=bare, show=not no_open)

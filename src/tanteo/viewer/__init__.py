@@ -1,0 +1,34 @@
+"""The live page: a session as it happens, in a browser, for people who look on, or sense themselves.
+
+A session at a moment is a :class:`Snapshot`; ``drawing`` makes primitives of it and ``panel`` words, both without a
+browser. :class:`Player` plays a :class:`Show` on anything that implements :class:`Page`; :func:`play` and
+:func:`replay` open viser's (extra ``viewer``), which is imported then.
+"""
+
+from tanteo.viewer.commands import Advance, Choose, Click, Go, Pause, Quit, Restart
+from tanteo.viewer.player import Page, Player
+from tanteo.viewer.record import moments, show_moment
+from tanteo.viewer.shows import Show, Watch, bare_show, hand_show
+from tanteo.viewer.snapshot import Snapshot
+from tanteo.viewer.view import play, replay
+
+__all__ = [
+    "Advance",
+    "Choose",
+    "Click",
+    "Go",
+    "Page",
+    "Pause",
+    "Player",
+    "Quit",
+    "Restart",
+    "Show",
+    "Snapshot",
+    "Watch",
+    "bare_show",
+    "hand_show",
+    "moments",
+    "play",
+    "replay",
+    "show_moment",
+]

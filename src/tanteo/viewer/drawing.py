@@ -1,0 +1,153 @@
+"""From a moment of a session to what is drawn of it: the belief, readings, the next reading, the hand, the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from tanteo.hand import FREE, MET, Body, Hand, Sensed
+from tanteo.lie import SE3
+from tanteo.parts import Part
+from tanteo.report.drawn import Drawn, draw_part
+from tanteo.simulator import Solid
+from tanteo.typing import FloatArray, IntArray, Transforms
+from tanteo.viewer import hues
+from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive
+from tanteo.viewer.snapshot import Snapshot
+from tanteo.viewer.solids import dashed, ellipsoids, hand_mesh, outline
+
+_SDS = 2.0
+"""Standard deviations at which ellipsoids are drawn."""
+
+_GHOSTS, _GHOST_LINES = 5, 300
+"""Poses of the likeliest part that are drawn besides, and lines of each."""
+
+_ARM = 0.14
+"""Length of a beam whose start is unknown, as a share of the part's size."""
+
+_DASH, OPEN = 0.006, 0.12
+"""Dash of a beam that met nothing, and how much of it is drawn [m]."""
+
+LAYERS = {
+    "rivals": "What else it may be",
+    "ghosts": "How its pose may be off",
+    "readings": "Readings",
+    "beams": "Beams",
+    "next": "Next reading",
+    "hand": "Hand",
+}
+"""What can be hidden, and what it is called."""
+
+
+def belief_primitives(now: Snapshot) -> list[Primitive]:
+    """Parts where they may be: the likeliest as a solid, others as ghosts in colours of their own."""
+    out: list[Primitive] = []
+    b = now.belief
+    for k in now.drawn_modes():
+        name = f"mode {k}"
+        rank, w, drawn = now.rank(int(b.part[k])), float(b.weights[k]), _drawn(b.target(int(k)).part)
+        if rank == 0:
+            colour, line, layer = hues.PART, hues.EDGE, ""
+        else:
+            colour = line = hues.RIVALS[rank - 1]
+            layer = "rivals"
+        opacity = 0.25 + 0.6 * w if rank == 0 else 0.08 + 0.3 * w
+        out.append(Mesh(f"{name} body", drawn.vertices, drawn.triangles, colour, opacity, b.poses[k], layer))
+        out.append(Lines(f"{name} edges", drawn.lines, line, 2.0 if rank == 0 else 1.5, b.poses[k], layer))
+    return [*out, *_ghosts(now)]
+
+
+def reading_primitives(now: Snapshot) -> list[Primitive]:
+    """Readings with their beams and spread; those that do not fit are of another colour and shape."""
+    b, out = now.belief, list[Primitive]()
+    if b.touches is not None and len(b.touches):
+        t, wrong = b.touches, now.wrong()
+        reach = np.where(t.reach > 0, t.reach, _ARM * now.size)
+        starts = t.points - t.directions * reach[:, None]
+        out.append(Lines("beams", np.stack([starts, t.points], axis=1), hues.BEAM, 1.5, layer="beams"))
+        spread = ellipsoids(t.points, t.covs + t.gains @ np.swapaxes(t.gains, 1, 2), _SDS)
+        out.append(Mesh("spread", *spread, hues.GOOD, 0.25, layer="readings"))
+        for name, rows, colour, shape in (
+            ("readings that fit", ~wrong, hues.GOOD, "circle"), ("readings that do not fit", wrong, hues.BAD, "diamond")
+        ):  # fmt: skip
+            if rows.any():
+                out.append(Dots(name, t.points[rows], colour, 0.02 * now.size, shape, "readings"))
+    if len(b.free.origins):
+        ends = b.free.origins + b.free.directions * np.minimum(b.free.lengths, OPEN)[:, None]
+        out.append(Lines("free beams", dashed(b.free.origins, ends, _DASH), hues.FREE, 2.0, layer="beams"))
+    return out
+
+
+def next_primitives(now: Snapshot) -> list[Primitive]:
+    """The next reading as an arrow."""
+    a = now.action
+    if a is None:
+        return []
+    end = a.origin + a.expected * a.direction
+    return [
+        Arrow("next", a.origin, end, hues.INK, 0.01 * now.size, "next"),
+        Label("next label", f"next: {a.face} of {a.part}", a.origin, "next"),
+    ]
+
+
+def hand_primitives(hand: Hand, sensed: Sensed) -> list[Primitive]:
+    """The hand where it says it is, and what its sensors see now."""
+    T = sensed.T_world_hand
+    vertices, triangles = _hand(hand.body)
+    starts, axes = SE3.apply(T, hand.origins), hand.axes @ T[:3, :3].T
+    met, free = sensed.states == MET, sensed.states == FREE
+    hits = starts[met] + sensed.ranges[met, None] * axes[met]
+    return [
+        Mesh("hand", vertices, triangles, hues.SOFT, 0.55, T, "hand"),
+        Lines("seen", np.stack([starts[met], hits], axis=1), hues.BEAM, 2.0, layer="hand"),
+        Lines("not seen", dashed(starts[free], starts[free] + OPEN * axes[free], _DASH), hues.FREE, 1.5, layer="hand"),
+    ]
+
+
+def furniture_primitives(furniture: Sequence[Solid]) -> list[Primitive]:
+    """What is known to stand there."""
+    return [
+        Mesh(f"furniture {s.name}", s.vertices, s.triangles, hues.TABLE if s.name == "table" else hues.FURNITURE)
+        for s in furniture
+    ]
+
+
+def truth_primitives(solids: Sequence[Solid]) -> list[Primitive]:
+    """What truly lies there, as an outline."""
+    return [Lines(f"truth {s.name}", outline(s.vertices, s.triangles), hues.INK, 3.0) for s in solids]
+
+
+def _ghosts(now: Snapshot) -> list[Primitive]:
+    """The outline of the likeliest mode at poses drawn from its spread, once it is likelier than all else."""
+    b = now.belief
+    if not now.decided:
+        return []
+    k = int(np.argmax(b.weights))
+    lines = _drawn(b.target(k).part).lines[:_GHOST_LINES]
+    return [Lines(f"ghost {i}", lines, hues.GHOST, 1.0, T, "ghosts") for i, T in enumerate(_poses(now, k))]
+
+
+def _poses(now: Snapshot, k: int) -> Transforms:
+    """Poses drawn from a mode, the same for the same belief ``(n, 4, 4)``."""
+    b = now.belief
+    if b.draws is None:
+        L = np.linalg.cholesky(b.covariances[k])
+        return np.asarray(b.poses[k] @ SE3.exp(np.random.default_rng(1991).normal(size=(_GHOSTS, 6)) @ L.T))
+    own = np.flatnonzero((b.draws.mode == k) & (b.draws.weights > 0))
+    if not len(own):
+        return np.zeros((0, 4, 4))
+    w = np.cumsum(b.draws.weights[own])
+    rows = np.searchsorted(w, w[-1] * (np.arange(_GHOSTS) + 0.5) / _GHOSTS).clip(0, len(own) - 1)
+    return b.draws.Ts[own[rows]]
+
+
+@lru_cache(maxsize=64)
+def _drawn(part: Part) -> Drawn:
+    return draw_part(part, 4)
+
+
+@lru_cache(maxsize=4)
+def _hand(body: Body) -> tuple[FloatArray, IntArray]:
+    return hand_mesh(body)

@@ -1,0 +1,257 @@
+"""Plays a session on a page: waits between places, takes what the person wants, compares at the end.
+
+Everything happens in the thread that calls :meth:`Player.run`; a page only puts commands into :attr:`Player.commands`.
+What is sensed depends on seed, policy, clicks and their order alone, never on the clock.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from tanteo.active import policy_named
+from tanteo.hand import Sensed
+from tanteo.session import Action, Done
+from tanteo.viewer import drawing, ending, panel
+from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Pause, Quit, Restart
+from tanteo.viewer.picking import picked
+from tanteo.viewer.primitives import Primitive
+from tanteo.viewer.shows import Show
+from tanteo.viewer.snapshot import Snapshot
+
+_FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
+"""Seconds between two pictures of a moving hand; between two places of a bare probe in real time; of one wait."""
+
+HELP = "Press Go or Step, or click on a part: you sense there yourself."
+
+
+class Page(Protocol):
+    """What a player draws on."""
+
+    def show(self, group: str, primitives: Sequence[Primitive]) -> None:
+        """Draw these in place of those of the same group."""
+        ...
+
+    def say(self, place: str, html: str) -> None:
+        """Put words in place of those that were there: ``status``, ``bars``, ``told``."""
+        ...
+
+
+class _Left(Exception):  # noqa: N818
+    """The run was left before its end."""
+
+    def __init__(self, for_good: bool) -> None:
+        self.for_good = for_good
+
+
+@dataclass(slots=True, eq=False)
+class Player:
+    """Plays shows until it is told to quit.
+
+    Attributes:
+        make: a show from seed and policy; always the same one for the same.
+        page: what it draws on.
+        seed: of the next show.
+        policy: of it.
+        speed: times real time.
+        commands: what the person wants.
+    """
+
+    make: Callable[[int, str], Show]
+    page: Page
+    seed: int
+    policy: str = "information"
+    speed: float = 3.0
+    commands: queue.SimpleQueue[Command] = field(default_factory=queue.SimpleQueue)
+    _mode: str = "paused"
+    _show: Show = field(init=False)
+    _lines: list[str] = field(init=False, default_factory=list)
+    _note: str = ""
+    _played: int = 0
+    _drawn: float = 0.0
+    _counted: dict[tuple[int, str], int] = field(init=False, default_factory=dict)
+
+    def run(self) -> None:
+        """Play; comes back when it is told to quit."""
+        try:
+            while True:
+                self._again()
+        except _Left:
+            return
+
+    def _again(self) -> None:
+        try:
+            self._begin()
+            self._gate()
+            self._over(self._show.run(self))
+        except _Left as left:
+            if left.for_good:
+                raise
+
+    def _begin(self) -> None:
+        self._show = self.make(self.seed, self.policy)
+        self._lines, self._note, self._drawn, self._played = [], "", 0.0, self.seed
+        self._mode = "paused"
+        self.page.show("furniture", drawing.furniture_primitives(self._show.furniture))
+        self.page.show("truth", [])
+        self._hand(None if self._show.hand is None else self._show.hand[1])
+
+    def place(self, note: str) -> None:
+        """A place was sensed: say what it told, and wait for what comes next (see :class:`Watch`)."""
+        session = self._show.session
+        told = Snapshot.of(session)
+        if len(told.steps) > len(self._lines):
+            line = panel.step_line(told)
+            self._lines.append(f"{line} ({note})" if note else line)
+            self._note = note
+        else:
+            self._note = f"Not sensed there: {note}."
+        if self._mode == "step":
+            self._mode = "paused"
+        self._gate()
+
+    def moved(self, sensed: Sensed) -> None:
+        """Draw the hand now and then, as fast as is wanted."""
+        gone = sensed.time - self._drawn
+        if gone < _FRAME * self.speed and self.commands.empty():
+            return
+        self._hand(sensed)
+        self._wait(gone / self.speed, resting=False)
+
+    def _gate(self) -> None:
+        """Choose and show what comes next, and wait until it may happen."""
+        asked = self._show.session.ask()
+        self._draw()
+        if isinstance(asked, Done):
+            return
+        self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
+
+    def _wait(self, seconds: float, *, resting: bool) -> None:
+        """Take commands for so long, and for as long as it is paused."""
+        end = time.monotonic() + seconds
+        while True:
+            command = self._next(end)
+            if command is not None:
+                self._take(command, resting=resting)
+            elif self._mode != "paused":
+                return
+
+    def _next(self, end: float) -> Command | None:
+        """The next command, if one comes before a time, or soon; short waits leave room for an interrupt."""
+        left = end - time.monotonic()
+        try:
+            if left <= 0 and self._mode != "paused":
+                return self.commands.get_nowait()
+            return self.commands.get(timeout=max(left, _SOON))
+        except queue.Empty:
+            return None
+
+    def _take(self, command: Command, *, resting: bool) -> None:
+        if isinstance(command, Restart | Quit):
+            raise _Left(isinstance(command, Quit))
+        if isinstance(command, Choose):
+            self._choose(command, resting=resting)
+        elif isinstance(command, Click):
+            self._clicked(command, resting=resting)
+        else:
+            self._mode = {Go: "going", Pause: "paused", Advance: "step"}[type(command)]
+            self._say(self._note)
+
+    def _choose(self, chosen: Choose, *, resting: bool) -> None:
+        self.seed = self.seed if chosen.seed is None else chosen.seed
+        self.speed = chosen.speed or self.speed
+        if chosen.policy is None or chosen.policy == self.policy:
+            return
+        self.policy = chosen.policy
+        self._show.session.policy = policy_named(self.policy)
+        if resting:
+            self._show.session.put(None)
+            self._show.session.ask()
+            self._draw()
+
+    def _clicked(self, click: Click, *, resting: bool) -> None:
+        session = self._show.session
+        if not resting or session.asked is None:
+            self._say("Wait until the hand rests, then click again.")
+            return
+        found = picked(session, Snapshot.of(session).drawn_modes(), click.eye, click.ray, session.asked.number)
+        if not isinstance(found, Action):
+            self._say(found)
+            return
+        session.put(found)
+        if self._mode == "paused":
+            self._mode = "step"
+        self._draw()
+
+    def _over(self, done: Done) -> None:
+        """Show how it ended, what is truly there, and who needed how many places."""
+        session, truth = self._show.session, self._show.truth
+        self.page.show("truth", drawing.truth_primitives(truth))
+        words = [*ending.words(session, done, truth)]
+        self._mode = "paused"
+        policy, mine = Snapshot.of(session).places
+        if mine:
+            self._end([*words, f"Counting what '{self.policy}' needs alone ..."])
+            words.append(ending.compared(policy, mine, self.policy, self._alone()))
+        self._end(words)
+        while True:
+            command = self._next(0.0)
+            if command is None:
+                continue
+            if isinstance(command, Choose):
+                self.seed = self.seed if command.seed is None else command.seed
+                self.policy, self.speed = command.policy or self.policy, command.speed or self.speed
+            elif isinstance(command, Restart | Quit):
+                raise _Left(isinstance(command, Quit))
+            else:
+                self._end([*words, "It is over: press Restart to begin again."])
+
+    def _alone(self) -> int:
+        """Places that the policy needs on the same scene without the person."""
+        key = self._played, self.policy
+        if key not in self._counted:
+            show = self.make(*key)
+            show.run(_Alone(self.commands))
+            self._counted[key] = len(show.session.steps)
+        return self._counted[key]
+
+    def _hand(self, sensed: Sensed | None) -> None:
+        if sensed is not None and self._show.hand is not None:
+            self._drawn = sensed.time
+            self.page.show("hand", drawing.hand_primitives(self._show.hand[0], sensed))
+
+    def _draw(self) -> None:
+        now = Snapshot.of(self._show.session)
+        self.page.show("belief", drawing.belief_primitives(now))
+        self.page.show("readings", drawing.reading_primitives(now))
+        self.page.show("next", drawing.next_primitives(now))
+        self.page.say("bars", panel.bars(now))
+        self.page.say("told", panel.told(self._lines))
+        self._say(self._note)
+
+    def _say(self, note: str) -> None:
+        now = Snapshot.of(self._show.session)
+        waits = self._mode == "paused" and now.action is not None
+        self.page.say("status", panel.status(now, note, HELP if waits else ""))
+
+    def _end(self, words: Sequence[str]) -> None:
+        self.page.say("status", panel.verdict(Snapshot.of(self._show.session), words))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Alone:
+    """Watches a run that nobody sees, and leaves it when it is told to."""
+
+    commands: queue.SimpleQueue[Command]
+
+    def place(self, note: str) -> None:
+        while not self.commands.empty():
+            command = self.commands.get()
+            if isinstance(command, Restart | Quit):
+                raise _Left(isinstance(command, Quit))
+
+    def moved(self, sensed: Sensed) -> None:
+        pass

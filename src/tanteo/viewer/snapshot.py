@@ -1,0 +1,111 @@
+"""A session at one moment, as the page shows it: frozen, so that it can be drawn at any time after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.active import Belief
+from tanteo.session import Action, Session, Step
+from tanteo.typing import BoolArray, FloatArray, IntArray
+
+_MODES, _PARTS = 6, 4
+"""Most modes that are drawn, and most parts of which they are."""
+
+_SHOWN = 0.01
+"""Least probability of a mode that is drawn, the likeliest apart."""
+
+_DECIDED = 0.5
+"""Probability of a part that is likelier than all else."""
+
+_FITS = 4.0
+"""A reading farther from the surface than so many standard deviations does not fit."""
+
+BY_HAND = "it was chosen by hand"
+"""Why a reading is made that a person chose."""
+
+
+def by_hand(action: Action | None) -> bool:
+    """Whether a person chose it."""
+    return action is not None and action.why == BY_HAND
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """What is known, and what comes next.
+
+    Attributes:
+        belief: what is known.
+        steps: what each telling told.
+        action: the next reading; None if there is none.
+    """
+
+    belief: Belief
+    steps: tuple[Step, ...]
+    action: Action | None
+
+    @classmethod
+    def of(cls, session: Session) -> Snapshot:
+        """A session as it is now."""
+        return cls(session.belief, session.steps, session.asked)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parts in the order of the session's start."""
+        return tuple(target.part.name for target in self.belief.start.targets)
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the largest part [m]."""
+        return max(target.part.diagonal for target in self.belief.start.targets)
+
+    @property
+    def order(self) -> IntArray:
+        """The parts, the likeliest first ``(P,)``."""
+        return np.argsort(-self.belief.of_parts(), kind="stable")
+
+    @property
+    def decided(self) -> bool:
+        """Whether one part is likelier than all else."""
+        return bool(self.belief.of_parts().max(initial=0.0) > _DECIDED)
+
+    @property
+    def places(self) -> tuple[int, int]:
+        """Places sensed so far: those that the policy chose, and those that the person did."""
+        own = sum(by_hand(step.action) for step in self.steps)
+        return len(self.steps) - own, own
+
+    def drawn_modes(self) -> IntArray:
+        """Modes that are drawn, the likeliest first: some of each of the likeliest parts."""
+        b = self.belief
+        if not len(b.weights):
+            return np.zeros(0, dtype=np.int64)
+        order = np.argsort(-b.weights, kind="stable")
+        shown = order[np.isin(b.part[order], self.order[:_PARTS]) & (b.weights[order] >= _SHOWN)]
+        return np.asarray(shown[:_MODES] if len(shown) else order[:1])
+
+    def rank(self, part: int) -> int:
+        """Place of a part in the order of probability, 0 for the likeliest."""
+        return int(np.flatnonzero(self.order == part)[0])
+
+    def wrong(self) -> BoolArray:
+        """Which of the readings that met something do not fit the likeliest mode ``(n,)``."""
+        b = self.belief
+        if b.touches is None or not len(b.touches):
+            return np.zeros(0, dtype=bool)
+        if not len(b.weights):
+            return np.ones(len(b.touches), dtype=bool)
+        return np.asarray(np.abs(self._distances()) > _FITS)
+
+    def _distances(self) -> FloatArray:
+        """Of the readings from the surface of the likeliest mode, in their standard deviations ``(n,)``."""
+        b = self.belief
+        assert b.touches is not None
+        k, touches = int(np.argmax(b.weights)), b.touches
+        R, p = b.poses[k][:3, :3], b.poses[k][:3, 3]
+        near = b.target(k).surface.closest((touches.points - p) @ R)
+        normals = b.target(k).surface.normals[near.triangles] @ R.T
+        shared = touches.gains @ np.swapaxes(touches.gains, 1, 2)
+        variances = np.einsum("ni,nij,nj->n", normals, touches.covs + shared, normals)
+        return np.asarray((near.distances - touches.radii) / np.sqrt(variances))

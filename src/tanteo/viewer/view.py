@@ -1,0 +1,97 @@
+"""The live page of a session or of a record: puts player and page together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.active import POLICIES
+from tanteo.errors import MissingExtraError
+from tanteo.lie import SE3
+from tanteo.session import Session
+from tanteo.typing import Vectors
+from tanteo.viewer.player import Player
+from tanteo.viewer.record import moments, show_moment
+from tanteo.viewer.shows import Show
+
+if TYPE_CHECKING:
+    from tanteo.active import Start
+    from tanteo.viewer.page import LivePage
+
+NEEDS_VISER = "the live page: expected viser, got none installed. Install it: pip install 'tanteo[viewer]'."
+
+
+def play(
+    make: Callable[[int, str], Show], seed: int, policy: str, *, port: int = 8080, ready: Callable[[str], None]
+) -> None:
+    """Open the page and play on it until the process is interrupted.
+
+    Args:
+        make: a show from seed and policy; always the same one for the same.
+        seed: of the first show.
+        policy: of it.
+        port: of the page on this machine; the next free one is taken.
+        ready: told where the page is.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    first = make(seed, policy)
+    page = _opened(port, first.session.start, hand=first.hand is not None)
+    player = Player(make, page, seed, policy)
+    page.session_controls(player.commands.put, tuple(POLICIES), policy, seed, hand=first.hand is not None)
+    ready(page.url)
+    try:
+        player.run()
+    finally:
+        page.stop()
+
+
+def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) -> None:
+    """Open the page of a record, with a slider, until the process is interrupted.
+
+    Args:
+        session: as it was read from its record.
+        port: of the page on this machine; the next free one is taken.
+        ready: told where the page is.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    import queue
+
+    page = _opened(port, session.start, hand=False)
+    wanted: queue.SimpleQueue[int] = queue.SimpleQueue()
+    every = moments(session)
+    page.record_controls(wanted.put, len(every) - 1, hand=False)
+    show_moment(page, every, len(every) - 1)
+    ready(page.url)
+    try:
+        while True:
+            try:
+                show_moment(page, every, wanted.get(timeout=0.5))
+            except queue.Empty:
+                continue
+    finally:
+        page.stop()
+
+
+def _opened(port: int, start: Start, *, hand: bool) -> LivePage:
+    try:
+        from tanteo.viewer.page import LivePage
+    except ModuleNotFoundError as error:
+        if error.name != "viser":
+            raise
+        raise MissingExtraError(NEEDS_VISER) from None
+    middle, size = extent(start)
+    above = np.array([0.0, 0.0, 0.25 * size])  # where the hand is
+    return LivePage(port, middle + above if hand else middle, size * (1.3 if hand else 1.0))
+
+
+def extent(start: Start) -> tuple[Vectors, float]:
+    """Middle and size of where the parts may be [m]."""
+    parts = [start.targets[k].part for k in start.part]
+    middles = np.stack([SE3.apply(T, part.centroid) for part, T in zip(parts, start.Ts, strict=True)])
+    return np.asarray(start.weights @ middles), max(part.diagonal for part in parts)

@@ -1,0 +1,85 @@
+"""What is said: escaped, in the report's words, with shares that sum to one."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tanteo.viewer import Snapshot, drawing, hues, panel
+from viewer_scenes import maker
+
+
+@pytest.fixture(scope="module")
+def session(targets):
+    return maker(targets)(3, "information").session
+
+
+def test_before_the_first_reading(session):
+    now = Snapshot.of(session)
+    assert panel.headline(now) == "Nothing was sensed yet: 2 parts may be here."
+    bars = panel.bars(now)
+    shares = [float(s) for s in re.findall(r"([\d.]+) %</span>", bars)]
+    assert sum(shares) == pytest.approx(100, abs=0.2)
+    assert [n for n in ("bracket_left", "bracket_right", "none of these") if n in bars] == [
+        "bracket_left", "bracket_right", "none of these",
+    ]  # fmt: skip
+    assert "Nothing yet" in panel.told([])
+
+
+def test_swatches_have_the_colours_of_what_is_drawn(session):
+    now = Snapshot.of(session)
+    drawn = {hues.css(p.colour) for p in drawing.belief_primitives(now) if p.name.endswith("body")}
+    assert set(re.findall(r'style="background:(#\w{6})', panel.bars(now))) == drawn
+
+
+def test_what_a_file_says_is_escaped(session):
+    now = Snapshot.of(session)
+    target = now.belief.start.targets[0]
+    evil = replace(target, part=replace(target.part, name="<img src=x>"))
+    start = replace(now.belief.start, targets=(evil, *now.belief.start.targets[1:]))
+    now = replace(now, belief=replace(now.belief, start=start))
+    for words in (panel.bars(now), panel.status(now, "<b>x</b>"), panel.told(["<i>"]), panel.verdict(now, ["<u>"])):
+        assert not re.search(r"<(img|b|i|u)[ >]", words)
+    assert "&lt;img src=x&gt;" in panel.bars(now)
+
+
+def test_only_the_last_lines_are_shown_the_last_first():
+    words = panel.told([f"line {k}" for k in range(20)])
+    assert re.findall(r"line (\d+)", words) == [str(k) for k in range(19, 11, -1)]
+
+
+def test_the_legend_has_every_hue_that_has_a_meaning():
+    words = panel.legend(hand=True)
+    for hue in (hues.EDGE, hues.RIVALS[0], hues.GHOST, hues.GOOD, hues.BAD, hues.BEAM, hues.FREE, hues.INK, hues.SOFT):
+        assert hues.css(hue) in words
+    assert "50 mm" in words
+    assert "hand" not in panel.legend(hand=False)
+
+
+def test_hues_of_the_report():
+    from importlib import resources
+
+    css = resources.files("tanteo.report").joinpath("page.css").read_text(encoding="utf-8")
+    light = dict(re.findall(r"--(\w+): (#\w{6})", css.split("@media")[0]))
+    ours = {"good": hues.GOOD, "bad": hues.BAD, "beam": hues.BEAM, "free": hues.FREE, "ghost": hues.GHOST,
+            "part": hues.PART, "edge": hues.EDGE, "ink": hues.INK, "soft": hues.SOFT}  # fmt: skip
+    assert {name: hues.css(hue) for name, hue in ours.items()} == {name: light[name] for name in ours}
+
+
+def test_nothing_explains_the_readings(session):
+    now = Snapshot.of(session)
+    nothing = replace(now.belief, modes=(), rows=np.zeros(0, dtype=np.int64), unknown=1.0, touches=_no_touches(now))
+    step = type("Step", (), {"worst_corner_sd": np.nan, "action": None, "part": -1})()
+    assert panel.headline(Snapshot(nothing, (step,), None)) == "No part explains the readings."
+    assert drawing.belief_primitives(Snapshot(nothing, (step,), None)) == []
+
+
+def _no_touches(now):
+    from tanteo.sensors import Readings
+    from tanteo.session import Sensing
+
+    readings = Readings.from_columns(np.array([[1.0, 0, 0]]), ids=["x"], sds=np.array([1e-3]))
+    return Sensing().touches(readings)[0]

@@ -1,0 +1,136 @@
+"""What a laser reads, where a click senses, what a hand's run tells who watches, and that viser stays outside."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tanteo.viewer
+from tanteo.lie import SE3
+from tanteo.sensors import measure
+from tanteo.session import Action
+from tanteo.simulator import Scene, Solid, box
+from tanteo.viewer import Snapshot
+from tanteo.viewer.laser import NOISE, simulated
+from tanteo.viewer.picking import picked
+from viewer_scenes import TRUE, maker
+
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def down(x, y, number=1):
+    """A reading straight down from 200 mm."""
+    return Action(number, np.array([x, y, 0.2]), DOWN, 0.3, 0.1, "part", "face 1", np.nan, "")
+
+
+@pytest.fixture(scope="module")
+def surfaces():
+    block, table = box("block", [0, 0, 0], [0.1, 0.1, 0.05]), box("table", [-1, -1, -0.1], [1, 1, 0])
+    return Scene.of([block]).surface, Scene.of([table]).surface
+
+
+def test_the_laser_reads_what_is_there_with_its_noise(surfaces):
+    read = simulated(*surfaces, 3)
+    ranges = np.concatenate([read(down(0.05, 0.05, k)).ranges for k in range(1, 401)])
+    assert abs(ranges.mean() - 0.15) < 4 * NOISE / 20
+    assert 0.85 < ranges.std() / NOISE < 1.15
+    again = simulated(*surfaces, 3)
+    again(down(-0.5, 0.0))  # the second draw is the second reading's, whatever the first one met
+    assert again(down(0.05, 0.05)).ranges[0] == ranges[1]
+
+
+def test_a_beam_that_ends_on_furniture_was_free_as_far_as_it(surfaces):
+    readings = simulated(*surfaces, 3)(down(-0.5, 0.0))
+    assert readings.is_free.all()
+    assert 0.19 < readings.max_ranges[0] < 0.2
+    far = simulated(surfaces[0], None, 3)(down(-0.5, 0.0))
+    assert far.max_ranges[0] == 0.3
+    assert len(measure(far, sd=NOISE).free.origins) == 1
+
+
+@pytest.fixture(scope="module")
+def session(targets):
+    return maker(targets)(3, "information").session
+
+
+def click(session, place, ray, number=1):
+    return picked(session, Snapshot.of(session).drawn_modes(), place - 0.4 * ray, ray, number)
+
+
+def test_a_click_looks_along_the_normal_of_what_it_points_at(session):
+    k = int(Snapshot.of(session).drawn_modes()[0])
+    target, T = session.belief.target(k), session.belief.poses[k]
+    foot = SE3.apply(T, [0.08, 0.04, 0.012])  # on the foot, from aslant
+    ray = np.array([0.5, 0.3, -0.9]) / np.linalg.norm([0.5, 0.3, -0.9])
+    action = click(replaced(session, target), foot, ray, 7)
+    assert isinstance(action, Action)
+    assert action.number == 7
+    np.testing.assert_allclose(action.direction, -T[:3, 2], atol=1e-9)
+    np.testing.assert_allclose(action.origin + action.expected * action.direction, foot, atol=1e-6)
+    assert action.part == target.part.name
+    assert action.face.startswith("face ")
+
+
+def replaced(session, target):
+    """The session with this part alone, so that nothing else is in the way."""
+    from tanteo.active import at_pose
+
+    k = next(i for i, t in enumerate(session.start.targets) if t is target)
+    start = at_pose(target, session.start.Ts[k], session.start.covariances[k])
+    return replace(session, start=start)
+
+
+def test_a_click_on_an_upright_face_keeps_to_the_cone_of_the_probe(session):
+    target, T = session.start.targets[0], session.start.Ts[0]
+    side = SE3.apply(T, [0.0, 0.04, 0.05])
+    action = click(replaced(session, target), side, T[:3, 0])
+    assert isinstance(action, Action)
+    assert action.direction @ session.probe.approach == pytest.approx(np.cos(session.probe.cone), abs=1e-6)
+
+
+def test_a_click_beside_the_part_looks_where_the_person_looks(session):
+    alone = replaced(session, session.start.targets[0])
+    middle = SE3.apply(alone.start.Ts[0], alone.start.targets[0].part.centroid)
+    aside = middle + np.array([0.0, 0.095, 0.0])
+    action = click(alone, aside, DOWN)
+    assert isinstance(action, Action)
+    np.testing.assert_array_equal(action.direction, DOWN)
+    assert action.face == "a place beside it"
+    assert "nothing where you clicked" in click(alone, middle + np.array([1.0, 0.0, 0.0]), DOWN)
+
+
+def test_what_the_hand_cannot_do_is_said(session):
+    alone = replaced(session, session.start.targets[0])
+    foot = SE3.apply(alone.start.Ts[0], [0.08, 0.04, 0.012])
+    never = replace(alone, able=lambda belief, candidates: np.zeros(len(candidates), dtype=bool))
+    assert "cannot come" in click(never, foot, DOWN)
+    low = replace(alone.probe, workspace=type(alone.probe.workspace).above(0.5))
+    assert "no room" in click(replace(alone, probe=low), foot, DOWN)
+
+
+def test_the_truth_is_measured_both_ways(session, targets):
+    from tanteo.viewer.ending import apart, compared
+
+    target, T = session.start.targets[0], session.belief.poses[0]
+    same = Solid.at("a", target.part.vertices, target.part.triangles, T)
+    assert apart(session, [same]) < 1e-9
+    up = Solid.at("b", target.part.vertices, target.part.triangles, SE3.from_parts(np.eye(3), [0, 0, 2e-3]) @ T)
+    assert apart(session, [up]) == pytest.approx(2e-3, rel=0.01)
+    small = box("c", [-1e-3] * 3, [1e-3] * 3, T @ SE3.from_parts(np.eye(3), target.part.vertices[0]))
+    assert apart(session, [small]) > 0.05
+    assert compared(0, 4, "information", 6) == "You needed 4 places; 'information' alone needs 6 on the same scene."
+    assert TRUE.shape == (4, 4)
+
+
+def test_viser_is_imported_by_the_page_alone():
+    room = Path(tanteo.viewer.__file__).parent
+    assert [p.name for p in sorted(room.rglob("*.py")) if "import viser" in p.read_text(encoding="utf-8")] == [
+        "page.py"
+    ]
+    code = "import sys; sys.modules['viser'] = None; import tanteo.viewer, tanteo.cli.app"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,68 @@
+"""A laser and two mirrored brackets, and a person who plays: for the tests of the live page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import tanteo.demo
+from tanteo.active import Stop, around, policy_named
+from tanteo.hand import Workspace
+from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+from tanteo.session import Session
+from tanteo.simulator import Scene, Solid, box
+from tanteo.surface_search import prepare_target
+from tanteo.viewer import bare_show
+from tanteo.viewer.laser import laser, simulated
+from tanteo.viewer.player import HELP
+
+PARTS = Path(tanteo.demo.__file__).parent / "parts"
+TRUE = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, 0.2])), [-0.02, -0.045, 0.0])
+TABLE = box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])
+
+
+def brackets():
+    """The two, prepared."""
+    return [prepare_target(read_part(PARTS / f"bracket_{side}.stl", unit="mm")) for side in ("left", "right")]
+
+
+def maker(targets, **stop):
+    """Shows in which the first of the targets lies there."""
+    part = targets[0].part
+    truth = Solid.at("unknown", part.vertices, part.triangles, TRUE)
+    place = TRUE @ SE3.from_parts(np.eye(3), part.centroid + np.array([0.004, -0.006, 0.001]))
+    start = around(targets, place, np.diag(np.repeat([8e-3, 0.06], 3) ** 2))
+    surfaces = Scene.of([truth]).surface, Scene.of([TABLE]).surface
+
+    def make(seed, policy):
+        probe, sensing = laser(Workspace.above(0.0))
+        ends = Stop(**({"probability": 0.999, "most": 15} | stop))
+        session = Session(start, probe, sensing, policy_named(policy), ends, seed)
+        return bare_show(session, simulated(*surfaces, seed), (truth,), (TABLE,))
+
+    return make
+
+
+class Person:
+    """A page that nobody draws: remembers what it was given, and wants one thing whenever the player waits."""
+
+    def __init__(self, *wants):
+        self.wants, self.player = list(wants), None
+        self.groups, self.words, self.said = {}, {}, []
+
+    def show(self, group, primitives):
+        self.groups[group] = {p.name: p for p in primitives}
+
+    def say(self, place, html):
+        self.words[place] = html
+        if place != "status":
+            return
+        self.said.append(html)
+        over = self.groups["truth"] and "Counting" not in html
+        if (HELP in html or over) and self.player.commands.empty():
+            want = self.wants.pop(0)
+            want = want(self) if callable(want) else want
+            for command in want if isinstance(want, tuple) else (want,):
+                self.player.commands.put(command)
