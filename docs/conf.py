@@ -21,15 +21,31 @@ project = "tanteo"
 author = copyright = "The tanteo authors"
 version = release = tanteo.__version__
 root_doc = "docs/index"
-include_patterns = ["docs/**", "*.md", "LICENSE"]
-exclude_patterns = ["docs/pictures/*.py", "docs/conf.py"]
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+include_patterns = ["docs/**", "build/notebooks/*.rst", "*.md", "LICENSE"]
+exclude_patterns = ["docs/pictures/*.py", "docs/notebooks/**", "docs/conf.py"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery"]
+
+sphinx_gallery_conf = {
+    "examples_dirs": "docs/notebooks",
+    "gallery_dirs": "build/notebooks",
+    "filename_pattern": r"[/\\]\d",
+    "abort_on_example_error": True,
+    "run_stale_examples": True,  # the program may have changed though the notebook has not
+    "write_computation_times": False,
+    "show_memory": False,
+    "min_reported_time": 10**6,
+    "download_all_examples": False,
+    "show_signature": False,
+}
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autodoc_class_signature = "separated"
+toc_object_entries = (
+    False  # else every page carries the whole interface in its navigation, and the build takes thrice as long
+)
 napoleon_google_docstring = True
 napoleon_use_ivar = True
 

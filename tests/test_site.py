@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import importlib.util
+import os
 import pkgutil
 import re
 import subprocess
@@ -14,6 +16,7 @@ import pytest
 import tanteo
 
 ROOT = Path(__file__).parents[1]
+NOTEBOOKS = ROOT / "docs" / "notebooks"
 NOT_FOR_PROGRAMS = {"cli", "demo", "typing"}
 
 
@@ -25,45 +28,72 @@ def test_the_interface_has_every_room():
 
 def test_the_contents_name_pages_that_exist():
     text = (ROOT / "docs" / "index.rst").read_text(encoding="utf-8")
-    names = re.findall(r"^   ([./\w]+)$", text, re.MULTILINE)
-    assert {"../README", "report", "paper"} <= set(names)
-    for name in names:
+    names = set(re.findall(r"^   ([./\w]+)$", text, re.MULTILINE))
+    made = {"../build/notebooks/index"}  # from docs/notebooks, when the site is built
+    assert {"../README", "report", "paper"} | made <= names
+    for name in names - made:
         assert any((ROOT / "docs" / f"{name}{suffix}").is_file() for suffix in (".md", ".rst")), name
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    for module in ("sphinx", "furo", "myst_parser", "latex2mathml"):
+SAYS = {
+    "01_locate_a_fixture": [
+        "recognized - clamp, located to",
+        "without touch 5",
+        "insufficient - clamp fits, but sliding along",
+    ],
+    "02_which_of_twenty_brackets": [
+        "recognized - 60x50x6s4b30",
+        "This reading tells 60x40x5s4b30",
+        "unknown - The closest",
+    ],
+    "03_plan_touches_for_a_tolerance": [
+        "within 0.2 mm (P = 0.9",
+        "every touch met the part",
+        "No number of readings brings",
+    ],
+    "04_the_paper_equation_by_equation": ["mean squared distance 5.9", "with plus 1.0", "corrected; 5 % is right"],
+}
+"""What the notebooks print, in short."""
+
+
+def test_every_notebook_is_expected_to_say_something():
+    assert sorted(SAYS) == [file.stem for file in sorted(NOTEBOOKS.glob("[0-9]*.py"))]
+
+
+@pytest.mark.slow
+def test_the_site(tmp_path):
+    """Built once, which runs the notebooks: no warning, every page, nothing asked of anybody, links that hold."""
+    for module in ("sphinx", "furo", "myst_parser", "latex2mathml", "sphinx_gallery", "matplotlib"):
         if importlib.util.find_spec(module) is None:
             pytest.skip(f"the extra tanteo[docs] is not installed: {module} is missing")
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", "-W", "-q", "-c", "docs", "-b", "html", ".", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "sphinx", "-W", "-q", "-c", "docs", "-b", "html", ".", str(tmp_path)]
+    environment = {**os.environ, "MPLBACKEND": "agg"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return folder
+    pages = {
+        page.relative_to(tmp_path).as_posix(): page.read_text(encoding="utf-8") for page in tmp_path.rglob("*.html")
+    }
+    sources = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")]
+    assert {page.relative_to(ROOT).with_suffix(".html").as_posix() for page in sources} <= set(pages)
+    for name, text in pages.items():
+        assert not re.search(r"<(?:script|img|iframe)[^>]*\ssrc=\"(?:https?:)?//", text), name
+        assert not re.search(r"<link[^>]*\shref=\"(?:https?:)?//", text), name
+    formulas = pages["docs/report.html"]
+    assert 'display="block"' in formulas
+    assert "<msub><mi>S</mi><mi>k</mi></msub>" in formulas
+    for name, words in SAYS.items():
+        shown = html.unescape(re.sub(r"<[^>]*>", "", pages[f"build/notebooks/{name}.html"]))
+        assert [w for w in words if w not in shown] == [], name
+        assert f"{name}.ipynb" in shown
+    assert broken_links(tmp_path, pages) == []
 
 
-@pytest.mark.slow
-def test_it_builds_without_a_warning_and_asks_for_nothing(site):
-    pages = list(site.rglob("*.html"))
-    assert len(pages) > 60
-    for page in pages:
-        text = page.read_text(encoding="utf-8")
-        assert not re.search(r"<(?:script|img|iframe)[^>]*\ssrc=\"(?:https?:)?//", text), page
-        assert not re.search(r"<link[^>]*\shref=\"(?:https?:)?//", text), page
-
-
-@pytest.mark.slow
-def test_formulas_are_drawn_by_the_browser(site):
-    text = (site / "docs" / "report.html").read_text(encoding="utf-8")
-    assert 'display="block"' in text
-    assert "<msub><mi>S</mi><mi>k</mi></msub>" in text
-
-
-@pytest.mark.slow
-def test_links_between_pages_and_to_files_hold(site):
-    for page in site.rglob("*.html"):
-        if "_modules" in page.parts or page.name in ("genindex.html", "py-modindex.html", "search.html"):
-            continue
-        for target in re.findall(r'(?:href|src)="([^"#:?]+)(?:[#?][^"]*)?"', page.read_text(encoding="utf-8")):
-            assert (page.parent / target).exists(), f"{page.relative_to(site)}: {target}"
+def broken_links(site, pages):
+    """Links between the site's own pages, and to its files, that lead nowhere."""
+    return [
+        f"{name}: {target}"
+        for name, text in pages.items()
+        if name not in ("genindex.html", "py-modindex.html", "search.html")
+        for target in re.findall(r'(?:href|src)="([^"#:?]+)(?:[#?][^"]*)?"', text)
+        if not ((site / name).parent / target).exists()
+    ]
