@@ -73,6 +73,7 @@ def test_the_index_has_every_page():
     linked = {(index.parent / target.partition("#")[0]).resolve() for target in LINK.findall(prose(index))}
     assert {page.resolve() for page in DOCS if page != index} <= linked
     assert set((ROOT / "examples").glob("[0-9]*.py")) <= linked
+    assert set((ROOT / "docs" / "notebooks").glob("[0-9]*.py")) <= linked
 
 
 def test_the_code_map_has_every_room():
