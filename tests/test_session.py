@@ -169,7 +169,7 @@ def test_places_and_directions_like_a_refused_one_are_left_out(targets):
     some = Candidates(
         np.stack([action.origin, near, far, action.origin]),
         np.stack([action.direction, tilted, action.direction, -action.direction]),
-        np.zeros(4, dtype=int), np.zeros(4, dtype=int),
+        np.zeros(4, dtype=int), np.zeros(4, dtype=int), np.full(4, action.expected),
     )  # fmt: skip
     np.testing.assert_array_equal(session._open(some).origins, some.origins[2:])
 

@@ -14,8 +14,9 @@ from functools import partial
 import numpy as np
 from scipy.special import logsumexp
 
+from tanteo.active.importance import ENOUGH
 from tanteo.active.start import Start
-from tanteo.active.weighing import ENOUGH, ROUNDS, Maxima, PartModes, weigh_part
+from tanteo.active.weighing import ROUNDS, Maxima, PartModes, weigh_part
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent

@@ -1,0 +1,213 @@
+"""Weighted draws from the posterior of the pose of one part, by importance sampling about all its maxima at once.
+
+Errors that the readings share are not drawn: at a given pose what a reading says of them is linear and normal, so they
+are integrated out there, by one step from where the nearest maximum expects them. What is left has six dimensions,
+whatever the rig.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from scipy.special import gammaln, logsumexp
+
+from tanteo.active.start import Start
+from tanteo.lie import SE3
+from tanteo.localization import pose_information
+from tanteo.surface_search import FreePaths, Target, Touches
+from tanteo.surface_search.likelihood import explain, log_posterior, normal_equations
+from tanteo.surface_search.polish import Polished
+from tanteo.typing import FloatArray, IntArray, Tangents, Transforms
+
+_DRAWS, _TAIL = 256, 5
+"""Draws in a round, degrees of freedom of the proposals."""
+
+ENOUGH = 200.0
+"""Effective draws with which the weights are believed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Density:
+    """The posterior at some poses.
+
+    Attributes:
+        log: density, the shared errors integrated out ``(S,)``.
+        z: whitened shared errors that are expected there ``(S, D)``.
+        spreads: covariances about them ``(S, D, D)``.
+    """
+
+    log: FloatArray
+    z: FloatArray
+    spreads: FloatArray
+
+    def join(self, other: Density) -> Density:
+        """These and others."""
+        return Density(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in self.__slots__))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """Density of readings and pose of one part, its rough poses mixed and symmetric poses added.
+
+    Attributes:
+        start: what was assumed beforehand.
+        part: index of the part.
+        touches: all readings that met something.
+        free: all paths on which nothing was met.
+    """
+
+    start: Start
+    part: int
+    touches: Touches
+    free: FreePaths
+
+    @property
+    def target(self) -> Target:
+        """The part."""
+        return self.start.targets[self.part]
+
+    def __call__(self, Ts: Transforms, z: FloatArray) -> Density:
+        """At poses ``(S, 4, 4)``, looked at from shared errors ``(S, D)``."""
+        priors, D = replace(self.start.priors, pose=None), z.shape[1]
+        spreads, log = np.zeros((len(Ts), D, D)), np.zeros(len(Ts))
+        if D:
+            at = explain(self.touches, Ts, z, self.target, priors)
+            A, b = normal_equations(self.touches, at, z)
+            spreads = np.asarray(np.linalg.inv(A[:, 6:, 6:]))
+            z, log = z + (spreads @ b[:, 6:, None])[..., 0], 0.5 * np.linalg.slogdet(spreads)[1]
+        log = log + log_posterior(self.touches, self.free, Ts, z, self.target, priors)
+        return Density(log + self.start.log_density(self.part, Ts), z, spreads)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposals:
+    """Heavy-tailed densities about maxima, over perturbations of their poses.
+
+    Attributes:
+        Ts: the maxima ``(J, 4, 4)``.
+        z: whitened shared errors there ``(J, D)``.
+        follows: how the shared errors that are expected move with the pose ``(J, D, 6)``.
+        means: of the densities ``(J, 6)``.
+        roots: of their covariances ``(J, 6, 6)``.
+        shares: of the draws ``(J,)``.
+    """
+
+    Ts: Transforms
+    z: FloatArray
+    follows: FloatArray
+    means: Tangents
+    roots: FloatArray
+    shares: FloatArray
+
+    @classmethod
+    def at(cls, found: Polished, masses: FloatArray) -> Proposals:
+        """With the curvature of the maxima; half of the draws evenly, half by (tempered) mass."""
+        A = found.information
+        information = pose_information(A)
+        scale = 1 / np.sqrt(np.einsum("sii->si", information))
+        unit = information * scale[:, :, None] * scale[:, None, :] + 1e-10 * np.eye(6)
+        roots = scale[:, :, None] * np.swapaxes(np.linalg.inv(np.linalg.cholesky(unit)), 1, 2)
+        follows = -np.asarray(np.linalg.solve(A[:, 6:, 6:], A[:, 6:, :6]))
+        tempered = np.exp(0.5 * (masses - masses.max()))
+        shares = 0.5 / len(masses) + 0.5 * tempered / tempered.sum()
+        return cls(found.Ts, found.z, follows, np.zeros((len(masses), 6)), roots, shares)
+
+    def coordinates(self, Ts: Transforms) -> Tangents:
+        """Perturbations from every maximum ``(J, S, 6)``."""
+        return SE3.log(SE3.inverse(self.Ts)[:, None] @ Ts)
+
+    def log_density(self, x: Tangents) -> FloatArray:
+        """Of draws by each of them, shares included ``(J, S)``."""
+        white = (x - self.means[:, None]) @ np.swapaxes(np.linalg.inv(self.roots), 1, 2)
+        constant = gammaln(0.5 * (_TAIL + 6)) - gammaln(0.5 * _TAIL) - 3 * np.log(_TAIL * np.pi)
+        log = constant - np.linalg.slogdet(self.roots)[1] + np.log(self.shares)
+        return np.asarray(log[:, None] - 0.5 * (_TAIL + 6) * np.log1p(np.sum(white * white, axis=-1) / _TAIL))
+
+    def draw(self, round_: int) -> tuple[Transforms, FloatArray]:
+        """Poses, and the shared errors that are expected there."""
+        normal, factor = _chance(round_)
+        which = np.searchsorted(np.cumsum(self.shares), (np.arange(_DRAWS) + 0.5) / _DRAWS)
+        which = np.minimum(which, len(self.shares) - 1)
+        x = self.means[which] + factor[:, None] * (self.roots[which] @ normal[..., None])[..., 0]
+        return self.Ts[which] @ SE3.exp(x), self.z[which] + (self.follows[which] @ x[..., None])[..., 0]
+
+    def adapted(self, x: Tangents, w: FloatArray, log: FloatArray) -> Proposals:
+        """With moments and shares of the weighted draws that each is responsible for, by its log density ``(J, S)``."""
+        own = np.exp(log - logsumexp(log, axis=0)) * np.minimum(w, w.mean() * np.sqrt(len(w)))
+        mass = own.sum(axis=1)
+        share = mass / mass.sum()
+        weight = own / np.maximum(mass, 1e-300)[:, None]
+        means = np.einsum("js,jsi->ji", weight, x)
+        gap = x - means[:, None]
+        C = np.einsum("js,jsi,jsk->jik", weight, gap, gap)
+        old = self.roots @ np.swapaxes(self.roots, 1, 2)
+        few = 1 / np.maximum(np.sum(weight**2, axis=1), 1e-300) < 3 * x.shape[-1]
+        C = np.where(few[:, None, None], old, C + 0.05 * old)
+        means = np.where(few[:, None], self.means, means)
+        shares = 0.1 / len(share) + 0.9 * share
+        return replace(self, means=means, roots=np.asarray(np.linalg.cholesky(C)), shares=shares)
+
+
+@cache
+def _chance(round_: int) -> tuple[FloatArray, FloatArray]:
+    """The same standard normal draws and heavy-tailed factors every time, so that an answer can be repeated."""
+    rng = np.random.default_rng((1991, 6, round_))
+    half = _DRAWS // 2
+    normal, factor = rng.normal(size=(half, 6)), np.sqrt(_TAIL / rng.chisquare(_TAIL, half))
+    order = rng.permutation(_DRAWS)
+    return np.concatenate([normal, -normal])[order], np.concatenate([factor, factor])[order]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weighted:
+    """Draws with weights.
+
+    Attributes:
+        Ts: poses ``(S, 4, 4)``.
+        x: the same as perturbations from every maximum ``(J, S, 6)``.
+        at: the posterior there.
+        log_weights: posterior over the mixture of all proposals ``(S,)``.
+        owner: the maximum that each is about ``(S,)``.
+        effective: number of draws that carry the weight.
+    """
+
+    Ts: Transforms
+    x: Tangents
+    at: Density
+    log_weights: FloatArray
+    owner: IntArray
+    effective: float
+
+    @property
+    def log_mass(self) -> float:
+        """Log of the integral of the posterior."""
+        return float(logsumexp(self.log_weights) - np.log(len(self.log_weights)))
+
+
+def sampled(posterior: Posterior, about: Proposals, rounds: int) -> Weighted:
+    """Rounds of draws until enough of them carry the weight; each weighs against the mixture of all proposals.
+
+    Args:
+        posterior: of one part.
+        about: densities about its maxima.
+        rounds: at most.
+    """
+    Ts, z = about.draw(0)
+    at, x, proposals = posterior(Ts, z), about.coordinates(Ts), [about]
+    each = about.log_density(x)[None]
+    while True:
+        log_w = at.log - (logsumexp(each, axis=(0, 1)) - np.log(len(proposals)))
+        w = np.exp(log_w - log_w.max()) if np.isfinite(log_w.max()) else np.ones(len(log_w))
+        effective = float(w.sum() ** 2 / np.sum(w**2))
+        if effective > ENOUGH or len(proposals) == rounds:
+            break
+        proposals.append(proposals[-1].adapted(x, w, each[-1]))
+        each = np.concatenate([each, proposals[-1].log_density(x)[None]])
+        more, z = proposals[-1].draw(len(proposals) - 1)
+        more_x = about.coordinates(more)
+        each = np.concatenate([each, np.stack([p.log_density(more_x) for p in proposals])], axis=-1)
+        Ts, at = np.concatenate([Ts, more]), at.join(posterior(more, z))
+        x = np.concatenate([x, more_x], axis=1)
+    return Weighted(Ts, x, at, log_w, np.argmax(logsumexp(each, axis=0), axis=0), effective)
