@@ -1,0 +1,63 @@
+"""What slows a command down, by a robot that says what it is told to say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from felt_scenes import gripper
+from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, Sensed, Workspace
+from tanteo.motion import Rules
+from tanteo.motion.steering import Steering
+from tanteo.typing import Tangents
+
+AHEAD: Tangents = np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
+
+
+class Told:
+    """A robot at rest whose frontal sensors report what they are given."""
+
+    latency, period = 0.02, 0.01
+
+    def __init__(self, state, distance=np.nan):
+        self.hand, self.commands = gripper(), []
+        k = len(self.hand.rig.sensors)
+        states, ranges = np.full(k, FREE), np.full(k, np.nan)
+        states[list(self.hand.frontal)], ranges[list(self.hand.frontal)] = state, distance
+        self.sensed = Sensed(0.0, np.eye(4), ranges, states)
+
+    def step(self, twist):
+        self.commands.append(twist)
+        return self.sensed
+
+
+def share(robot, rules, twist=AHEAD):
+    steering = Steering("test", robot, rules)
+    steering.step(twist)
+    np.testing.assert_array_equal(robot.commands[-1], twist * steering.share)
+    return steering.share
+
+
+def test_what_is_too_near_for_a_range_stops_the_way_there():
+    assert share(Told(NEAR), Rules(0.01)) == 0.0
+    assert share(Told(NEAR), Rules(0.01), -AHEAD) == 1.0
+    assert share(Told(FREE), Rules(0.01)) == 1.0
+    assert share(Told(LOST), Rules(0.01)) == 1.0
+
+
+def test_the_way_left_beyond_the_clearance_sets_the_speed():
+    rules, robot = Rules(0.01), Told(MET)
+    overhang = robot.hand.overhangs[list(robot.hand.frontal)].max()
+    gain = Steering("test", robot, rules).loop.gain
+    near = Told(MET, 0.01 + overhang + 0.002)
+    assert share(near, rules) == pytest.approx(gain * 0.002 / 0.05, rel=1e-6)
+    assert share(Told(MET, 0.01 + overhang - 1e-4), rules) == 0.0
+    assert share(Told(MET, 0.01 + overhang + 0.06 / gain), rules) == 1.0
+
+
+def test_a_box_ahead_of_the_body_slows_it_and_one_behind_does_not():
+    robot = Told(FREE)
+    top = (robot.hand.body.centres[:, 2] + robot.hand.body.radii).max()
+    for place, slowed in ((top + 0.0105, True), (-1.0, False)):
+        box = ForbiddenBox("box", np.array([-1.0, -1.0, place]), np.array([1.0, 1.0, place + 0.1]))
+        assert (share(Told(FREE), Rules(0.01, Workspace.everywhere([box]))) < 1.0) is slowed
