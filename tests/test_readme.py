@@ -1,6 +1,6 @@
 """The README does what it says: its commands exist, its code runs, and its output is the program's.
 
-``python tests/test_readme.py`` writes the output of today into the README.
+``python tests/test_readme.py`` writes the output of today into the README and the first steps.
 """
 
 from __future__ import annotations
@@ -18,10 +18,15 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
+FIRST_STEPS = ROOT / "docs" / "first_steps.md"
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e-?\d+)?")
 BLOCKS = BLOCK.findall(README.read_text(encoding="utf-8"))
 CONSOLE = [body for language, body in BLOCKS if language == "console"]
+SHOWN = [
+    *CONSOLE,
+    *(body for _, body in BLOCK.findall(FIRST_STEPS.read_text(encoding="utf-8")) if body.startswith("$ ")),
+]
 PYTHON = [body for language, body in BLOCKS if language == "python"]
 PLAIN = [line for language, body in BLOCKS if not language for line in body.splitlines()]
 
@@ -51,11 +56,11 @@ def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.split("\n")[0].removeprefix("$ tanteo ")[:30])
+@pytest.mark.parametrize("block", SHOWN, ids=lambda block: block.split("\n")[0].removeprefix("$ tanteo ")[:30])
 def test_output_is_that_of_the_program(block, cache):
     command, shown = block.split("\n", 1)
     real = tanteo(command.removeprefix("$ "), cache)
-    assert alike(shown, real), f"the README shows\n{shown}\nand the program says\n{real}"
+    assert alike(shown, real), f"the page shows\n{shown}\nand the program says\n{real}"
 
 
 @pytest.mark.parametrize("block", PYTHON)
@@ -131,13 +136,15 @@ def test_unlike_output_is_noticed():
 
 
 def update():
-    """Write the program's output into the README."""
-    text = README.read_text(encoding="utf-8")
-    for block in CONSOLE:
-        command = block.split("\n", 1)[0]
-        real = tanteo(command.removeprefix("$ "), ROOT / ".pytest_cache" / "tanteo")
-        text = text.replace(f"```console\n{block}```", f"```console\n{command}\n{real}```")
-    README.write_text(text, encoding="utf-8", newline="\n")
+    """Write the program's output into the pages."""
+    for page in (README, FIRST_STEPS):
+        text = page.read_text(encoding="utf-8")
+        for language, block in BLOCK.findall(text):
+            if language == "console":
+                command = block.split("\n", 1)[0]
+                real = tanteo(command.removeprefix("$ "), ROOT / ".pytest_cache" / "tanteo")
+                text = text.replace(f"```console\n{block}```", f"```console\n{command}\n{real}```")
+        page.write_text(text, encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

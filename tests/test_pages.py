@@ -1,0 +1,155 @@
+"""Code on the pages runs, and every command on them is one that there is, with options that it has."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from sensing_scenes import true_range
+from tanteo.active import Probe, at_pose
+from tanteo.cli.app import app
+from tanteo.io import read_scene
+from tanteo.lie import SE3
+from tanteo.parts import read_part
+from tanteo.sensors.law import NoiseLaw
+from tanteo.session import Session
+from tanteo.surface_search import prepare_target
+from unknown_scenes import unknown_scene
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md")])
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+def blocks(page, *languages):
+    return [body for language, body in BLOCK.findall(page.read_text(encoding="utf-8")) if language in languages]
+
+
+@pytest.fixture(scope="module")
+def wedge():
+    pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
+    return prepare_target(read_part(ROOT / "examples" / "parts" / "wedge.step"))
+
+
+def active_sensing(wedge, folder):
+    covariance = np.diag([5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05]) ** 2
+    place = SE3.from_parts(np.eye(3), wedge.part.centroid)
+    measure = lambda action: true_range(wedge, np.eye(4), action)  # noqa: E731
+    return {"targets": [wedge], "T_world_place": place, "covariance": covariance, "measure": measure}
+
+
+def replay(wedge, folder):
+    probe = Probe("laser", NoiseLaw.of(3e-4))
+    return {"session": Session(at_pose(wedge, np.eye(4), 1e-6 * np.eye(6)), probe)}
+
+
+def reading_cad(wedge, folder):
+    shutil.copy(ROOT / "examples" / "parts" / "wedge.step", folder / "bracket.step")
+    mesh = next((ROOT / "src" / "tanteo" / "demo" / "parts").glob("wedge.stl"))
+    (folder / "parts").mkdir()
+    for name in ("bracket.stl", "extra.stl", "parts/one.stl"):
+        shutil.copy(mesh, folder / name)
+    return {}
+
+
+def report(wedge, folder):
+    (folder / "examples").symlink_to(ROOT / "examples")
+    return {}
+
+
+def sense_part(wedge, folder):
+    at = unknown_scene([wedge], 0, np.random.default_rng(3))
+    return {
+        "targets": [wedge], "T_world_place": at.start.Ts[0] @ SE3.from_parts(np.eye(3), wedge.part.centroid),
+        "covariance": np.diag([8e-3, 8e-3, 4e-3, 0.03, 0.03, 0.1]) ** 2, "robot": at.robot,
+        "clamp": at.rules.workspace.forbidden[0], "surface": at.furniture.surface,
+    }  # fmt: skip
+
+
+def sensing_hand(wedge, folder):
+    at = read_scene(ROOT / "examples" / "scenes" / "bracket.toml")
+    idea = at.ideas["plane"]
+    return {
+        "scene": at.scene, "hand": at.hand, "T_world_hand": at.T_world_hand, "point": idea.point, "normal": idea.normal
+    }  # fmt: skip
+
+
+GIVEN = {made.__name__: made for made in (active_sensing, replay, reading_cad, report, sense_part, sensing_hand)}
+"""What the code of a page takes as given."""
+
+ELSEWHERE = {"README": "tests/test_readme.py", "view": "tests/viewer"}
+"""Pages whose code runs there."""
+
+
+def test_all_pages_with_code_run_somewhere():
+    assert {page.stem for page in PAGES if blocks(page, "python")} == {*GIVEN, *ELSEWHERE}
+    assert all((ROOT / place).exists() for place in ELSEWHERE.values())
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_code_runs(name, wedge, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
+    names = GIVEN[name](wedge, tmp_path)
+    for code in blocks(DOCS / f"{name}.md", "python"):
+        exec(compile(code, f"{name}.md", "exec"), names)
+    if "got" in names:
+        assert names["got"].status == "acquired"
+    if "done" in names:
+        assert names["done"].visits
+
+
+def typed(text):
+    """Lines that begin with the program's name, continued ones as one, without what is said behind them."""
+    for line in text.replace("\\\n", " ").splitlines():
+        words = re.split(r"\s{2,}#?|\s#", line.removeprefix("$ ").strip())[0] if "\\" not in line else line
+        if words.startswith("tanteo ") and "(" not in words:
+            yield words
+
+
+def commands(page):
+    text = page.read_text(encoding="utf-8")
+    spoken = re.findall(r"`(tanteo [^`\n]+)`", BLOCK.sub("", text))
+    return sorted({*spoken, *(line for body in blocks(page, "", "console") for line in typed(body))})
+
+
+def options(command):
+    """Of a command, or of all that are in a group."""
+    inside = [options(one) for one in getattr(command, "commands", {}).values()]
+    return {option for p in command.params for option in (*p.opts, *p.secondary_opts)}.union(*inside)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=lambda page: page.stem)
+def test_commands_and_their_options_exist(page):
+    top = typer.main.get_command(app)
+    for command in commands(page):
+        here, words = top, shlex.split(command.replace("[", " ").replace("]", " "))[1:]
+        while words and hasattr(here, "commands"):
+            name, *rest = words
+            if name.startswith("-") or re.fullmatch(r"[A-Z.]+", name):
+                break
+            choices = name.split("|")
+            assert set(choices) <= set(here.commands), f"{page.name}: {command}"
+            here, words = here.commands[choices[0]], rest
+        known = options(here) | {"--help", "--install-completion"}
+        asked = {word.split("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+        assert asked <= known, f"{page.name}: {command}: {sorted(asked - known)}"
+        for word in words:
+            if word.startswith("examples/"):
+                assert (ROOT / word).exists(), f"{page.name}: {command}"
+
+
+def test_every_picture_is_made_by_a_script_or_a_command_and_shown():
+    pictures = DOCS / "pictures"
+    scripts = "".join(file.read_text(encoding="utf-8") for file in pictures.glob("*.py"))
+    pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    for picture in (file.name for file in pictures.iterdir() if file.suffix in (".png", ".svg", ".jpg")):
+        assert picture in scripts or f"--picture docs/pictures/{picture}" in pages, picture
+        assert f"pictures/{picture})" in pages, picture
