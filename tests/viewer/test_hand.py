@@ -60,6 +60,7 @@ def test_it_moves_stays_and_senses_as_if_nobody_looked(targets):
     assert not any(HELP in said for said in person.said[-2:])
     ways = np.linalg.norm(np.diff([T[:3, 3] for T in person.poses], axis=0), axis=1)
     assert ways.max() < 0.25
+    np.testing.assert_allclose(person.poses[-1], shows[0].session.readings.Ts_world_hand[-1], atol=1e-9)
     alone = unknown_scene(targets, 0, np.random.default_rng(5))
     session = unknown_session(alone, "largest-face", 5, most=1)
     sense_part(session, alone.robot, alone.rules, furniture=alone.furniture)

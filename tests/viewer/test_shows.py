@@ -93,6 +93,19 @@ def test_a_click_on_an_upright_face_keeps_to_the_cone_of_the_probe(session):
     assert action.direction @ session.probe.approach == pytest.approx(np.cos(session.probe.cone), abs=1e-6)
 
 
+def test_where_there_is_no_room_along_the_normal_it_looks_aslant(session):
+    alone = replaced(session, session.start.targets[0])
+    T = alone.start.Ts[0]
+    wall = SE3.apply(T, [0.0, 0.04, 0.03])
+    straight = click(alone, wall, T[:3, 0])
+    above = replace(alone, probe=replace(alone.probe, workspace=type(alone.probe.workspace).above(0.07)))
+    aslant = click(above, wall, T[:3, 0])
+    assert isinstance(aslant, Action)
+    assert straight.origin[2] < 0.07 < aslant.origin[2]
+    np.testing.assert_allclose(aslant.origin + aslant.expected * aslant.direction, wall, atol=1e-6)
+    assert aslant.direction @ T[:3, 0] > np.cos(alone.probe.max_incidence)
+
+
 def test_a_click_beside_the_part_looks_where_the_person_looks(session):
     alone = replaced(session, session.start.targets[0])
     middle = SE3.apply(alone.start.Ts[0], alone.start.targets[0].part.centroid)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.active import Belief, Candidates
+from tanteo.active import Belief, Candidates, Probe
 from tanteo.active.candidates import has_room, within_cone
 from tanteo.lie import SE3
 from tanteo.session import Action, Session
 from tanteo.typing import IntArray, Vectors
 from tanteo.viewer.snapshot import BY_HAND
 
+_TILTS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""How far a reading is tilted from the normal towards the middle of the probe's cone, if there is no room before."""
+
 
 def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number: int) -> Action | str:
     """The reading of a click, or why there is none.
 
-    It looks along the inward normal of what was pointed at, or as near to that as the probe may.
+    It looks along the inward normal of what was pointed at, or as near to that as the probe may and has room for.
 
     Args:
         session: what is known, and what senses.
@@ -28,17 +31,33 @@ def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number
     if hit is None:
         return "There is nothing where you clicked: click on a part or near one."
     mode, face, point, inward = hit
-    probe = session.probe
-    direction = within_cone(inward[None], probe)[0]
-    origin = point - probe.standoff * direction
-    wanted = Candidates(origin[None], direction[None], np.array([mode]), np.array([face]), np.array([probe.standoff]))
-    if not has_room(session.belief, wanted, probe)[0]:
-        return "There is no room to sense from there: click on another place."
-    if session.able is not None and not session.able(session.belief, wanted)[0]:
+    ways = _ways(session.probe, mode, face, point, inward)
+    ways = ways.take(has_room(session.belief, ways, session.probe))
+    if not len(ways):
+        return "There is no room to sense that: click on another place."
+    if session.able is not None:
+        ways = ways.take(session.able(session.belief, ways))
+    if not len(ways):
         return "The hand cannot come to where it would sense that: click on another place."
-    part = session.belief.target(mode).part
+    part, probe = session.belief.target(mode).part, session.probe
     name = part.faces[face].name if face >= 0 else "a place beside it"
-    return Action(number, origin, direction, probe.max_range, probe.standoff, part.name, name, np.nan, BY_HAND)
+    return Action(
+        number, ways.origins[0], ways.directions[0], probe.max_range, float(ways.ranges[0]), part.name, name, np.nan,
+        BY_HAND,
+    )  # fmt: skip
+
+
+def _ways(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -> Candidates:
+    """Readings of a place, the best first: along its normal, or tilted towards the middle of the probe's cone."""
+    tilted = [inward] if probe.approach is None else [(1 - t) * inward + t * probe.approach for t in _TILTS]
+    lengths = np.linalg.norm(tilted, axis=1, keepdims=True)
+    directions = within_cone((tilted / np.maximum(lengths, 1e-9))[lengths[:, 0] > 1e-3], probe)
+    good = directions @ inward > np.cos(0.95 * probe.max_incidence)
+    good[0] = True
+    n = len(probe.standoffs)
+    directions, ranges = np.repeat(directions[good], n, axis=0), np.tile(probe.standoffs, int(good.sum()))
+    origins = point - ranges[:, None] * directions
+    return Candidates(origins, directions, np.full(len(ranges), mode), np.full(len(ranges), face), ranges)
 
 
 def _first(belief: Belief, modes: IntArray, eye: Vectors, ray: Vectors) -> tuple[int, int, Vectors, Vectors] | None:

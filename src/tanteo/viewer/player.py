@@ -66,12 +66,13 @@ class Player:
     policy: str = "information"
     speed: float = 3.0
     commands: queue.SimpleQueue[Command] = field(default_factory=queue.SimpleQueue)
-    _mode: str = "paused"
+    _mode: str = field(init=False, default="paused")
     _show: Show = field(init=False)
     _lines: list[str] = field(init=False, default_factory=list)
-    _note: str = ""
-    _played: int = 0
-    _drawn: float = 0.0
+    _note: str = field(init=False, default="")
+    _played: int = field(init=False, default=0)
+    _drawn: float = field(init=False, default=0.0)
+    _last: Sensed | None = field(init=False, default=None)
     _counted: dict[tuple[int, str], int] = field(init=False, default_factory=dict)
 
     def run(self) -> None:
@@ -97,10 +98,12 @@ class Player:
         self._mode = "paused"
         self.page.show("furniture", drawing.furniture_primitives(self._show.furniture))
         self.page.show("truth", [])
-        self._hand(None if self._show.hand is None else self._show.hand[1])
+        self._last = None if self._show.hand is None else self._show.hand[1]
+        self._hand()
 
     def place(self, note: str) -> None:
         """A place was sensed: say what it told, and wait for what comes next (see :class:`Watch`)."""
+        self._hand()
         session = self._show.session
         told = Snapshot.of(session)
         if len(told.steps) > len(self._lines):
@@ -115,10 +118,11 @@ class Player:
 
     def moved(self, sensed: Sensed) -> None:
         """Draw the hand now and then, as fast as is wanted."""
+        self._last = sensed
         gone = sensed.time - self._drawn
         if gone < _FRAME * self.speed and self.commands.empty():
             return
-        self._hand(sensed)
+        self._hand()
         self._wait(gone / self.speed, resting=False)
 
     def _gate(self) -> None:
@@ -218,10 +222,10 @@ class Player:
             self._counted[key] = len(show.session.steps)
         return self._counted[key]
 
-    def _hand(self, sensed: Sensed | None) -> None:
-        if sensed is not None and self._show.hand is not None:
-            self._drawn = sensed.time
-            self.page.show("hand", drawing.hand_primitives(self._show.hand[0], sensed))
+    def _hand(self) -> None:
+        if self._last is not None and self._show.hand is not None:
+            self._drawn = self._last.time
+            self.page.show("hand", drawing.hand_primitives(self._show.hand[0], self._last))
 
     def _draw(self) -> None:
         now = Snapshot.of(self._show.session)
