@@ -36,6 +36,7 @@ sphinx_gallery_conf = {
     "min_reported_time": 10**6,
     "download_all_examples": False,
     "show_signature": False,
+    "within_subsection_order": "FileNameSortKey",
 }
 
 myst_enable_extensions = ["dollarmath"]

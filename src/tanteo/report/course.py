@@ -49,11 +49,14 @@ def _probabilities(session: Session) -> Html:
     before = _before(session)
     shown = [k for k in _leading(steps, STYLES - 1) if max(before[k], *(s.probabilities[k] for s in steps)) > _SEEN]
     places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
-    series = [(names[k], np.array([before[k], *(s.probabilities[k] for s in steps)])) for k in shown]
-    series.append(("none of these", np.array([session.start.priors.unknown, *(s.unknown for s in steps)])))
+    series = [
+        (names[k], np.array([before[k], *(s.probabilities[k] for s in steps)]), style) for style, k in enumerate(shown)
+    ]
+    none = np.array([session.start.priors.unknown, *(s.unknown for s in steps)])
+    series.append(("none of these", none, STYLES - 1))
     curves = [
-        Curve(name, p, tuple(f"{name}, {_place(at)}: {percent(v)}" for at, v in zip(places, p, strict=True)))
-        for name, p in series
+        Curve(name, p, tuple(f"{name}, {_place(at)}: {percent(v)}" for at, v in zip(places, p, strict=True)), style)
+        for name, p, style in series
     ]
     final = ", ".join(f"{c.name} {percent(c.values[-1])}" for c in curves)
     return curve_chart(f"Probabilities after {len(steps)} answers: {final}.", curves, SHARES, places)

@@ -28,11 +28,13 @@ class Curve:
         name: What it is of.
         values: One a place, from the left ``(n,)``; NaN where there is none.
         said: What to say when a mark is pointed at ``(n,)``.
+        style: One of :data:`STYLES`.
     """
 
     name: str
     values: FloatArray
     said: tuple[str, ...]
+    style: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ def curve_chart(
 
     Args:
         label: What is shown, for those who do not see it.
-        curves: At most :data:`STYLES`.
+        curves: Of different styles.
         scale: The upright axis.
         places: Words below, from the left; not all are written if they are many.
         goal: A value to reach, as a line across, and what it is.
@@ -98,10 +100,10 @@ def curve_chart(
     if goal is not None:
         y = f"{scale.y(goal[0]):.1f}"
         drawn.append(element("line", class_="goal", x1="0%", x2="100%", y1=y, y2=y))
-    for k, curve in enumerate(curves):
-        drawn += _line(curve, k, scale, x)
+    for curve in curves:
+        drawn += _line(curve, scale, x)
     chart = element("svg", *drawn, class_="chart", width="100%", height=_HEIGHT, role="img", aria_label=label)
-    return join([chart, _legend([curve.name for curve in curves], goal)])
+    return join([chart, _legend(curves, goal)])
 
 
 def _across(y: float, words: str) -> Html:
@@ -109,33 +111,33 @@ def _across(y: float, words: str) -> Html:
     return join([line, element("text", words, x=0, y=f"{y - 4:.1f}")])
 
 
-def _line(curve: Curve, k: int, scale: Scale, x: FloatArray) -> list[Html]:
+def _line(curve: Curve, scale: Scale, x: FloatArray) -> list[Html]:
     """Segments below, marks above."""
     at = [(f"{a:.2f}%", f"{scale.y(v):.1f}") for a, v in zip(x, curve.values, strict=True)]
     there = np.isfinite(curve.values)
     segments = [
-        element("line", class_=f"curve c{k}", x1=at[i][0], y1=at[i][1], x2=at[i + 1][0], y2=at[i + 1][1])
+        element("line", class_=f"curve c{curve.style}", x1=at[i][0], y1=at[i][1], x2=at[i + 1][0], y2=at[i + 1][1])
         for i in range(len(at) - 1)
         if there[i] and there[i + 1]
     ]
     marks = [
-        element("svg", _mark(k, curve.said[i]), x=at[i][0], y=at[i][1], overflow="visible")
+        element("svg", _mark(curve.style, curve.said[i]), x=at[i][0], y=at[i][1], overflow="visible")
         for i in range(len(at))
         if there[i]
     ]
     return segments + marks
 
 
-def _mark(k: int, said: str = "") -> Html:
-    return element("path", *([element("title", said)] if said else []), d=_MARKS[k], class_=f"mark-of c{k}")
+def _mark(style: int, said: str = "") -> Html:
+    return element("path", *([element("title", said)] if said else []), d=_MARKS[style], class_=f"mark-of c{style}")
 
 
-def _legend(names: Sequence[str], goal: tuple[float, str] | None) -> Html:
+def _legend(curves: Sequence[Curve], goal: tuple[float, str] | None) -> Html:
     entries = []
-    for k, name in enumerate(names):
-        line = element("line", x1=0, x2=34, y1=7, y2=7, class_=f"curve c{k}")
-        inner = element("svg", _mark(k), x=17, y=7, overflow="visible")
-        entries.append((element("svg", line, inner, width=34, height=14, aria_hidden="true"), name))
+    for curve in curves:
+        line = element("line", x1=0, x2=34, y1=7, y2=7, class_=f"curve c{curve.style}")
+        inner = element("svg", _mark(curve.style), x=17, y=7, overflow="visible")
+        entries.append((element("svg", line, inner, width=34, height=14, aria_hidden="true"), curve.name))
     if goal is not None:
         line = element("line", x1=0, x2=34, y1=7, y2=7, class_="goal")
         entries.append((element("svg", line, width=34, height=14, aria_hidden="true"), goal[1]))
