@@ -232,3 +232,22 @@ def test_sampled_masses_are_on_the_scale_of_laplace_with_shared_errors(targets, 
         update(begin(start), touches, no_paths())
     sampled, laplace = seen[-1]
     assert sampled == pytest.approx(laplace, abs=0.15)
+
+
+def test_a_part_that_was_ruled_out_is_looked_at_again_before_another_gets_certain(targets):
+    """Few coarse readings of the right bracket, which the left one explains alone: it is found again, with its odds."""
+    rng, spread = np.random.default_rng(8), (0.015, 0.15)
+    even = rough(targets[:2], spread, Priors(unknown=1e-9))
+    without = replace(even, weights=np.array([1 - 1e-12, 1e-12]))
+    for n in (4, 4, 5):
+        T = even.Ts[1] @ SE3.exp(np.repeat(spread, 3) * rng.normal(size=6))
+        touches = readings(targets[1], T, n, rng, replace(LASER, sd=3e-3))
+        blind = update(begin(without), touches, no_paths())
+        assert blind.of_parts()[1] < 1e-6
+        half = tuple(replace(mode, probability=0.5 * mode.probability) for mode in blind.modes)
+        before = replace(blind, start=even, modes=half, unknown=0.5)
+        odds = [
+            b.of_parts()[1] for b in (update(before, touches, no_paths()), update(begin(even), touches, no_paths()))
+        ]
+        np.testing.assert_allclose(odds[0], odds[1], atol=0.1)
+        assert odds[0] > 0.1

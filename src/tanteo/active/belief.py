@@ -47,6 +47,9 @@ _DRAWS, _RAW, _EFFORT = 96, 1000, Effort(1000, 10, 24, 8)
 _DOUBT = 0.2
 """Probability of "none of these" from which all parts are looked at anew."""
 
+_SURE = 0.99
+"""Probability of a part at which all others are looked at anew, once."""
+
 _REACH = 25.0
 """Log odds, by Laplace's approximation, below the best part at which another is forgotten unweighed."""
 
@@ -134,9 +137,16 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
         free: all paths so far on which nothing was met.
     """
     after = _believe(before, touches, free, _searched(before))
-    if after.unknown > _DOUBT:  # what was alive does not explain them: look at every part again
+    # what was alive does not explain them, or a part gets certain among those that were: look at every part again
+    if after.unknown > _DOUBT or _settles(before, after):
         after = _believe(after, touches, free, np.arange(len(before.start.targets)))
     return after
+
+
+def _settles(before: Belief, after: Belief) -> bool:
+    """Whether a part has got nearly certain that was not: parts of 0.003 were not looked at, and one may be the true."""
+    P, Q = before.of_parts(), after.of_parts()
+    return bool(Q.max() > _SURE and (P.max() <= _SURE or P.argmax() != Q.argmax()))
 
 
 def _searched(before: Belief) -> IntArray:
