@@ -144,7 +144,7 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
 
 
 def _settles(before: Belief, after: Belief) -> bool:
-    """Whether a part has got nearly certain that was not: parts of 0.003 were not looked at, and one may be the true."""
+    """Whether a part has got nearly certain that was not: the true one may be among those not looked for anew."""
     P, Q = before.of_parts(), after.of_parts()
     return bool(Q.max() > _SURE and (P.max() <= _SURE or P.argmax() != Q.argmax()))
 

@@ -204,6 +204,9 @@ class Session:
             for mode, row in zip(b.modes[:top], b.rows, strict=False)
         )
         status, message = verdict(hypotheses, b.unknown, alpha)
+        if status == "ambiguous" and self.stop.tolerance is not None and self.stop.reached(b):
+            within = f"less than the tolerance of {1e3 * self.stop.tolerance:.3g} mm"
+            status, message = "recognized", f"{hypotheses[0].part}; the poses that it may have differ by {within}."
         return Recognition(status, message, hypotheses, b.unknown, {}, self.seed)
 
     def _open(self, candidates: Candidates) -> Candidates:
