@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 
 from tanteo.execution import sense_part
@@ -67,3 +70,18 @@ def test_it_moves_stays_and_senses_as_if_nobody_looked(targets):
     np.testing.assert_array_equal(session.readings.ranges, shows[0].session.readings.ranges)
     np.testing.assert_array_equal(session.belief.poses, shows[0].session.belief.poses)
     assert len(person.groups["truth"]) == 1
+
+
+def test_the_code_of_the_page_runs(targets, monkeypatch):
+    shows = []
+    monkeypatch.setattr("tanteo.viewer.play", lambda make, seed, policy, ready: shows.append(make(seed, policy)))
+    page = (Path(__file__).parents[2] / "docs" / "view.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+
+    def new_run(seed, policy):
+        unknown = unknown_scene(targets, 0, np.random.default_rng(seed))
+        return unknown_session(unknown, policy, seed), unknown.robot, unknown.rules, ()
+
+    exec(compile(code, "view.md", "exec"), {"new_run": new_run})
+    assert [show.session.policy.name for show in shows] == ["information"]
+    assert shows[0].hand is not None
