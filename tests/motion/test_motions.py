@@ -161,6 +161,7 @@ def test_edge_events_are_unbiased_and_as_sure_as_they_say():
         crossing = cross_edge(robot, [0, -1, 0], 0.05, STANDOFF, RULES)
         assert crossing.motion.status == "reached"
         assert crossing.seen == gripper().frontal
+        assert [event.outwards for event in crossing.events] == [True, False, True, False]
         for event in crossing.events:
             true = robot._units.T_hand_sensors[event.sensor]
             T = event.T_world_hand @ true

@@ -8,6 +8,7 @@ import pytest
 from felt_scenes import gripper
 from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, Sensed, Workspace
 from tanteo.motion import Rules
+from tanteo.motion.following import seen_surface
 from tanteo.motion.steering import Steering
 from tanteo.typing import Tangents
 
@@ -15,7 +16,7 @@ AHEAD: Tangents = np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 
 
 class Told:
-    """A robot at rest whose frontal sensors report what they are given."""
+    """A robot at rest whose frontal sensors report what they are given: the same, or one range each."""
 
     latency, period = 0.02, 0.01
 
@@ -61,3 +62,13 @@ def test_a_box_ahead_of_the_body_slows_it_and_one_behind_does_not():
     for place, slowed in ((top + 0.0105, True), (-1.0, False)):
         box = ForbiddenBox("box", np.array([-1.0, -1.0, place]), np.array([1.0, 1.0, place + 0.1]))
         assert (share(Told(FREE), Rules(0.01, Workspace.everywhere([box]))) < 1.0) is slowed
+
+
+@pytest.mark.parametrize("tilt", [-0.6, 0.0, 0.3])
+def test_height_and_tilt_are_those_of_the_plane_under_both_sensors(tilt):
+    """A plane 50 mm from the middle between them, perpendicularly."""
+    half = 0.5 * gripper().baseline
+    ranges = 0.05 / np.cos(tilt) + np.array([-half, half]) * np.tan(tilt)
+    height, angle, both = seen_surface(Steering("test", Told(MET, ranges), Rules(0.01)))
+    assert both
+    assert (height, angle) == (pytest.approx(0.05), pytest.approx(tilt))
