@@ -87,7 +87,8 @@ def _scene(found: Distinction, parts: Sequence[Part]) -> dict[str, Any]:
         far = found.origin + 2 * np.linalg.norm(found.origin - centre) * found.direction
         beyond = np.stack([found.origin, far])[None] - centre
     return {
-        **view_document(centre, 1.7 * float(np.linalg.norm(seen - centre, axis=1).max())),
+        **view_document(centre, 2 * float(np.linalg.norm(seen - centre, axis=1).max())),
+        "seen": packed(seen - centre),
         "parts": [part_document(part, 2) for part in parts],
         "readings": {
             "names": said, "words": said, "points": packed(points - centre), "radii": packed(np.zeros(len(points))),

@@ -91,7 +91,7 @@ class Picture {
     this.points = unpack(data.readings.points, Float32Array);
     this.starts = unpack(data.readings.starts, Float32Array);
     this.beams = this.lineBuffers(interleave(this.starts, this.points));
-    if (data.arrows) this.heads = this.meshBuffers(...cones(this.starts, this.points, 0.05 * data.size_mm));
+    if (data.arrows) this.heads = this.meshBuffers(...cones(this.starts, this.points, 0.04 * data.size_mm));
     this.free = this.lineBuffers(unpack(data.free, Float32Array));
     this.pointBuffer = buffer(gl, this.points);
     this.radiusBuffer = buffer(gl, unpack(data.readings.radii, Float32Array));
@@ -120,7 +120,19 @@ class Picture {
     const [turn, tilt] = VIEWS[name];
     const scale = this.data.size_mm * Math.max(1.18 / (this.canvas.clientWidth || 400), 0.98 / (this.canvas.clientHeight || 400));
     this.eye = { turn, tilt, scale, middle: [0, 0, 0] };
+    if (this.data.seen) this.fit(unpack(this.data.seen, Float32Array));
     this.redraw();
+  }
+
+  /* Places in the middle and as large as they go, with room for words. */
+  fit(places) {
+    const { right, up } = axesOf(this.eye), spans = [right, up].map((axis) => {
+      const along = Array.from({ length: places.length / 3 }, (_, i) => dot(axis, places.slice(3 * i, 3 * i + 3)));
+      return [Math.min(...along), Math.max(...along)];
+    });
+    const [[left, most], [low, high]] = spans, { clientWidth: w, clientHeight: h } = this.canvas;
+    this.eye.scale = Math.max((most - left) / ((w || 400) - 90), (high - low) / ((h || 400) - 90));
+    this.eye.middle = right.map((r, i) => (r * (left + most) + up[i] * (low + high)) / 2);
   }
 
   redraw() {

@@ -141,9 +141,10 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
     starts = points - way / np.maximum(long, 1e-12) * np.minimum(long, _ARROW * part.diagonal)
     seen = np.concatenate([corners, starts])
     centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-    size = 1.6 * float(np.linalg.norm(seen - centre, axis=1).max())
+    size = 2 * float(np.linalg.norm(seen - centre, axis=1).max())
     return {
         **view_document(centre, size),
+        "seen": packed(seen - centre),
         "arrows": True,
         "parts": [part_document(part, 1)],
         "readings": {
