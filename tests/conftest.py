@@ -29,14 +29,20 @@ def parts(models):
 
 
 @pytest.fixture(scope="session")
-def browser():
-    """Headless Chromium; the tests are skipped where there is none."""
+def launch():
+    """Starts a headless Chromium with further arguments; the tests are skipped where there is none."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     program = os.environ.get("TANTEO_BROWSER") or next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
         pytest.skip("no Chromium found; install one, or name it in TANTEO_BROWSER")
     arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     with sync_api.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=program, args=arguments)
-        yield started
-        started.close()
+        yield lambda *more: driver.chromium.launch(executable_path=program, args=[*arguments, *more])
+
+
+@pytest.fixture(scope="session")
+def browser(launch):
+    """A headless Chromium."""
+    started = launch()
+    yield started
+    started.close()

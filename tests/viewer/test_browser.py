@@ -68,13 +68,14 @@ class Watched:
         from matplotlib.image import imread
 
         before = None
+        self.page.wait_for_timeout(1000)
         for _ in range(20):
             now = imread(io.BytesIO(self.page.screenshot()))[..., :3]
             now = now[300:, :900] if now.shape[1] > 900 else now[180:320]
             if before is not None and np.array_equal(now, before):
                 return now
             before = now
-            self.page.wait_for_timeout(200)
+            self.page.wait_for_timeout(500)
         return before
 
 
