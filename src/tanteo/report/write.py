@@ -1,4 +1,4 @@
-"""From an answer, a session or a plan to the text of the file."""
+"""From an answer or a session to the text of the file; plans have pages of their own."""
 
 from __future__ import annotations
 
