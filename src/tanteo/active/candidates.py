@@ -125,6 +125,5 @@ def has_room(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArray:
 
 
 def _distances(target: Target, points: Vectors) -> FloatArray:
-    """To the surface, negative inside: from the grid, and exactly where that leaves doubt."""
-    rough = target.field(points)[0]
-    return np.asarray(rough - 0.5 * target.field.step)
+    """To the surface, negative inside: from the grid, less what that may be off."""
+    return np.asarray(target.field(points)[0] - 0.5 * target.field.step)
