@@ -239,7 +239,7 @@ def test_a_part_that_was_ruled_out_is_looked_at_again_before_another_gets_certai
     rng, spread = np.random.default_rng(8), (0.015, 0.15)
     even = rough(targets[:2], spread, Priors(unknown=1e-9))
     without = replace(even, weights=np.array([1 - 1e-12, 1e-12]))
-    for n in (4, 4, 5):
+    for n in (4, 5):
         T = even.Ts[1] @ SE3.exp(np.repeat(spread, 3) * rng.normal(size=6))
         touches = readings(targets[1], T, n, rng, replace(LASER, sd=3e-3))
         blind = update(begin(without), touches, no_paths())

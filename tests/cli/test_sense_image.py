@@ -21,7 +21,7 @@ def sense(run):
 
 def test_the_image_says_where_and_the_hand_says_which(sense):
     """No rough place: the camera alone sends the hand; few readings are left to make."""
-    code, out, err = sense("--image", "render", "--tolerance", "3mm", "--json")
+    code, out, err = sense("--image", "render", "--json")
     assert code == 0
     document = json.loads(out)
     assert document["hypotheses"][0]["part"] == "step_12mm"

@@ -64,6 +64,14 @@ def test_free_beams_are_told_and_lost_ones_are_not():
     assert as_readings(HAND, log([-1] * 10, [-1] * 10), "1") is None
 
 
+@pytest.mark.parametrize("met", [1, 4, 9])
+def test_a_beam_that_passes_an_edge_is_neither_free_nor_a_touch(met):
+    """The axis of the beam may meet what most of its drawn rays miss."""
+    both = as_readings(HAND, log([0.04] * met + [np.nan] * (10 - met), [0.05] * 10), "1")
+    assert both.sensors == (HAND.rig.sensors[SECOND].name,)
+    assert not both.is_free.any()
+
+
 def test_side_beams_are_told_where_a_part_may_be_and_nowhere_else(targets):
     """A bracket is possible 60 mm to the right of the hand; what the beam to the left meets is no part."""
     states, ranges = np.full(len(HAND.origins), FREE), np.full(len(HAND.origins), np.nan)

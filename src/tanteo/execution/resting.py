@@ -62,7 +62,8 @@ def as_readings(hand: Hand, log: Sequence[Sensed], name: str) -> Readings | None
     """The readings of the sensors at rest: one of each, the mean; None if none of them says anything.
 
     Where those of one sensor disagree more than its noise, it looks over an edge: some of them are taken as they are.
-    Readings that are too near or get no echo say nothing.
+    Readings that are too near or get no echo say nothing, nor does a beam that meets something at times only: its cone
+    passes an edge, and to call it free would contradict the poses at which its axis does not.
     """
     model, rows = error_model(hand.rig), list[tuple[str, Transforms, float, float]]()
     T = log[-1].T_world_hand
@@ -77,7 +78,7 @@ def as_readings(hand: Hand, log: Sequence[Sensed], name: str) -> Readings | None
             else:
                 some = np.unique(np.linspace(0, len(met) - 1, _ALONE).round().astype(np.int64))
                 rows += [(sensor, T, float(r), float("nan")) for r in met[some]]
-        elif free > len(met):
+        elif free and not len(met):
             rows.append((sensor, T, float("nan"), float("nan")))
     return _readings(rows, name) if rows else None
 
