@@ -251,3 +251,12 @@ def test_a_part_that_was_ruled_out_is_looked_at_again_before_another_gets_certai
         ]
         np.testing.assert_allclose(odds[0], odds[1], atol=0.1)
         assert odds[0] > 0.1
+
+
+def test_parts_without_a_rough_pose_are_never_looked_for(targets):
+    """An image leaves some parts out: when the others are looked at again, these are not."""
+    start = replace(rough(targets), part=np.array([2, 2, 2]))
+    touches = readings(targets[2], start.Ts[2], 5, np.random.default_rng(9))
+    belief = update(begin(start), touches, no_paths())
+    assert belief.of_parts()[2] > 0.99
+    np.testing.assert_array_equal(belief.of_parts()[:2], 0.0)

@@ -139,7 +139,7 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
     after = _believe(before, touches, free, _searched(before))
     # what was alive does not explain them, or a part gets certain among those that were: look at every part again
     if after.unknown > _DOUBT or _settles(before, after):
-        after = _believe(after, touches, free, np.arange(len(before.start.targets)))
+        after = _believe(after, touches, free, np.unique(before.start.part))
     return after
 
 
