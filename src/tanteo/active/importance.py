@@ -1,7 +1,7 @@
 """Weighted draws from the posterior of the pose of one part, by importance sampling about all its maxima at once.
 
 Errors that the readings share are not drawn: at a given pose what a reading says of them is linear and normal, so they
-are integrated out there, by one step from where the nearest maximum expects them. What is left has six dimensions,
+are integrated out there, by two steps from where the nearest maximum expects them. What is left has six dimensions,
 whatever the rig.
 """
 
@@ -16,13 +16,17 @@ from scipy.special import gammaln, logsumexp
 from tanteo.active.start import Start
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
+from tanteo.matching import Priors
 from tanteo.surface_search import FreePaths, Target, Touches
-from tanteo.surface_search.likelihood import explain, log_posterior, normal_equations
+from tanteo.surface_search.likelihood import Explained, explain, log_posterior, normal_equations
 from tanteo.surface_search.polish import Polished
 from tanteo.typing import FloatArray, IntArray, Tangents, Transforms
 
 _DRAWS, _TAIL = 256, 5
 """Draws in a round, degrees of freedom of the proposals."""
+
+_STEPS = 2
+"""Steps to the shared errors that are expected at a pose."""
 
 ENOUGH = 200.0
 """Effective draws with which the weights are believed."""
@@ -73,12 +77,32 @@ class Posterior:
         priors, D = replace(self.start.priors, pose=None), z.shape[1]
         spreads, log = np.zeros((len(Ts), D, D)), np.zeros(len(Ts))
         if D:
-            at = explain(self.touches, Ts, z, self.target, priors)
-            A, b = normal_equations(self.touches, at, z)
-            spreads = np.asarray(np.linalg.inv(A[:, 6:, 6:]))
-            z, log = z + (spreads @ b[:, 6:, None])[..., 0], 0.5 * np.linalg.slogdet(spreads)[1]
+            z, spreads = self._expected(Ts, z, priors)
+            log = 0.5 * np.linalg.slogdet(spreads)[1]
         log = log + log_posterior(self.touches, self.free, Ts, z, self.target, priors)
         return Density(log + self.start.log_density(self.part, Ts), z, spreads)
+
+    def _expected(self, Ts: Transforms, z: FloatArray, priors: Priors) -> tuple[FloatArray, FloatArray]:
+        """Shared errors that are expected at the poses, and their covariances."""
+        bare = replace(self.touches, reach=np.zeros(len(self.touches)))  # what blocks a beam now may not when they move
+        spreads = np.zeros((len(Ts), z.shape[1], z.shape[1]))
+        for _ in range(_STEPS):
+            at = _before_shared(explain(bare, Ts, z, self.target, priors))
+            A, b = normal_equations(bare, at, z)
+            spreads = np.asarray(np.linalg.inv(A[:, 6:, 6:]))
+            z = z + (spreads @ b[:, 6:, None])[..., 0]
+        return z, spreads
+
+
+def _before_shared(at: Explained) -> Explained:
+    """The same with each reading as probable on the surface as it is while the shared errors are unknown.
+
+    With the errors that are expected a reading may look astray that one of them explains.
+    """
+    n = at.log_hit.shape[1]
+    shared = np.sum(at.J[:, :n, 6:] ** 2, axis=2)
+    wider = 0.5 * at.r[:, :n] ** 2 * shared / (1 + shared) - 0.5 * np.log1p(shared)
+    return replace(at, log_hit=at.log_hit + wider)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

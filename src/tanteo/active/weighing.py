@@ -109,6 +109,7 @@ def _as_modes(
     owner, kept, moments, log_mass = np.array(draws.owner), [], [], []
     left = list(np.argsort(-share, kind="stable"))
     tops = posterior(about.Ts, about.z).log
+    normal_mass = tops + 3 * np.log(2 * np.pi) + np.linalg.slogdet(about.roots)[1]
     while left and share[left[0]] > 0:
         j = int(left.pop(0))
         C, mean = _second_moment(draws.x[j], w * (owner == j))
@@ -121,7 +122,7 @@ def _as_modes(
             C, mean = _second_moment(draws.x[j], mine)
         kept.append(j)
         normal = not near and _is_normal(draws, about, float(tops[j]), j, mine)
-        log_mass.append(masses[j] if normal else log_total + np.log(mine.sum()))
+        log_mass.append(float(normal_mass[j]) if normal else log_total + np.log(mine.sum()))
         moments.append(None if normal else _moments(draws, about, j, mine, C, mean))
     number = np.full(len(masses), -1)
     number[kept] = np.arange(len(kept))
