@@ -78,7 +78,7 @@ def test_coincident_estimates(n):
     T, C = SE3.exp(rng.normal(size=6)), np.diag(rng.uniform(1e-10, 1e-2, size=6))
     fused = fuse(UncertainFrame(np.broadcast_to(T, (n, 4, 4)), C))
     np.testing.assert_allclose(fused.frame.T, T, atol=1e-14)
-    np.testing.assert_allclose(fused.frame.C, C / n, rtol=1e-9, atol=1e-20)
+    np.testing.assert_allclose(fused.frame.C, C / n, rtol=1e-9, atol=1e-15 * C.max())
     assert fused.converged
     assert abs(fused.chi2) < 1e-12
     assert fused.dof == 6 * (n - 1)
