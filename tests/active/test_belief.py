@@ -275,3 +275,14 @@ def test_parts_without_a_rough_pose_are_never_looked_for(targets):
     belief = update(begin(start), touches, no_paths())
     assert belief.of_parts()[2] > 0.99
     np.testing.assert_array_equal(belief.of_parts()[:2], 0.0)
+
+
+def test_a_part_that_was_not_looked_for_is_when_none_of_the_others_fits(targets):
+    """Readings of the wedge, while only the brackets were thought of; then all three are allowed again."""
+    even = rough(targets, (5e-3, 0.05))
+    without = replace(even, weights=np.array([0.5, 0.5, 1e-300]))
+    touches = readings(targets[2], even.Ts[2], 12, np.random.default_rng(3))
+    blind = update(begin(without), touches, no_paths())
+    assert blind.unknown > 0.2
+    again = update(replace(blind, start=even), touches, no_paths())
+    assert again.of_parts()[2] > 0.99

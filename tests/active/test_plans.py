@@ -203,6 +203,19 @@ def test_one_reading_tells_twins_apart(names):
     assert right == 6
 
 
+def test_the_spread_that_is_said_is_that_of_place_and_noise():
+    """Both parts drawn from where they are located: what the reading then says, against what was promised."""
+    names, rng, sd = ("step_12mm", "step_15mm"), np.random.default_rng(2), 1e-3
+    pair = [prepare_target(read_part(PARTS / f"{name}.step")) for name in names]
+    found = distinguish(*pair, LASER, sd)
+    xi = np.linalg.cholesky(located(pair[0], sd)) @ rng.normal(size=(4000, 6, 1))
+    ranges = beams(pair[0], SE3.exp(xi[..., 0]), found.origin[None], found.direction[None])[0][0]
+    ranges = ranges[np.abs(ranges - found.ranges[0]) < 6 * found.sds[0]]
+    spread = np.hypot(np.std(ranges), float(LASER.law.const))
+    assert len(ranges) > 3000
+    assert found.sds[0] == pytest.approx(spread, rel=0.1)
+
+
 def test_what_no_reading_tells_apart_is_said():
     same = prepare_target(read_part(PARTS / "wedge.step"))
     found = distinguish(same, same, FLIGHT)

@@ -6,9 +6,20 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.completing import policy_names
 from tanteo.cli.prior_options import Near, PriorPath
 from tanteo.cli.reporting_option import Report
+from tanteo.cli.session_options import (
+    CameraFile,
+    Confidence,
+    ImageFile,
+    MarksFile,
+    MeshUnits,
+    Most,
+    PolicyName,
+    Probability,
+    SceneSeed,
+    Tolerance,
+)
 
 sense_app = typer.Typer(
     help="Sense a feature, or find out which part is there, in the simulator, without contact.",
@@ -20,7 +31,6 @@ SceneFile = Annotated[str, typer.Option("--scene", metavar="FILE", help="Scene: 
 Standoff = Annotated[
     str | None, typer.Option("--standoff", metavar="LENGTH", help="Of the hand's front, as 20mm; else the scene's.")
 ]
-SceneSeed = Annotated[int | None, typer.Option("--seed", help="Of all simulated errors; else the scene's.")]
 Record = Annotated[str | None, typer.Option("--record", metavar="FILE", help="Write the readings (CSV).")]
 Forbid = Annotated[
     list[str] | None,
@@ -81,34 +91,18 @@ def sense_part(
         list[str],
         typer.Option("--parts", metavar="FILE_OR_FOLDER...", help="CAD files (STEP, STL) or folders of them."),
     ],
-    policy: Annotated[
-        str,
-        typer.Option("--policy", metavar="NAME", help="How the next reading is chosen.", autocompletion=policy_names),
-    ] = "information",
-    probability: Annotated[float, typer.Option("--probability", help="Of the part, at which to stop.")] = 0.99,
-    tolerance: Annotated[
-        str | None,
-        typer.Option("--tolerance", metavar="LENGTH", help="Go on until all corners are placed within it, as 2mm."),
-    ] = None,
-    confidence: Annotated[float, typer.Option("--confidence", help="With which they are.")] = 0.95,
-    most: Annotated[int, typer.Option("--most", help="Readings after which to stop in any case.")] = 100,
+    policy: PolicyName = "information",
+    probability: Probability = 0.99,
+    tolerance: Tolerance = None,
+    confidence: Confidence = 0.95,
+    most: Most = 100,
     standoff: Standoff = None,
-    units: Annotated[
-        str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none: mm, m, um, in.")
-    ] = None,
+    units: MeshUnits = None,
     near: Near = None,
     prior: PriorPath = None,
-    image: Annotated[
-        str | None,
-        typer.Option("--image", metavar="IMAGE", help="Start from an image of the table; render: of the scene itself."),
-    ] = None,
-    camera: Annotated[
-        str | None, typer.Option("--camera", metavar="FILE", help="Its calibration (YAML, JSON); else the scene's.")
-    ] = None,
-    marks: Annotated[
-        str | None,
-        typer.Option("--marks", metavar="FILE", help="Known points of the table, to place the camera (CSV)."),
-    ] = None,
+    image: ImageFile = None,
+    camera: CameraFile = None,
+    marks: MarksFile = None,
     seed: SceneSeed = None,
     record: Annotated[
         str | None,
