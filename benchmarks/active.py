@@ -5,7 +5,8 @@ P > 0.99 and to a worst corner of 0.5 or 5 mm, and whether what was said then wa
 their own rule: are they right, are they inside), ``twins`` (one reading after locating), ``patch`` (six planned touches
 against six in a patch), ``panel`` (ten touches of a large panel), ``tells`` (random sequences of anything that can be
 told), ``times`` (ask and tell over hypotheses and candidates). The parts are eight of the examples and the twelve
-largest of the step_parts set, where that is at hand.
+largest of the step_parts set, where that is at hand. ``--processes`` and ``--keep`` as in ``campaign.py``, for
+``laser``, ``flight``, ``stops`` and ``tells``.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from active_sessions import HERE, policies, stops, tells
+from campaign import options
 from common import Table
 
 import tanteo
 from cli.conftest import prism, stl
-from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
+from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, sense, true_range
 from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan, predict, propose, update
 from tanteo.active.distinguish import laid_on, located
 from tanteo.active.policies import POLICIES
@@ -35,98 +38,6 @@ from tanteo.matching.verdict import corner_sd
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
 from tanteo.surface_search import prepare_target
-
-HERE = Path(__file__).parents[1]
-OURS = ("block", "bracket_left", "bracket_right", "clamp", "flange", "housing", "t_slot", "wedge")
-SETS = HERE.parent / "shared" / "data" / "step_parts"
-PLACE = 0.005, 0.15
-"""How roughly the place of the part is known: each axis [m], about each axis [rad]."""
-
-
-def twenty():
-    """The parts, prepared."""
-    parts = [tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step") for name in OURS]
-    if SETS.exists():
-        others = sorted(tanteo.read_parts([SETS]).parts, key=lambda part: -part.diagonal)
-        parts += [part for part in others if part.name != "caxif__TAIL_MIDDLE_PART"][:12]  # twice in the set
-    return [prepare_target(part) for part in parts]
-
-
-def until(session, target, T, rng, k, corner, most):
-    """Readings to a known part and to a placed one, and whether they were right then."""
-    known = placed = None
-    while session.count < most and isinstance(action := session.ask(), Action):
-        distance = true_range(target, T, action)
-        if np.isfinite(distance):
-            distance = max(distance + float(session.probe.law.const) * rng.normal(), 1e-6)
-        step = session.tell(action.read(distance))
-        best = int(np.argmax(step.probabilities))
-        if known is None and step.probabilities[best] > 0.99:
-            known = session.count, best == k
-        if session.belief.weights[0] > 0.95 and step.probabilities[best] > 0.99 and step.worst_corner_sd <= corner:
-            placed = session.count, off(session, k, T) / corner
-            break
-    return known, placed
-
-
-def policies(probe, corner, scenes, seed):
-    """Readings that every policy needs."""
-    targets = twenty()
-    start, rows = rough(targets, PLACE), []
-    for name in ("information", "random", "nearest", "largest-face", "3-2-1"):
-        known, placed, right, spent = [], [], [], time.process_time()
-        for scene in range(scenes):
-            rng = np.random.default_rng((seed, scene))
-            k, T = drawn_truth(start, rng, scene % len(targets))
-            session = new_session(start, probe, name, scene, probability=None, tolerance=corner, confidence=1 - 1e-9,
-                                  least_gain=0.0, most=10**6)  # fmt: skip
-            a, b = until(session, targets[k], T, np.random.default_rng((seed, scene, 1)), k, corner, MOST)
-            known.append(a[0] if a else MOST + 1)
-            placed.append(b[0] if b else MOST + 1)
-            right.append(a is None or a[1])
-        spent = (time.process_time() - spent) / max(sum(placed), 1)
-        cells = [
-            f"{np.median(x):.1f} / {np.percentile(x, 90):.1f}".replace(f"{MOST + 1}.0", f"> {MOST}")
-            for x in (known, placed)
-        ]
-        rows.append(
-            (name, *cells, f"{sum(p > MOST for p in placed)}", f"{np.mean(right):.3f}", f"{1e3 * spent:.0f} ms")
-        )
-        print(rows[-1], file=sys.stderr, flush=True)
-    columns = ("policy", "part known: median / 90 %", "placed: median / 90 %", "never placed", "right when known",
-               "processor time a reading")  # fmt: skip
-    text = (
-        f"{len(targets)} parts, {scenes} scenes, {probe.name} of {1e3 * float(probe.law.const):g} mm, place known to "
-        f"{1e3 * PLACE[0]:g} mm and {PLACE[1]:g} rad an axis; placed: worst corner {1e3 * corner:g} mm, 1 sd; at most "
-        f"{MOST} readings; seed {seed}."
-    )
-    return Table(f"Readings needed, {probe.name}", text, columns, rows)
-
-
-MOST = 30
-
-
-def stops(scenes, seed):
-    """Sessions that end by themselves: P > 0.99 and 1 mm at 95 %."""
-    targets = twenty()
-    start, tolerance, rows = rough(targets, PLACE), 1e-3, []
-    right, inside, stated, counts = [], [], [], []
-    for scene in range(scenes):
-        rng = np.random.default_rng((seed, scene))
-        k, T = drawn_truth(start, rng)
-        session = new_session(start, LASER, seed=scene, tolerance=tolerance, most=40)
-        end = sense(session, targets[k], T, rng)
-        counts.append(session.count)
-        if end.reached:
-            right.append(int(np.argmax(session.belief.of_parts())) == k)
-            inside.append(off(session, k, T) <= tolerance)
-            stated.append(session.steps[-1].within)
-    rows.append((
-        f"{len(right)}/{scenes}", f"{np.median(counts):.0f}", f"{sum(right)}/{len(right)}",
-        f"{np.mean(inside):.3f} ± {np.sqrt(0.05 * 0.95 / max(len(inside), 1)):.3f}", f"{np.mean(stated):.3f}",
-    ))  # fmt: skip
-    text = f"{scenes} scenes of {len(targets)} parts, laser 0.3 mm, ends at P > 0.99 and 1 mm at 95 %, seed {seed}."
-    return Table("Do sessions end rightly?", text, ("ended", "median readings", "right part", "inside", "said"), rows)
 
 
 def twins(scenes, seed):
@@ -225,30 +136,6 @@ def panel(scenes, seed):
     return Table("A large panel", text, columns, rows)
 
 
-def tells(sequences, seed):
-    """Random sequences: as asked, wrong, free, late, repeated, not finite; each tell must leave a valid belief."""
-    names = "bracket_left", "bracket_right", "wedge"
-    start = rough([prepare_target(tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step")) for name in names])
-    count = broken = 0
-    for number in range(sequences):
-        rng = np.random.default_rng((seed, number))
-        k, T = drawn_truth(start, rng)
-        session = new_session(start, seed=number, policy="random", tolerance=1e-6, most=1000, least_gain=0.0)
-        try:
-            tell_anything(session, start.targets[k], T, rng, int(rng.integers(1, 7)))
-        except Exception as error:  # noqa: BLE001 - whatever it is, it is counted and shown
-            broken += 1
-            print(f"sequence {number}: {type(error).__name__}: {error}", file=sys.stderr)
-        count += len(session.steps)
-    text = "Weights sum to one, covariances are positive, nothing is raised but for what is not finite."
-    return Table(
-        "Random sequences of tell",
-        text,
-        ("sequences", "tells", "broken"),
-        [tuple(map(str, (sequences, count, broken)))],
-    )
-
-
 def times():
     """Processor time of ask and tell."""
     target = prepare_target(tanteo.read_part(HERE / "examples" / "parts" / "bracket_left.step"))
@@ -289,13 +176,15 @@ def cpu(work):
 
 
 def main():
-    subject = sys.argv[1] if len(sys.argv) > 1 else "times"
-    scenes = int(sys.argv[2]) if len(sys.argv) > 2 else 20
-    seed = int(sys.argv[3]) if len(sys.argv) > 3 else 1991
+    arguments, keep, processes = options(sys.argv[1:])
+    subject = arguments[0] if arguments else "times"
+    scenes = int(arguments[1]) if len(arguments) > 1 else 20
+    seed = int(arguments[2]) if len(arguments) > 2 else 1991
+    many = scenes, seed, keep, processes
     subjects = {
-        "laser": lambda: policies(LASER, 5e-4, scenes, seed), "flight": lambda: policies(FLIGHT, 5e-3, scenes, seed),
-        "stops": lambda: stops(scenes, seed), "twins": lambda: twins(scenes, seed), "patch": patch,
-        "panel": lambda: panel(scenes, seed), "tells": lambda: tells(scenes, seed), "times": times,
+        "laser": lambda: policies("laser", *many), "flight": lambda: policies("flight", *many),
+        "stops": lambda: stops(*many), "tells": lambda: tells(*many), "twins": lambda: twins(scenes, seed),
+        "patch": patch, "panel": lambda: panel(scenes, seed), "times": times,
     }  # fmt: skip
     if subject not in subjects:
         sys.exit(f"subject: expected one of {', '.join(subjects)}, got {subject}.")

@@ -4,6 +4,7 @@ Five parts of the examples, in any pose above a table, with a post below; stand-
 to 60 degrees and 30 mm wrong; latency of 0 to 60 ms. For planes, edges and corners: how often they were acquired, what
 became of the others, the least clearance of the whole hand from everything, what the stated covariance is worth (NEES),
 and how many readings and seconds each took. With ``clamp`` a box beside the part of which nobody was told.
+``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from campaign import options, run_cases
 from common import Table
 
 from felt_scenes import PARTS, gripper, make_task, nees
@@ -78,13 +80,15 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def main(scenes=100, kind="all", seed=1, clamp=""):
+def main(scenes=100, kind="all", seed=1, clamp="", keep=None, processes=1):
     kinds = list(SENSE) if kind == "all" else [kind]
-    rows = [summary(name, [run_one(name, seed, k, bool(clamp)) for k in range(scenes)]) for name in kinds]
+    cases = [(name, seed, k, bool(clamp)) for k in range(scenes) for name in kinds]
+    results = list(zip(cases, run_cases(run_one, cases, keep, processes), strict=True))
+    rows = [summary(name, [row for case, row in results if case[0] == name]) for name in kinds]
     text = f"`python benchmarks/motions.py {scenes} {kind} {seed} {clamp}`".rstrip("` ") + "`"
     print(Table("Motions without contact", text, COLUMNS, rows).markdown())
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    main(*(int(x) if x.isdigit() else x for x in given))
+    given, file, side_by_side = options(sys.argv[1:])
+    main(*(int(x) if x.isdigit() else x for x in given), keep=file, processes=side_by_side)

@@ -1,23 +1,24 @@
-"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [processes] [seed]``.
+"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [seed]``.
 
 Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
 region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
 of the readings astray, once as they are and once for an oracle that was told which these are and left them out. Then
-how an error that all readings share limits the answer.
+how an error that all readings share limits the answer. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from campaign import options, run_cases
 from common import Table
 
 import tanteo
@@ -39,23 +40,24 @@ BIAS = 5e-4
 """Standard deviation of the robot's base, each axis [m]."""
 
 
-def part_scenes(task):
-    """Rows of results for some scenes of one part and one sensor, clean and with strays."""
-    name, s, seed, count = task
-    part = tanteo.read_part(FOLDER / f"{name}.step")
-    target, sensing = prepare_target(part), SENSORS[s]
-    priors = Priors(radius=part.radius)
-    out = []
-    for k in range(count):
-        case = (seed, PARTS.index(name), s, k)
-        for stray in (0.0, STRAY):
-            rng = np.random.default_rng(case)  # the same scene twice, strays aside
-            n, T = int(rng.choice(sensing.counts)), box_centred_pose(rng)
-            touches, rows, _ = scene(target.surface, T, sensing, n, rng, stray=stray, radius=priors.radius)
-            out.append(_row(part, target, touches, rows, T, sensing, priors, case, "strays" if stray else "clean"))
-            if stray:
-                rest = touches.take(np.setdiff1d(np.arange(n), rows))
-                out.append(_row(part, target, rest, rows[:0], T, sensing, priors, case, "told") | {"n": n})
+@cache
+def _target(name):
+    return prepare_target(tanteo.read_part(FOLDER / f"{name}.step"))
+
+
+def three(name, s, seed, k):
+    """One scene of one part and one sensor: its rows clean, with strays, and told which these are."""
+    target, sensing = _target(name), SENSORS[s]
+    part, priors = target.part, Priors(radius=target.part.radius)
+    out, case = [], (seed, PARTS.index(name), s, k)
+    for stray in (0.0, STRAY):
+        rng = np.random.default_rng(case)  # the same scene twice, strays aside
+        n, T = int(rng.choice(sensing.counts)), box_centred_pose(rng)
+        touches, rows, _ = scene(target.surface, T, sensing, n, rng, stray=stray, radius=priors.radius)
+        out.append(_row(part, target, touches, rows, T, sensing, priors, case, "strays" if stray else "clean"))
+        if stray:
+            rest = touches.take(np.setdiff1d(np.arange(n), rows))
+            out.append(_row(part, target, rest, rows[:0], T, sensing, priors, case, "told") | {"n": n})
     return out
 
 
@@ -152,19 +154,18 @@ def bias_rows(count):
     return out
 
 
-def run(scenes, processes, seed=1991):
+def run(scenes, seed, keep=None, processes=1):
     """All rows, by sensor."""
-    tasks = [(name, s, seed, scenes) for s in range(len(SENSORS)) for name in PARTS]
-    with ProcessPoolExecutor(processes) as pool:
-        results = list(pool.map(part_scenes, tasks))
-    return [[row for task, rows in zip(tasks, results, strict=True) if task[1] == s for row in rows] for s in range(3)]
+    cases = [(name, s, seed, k) for k in range(scenes) for s in range(len(SENSORS)) for name in PARTS]
+    results = run_cases(three, cases, keep, processes)
+    return [[row for case, rows in zip(cases, results, strict=True) if case[1] == s for row in rows] for s in range(3)]
 
 
 def main():
-    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 10
-    processes = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    seed = int(sys.argv[3]) if len(sys.argv) > 3 else 1991
-    by_sensor = run(scenes, processes, seed)
+    arguments, keep, processes = options(sys.argv[1:])
+    scenes = int(arguments[0]) if arguments else 10
+    seed = int(arguments[1]) if len(arguments) > 1 else 1991
+    by_sensor = run(scenes, seed, keep, processes)
     columns = (
         "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right", "truth among modes",
         "lost by 10 % strays [points]", "lost if told which", "claimed / right with strays", "truth among modes then",

@@ -3,6 +3,7 @@
 A part of the examples, turned anyhow, on a table with a clamp beside it; its middle is known to 15, 15 and 5 mm, its
 attitude to 2, 2 and 8 degrees (1 sd), nothing else. The paper's gripper senses until one of the twelve parts has a
 probability of 99 % and all corners are within 2 mm with 95 %, or until 60 readings. Every policy has the same scenes.
+``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from __future__ import annotations
 import os
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from campaign import options, run_cases
 from common import Table
 
 from tanteo.execution import sense_part
@@ -27,8 +30,14 @@ FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 TOLERANCE = 2e-3
 
 
-def run_one(targets, policy, k):
+@cache
+def _targets():
+    return [prepare_target(read_part(path)) for path in sorted(FOLDER.glob("*.step"))]
+
+
+def run_one(policy, k):
     """One scene: what was found, and what the truth says of it."""
+    targets = _targets()
     rng = np.random.default_rng((1991, k))
     number = k % len(targets)
     unknown = unknown_scene(targets, number, rng)
@@ -62,16 +71,12 @@ def summary(policy, rows):
 
 
 def main() -> None:
-    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 12
-    policies = sys.argv[2:] or ["information"]
-    targets = [prepare_target(read_part(path)) for path in sorted(FOLDER.glob("*.step"))]
-    table = []
-    for policy in policies:
-        rows = []
-        for k in range(scenes):
-            rows.append(run_one(targets, policy, k))
-            print(rows[-1], file=sys.stderr, flush=True)
-        table.append(summary(policy, rows))
+    arguments, keep, processes = options(sys.argv[1:])
+    scenes = int(arguments[0]) if arguments else 12
+    policies = arguments[1:] or ["information"]
+    cases = [(policy, k) for policy in policies for k in range(scenes)]
+    rows = run_cases(run_one, cases, keep, processes)
+    table = [summary(policy, rows[k * scenes :][:scenes]) for k, policy in enumerate(policies)]
     columns = (
         "policy", "scenes", "right part", "goal reached", "of these within 2 mm", "worst corner off, mm", "readings",
         "stops of the hand", "seconds", "travel, m", "least clearance", "contacts", "processor seconds",

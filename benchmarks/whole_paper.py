@@ -4,7 +4,8 @@ Twenty parts (the twelve of ``examples/parts`` and eight random workpieces), eac
 its stable poses on a table beside a clamp, turned anyhow. The same hand senses it twice until one part has 99 % and all
 corners are within 2 mm with 95 %, or until 60 readings: once *blind*, from a rough place (middle to 15, 15 and 5 mm,
 attitude to 2, 2 and 8 degrees, one standard deviation; how it lies is known) and once *seen*, from that and a rendered
-image of the scene (shading, shadows, blur, noise). Truth and errors of the sensors are the same.
+image of the scene (shading, shadows, blur, noise). Truth and errors of the sensors are the same. ``--processes`` and
+``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from campaign import options, run_cases
 from common import Table
 
 from random_parts import random_part
@@ -39,10 +42,13 @@ SEED, TOLERANCE = 1991, 2e-3
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 
 
-def parts_of(count, folder):
-    """The example parts, then random ones."""
+@cache
+def prepared(count):
+    """The example parts, then random ones, prepared for the hand and for the camera."""
     rng, parts = np.random.default_rng(SEED), list(read_parts([FOLDER]).parts)[:count]
-    return parts + [random_part(Path(folder, f"random{k}.off"), rng) for k in range(count - len(parts))]
+    with tempfile.TemporaryDirectory() as folder:
+        parts += [random_part(Path(folder, f"random{k}.off"), rng) for k in range(count - len(parts))]
+        return [prepare_target(part) for part in parts], [prepare_vision(part) for part in parts]
 
 
 def scene_of(targets, models, number, scene):
@@ -84,8 +90,9 @@ def sensed(unknown, start, number, seed):
     }  # fmt: skip
 
 
-def both(targets, models, number, scene):
-    """One scene, blind and seen."""
+def both(count, number, scene):
+    """One scene of one of so many parts, blind and seen."""
+    targets, models = prepared(count)
     unknown, _ = scene_of(targets, models, number, scene)
     blind = sensed(unknown, unknown.start, number, scene)
     unknown, rng = scene_of(targets, models, number, scene)
@@ -113,17 +120,11 @@ def row(name, rows):
 
 
 def main() -> None:
-    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 2
-    count = int(sys.argv[2]) if len(sys.argv) > 2 else 20
-    with tempfile.TemporaryDirectory() as folder:
-        parts = parts_of(count, folder)
-    targets, models = [prepare_target(part) for part in parts], [prepare_vision(part) for part in parts]
-    rows = []
-    for scene in range(scenes):
-        for number, part in enumerate(parts):
-            rows.append(both(targets, models, number, scene))
-            line = {"part": part.name, "scene": scene, "blind": rows[-1][0], "seen": rows[-1][1]}
-            print(line, file=sys.stderr, flush=True)
+    arguments, keep, processes = options(sys.argv[1:])
+    scenes = int(arguments[0]) if arguments else 2
+    count = int(arguments[1]) if len(arguments) > 1 else 20
+    cases = [(count, number, scene) for scene in range(scenes) for number in range(count)]
+    rows = run_cases(both, cases, keep, processes)
     blind, seen = ([pair[k] for pair in rows] for k in (0, 1))
     medians = [np.median([r["readings"] for r in some]) for some in (blind, seen)]
     named = np.mean([r["named"] for r in seen])

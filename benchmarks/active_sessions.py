@@ -1,0 +1,152 @@
+"""Sessions by the hundred, for ``active.py``: one function runs one scene, another makes the table of all."""
+
+from __future__ import annotations
+
+import sys
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from campaign import run_cases
+from common import Table
+
+import tanteo
+from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
+from tanteo.session import Action
+from tanteo.surface_search import prepare_target
+
+HERE = Path(__file__).parents[1]
+OURS = ("block", "bracket_left", "bracket_right", "clamp", "flange", "housing", "t_slot", "wedge")
+SETS = HERE.parent / "shared" / "data" / "step_parts"
+PLACE = 0.005, 0.15
+"""How roughly the place of the part is known: each axis [m], about each axis [rad]."""
+
+SENSORS = {"laser": (LASER, 5e-4), "flight": (FLIGHT, 5e-3)}
+"""Sensor, and the worst corner that is asked of it [m]."""
+
+POLICIES = "information", "random", "nearest", "largest-face", "3-2-1"
+MOST = 30
+TOLERANCE = 1e-3
+"""Of the sessions that end by themselves [m]."""
+
+
+@cache
+def twenty():
+    """The parts, prepared."""
+    parts = [tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step") for name in OURS]
+    if SETS.exists():
+        others = sorted(tanteo.read_parts([SETS]).parts, key=lambda part: -part.diagonal)
+        parts += [part for part in others if part.name != "caxif__TAIL_MIDDLE_PART"][:12]  # twice in the set
+    return [prepare_target(part) for part in parts]
+
+
+@cache
+def three():
+    """Two mirrored parts and a wedge."""
+    names = "bracket_left", "bracket_right", "wedge"
+    return [prepare_target(tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step")) for name in names]
+
+
+def readings_of(sensor, policy, seed, scene):
+    """Readings to a known part and to a placed one (none: ``MOST`` were not enough), and whether they were right."""
+    (probe, corner), targets = SENSORS[sensor], twenty()
+    start, rng = rough(targets, PLACE), np.random.default_rng((seed, scene))
+    k, T = drawn_truth(start, rng, scene % len(targets))
+    session = new_session(start, probe, policy, scene, probability=None, tolerance=corner, confidence=1 - 1e-9,
+                          least_gain=0.0, most=10**6)  # fmt: skip
+    begun, row = time.process_time(), {"known": MOST + 1, "placed": MOST + 1, "right": True, "off": 0.0}
+    rng = np.random.default_rng((seed, scene, 1))
+    while session.count < MOST and isinstance(action := session.ask(), Action):
+        distance = true_range(targets[k], T, action)
+        if np.isfinite(distance):
+            distance = max(distance + float(session.probe.law.const) * rng.normal(), 1e-6)
+        step = session.tell(action.read(distance))
+        best = int(np.argmax(step.probabilities))
+        if row["known"] > MOST and step.probabilities[best] > 0.99:
+            row |= {"known": session.count, "right": best == k}
+        if session.belief.weights[0] > 0.95 and step.probabilities[best] > 0.99 and step.worst_corner_sd <= corner:
+            row |= {"placed": session.count, "off": off(session, k, T) / corner}
+            break
+    return row | {"spent": (time.process_time() - begun) / max(session.count, 1)}
+
+
+def policies(sensor, scenes, seed, keep, processes):
+    """Readings that every policy needs."""
+    cases = [(sensor, policy, seed, scene) for scene in range(scenes) for policy in POLICIES]
+    done = list(zip(cases, run_cases(readings_of, cases, keep, processes), strict=True))
+    table = [_policy_row(name, [row for case, row in done if case[1] == name]) for name in POLICIES]
+    probe, corner = SENSORS[sensor]
+    columns = ("policy", "part known: median / 90 %", "placed: median / 90 %", "never placed", "right when known",
+               "processor time a reading")  # fmt: skip
+    text = (
+        f"{len(twenty())} parts, {scenes} scenes, {probe.name} of {1e3 * float(probe.law.const):g} mm, place known to "
+        f"{1e3 * PLACE[0]:g} mm and {PLACE[1]:g} rad an axis; placed: worst corner {1e3 * corner:g} mm, 1 sd; at most "
+        f"{MOST} readings; seed {seed}."
+    )
+    return Table(f"Readings needed, {probe.name}", text, columns, table)
+
+
+def _policy_row(name, rows):
+    known, placed = ([row[key] for row in rows] for key in ("known", "placed"))
+    cells = [
+        f"{np.median(x):.1f} / {np.percentile(x, 90):.1f}".replace(f"{MOST + 1}.0", f"> {MOST}")
+        for x in (known, placed)
+    ]
+    right, spent = np.mean([row["right"] for row in rows]), np.median([row["spent"] for row in rows])
+    return name, *cells, f"{sum(p > MOST for p in placed)}", f"{right:.3f}", f"{1e3 * spent:.0f} ms"
+
+
+def ended(seed, scene):
+    """A session that ends by itself, at P > 0.99 and 1 mm at 95 %: is it right, is it inside?"""
+    targets, rng = twenty(), np.random.default_rng((seed, scene))
+    start = rough(targets, PLACE)
+    k, T = drawn_truth(start, rng)
+    session = new_session(start, LASER, seed=scene, tolerance=TOLERANCE, most=40)
+    end = sense(session, targets[k], T, rng)
+    return {
+        "readings": session.count, "reached": end.reached, "said": session.steps[-1].within,
+        "right": int(np.argmax(session.belief.of_parts())) == k, "inside": bool(off(session, k, T) <= TOLERANCE),
+    }  # fmt: skip
+
+
+def stops(scenes, seed, keep, processes):
+    """Sessions that end by themselves."""
+    rows = run_cases(ended, [(seed, scene) for scene in range(scenes)], keep, processes)
+    good = [row for row in rows if row["reached"]]
+    right, inside, said = (np.mean([row[key] for row in good]) for key in ("right", "inside", "said"))
+    cells = (
+        f"{len(good)}/{scenes}", f"{np.median([row['readings'] for row in rows]):.0f}",
+        f"{sum(row['right'] for row in good)}/{len(good)} ({right:.3f})",
+        f"{inside:.3f} ± {np.sqrt(0.05 * 0.95 / max(len(good), 1)):.3f}", f"{said:.3f}",
+    )  # fmt: skip
+    text = f"{scenes} scenes of {len(twenty())} parts, laser 0.3 mm, ends at P > 0.99 and 1 mm at 95 %, seed {seed}."
+    return Table(
+        "Do sessions end rightly?", text, ("ended", "median readings", "right part", "inside", "said"), [cells]
+    )
+
+
+def told(seed, number):
+    """One random sequence: as asked, wrong, free, late, repeated, not finite; how many were told, and what broke."""
+    targets, rng = three(), np.random.default_rng((seed, number))
+    start = rough(targets)
+    k, T = drawn_truth(start, rng)
+    session, broke = new_session(start, seed=number, policy="random", tolerance=1e-6, most=1000, least_gain=0.0), ""
+    try:
+        tell_anything(session, targets[k], T, rng, int(rng.integers(1, 7)))
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is counted and shown
+        broke = f"sequence {number}: {type(error).__name__}: {error}"
+    return {"tells": len(session.steps), "broke": broke}
+
+
+def tells(sequences, seed, keep, processes):
+    """Random sequences of anything that can be told; each tell must leave a valid belief."""
+    rows = run_cases(told, [(seed, number) for number in range(sequences)], keep, processes)
+    broken = [row["broke"] for row in rows if row["broke"]]
+    print(*broken, sep="\n", file=sys.stderr)
+    text = "Weights sum to one, covariances are positive, nothing is raised but for what is not finite."
+    cells = tuple(map(str, (sequences, sum(row["tells"] for row in rows), len(broken))))
+    return Table("Random sequences of tell", text, ("sequences", "tells", "broken"), [cells])
