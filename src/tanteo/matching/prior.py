@@ -102,6 +102,28 @@ def prior_rows(
     return np.concatenate(r, axis=1), np.concatenate(J, axis=1)
 
 
+def add_prior(
+    prior: PosePrior | None, part: Part, Ts: Transforms, A: FloatArray, b: FloatArray, rows: IntArray | None = None
+) -> FloatArray:
+    """Add what is known of some poses to their normal equations, in place; its log likelihood ``(S,)``.
+
+    Args:
+        prior: what is known.
+        part: the part.
+        Ts: poses ``(S, 4, 4)``.
+        A: information, that on the pose first ``(S, 6 + D, 6 + D)``.
+        b: gradient ``(S, 6 + D)``.
+        rows: as for :func:`prior_rows`.
+    """
+    if prior is None:
+        return np.zeros(len(Ts))
+    r, J = prior_rows(prior, part, Ts, rows)
+    Jt = np.swapaxes(J, 1, 2)
+    A[:, :6, :6] += Jt @ J
+    b[:, :6] -= (Jt @ r[..., None])[..., 0]
+    return np.asarray(-0.5 * np.sum(r * r, axis=1))
+
+
 def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
     """Height of the part's lowest point over the table ``(S,)`` and its derivative by the pose ``(S, 6)``."""
     n = table.normal @ Ts[:, :3, :3]  # the table's normal in the part

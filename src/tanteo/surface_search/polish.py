@@ -8,10 +8,11 @@ import numpy as np
 
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
-from tanteo.matching.prior import prior_rows
+from tanteo.matching.prior import add_prior
 from tanteo.matching.verdict import without_spins
 from tanteo.surface_search.likelihood import explain, log_beside_readings, log_free_paths, normal_equations
 from tanteo.surface_search.refine import moved
+from tanteo.surface_search.shared_start import start_of
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray, IntArray, Transforms
@@ -86,7 +87,7 @@ def polish(
     at = explain(touches, Ts, z, target, priors)
     log = at.log + log_beside_readings(free, Ts, z, target, priors)
     A, b = normal_equations(touches, at, z)
-    _add_prior(priors, target, Ts, A, b)
+    add_prior(priors.pose, target.part, Ts, A, b)
     if z.shape[1]:
         log = log - 0.5 * np.linalg.slogdet(A[:, 6:, 6:])[1]
     information = pose_information(A)
@@ -132,11 +133,11 @@ def _climb(
         at = explain(touches, Ts, z, target, priors)
         A, b = normal_equations(touches, at, z)
         log = at.log - 0.5 * np.sum(z * z, axis=1)
-        log += _add_prior(priors, target, Ts, A, b, rows)
+        log += add_prior(priors.pose, target.part, Ts, A, b, rows)
         return log + log_free_paths(free, Ts, target, priors), A, b
 
-    Ts, z = np.array(Ts), np.zeros((len(Ts), touches.gains.shape[-1]))
-    active = np.arange(len(Ts))
+    Ts, z = start_of(touches, Ts, target, priors)
+    Ts, z, active = np.array(Ts), np.array(z), np.arange(len(Ts))
     log, A, b = look(Ts, z, active)
     damping = np.full(len(Ts), _LEAST_DAMPING)
     for k in range(iterations):
@@ -154,19 +155,6 @@ def _climb(
         if not len(active):
             break
     return Ts, z
-
-
-def _add_prior(
-    priors: Priors, target: Target, Ts: Transforms, A: FloatArray, b: FloatArray, rows: IntArray | None = None
-) -> FloatArray:
-    """Add what is known of some of the poses to their normal equations, in place; its log likelihood ``(S,)``."""
-    if priors.pose is None:
-        return np.zeros(len(Ts))
-    r, J = prior_rows(priors.pose, target.part, Ts, rows)
-    Jt = np.swapaxes(J, 1, 2)
-    A[:, :6, :6] += Jt @ J
-    b[:, :6] -= (Jt @ r[..., None])[..., 0]
-    return np.asarray(-0.5 * np.sum(r * r, axis=1))
 
 
 def _solve(A: FloatArray, b: FloatArray, damping: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ def refine(
             pull = np.swapaxes(J0, 1, 2) / scale**2
             A, b = A + pull @ J0, b - (pull @ r0[..., None])[..., 0]
             cost += np.log1p((r0 / scale) ** 2).sum(axis=1, keepdims=True) * scale**2 / r.shape[1]
-        step = _damped(A, b)
+        step = damped(A, b)
         Ts = moved(Ts, step)
     return Ts, cost
 
@@ -89,7 +89,7 @@ def _along(touches: Touches, Ts: Transforms, g: Vectors) -> FloatArray:
     return np.asarray(np.sum((world[:, :, None] @ touches.covs)[:, :, 0] * world, axis=-1))
 
 
-def _damped(A: FloatArray, b: FloatArray) -> FloatArray:
+def damped(A: FloatArray, b: FloatArray) -> FloatArray:
     """Levenberg-Marquardt steps with a little damping, at most a fifth of a radian each."""
     A = np.array(A)
     d = np.einsum("sii->si", A)  # a view

@@ -13,6 +13,7 @@ from tanteo.matching.prior import in_box, prior_rows, prior_starts
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.polish import HOPELESS, Polished, polish
 from tanteo.surface_search.refine import Known, refine
+from tanteo.surface_search.shared_start import bend
 from tanteo.surface_search.starts import (
     bases,
     cells,
@@ -177,7 +178,7 @@ def first_poses(
         Poses ``(P, 4, 4)``, and the group of each ``(P,)``.
     """
     sd, step = float(np.median(touches.sd)), GRID_SD * target.field.step
-    wide = float(np.hypot(sd, target.spacing))
+    wide = float(np.linalg.norm([sd, target.spacing, bend(touches) * sd]))
     start = wide / np.hypot(sd, step)
     kept = [Ts[_scored(touches, Ts, target, effort, wide, start, known)] for Ts in raw]
     origin = np.repeat(np.arange(len(kept)), [len(Ts) for Ts in kept])
@@ -229,6 +230,10 @@ def _turned_over(touches: Touches, maxima: Polished, target: Target) -> tuple[Tr
 
 
 def _narrowing(touches: Touches, target: Target) -> FloatArray:
-    """Scales of the exact steps: from the error that the grid leaves down to the noise, halved or so at each."""
-    start = max(5.0, GRID_SD * target.field.step / float(np.median(touches.sd)))
-    return np.geomspace(start, 3.0, max(3, int(np.ceil(np.log2(start / 3.0))) + 1))
+    """Scales of the exact steps: from the error that the grid leaves down to the noise, halved or so at each.
+
+    Not below what shared errors do to the readings, which settle later.
+    """
+    end = max(3.0, bend(touches))
+    start = max(5 / 3 * end, GRID_SD * target.field.step / float(np.median(touches.sd)))
+    return np.geomspace(start, end, max(3, int(np.ceil(np.log2(start / end))) + 1))

@@ -1,0 +1,77 @@
+"""Where a climb starts in the errors that readings share, if these are large beside the noise.
+
+With no shared error every reading is then far off the right pose, looks astray, and says nothing of the error. So
+pose and shared errors first settle together while readings lose their weight slowly: from as far off as the shared
+errors may put them, down to the noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.lie import SO3
+from tanteo.matching.evidence import Priors
+from tanteo.matching.prior import add_prior
+from tanteo.surface_search.refine import damped, moved
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import Touches
+from tanteo.typing import FloatArray, Transforms
+
+_HARMLESS = 1.0
+"""Shared errors that put no reading farther off than this many standard deviations of its noise need no start."""
+
+_FAR, _NEAR = 2.0, 3.0
+"""Readings keep half their weight up to this many times the shared errors at first; up to this many sd at last."""
+
+
+def bend(touches: Touches) -> float:
+    """How far shared errors put a reading off, in standard deviations of its noise: the largest, root mean square.
+
+    Only as far as they bend the readings among themselves; what moves all of them as a whole the pose takes up.
+    """
+    if not touches.gains.shape[-1] or not len(touches):
+        return 0.0
+    x = touches.points - touches.points.mean(axis=0)
+    length = max(float(np.linalg.norm(x, axis=1).max()), 1e-12)
+    motions = np.concatenate([np.broadcast_to(np.eye(3), (len(x), 3, 3)), SO3.hat(x) / length], axis=2).reshape(-1, 6)
+    gains = touches.gains.reshape(len(motions), -1)
+    apart = gains - motions @ np.linalg.lstsq(motions, gains, rcond=1e-9)[0]
+    off = np.sqrt(np.sum(apart.reshape(len(x), -1) ** 2, axis=1))
+    return float((off / touches.sd).max())
+
+
+def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -> tuple[Transforms, FloatArray]:
+    """Poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)`` to climb from.
+
+    Args:
+        touches: the readings.
+        Ts: poses near maxima, up to the shared errors ``(S, 4, 4)``.
+        target: the part.
+        priors: what is known of the pose: of each, if it says so.
+    """
+    D = touches.gains.shape[-1]
+    z, far = np.zeros((len(Ts), D)), _FAR * bend(touches)
+    if far <= _FAR * _HARMLESS or not len(Ts):
+        return Ts, z
+    for scale in np.geomspace(max(far, _NEAR), _NEAR, 3 + int(np.ceil(np.log2(max(far / _NEAR, 1.0))))):
+        r, J = _residuals(touches, Ts, z, target)
+        w = 1 / (1 + (r / scale) ** 2)
+        JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
+        A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
+        A[:, 6:, 6:] += np.eye(D)
+        b[:, 6:] -= z
+        add_prior(priors.pose, target.part, Ts, A, b)
+        step = damped(A, b)
+        Ts, z = moved(Ts, step[:, :6]), z + step[:, 6:]
+    return Ts, z
+
+
+def _residuals(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> tuple[FloatArray, FloatArray]:
+    """Distances in standard deviations ``(S, n)`` and derivatives by pose and shared errors ``(S, n, 6 + D)``."""
+    R = Ts[:, :3, :3]
+    p = (touches.points + np.einsum("nid,sd->sni", touches.gains, z) - Ts[:, None, :3, 3]) @ R
+    phi, g = target.distance(p)
+    world = g @ np.swapaxes(R, 1, 2)
+    s = 1 / np.sqrt(np.einsum("sni,nij,snj->sn", world, touches.covs, world))
+    J = np.concatenate([-g, SO3.cross(g, p), np.einsum("sni,nid->snd", world, touches.gains)], axis=-1)
+    return (phi - touches.radii) * s, J * s[..., None]
