@@ -59,6 +59,24 @@ def test_the_spread_is_as_stated(noise, contrast):
     assert 0.8 - 3 * spread < squares / count < 1.2 + 3 * spread
 
 
+@pytest.mark.parametrize("gap", [4.0, 4.5, 5.0])
+def test_an_edge_that_a_neighbour_pulls_aside_drifts_and_one_that_stands_alone_does_not(gap):
+    alone, n = step_image(0.3, 0.2)
+    beside = alone + 0.6 * (step_image(0.3, 0.2 + gap)[0] - 90)
+    for image, pulled in ((alone, False), (beside, True)):
+        edges = find_edges(image)
+        inner = np.all((edges.pixels > 8) & (edges.pixels < 88), axis=1)
+        off = (edges.pixels[inner] - 48) @ n - 0.2
+        own = np.abs(off) < 1.5
+        off, drifts = np.abs(off[own]), edges.drifts[inner][own]
+        assert len(off) > 60
+        if pulled:
+            assert np.median(drifts) > 2 * np.median(off)
+            assert np.median(off) > 0.002
+        else:
+            assert drifts.max() < 0.02
+
+
 def test_the_mean_along_an_edge_errs_as_the_correlation_length_says():
     rng, noise, z = np.random.default_rng(6), 4.0, []
     for _ in range(150):

@@ -14,14 +14,11 @@ from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, project_linearised
 from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of
-from tanteo.vision.edges import CORRELATION, FLOOR
+from tanteo.vision.edges import CORRELATION
 from tanteo.vision.wireframe import Seen, Wireframe, in_camera, see_edges
 
 BIAS = 0.1
 """Standard deviation of what moves a whole edge: shading, blur, wear [px]."""
-
-OWN = 4.0
-"""An edge point farther off than this many standard deviations is not the edge's own."""
 
 REACHES = (12.0, 9.0, 7.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.2, 1.0)
 """How far off an edge point may be to be taken for the sample's own, round by round [px]."""
@@ -151,30 +148,3 @@ def _normal_equations(met: Met, reach: float) -> tuple[FloatArray, FloatArray]:
     w = robust * met.spans / CORRELATION / sd2
     JW = np.swapaxes(met.jacobian, -1, -2) * w[..., None, :]
     return JW @ met.jacobian, (JW @ met.offsets[..., None])[..., 0]
-
-
-def information(frame: Wireframe, met: Met) -> tuple[FloatArray, float, float]:
-    """What the met edge points say about one pose, with the error that each edge has in common.
-
-    Neighbours share noise over a correlation length, and all points of one edge share its bias: with noise weights
-    ``W`` the inverse of ``W^-1 + bias^2 1 1'`` by Woodbury.
-
-    Args:
-        frame: of the part.
-        met: at the pose, no batch axes.
-
-    Returns:
-        Information on the pose ``(6, 6)``, chi-square of the offsets, and its equations (independent offsets).
-    """
-    # what is farther off than an edge's own errors is another edge: a shadow, a neighbour, a thing in the way
-    use = met.hits & (np.abs(met.offsets) < OWN * np.hypot(met.sds, BIAS))
-    w = np.where(use, np.minimum(met.spans / CORRELATION, 1.0) / (met.sds**2 + FLOOR**2), 0.0)
-    J, d = met.jacobian, met.offsets
-    A, chi2 = (J.T * w) @ J, float(w @ d**2)
-    for group in np.unique(frame.groups[use]):
-        k = use & (frame.groups == group)
-        total, JW1, dW1 = w[k].sum(), J[k].T @ w[k], float(w[k] @ d[k])
-        shared = 1.0 / (1.0 / BIAS**2 + total)
-        A -= shared * np.outer(JW1, JW1)
-        chi2 -= float(shared) * dW1**2
-    return A, chi2, float(np.minimum(met.spans[use] / CORRELATION, 1.0).sum())

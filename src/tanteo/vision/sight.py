@@ -21,12 +21,12 @@ from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edge_map import EdgeMap, map_edges
 from tanteo.vision.edges import EdgePoints, find_edges
-from tanteo.vision.evidence import REACH
-from tanteo.vision.fit import BIAS, Met, information, meet, refine
+from tanteo.vision.fit import BIAS, Met, refine
 from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import like_outline
 from tanteo.vision.question import Question, ask
 from tanteo.vision.regions import Region, find_regions
+from tanteo.vision.settle import Settled, settle
 from tanteo.vision.table import TableErrors, lying_information, seen_table
 
 POSSIBLE = 0.01
@@ -163,8 +163,9 @@ def _sighting(
         start = lie_down(mode.model, np.array([mode.rest]), mode.T_camera_part[None], T_camera_table)
         prior = lying_information(SE3.inverse(T_camera_table) @ start, mode.model.part.centroid, table)
         T = refine(mode.model.frame, camera, edges, start, prior=prior, reaches=_LAST)[0]
-        modes.append(replace(mode, T_camera_part=T))
-        hypotheses.append(hypothesis(modes[-1], camera.T_world_camera, camera, edges, prior[0]))
+        settled = settle(mode.model, camera, edges, T, start=start[0], prior=prior[0])
+        modes.append(replace(mode, T_camera_part=settled.T_camera_part))
+        hypotheses.append(hypothesis(modes[-1], camera.T_world_camera, camera, settled, lying=True))
     status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
     question = _question(modes, T_world_table, camera.T_world_camera)
     if status == "ambiguous" and question is not None:
@@ -179,25 +180,23 @@ def _both(question: Question) -> str:
 
 
 def hypothesis(
-    mode: Mode, T_world_camera: Transforms, camera: Camera, edges: EdgeMap, prior: FloatArray | None = None
+    mode: Mode, T_world_camera: Transforms, camera: Camera, settled: Settled, *, lying: bool = False
 ) -> Hypothesis:
     """The answer that a mode is: pose and covariance in the world, what stays free, how well its edges fit.
 
     Args:
-        mode: refined.
+        mode: at the pose that its edges agree on.
         T_world_camera: where the camera stands.
         camera: that took the image.
-        edges: of the image.
-        prior: what the table says about the pose ``(6, 6)``; none if not given.
+        settled: what the edges say there.
+        lying: whether the table has a say in that: three equations more.
     """
-    part, frame = mode.model.part, mode.model.frame
-    met = clear_edges(mode.model, meet(frame, camera, edges, mode.T_camera_part, REACH))
-    A, chi2, equations = information(frame, met)
-    A = without_spins(part, A + (0.0 if prior is None else prior))
-    dof = max(round(equations) - 6 + (3 if prior is not None else 0), 1)
+    part = mode.model.part
+    A = without_spins(part, settled.information)
+    dof = max(round(settled.equations) - (3 if lying else 6), 1)
     weak = weak_motions(A, part.diagonal, fixed=spins(part))
     T = T_world_camera @ mode.T_camera_part
-    covariance = covariance_with_free(A, weak, part.diagonal) * max(1.0, chi2 / dof)
+    covariance = covariance_with_free(A, weak, part.diagonal) * max(1.0, settled.chi2 / dof)
     if camera.covariance is not None:
         Ad = SE3.adjoint_inverse(mode.T_camera_part)
         covariance = covariance + Ad @ camera.covariance @ Ad.T
@@ -207,27 +206,10 @@ def hypothesis(
         covariance,
         free=weak,
         probability=mode.probability,
-        chi2=chi2,
+        chi2=settled.chi2,
         dof=dof,
-        rms=_rms(met, camera, mode.T_camera_part, part),
+        rms=_rms(settled.met, camera, mode.T_camera_part, part),
     )
-
-
-def clear_edges(model: VisionModel, met: Met, gap: float = 4.0) -> Met:
-    """Only those edges met at one pose that have no other edge of the part within ``gap`` px, which would pull them."""
-    from scipy.spatial import cKDTree
-
-    shown = np.flatnonzero(met.inside)
-    if not len(shown):
-        return met
-    pairs = cKDTree(met.pixels[shown]).query_pairs(gap, output_type="ndarray")
-    groups = model.frame.groups[shown]
-    turned = np.abs(np.sum(met.normals[shown[pairs[:, 0]]] * met.normals[shown[pairs[:, 1]]], axis=1)) < 0.95
-    other = pairs[(groups[pairs[:, 0]] != groups[pairs[:, 1]]) | turned]
-    crowded = np.zeros(len(met.inside), dtype=np.bool_)
-    crowded[shown[other.ravel()]] = True
-    hits = met.hits & ~crowded
-    return replace(met, hits=hits, offsets=np.where(hits, met.offsets, 0.0))
 
 
 def _rms(met: Met, camera: Camera, T_camera_part: Transforms, part: Part) -> float:

@@ -28,6 +28,7 @@ from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.models import VisionModel
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
 from tanteo.vision.segments import find_corners, find_segments
+from tanteo.vision.settle import settle
 from tanteo.vision.sight import Sight, Sighting, check_sight, hypothesis
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
@@ -70,8 +71,9 @@ def see_anywhere(
     modes, hypotheses = [], []
     for mode in belief.modes[:top]:
         T = refine(mode.model.frame, camera, edges, mode.T_camera_part[None], reaches=_LAST)[0]
-        modes.append(replace(mode, T_camera_part=T))
-        hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, edges))
+        settled = settle(mode.model, camera, edges, T)
+        modes.append(replace(mode, T_camera_part=settled.T_camera_part))
+        hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
     status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
     recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
     objects = (Sighting(recognition, tuple(modes), None, None),) if modes else ()

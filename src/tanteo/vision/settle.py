@@ -1,0 +1,232 @@
+"""The pose that a part's edges agree on, when any of them may have met an edge that is another's.
+
+Three errors of an edge point are told apart. Noise is its own. Neighbours in the image (a shadow's border, a second
+edge of the part) pull it aside; how much is seen by how far it moves when the image is smoothed more
+(:attr:`EdgePoints.drifts`). And all that an edge of the part met may belong to something else: to the border of the
+shadow that runs beside it, to a thing in the way. Which did is not known, so the pose is the mean of a mixture over the
+possible choices, with the covariance of the whole (Gaussian sum, Alspach and Sorenson 1972).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.lie import SE3
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.vision.camera import Camera
+from tanteo.vision.edge_map import EdgeMap
+from tanteo.vision.edges import CORRELATION, FLOOR
+from tanteo.vision.fit import Met, meet
+from tanteo.vision.models import VisionModel
+from tanteo.vision.wireframe import see_edges
+
+OWN, PULLED = 0.05, 0.4
+"""What misplaces an edge point besides noise: standard deviation where it stands alone [px], and for each pixel that it
+drifts. Half of its variance is common to the edge, half the point's own."""
+
+WRONG = 0.15
+"""Probability that what an edge of the part meets is another's."""
+
+FAR, ROUGH = 1.0, 0.2
+"""Such an edge: standard deviation of its distance, and of its points about that [px]."""
+
+REACH = 1.5
+"""An edge point farther off than this is not looked at [px]."""
+
+_TOGETHER = 0.1
+"""Points of one edge are within four standard deviations of their median, of these and their own errors [px]."""
+
+_ROUNDS = 5
+_HOLD = 1.0
+"""Information that keeps a step small along what nothing observes [1/diagonals, 1/rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Settled:
+    """A pose on which edges agree.
+
+    Attributes:
+        T_camera_part: mean ``(4, 4)``.
+        information: of the pose, right, with that of the prior: inverse of the mixture's covariance ``(6, 6)``.
+        chi2: of the offsets under the most probable choice.
+        equations: how many independent offsets there are.
+        met: what the edges met there.
+    """
+
+    T_camera_part: Transforms
+    information: FloatArray
+    chi2: float
+    equations: float
+    met: Met
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Terms:
+    """What each edge says about the pose, if it is the part's own (first) and if it is another's (second).
+
+    Attributes:
+        A: information ``(G, 2, 6, 6)``.
+        g: its gradient ``(G, 2, 6)``.
+        chi2: of the offsets ``(G, 2)``.
+        log: log density of the offsets at the present pose ``(G, 2)``, with the probability of the case.
+    """
+
+    A: FloatArray
+    g: FloatArray
+    chi2: FloatArray
+    log: FloatArray
+
+
+def settle(
+    model: VisionModel,
+    camera: Camera,
+    edges: EdgeMap,
+    T_camera_part: Transforms,
+    *,
+    start: Transforms | None = None,
+    prior: FloatArray | None = None,
+) -> Settled:
+    """Mean and information of the pose near one at which the edges about meet.
+
+    Args:
+        model: of the part.
+        camera: that took the image.
+        edges: of the image.
+        T_camera_part: refined pose ``(4, 4)``.
+        start: where the prior puts the part; where it is now if not given.
+        prior: information on ``Log(T_start^-1 T)`` ``(6, 6)``; none if not given.
+    """
+    frame, T = model.frame, np.asarray(T_camera_part)
+    start = T if start is None else start
+    prior = np.zeros((6, 6)) if prior is None else prior
+    scale = np.r_[np.full(3, frame.diagonal), np.ones(3)]
+    hold = np.diag(_HOLD / scale**2)
+    seen = see_edges(frame, T)
+    for _ in range(_ROUNDS):
+        met = own_points(clear_edges(model, meet(frame, camera, edges, T, REACH, seen)), frame.groups, edges)
+        terms = terms_of(met, frame.groups, _misplaced(met, edges))
+        pull = -prior @ SE3.log(SE3.inverse(start) @ T)
+        mean, covariance, wrong = mixture(terms, prior + hold, pull)
+        T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(mean / scale)), 1e-12)))
+    chi2 = float(terms.chi2[np.arange(len(wrong)), wrong.astype(np.int64)].sum())
+    scaled = np.linalg.inv(covariance / np.outer(scale, scale)) / np.outer(scale, scale)
+    shares = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
+    return Settled(T, 0.5 * (scaled + scaled.T) - hold, chi2, float(shares.sum()), met)
+
+
+def _misplaced(met: Met, edges: EdgeMap) -> FloatArray:
+    """Standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px]."""
+    drifts = edges.points.drifts[met.points] if len(edges.points) else np.zeros(met.points.shape)
+    return np.asarray(np.hypot(OWN, PULLED * drifts))
+
+
+def clear_edges(model: VisionModel, met: Met, gap: float = 4.0) -> Met:
+    """Only those edges met at one pose that have no other edge of the part within ``gap`` px, which would pull them."""
+    from scipy.spatial import cKDTree
+
+    shown = np.flatnonzero(met.inside)
+    if not len(shown):
+        return met
+    pairs = cKDTree(met.pixels[shown]).query_pairs(gap, output_type="ndarray")
+    groups = model.frame.groups[shown]
+    turned = np.abs(np.sum(met.normals[shown[pairs[:, 0]]] * met.normals[shown[pairs[:, 1]]], axis=1)) < 0.95
+    other = pairs[(groups[pairs[:, 0]] != groups[pairs[:, 1]]) | turned]
+    crowded = np.zeros(len(met.inside), dtype=np.bool_)
+    crowded[shown[other.ravel()]] = True
+    return _only(met, met.hits & ~crowded)
+
+
+def own_points(met: Met, groups: IntArray, edges: EdgeMap) -> Met:
+    """Only those edge points met at one pose that run with the rest of their edge."""
+    sd = np.sqrt(met.sds**2 + _misplaced(met, edges) ** 2 + _TOGETHER**2)
+    hits = met.hits.copy()
+    for group in np.unique(groups[hits]):
+        k = met.hits & (groups == group)
+        hits[k] = np.abs(met.offsets[k] - np.median(met.offsets[k])) < 4 * sd[k]
+    return _only(met, hits)
+
+
+def _only(met: Met, hits: BoolArray) -> Met:
+    return replace(met, hits=hits, offsets=np.where(hits, met.offsets, 0.0))
+
+
+def terms_of(met: Met, groups: IntArray, misplaced: FloatArray) -> Terms:
+    """What each edge says.
+
+    Noise is one draw over a correlation length; with independent variances ``W^-1`` and a common error of deviations
+    ``b`` the inverse of ``W^-1 + b b'`` is by Woodbury.
+
+    Args:
+        met: at one pose, no batch axes.
+        groups: which edge each sample belongs to ``(N,)``.
+        misplaced: standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px].
+    """
+    names, which = np.unique(groups[met.hits], return_inverse=True)
+    J, d = met.jacobian[met.hits], met.offsets[met.hits]
+    share = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
+    half = 0.5 * misplaced[met.hits] ** 2
+    noise = met.sds[met.hits] ** 2 + FLOOR**2 + half
+    rows = np.concatenate([J, d[:, None]], axis=1)
+    cases = []
+    for common, more, probability in ((half, 0.0, 1 - WRONG), (half + FAR**2, ROUGH**2, WRONG)):
+        variance, b = (noise + more) / share, np.sqrt(common)
+        w = 1 / variance
+        outer = np.zeros((len(names), 7, 7))
+        np.add.at(outer, which, w[:, None, None] * rows[:, :, None] * rows[:, None, :])
+        along = np.zeros((len(names), 7))
+        np.add.at(along, which, (w * b)[:, None] * rows)
+        total = 1 + np.bincount(which, weights=w * b * b, minlength=len(names))
+        outer -= along[:, :, None] * along[:, None, :] / total[:, None, None]
+        spread = np.bincount(which, weights=np.log(variance), minlength=len(names)) + np.log(total)
+        log = np.log(probability) - 0.5 * (outer[:, 6, 6] + spread)
+        cases.append((outer[:, :6, :6], outer[:, :6, 6], outer[:, 6, 6], log))
+    return Terms(*(np.stack(column, axis=1) for column in zip(*cases, strict=True)))
+
+
+def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Mean and covariance of a step ``xi`` over the choices of edges that are another's.
+
+    The most probable choice is climbed to edge by edge; it and all that differ from it in one or two edges are summed.
+
+    Args:
+        terms: of the edges.
+        A: information beforehand ``(6, 6)``, of full rank.
+        g: its gradient ``(6,)``.
+
+    Returns:
+        Mean ``(6,)``, covariance ``(6, 6)``, and which edges are another's in the most probable choice ``(G,)``.
+    """
+    count = len(terms.log)
+    one = np.eye(count, dtype=np.bool_)
+    first, second = np.triu_indices(count, 1)
+    two = one[first] | one[second]
+    wrong = np.zeros((1, count), dtype=np.bool_)
+    while True:
+        near = np.concatenate([wrong, wrong ^ one])
+        best = int(np.argmax(_weighed(terms, A, g, near)[0]))
+        if best == 0:
+            break
+        wrong = near[best : best + 1]
+    log, means, covariances = _weighed(terms, A, g, np.concatenate([near, wrong ^ two]))
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    mean = weight @ means
+    off = means - mean
+    spread = np.einsum("m,mi,mj->ij", weight, off, off)
+    return mean, np.einsum("m,mij->ij", weight, covariances) + spread, wrong[0]
+
+
+def _weighed(terms: Terms, A: FloatArray, g: FloatArray, wrong: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log weights ``(m,)``, means ``(m, 6)`` and covariances ``(m, 6, 6)`` of choices ``(m, G)``."""
+    chosen = np.stack([~wrong, wrong], axis=-1).astype(np.float64)
+    A = A + np.einsum("mgc,gcij->mij", chosen, terms.A)
+    g = g + np.einsum("mgc,gci->mi", chosen, terms.g)
+    scale = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    scaled = A / (scale[:, :, None] * scale[:, None, :])
+    covariance = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
+    mean = (covariance @ g[..., None])[..., 0]
+    volume = np.linalg.slogdet(scaled)[1] + 2 * np.log(scale).sum(axis=-1)
+    log = np.einsum("mgc,gc->m", chosen, terms.log) - 0.5 * volume + 0.5 * np.sum(g * mean, axis=-1)
+    return log, mean, covariance
