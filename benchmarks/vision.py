@@ -1,9 +1,12 @@
 """Parts on a table as a camera sees them, part of each hidden: ``python benchmarks/vision.py [parts images share]``.
 
+``--keep FILE`` and ``--processes N`` are for long ones (``campaign.py``).
+
 The parts are the twelve of ``examples/parts`` and random workpieces; of each, so many rendered images
 (``tanteo.vision.rendering``: shading, cast shadows, blur, noise) with a plate in the way that hides a share of it, 0.3
-if not given. Every tenth image is of a part that is not among them. Printed: how often the true part is among the
-first answers, how often the probabilities are right, and the normalised squared error of position and yaw.
+if not given. Every tenth image is of a part that is not among them. The table is told with errors that are drawn from
+those stated for it. Printed: how often the true part is among the first answers, how often the probabilities are
+right, and the normalised squared error of position and yaw.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,12 +23,13 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from campaign import options, run_cases
 from common import Table
 
 from random_parts import random_part
 from tanteo.catalogue import read_parts
 from tanteo.lie import SE3
-from tanteo.vision import prepare_vision, see_table
+from tanteo.vision import TableErrors, prepare_vision, see_table
 from tanteo.vision.silhouettes import silhouette
 from vision_scenes import random_shot
 
@@ -37,8 +42,14 @@ TOLD = 0.95
 """Probability from which the pose counts as claimed."""
 
 
-def models_of(count, folder):
-    """The example parts, then random ones, then as many strangers."""
+@cache
+def models_of(count):
+    """The example parts, then random ones; and strangers."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _models(count, folder)
+
+
+def _models(count, folder):
     parts = list(read_parts([Path(__file__).parents[1] / "examples" / "parts"]).parts)[:count]
     rng = np.random.default_rng(SEED)
     parts += [random_part(Path(folder, f"random{k}.off"), rng) for k in range(count - len(parts))]
@@ -69,13 +80,24 @@ def in_camera(shot):
     return SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
 
 
-def look(models, strangers, k, image, hidden):
+def told_table(shot, model, rng):
+    """The table as it is told: too high and tilted about the part by errors as stated."""
+    errors = TableErrors()
+    about = SE3.apply(shot.T_world_part, model.part.centroid) * [1, 1, 0]
+    place = SE3.from_parts(np.eye(3), about)
+    step = np.r_[0, 0, rng.normal(0, errors.height), rng.normal(0, errors.tilt, 2), 0]
+    return place @ SE3.exp(step) @ SE3.inverse(place)
+
+
+def look(count, k, image, hidden):
     """One image: rank of the true part, what was claimed and whether it was right, pose error, time."""
+    models, strangers = models_of(count)
     rng = np.random.default_rng([SEED, k, image])
     stranger = strangers[int(rng.integers(len(strangers)))] if rng.uniform() < STRANGERS else None
     shot = random_shot([models[k]], rng, hidden, stranger)
+    T_world_table = told_table(shot, stranger or models[k], rng)
     start = time.process_time()
-    sight = see_table(shot.image, shot.camera, models, top=20)
+    sight = see_table(shot.image, shot.camera, models, T_world_table=T_world_table, top=20)
     spent = time.process_time() - start
     if not sight.objects:
         return None
@@ -131,16 +153,12 @@ def report(rows, hidden):
 
 
 def main():
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    images = int(sys.argv[2]) if len(sys.argv) > 2 else 50
-    hidden = float(sys.argv[3]) if len(sys.argv) > 3 else 0.3
-    rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        models, strangers = models_of(count, folder)
-    for k in range(count):
-        for image in range(images):
-            row = look(models, strangers, k, image, hidden)
-            rows += [row] if row is not None else []
+    arguments, keep, processes = options(sys.argv[1:])
+    count = int(arguments[0]) if arguments else 20
+    images = int(arguments[1]) if len(arguments) > 1 else 50
+    hidden = float(arguments[2]) if len(arguments) > 2 else 0.3
+    cases = [(count, k, image, hidden) for image in range(images) for k in range(count)]
+    rows = [row for row in run_cases(look, cases, keep, processes) if row is not None]
     print(report(rows, hidden).markdown())
 
 
