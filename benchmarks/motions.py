@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from campaign import options, run_cases
 from common import Table
 
-from felt_scenes import PARTS, gripper, make_task, nees
+from felt_scenes import PARTS, gripper, is_meant, make_task, nees
 from tanteo.acquisition import sense_edge, sense_plane, sense_vertex
 from tanteo.motion import Rules
 from tanteo.simulator import Cell, SimulatedHand, clearances
@@ -52,6 +52,7 @@ def run_one(kind, seed, k, clamp=False):
     }  # fmt: skip
     if got.feature is not None:
         row["nees"], row["solid"], row["error"] = nees(task.scene, got.feature)
+        row["meant"] = is_meant(task.truth, got.feature)
     return row
 
 

@@ -41,13 +41,14 @@ SHORTEST = 0.05
 
 @dataclass(frozen=True)
 class Task:
-    """A scene, where the hand starts, the stand-off, and the idea that is wrong by as much as the start."""
+    """A scene, where the hand starts, the stand-off, an idea as wrong as the start, and the true one."""
 
     part: str
     scene: Scene
     T_world_hand: np.ndarray
     standoff: float
     idea: FaceIdea | EdgeIdea | CornerIdea
+    truth: FaceIdea | EdgeIdea | CornerIdea
     workspace: Workspace
     turned: float
     off: float
@@ -97,7 +98,7 @@ def _try(rng, kind, name, clamp):
     free = START_ROOM + 0.5 * standoff
     if not workspace.allows(hand.body, start, free) or clearances(scene, hand.body, start[None])[0] < free:
         return None
-    return Task(name, scene, start, standoff, idea(wrong), workspace, turned, off)
+    return Task(name, scene, start, standoff, idea(wrong), idea(np.eye(4)), workspace, turned, off)
 
 
 def _fixed(rng, part):
@@ -214,6 +215,28 @@ def _possible(rng, scene, hand, place, normal, standoff):
         if clearances(beside, hand.body, around).min() > 0.6 * standoff:
             return True
     return False
+
+
+def roof(bend, flat=0.06, slope=0.06, half=0.07):
+    """A flat top at z = 0 for y below 0, which falls away by a bend [rad] above it; its edge is the x axis."""
+    c, s = slope * np.cos(bend), slope * np.sin(bend)
+    section = [(-flat, 0.0), (0.0, 0.0), (c, -s), (c, -0.1), (-flat, -0.1)]
+    n = len(section)
+    vertices = np.array([[x, y, z] for x in (-half, half) for y, z in section])
+    ends = [t for k in range(1, n - 1) for t in ((k + 1, k, 0), (n + k, n + k + 1, n))]
+    sides = [t for a in range(n) for b in [(a + 1) % n] for t in ((b, b + n, a), (b + n, a + n, a))]
+    return Scene.of([Solid.at("roof", vertices, np.array(ends + sides), np.eye(4))])
+
+
+def is_meant(truth, feature):
+    """Whether a feature is the one of which the idea was: within 3 mm and 10 degrees of the true idea."""
+    T = feature.T_world_feature
+    away, cosine = truth.point - T[:3, 3], 1.0
+    if feature.kind.name == "plane":
+        away, cosine = (away @ T[:3, 2]) * T[:3, 2], T[:3, 2] @ truth.normal
+    elif feature.kind.name == "edge":
+        away, cosine = away - (away @ T[:3, 0]) * T[:3, 0], abs(T[:3, 0] @ truth.direction)
+    return bool(np.linalg.norm(away) < 3e-3 and cosine > np.cos(np.radians(10)))
 
 
 def nees(scene, feature):

@@ -6,6 +6,7 @@ than the clearance, and no part of the hand to the bounds of its workspace. This
 """
 
 from tanteo.motion.approaching import approach, retreat
+from tanteo.motion.bending import Bend
 from tanteo.motion.control import Loop
 from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
 from tanteo.motion.following import follow, settle
@@ -15,6 +16,7 @@ from tanteo.motion.steering import Rules, Steering
 from tanteo.motion.travelling import go_to
 
 __all__ = [
+    "Bend",
     "Crossing",
     "EdgeEvent",
     "Ending",

@@ -13,12 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.hand import FREE, LOST, MET, NEAR, Robot, Sensed, advance, gap, shift
+from tanteo.hand import MET, NEAR, Robot, Sensed, shift
+from tanteo.motion.bending import STEEP, Bend, bend_of
 from tanteo.motion.following import level
 from tanteo.motion.result import Ending, Motion
 from tanteo.motion.steering import Rules, Steering
+from tanteo.motion.track import Surface, Track
 from tanteo.sensors import error_model
-from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, Transforms, Vectors
 
 STRIDE = 0.01
 """Way of the hand from reading to reading during a crossing, as a share of the stand-off."""
@@ -34,9 +36,6 @@ _DROP = 0.15
 
 _BEYOND = 2e-3
 """How far beyond its spot a sensor goes before the edge counts as crossed [m]."""
-
-_DROPS = 3
-"""Readings past the surface that it takes to call its end an edge."""
 
 _WHOLE = 0.95
 """Share of the readings before the spot that must meet the surface; less, and the spot slides along another edge."""
@@ -73,33 +72,18 @@ class Crossing:
     Attributes:
         motion: How it ended: ``reached`` if at least one sensor crossed both ways.
         events: Of the sensors that crossed.
+        bends: Of those below which the surface bent away instead.
         seen: Their numbers.
     """
 
     motion: Motion
     events: tuple[EdgeEvent, ...]
+    bends: tuple[Bend, ...] = ()
 
     @property
     def seen(self) -> tuple[int, ...]:
         """Sensors that crossed, each once."""
         return tuple(dict.fromkeys(e.sensor for e in self.events))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Surface:
-    """What the frontal sensors read on the surface, and what counts as off it.
-
-    Attributes:
-        ranges: Of the two sensors [m]; NaN for one that was not over it at the start.
-        slack: A range that is longer by this has dropped off [m].
-        sds: Standard deviation of one reading [m].
-        spots: Radii of the cones there [m].
-    """
-
-    ranges: FloatArray
-    slack: FloatArray
-    sds: FloatArray
-    spots: FloatArray
 
 
 def cross_edge(
@@ -119,8 +103,8 @@ def cross_edge(
         spread: How far to go on after one sensor has crossed, for the other one [m].
 
     Returns:
-        Motion ``reached`` with the events of every sensor that crossed both ways; ``nothing`` within the reach;
-        ``lost`` if neither sensor is over the surface; ``limit``; ``timeout``.
+        Motion ``reached`` with the events of every sensor that crossed both ways; ``nothing`` within the reach, or
+        because the surface only bends; ``lost`` if neither sensor is over the surface; ``limit``; ``timeout``.
     """
     heading = level(direction)
     run = Steering("cross edge", robot, rules)
@@ -130,20 +114,48 @@ def cross_edge(
     speed = min(rules.speed, STRIDE * standoff / robot.period)
     out, trouble = _leave(run, heading * speed, surface, reach, spread)
     back = _come_back(run, -heading * speed, out[0]) if trouble != "timeout" else []
-    events: list[EdgeEvent] = []
-    for number, sensor in enumerate(run.hand.frontal):
-        both = [_event(sensor, number, leg, surface) for leg in (out, back[::-1])]
+    events, bends = list[EdgeEvent](), list[Bend]()
+    for number in np.flatnonzero(~np.isnan(surface.ranges)):
+        met = [_met(run, int(number), leg, surface) for leg in (out, back[::-1])]
+        bends += [m for m in met if isinstance(m, Bend)]
         # there and back belong together: a sensor that only left or only came has met something else
-        if both[0] is not None and both[1] is not None:
-            events += [both[0], replace(both[1], outwards=False)]
+        if isinstance(met[0], EdgeEvent) and isinstance(met[1], EdgeEvent):
+            events += [met[0], replace(met[1], outwards=False)]
     if events:
-        return Crossing(run.end("reached", f"{len(events)} events of {len(events) // 2} sensors"), tuple(events))
-    if trouble:
-        return Crossing(run.end(trouble), ())
-    return Crossing(run.end("nothing", f"the surface does not end within {1e3 * reach:.3g} mm"), ())
+        ended = run.end("reached", f"{len(events)} events of {len(events) // 2} sensors")
+    elif bends:
+        ended = run.end("nothing", f"the surface does not end, it bends away: {_how_far(bends)}")
+    elif trouble:
+        ended = run.end(trouble)
+    else:
+        ended = run.end("nothing", f"the surface does not end within {1e3 * reach:.3g} mm")
+    return Crossing(ended, tuple(events), tuple(bends))
 
 
-def _surface(run: Steering, standoff: float) -> _Surface:
+def _how_far(bends: list[Bend]) -> str:
+    angle = float(np.median([b.angle for b in bends]))
+    if angle >= STEEP:
+        return "too steeply for the sensors to answer"
+    return f"by about {math.degrees(angle):.0f} deg"
+
+
+def _met(run: Steering, number: int, leg: list[Sensed], surface: Surface) -> EdgeEvent | Bend | None:
+    """What one sensor met on a leg that begins over the surface."""
+    if len(leg) < 2 * _BESIDE:
+        return None
+    sensor = run.hand.frontal[number]
+    track = Track.of(leg, sensor, float(surface.ranges[number]), float(surface.slack[number]))
+    gap = 2 * float(surface.spots[number]) + 0.5 * _BEYOND
+    bend = bend_of(sensor, number, track, surface, gap)
+    if bend is not None:
+        return bend
+    last = track.last_on(gap)
+    if last is None or track.on[: last + 1].sum() < _BESIDE:
+        return None
+    return _event(sensor, number, track, surface, last)
+
+
+def _surface(run: Steering, standoff: float) -> Surface:
     """From a few readings at rest."""
     pair = list(run.hand.frontal)
     readings = [run.sensed.ranges[pair]]
@@ -158,17 +170,17 @@ def _surface(run: Steering, standoff: float) -> _Surface:
     every[pair] = np.where(met, ranges, standoff)
     sds = model.law.sigma(every)[pair]
     spots = np.tan(model.beam_half_angle[pair]) * every[pair]
-    return _Surface(ranges, np.maximum(_DROP * standoff, 6 * sds), sds, spots)
+    return Surface(ranges, np.maximum(_DROP * standoff, 6 * sds), sds, spots)
 
 
-def _dropped(surface: _Surface, sensed: Sensed, pair: tuple[int, int]) -> BoolArray:
+def _dropped(surface: Surface, sensed: Sensed, pair: tuple[int, int]) -> BoolArray:
     """Which of the two sensors look past the surface: to something farther, to nothing, or along a side face."""
     ranges, states = sensed.ranges[list(pair)], sensed.states[list(pair)]
     return np.asarray(np.where(states == MET, ranges > surface.ranges + surface.slack, states != NEAR))
 
 
 def _leave(
-    run: Steering, velocity: Vectors, surface: _Surface, reach: float, spread: float
+    run: Steering, velocity: Vectors, surface: Surface, reach: float, spread: float
 ) -> tuple[list[Sensed], Ending | None]:
     """Outwards until both sensors have been off the surface for more than their spots, or for long enough."""
     leg, pair = [run.sensed], run.hand.frontal
@@ -196,41 +208,25 @@ def _come_back(run: Steering, velocity: Vectors, first: Sensed) -> list[Sensed]:
         leg.append(run.sensed)
 
 
-def _event(sensor: int, number: int, leg: list[Sensed], surface: _Surface) -> EdgeEvent | None:
-    """Where one sensor passed the edge on a leg that begins over the surface; None if it did not, or met a wall."""
-    if np.isnan(surface.ranges[number]) or len(leg) < 2 * _BESIDE:
-        return None
-    ranges = np.array([s.ranges[sensor] for s in leg])
-    states = np.array([s.states[sensor] for s in leg])
-    places = np.array([s.T_world_hand[:3, 3] for s in leg])
-    ways = np.concatenate([[0.0], np.linalg.norm(np.diff(places, axis=0), axis=1).cumsum()])
-    far = surface.ranges[number] + surface.slack[number]
-    met = states == MET
-    on = met & (np.abs(ranges - surface.ranges[number]) < surface.slack[number])
-    dropped = np.where(met, ranges > far, states == FREE)
-    last = _last_on(on, dropped, states == LOST, ways, 2 * surface.spots[number] + 0.5 * _BEYOND)
-    if last is None or on[: last + 1].sum() < _BESIDE:
-        return None
+def _event(sensor: int, number: int, track: Track, surface: Surface, last: int) -> EdgeEvent | None:
+    """Where one sensor passed the edge; None if it was not wholly over the surface before."""
+    ways, on, spot = track.ways, track.on, float(surface.spots[number])
     # the way over the surface: every reading that met it stands for the way around it, from well before the spot
     # comes to the edge: what is missed before that, beside another edge, says nothing of this one
     shares = np.gradient(ways)
-    begin = int(np.searchsorted(ways, ways[last] - 3 * surface.spots[number] - _BEYOND))
-    place = ways[begin] - 0.5 * shares[begin] + float(shares[begin : last + 1] @ on[begin : last + 1])
-    inner = (ways < place - 1.2 * surface.spots[number]) & (ways > place - 3 * surface.spots[number] - _BEYOND)
+    begin = int(np.searchsorted(ways, ways[last] - 3 * spot - _BEYOND))
+    place = float(ways[begin] - 0.5 * shares[begin] + shares[begin : last + 1] @ on[begin : last + 1])
+    inner = (ways < place - 1.2 * spot) & (ways > place - 3 * spot - _BEYOND)
     if not inner.any() or on[inner].mean() < _WHOLE:
         return None
-    k = int(np.clip(np.searchsorted(ways, place), 1, len(ways) - 1))
     stride = float(np.median(shares[max(last - _BESIDE, 0) : last + 1]))
     near = np.flatnonzero(on[: last + 1])[-_BESIDE:]
-    T = _between(
-        leg[k - 1].T_world_hand, leg[k].T_world_hand, (place - ways[k - 1]) / max(ways[k] - ways[k - 1], 1e-12)
-    )
     return EdgeEvent(
         sensor=sensor,
-        T_world_hand=T,
-        distance=float(ranges[near].mean()),
+        T_world_hand=track.pose_at(place),
+        distance=float(track.ranges[near].mean()),
         along_sd=float(surface.sds[number]) / math.sqrt(len(near)),
-        across_sd=crossing_sd(stride, float(surface.spots[number])),
+        across_sd=crossing_sd(stride, spot),
         outwards=True,
     )
 
@@ -238,22 +234,3 @@ def _event(sensor: int, number: int, leg: list[Sensed], surface: _Surface) -> Ed
 def crossing_sd(stride: float, spot: float) -> float:
     """Standard deviation of an edge's place [m] from a stride and the radius of the spot [m] (this module's head)."""
     return math.sqrt(_HALF_MEAN_DIFFERENCE * stride * spot + stride**2 / 12)
-
-
-def _last_on(on: BoolArray, dropped: BoolArray, lost: BoolArray, ways: FloatArray, gap: float) -> int | None:
-    """The last reading on the surface before the first ``gap`` [m] in which all readings dropped off it.
-
-    Readings without a range count neither way: next to an edge the beam grazes the side face below it.
-    """
-    for k in np.flatnonzero(on):
-        beyond = (ways > ways[k]) & (ways < ways[k] + gap)
-        if ways[-1] < ways[k] + gap:
-            return None
-        if (dropped | lost)[beyond].all() and dropped[beyond].sum() >= _DROPS:
-            return int(k)
-    return None
-
-
-def _between(T_a: Transforms, T_b: Transforms, share: float) -> Transforms:
-    p, w = gap(T_a, T_b)
-    return advance(T_a, np.concatenate([p, w]), share)
