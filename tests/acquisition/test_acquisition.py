@@ -16,8 +16,10 @@ from tanteo.acquisition import (
     sense_vertex,
 )
 from tanteo.acquisition.cloud import cloud_of, over, room
-from tanteo.acquisition.patch import find_patch, stands
+from tanteo.acquisition.patch import find_patches, stands
 from tanteo.acquisition.record import exact_poses
+from tanteo.acquisition.scan import scan
+from tanteo.acquisition.session import Session
 from tanteo.acquisition.ways import facing
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
@@ -44,10 +46,19 @@ def robot_on(scene=BLOCK, T=None, seed=0):
     return SimulatedHand(scene, gripper(), start() if T is None else T, rng=np.random.default_rng(seed))
 
 
+@pytest.fixture(scope="module")
+def felt():
+    """One acquisition of each kind on the block, and the robot that did it."""
+    robots = {kind: robot_on(seed=3) for kind in SENSE}
+    return {
+        kind: (SENSE[kind](robots[kind], IDEAS[kind], standoff=0.02, rules=RULES, label="it"), robots[kind])
+        for kind in SENSE
+    }
+
+
 @pytest.mark.parametrize("kind", list(SENSE))
-def test_a_block_is_felt_where_it_is(kind):
-    robot = robot_on()
-    got = SENSE[kind](robot, IDEAS[kind], standoff=0.02, rules=RULES, label="it")
+def test_a_block_is_felt_where_it_is(felt, kind):
+    got, robot = felt[kind]
     assert got.acquired, got.message
     assert got.feature.kind.name == got.kind == kind
     assert got.feature.label == "it"
@@ -60,8 +71,8 @@ def test_a_block_is_felt_where_it_is(kind):
 
 
 @pytest.mark.parametrize("kind", list(SENSE))
-def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, kind):
-    got = SENSE[kind](robot_on(seed=3), IDEAS[kind], standoff=0.02, rules=RULES)
+def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, felt, kind):
+    got, _ = felt[kind]
     write_readings(got.readings, tmp_path / "record.csv", unit="m")
     kept, _ = features_of(got.readings, gripper().rig)
     replayed, _ = features_of(read_readings(tmp_path / "record.csv"), gripper().rig)
@@ -79,15 +90,16 @@ def test_the_published_plane_holds_what_it_states():
     """Four readings of the record instead of all: a greater covariance, and an honest one."""
     total, n = 0.0, 12
     for seed in range(n):
-        got = sense_plane(robot_on(seed=seed), FACE, standoff=0.02, rules=RULES)
-        published = plane_as_published(got.readings, gripper().rig, "plane")
+        session = Session(robot_on(T=start(height=0.07), seed=seed), 0.02, RULES, None)
+        _, _, plane = scan(session, "plane", 0.015)
+        published = plane_as_published(session.readings[0], gripper().rig, "plane")
         total += nees(BLOCK, published)[0]
         assert len(published.readings) == 4
-        assert np.linalg.det(published.P) > 8 * np.linalg.det(got.feature.P)
+        assert np.linalg.det(published.P) > 8 * np.linalg.det(plane.P)
     low, high = chi2.ppf([0.001, 0.999], 3 * n)
     assert low < total < high
     with pytest.raises(InputError, match="expected four readings or more of two sensors"):
-        plane_as_published(got.readings, gripper().rig, "no such label")
+        plane_as_published(session.readings[0], gripper().rig, "no such label")
 
 
 def test_poses_survive_a_quaternion():
@@ -99,8 +111,8 @@ def test_poses_survive_a_quaternion():
     np.testing.assert_allclose(exact, T, atol=1e-12)
 
 
-def test_one_seed_one_answer():
-    first, second = (sense_plane(robot_on(seed=5), FACE, standoff=0.02, rules=RULES) for _ in range(2))
+def test_one_seed_one_answer(felt):
+    first, second = felt["plane"][0], sense_plane(robot_on(seed=3), FACE, standoff=0.02, rules=RULES)
     np.testing.assert_array_equal(first.feature.T_world_feature, second.feature.T_world_feature)
 
 
@@ -156,7 +168,7 @@ def test_ideas_must_make_sense():
 def test_the_patch_and_the_stands_of_a_block():
     robot = robot_on()
     cloud = cloud_of(gripper(), [look(robot, 0.25, RULES)])
-    patch = find_patch(cloud, FACE)
+    patch = find_patches(cloud, FACE)[0]
     assert np.degrees(np.arccos(patch.normal[2])) < 3
     assert abs(patch.point[2] - 0.05) < 2e-3
     for width, place, along in stands(patch, 0.04, FACE.point)[:20]:
@@ -164,8 +176,9 @@ def test_the_patch_and_the_stands_of_a_block():
         assert width > 0
         assert ((feet[:, :2] > -2e-3) & (feet[:, :2] < [0.122, 0.082])).all()
     assert not over(cloud, patch.point, patch.normal).met.any()
-    far, near = (facing(gripper(), patch.point, patch.normal, [1, 0, 0], h, start()) for h in (0.06, 0.005))
-    assert room(cloud, gripper().body, far[None]) > 0.055 > room(cloud, gripper().body, near[None])
+    poses = [facing(gripper(), patch.point, patch.normal, [1, 0, 0], h, start()) for h in (0.06, 0.005)]
+    far_room, near_room = room(cloud, gripper().body, np.array(poses))
+    assert far_room > 0.055 > near_room
 
 
 @pytest.mark.slow

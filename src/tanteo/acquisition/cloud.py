@@ -93,12 +93,13 @@ def cloud_of(hand: Hand, motions: Iterable[Motion]) -> Cloud:
     return Cloud(starts[use], beams[use], reach[use], met[use], sds[use], slopes[use], ahead[use])
 
 
-def room(cloud: Cloud, body: Body, Ts_world_hand: Transforms) -> float:
-    """Least distance of the body at some poses ``(m, 4, 4)`` from what was met [m]."""
+def room(cloud: Cloud, body: Body, Ts_world_hand: Transforms) -> FloatArray:
+    """Least distance of the body at each of some poses ``(m, 4, 4)`` from what was met ``(m,)`` [m]."""
     points = cloud.points[cloud.met]
     if not len(points):
-        return np.inf
-    centres = body.placed(Ts_world_hand).reshape(-1, 3)
-    radii = np.tile(body.radii, len(Ts_world_hand))
-    squared = np.sum(centres**2, axis=1)[:, None] + np.sum(points**2, axis=1) - 2 * centres @ points.T
-    return float((np.sqrt(np.maximum(squared.min(axis=1), 0.0)) - radii).min())
+        return np.full(len(Ts_world_hand), np.inf)
+    centres = body.placed(Ts_world_hand)
+    flat = centres.reshape(-1, 3)
+    squared = np.sum(flat**2, axis=1)[:, None] + np.sum(points**2, axis=1) - 2 * flat @ points.T
+    distances = np.sqrt(np.maximum(squared.min(axis=1), 0.0)).reshape(centres.shape[:-1])
+    return np.asarray((distances - body.radii).min(axis=1))

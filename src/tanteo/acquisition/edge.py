@@ -7,13 +7,15 @@ import math
 import numpy as np
 
 from tanteo.acquisition.acquired import Acquired, Attempt, failed
-from tanteo.acquisition.edge_places import cross, look_there, stand
+from tanteo.acquisition.edge_bend import acquire_bend
+from tanteo.acquisition.edge_places import cross, look_over, pose_over, stand
 from tanteo.acquisition.edge_search import Found, cross_beside, find_edge
 from tanteo.acquisition.events import Line, distance_from, doubt, line_through
 from tanteo.acquisition.ideas import EdgeIdea
 from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
 from tanteo.acquisition.session import Session, finish
+from tanteo.acquisition.ways import known
 from tanteo.features import Feature
 from tanteo.hand import Robot
 from tanteo.motion import EdgeEvent, Motion, Rules
@@ -23,8 +25,11 @@ from tanteo.typing import FloatArray
 INSET = 0.02
 """The face of an edge is looked for this far inside of where the edge should be [m]."""
 
-OFFSETS = (0.0, 0.012, -0.012)
+OFFSETS = (0.0, 0.012, -0.012, 0.024, -0.024)
 """Where along the edge it is crossed, from where it was met first [m]."""
+
+ENOUGH = 3
+"""Places are enough, unless there is no room at one of them or they do not control each other."""
 
 _MOST_ASKEW = math.radians(15.0)
 """Crossings at a greater angle to the edge's normal only serve to find its direction."""
@@ -45,14 +50,17 @@ def sense_edge(
     label: str = "edge",
     errors: RobotPreset | str | None = None,
 ) -> Acquired:
-    """Acquire a straight edge at which a face drops off; the face is acquired with it (:attr:`Acquired.others`).
+    """Acquire a straight edge; the face is acquired with it (:attr:`Acquired.others`).
+
+    Where the face drops off, the edge is made of crossings. Where it only bends, by 12 degrees or more, the face beyond
+    is acquired as well, and the edge is where both planes meet.
 
     Args:
         robot: The hand, some way before the face, so that its beams reach it.
         idea: About where the edge is, and its face.
         standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
         rules: What to keep to.
-        label: Of the readings and the feature; the face's is ``<label> face``.
+        label: Of the readings and the feature; the face's is ``<label> face``, and ``<label> other face``.
         errors: Of the robot's poses, for the covariance.
 
     Raises:
@@ -76,6 +84,8 @@ def acquire_edge(session: Session, face: Feature, idea: EdgeIdea, label: str) ->
     found = find_edge(session, face, along / np.linalg.norm(along), idea.point)
     if isinstance(found, Motion):
         return failed(found)
+    if not found.events:
+        return acquire_bend(session, face, found.outwards, found.bends, label)
     attempt: Attempt = ("unclear", "the sensors met the edge at one place only", None)
     # the two sensors may have met two edges: then each of them looks for its own beside the place
     for sensors in (session.hand.frontal, *((i,) for i in session.hand.frontal)):
@@ -100,11 +110,13 @@ def _cross_again(
     way = (inset + _BEYOND) * outwards
     middle = point + ((found.front - point) @ along) * along - inset * outwards
     places = [middle + offset * along for offset in OFFSETS]
-    looked = look_there(session, face, np.array(places), along)
-    if looked is not None and not looked.reached:
+    needed = np.stack([pose_over(session, face, place, along) for place in places[:ENOUGH]])
+    if not known(session, needed) and not (looked := look_over(session, face, needed)).reached:
         return failed(looked)
     why = ""
-    for place in places:
+    for number, place in enumerate(places):
+        if number >= ENOUGH and not doubt(session.hand, kept, along, outwards):
+            break
         last = stand(session, face, place, along, way)
         if last.reached:
             crossing = cross(session, face, outwards, inset + 0.012, _BEYOND)

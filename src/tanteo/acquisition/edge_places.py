@@ -10,12 +10,12 @@ import numpy as np
 from tanteo.acquisition.cloud import Cloud, over
 from tanteo.acquisition.plane import HOVER, LOOKS
 from tanteo.acquisition.session import Session, back_off
-from tanteo.acquisition.ways import facing, fits, known, look_around, moved, path
+from tanteo.acquisition.ways import facing, fits, fitting, known, look_around, moved, path
 from tanteo.features import Feature
-from tanteo.motion import Crossing, Motion, approach, cross_edge, go_to
+from tanteo.motion import Crossing, Motion, cross_edge, go_to
 from tanteo.typing import FloatArray, Transforms, Vectors
 
-_STEP = 0.005
+_STEP = 0.002
 """A way is looked at for room in such steps [m]."""
 
 _LOOKS = 2
@@ -44,16 +44,15 @@ def pose_over(session: Session, face: Feature, place: Vectors, along: FloatArray
 def free_way(session: Session, cloud: Cloud, T: Transforms, outwards: Vectors, most: float) -> float:
     """How far what was met leaves room from a pose, at most so far; negative if it may not even be there [m]."""
     steps = np.arange(1 + math.ceil(most / _STEP)) * _STEP
-    for s in steps:
-        if not fits(session, cloud, moved(T, s * outwards)[None]):
-            return float(s) - _STEP
-    return float(steps[-1])
+    free = fitting(session, cloud, moved(T, steps[:, None] * outwards))
+    return float(steps[-1] if free.all() else steps[np.argmin(free)] - _STEP)
 
 
 def stand(session: Session, face: Feature, place: Vectors, along: FloatArray, outwards: Vectors) -> Motion:
     """At the stand-off over a place of the face, square to it, the pair along a line.
 
-    The way leads along the face where what was seen leaves room for it, else over the hover height.
+    The way leads along the face where what was seen leaves room for it, else over the hover height, where it
+    looks if need be.
 
     Args:
         session: The acquisition.
@@ -62,58 +61,38 @@ def stand(session: Session, face: Feature, place: Vectors, along: FloatArray, ou
         along: For the pair ``(3,)``.
         outwards: How far the crossing from there will go at least ``(3,)`` [m]; there has to be room for that, too.
     """
-    hand, cloud = session.hand, raised(session, face)
+    cloud, T = raised(session, face), session.robot.sensed.T_world_hand
     down = pose_over(session, face, place, along)
     if not fits(session, cloud, np.stack([down, moved(down, outwards)])):
         return Motion("stand", "limit", "there is no room for the hand at the edge", ())
-    looked = look_there(session, face, place[None], along)
-    if looked is not None and not looked.reached:
-        return looked
-    T = session.robot.sensed.T_world_hand
-    down = pose_over(session, face, place, along)
-    if not known(session, down[None]):
-        return Motion("stand", "limit", "not all was seen around the hand's place at the edge", ())
-    way = path(T, down, hand.front, 12)
-    if fits(session, cloud, way) and known(session, way):
-        return session.does(go_to(session.robot, down, session.rules))
-    up = moved(down, HOVER * face.T_world_feature[:3, 2])
-    if not known(session, path(up, down, hand.front, 12)):
-        return Motion("stand", "limit", "not all was seen above the hand's place at the edge", ())
-    back = _rise(session, face)
+    way = path(T, down, session.hand.front, 12)
+    if not (fits(session, cloud, way) and known(session, way)):
+        way = path(moved(down, HOVER * face.T_world_feature[:3, 2]), down, session.hand.front, 12)
+        there = look_over(session, face, way[::-1])
+        if not there.reached:
+            return there
+        if not known(session, way):
+            return Motion("stand", "limit", "not all was seen around the hand's place at the edge", ())
+    return session.does(go_to(session.robot, down, session.rules))
+
+
+def look_over(session: Session, face: Feature, needed: Transforms) -> Motion:
+    """To over the first of some poses, and looks from there until all is known that the fingers will take at them."""
+    back = rise(session, face)
     if not back.reached:
         return back
-    above = session.does(go_to(session.robot, up, session.rules))
-    if not above.reached:
-        return above
-    return session.does(approach(session.robot, session.standoff, session.rules, reach=2 * HOVER))
-
-
-def look_there(session: Session, face: Feature, places: Vectors, along: FloatArray) -> Motion | None:
-    """Looks from over the first of some places, until all is known that the fingers will take at them.
-
-    Returns:
-        None if nothing had to be done; the last motion otherwise.
-    """
-    low = np.stack([pose_over(session, face, p, along) for p in places])
-    if known(session, low):
-        return None
-    back = _rise(session, face)
-    if not back.reached:
-        return back
-    above = moved(pose_over(session, face, places[0], along), HOVER * face.T_world_feature[:3, 2])
+    above = moved(needed[0], HOVER * face.T_world_feature[:3, 2])
     if not fits(session, raised(session, face), path(session.robot.sensed.T_world_hand, above, session.hand.front, 12)):
         return Motion("look", "limit", "there is no room for the hand over the edge", ())
     there = session.does(go_to(session.robot, above, session.rules))
     for tilt, spacing in LOOKS[1 : 1 + _LOOKS]:
-        if not there.reached:
+        if not there.reached or known(session, needed):
             break
         there = look_around(session, tilt, spacing)
-        if known(session, low):
-            break
     return there
 
 
-def _rise(session: Session, face: Feature) -> Motion:
+def rise(session: Session, face: Feature) -> Motion:
     """Back to the hover height over the face, or as high as it is."""
     T = face.T_world_feature
     missing = session.standoff + HOVER - float((front_of(session) - T[:3, 3]) @ T[:3, 2])

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.acquisition.edge_places import cross, free_way, front_of, pose_over, raised, stand
 from tanteo.acquisition.session import Session
 from tanteo.features import Feature
-from tanteo.motion import EdgeEvent, Motion
+from tanteo.motion import Bend, EdgeEvent, Motion
 from tanteo.typing import FloatArray
 
 REACH = 0.05
@@ -35,6 +35,7 @@ class Found:
         outwards: Of the crossing ``(3,)``, unit.
         reach: Of the search [m].
         events: Of all sensors that crossed.
+        bends: Of those below which the surface bent away instead.
     """
 
     front: FloatArray
@@ -42,10 +43,11 @@ class Found:
     outwards: FloatArray
     reach: float
     events: tuple[EdgeEvent, ...]
+    bends: tuple[Bend, ...]
 
 
 def find_edge(session: Session, face: Feature, along: FloatArray, wanted: FloatArray) -> Found | Motion:
-    """Outwards until the edge is met, with the pair along where it should run; else the motion that could not."""
+    """Outwards until an edge or a bend is met, with the pair along where it should run; else the motion that failed."""
     outwards = np.cross(along, face.T_world_feature[:3, 2])
     front = front_of(session)
     needed = max(float((wanted - front) @ outwards), 0.0)
@@ -56,9 +58,9 @@ def find_edge(session: Session, face: Feature, along: FloatArray, wanted: FloatA
         return stood
     front = front_of(session)
     crossing = cross(session, face, outwards, reach, 2 * session.hand.baseline)
-    if not crossing.motion.reached:
+    if not (crossing.motion.reached or crossing.bends):
         return crossing.motion
-    return Found(front, along, outwards, reach, crossing.events)
+    return Found(front, along, outwards, reach, crossing.events, crossing.bends)
 
 
 def _best_place(

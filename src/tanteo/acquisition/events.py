@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.hand import Hand
-from tanteo.motion import EdgeEvent
+from tanteo.motion import Bend, EdgeEvent
 from tanteo.sensors import error_model
 from tanteo.typing import FloatArray
 
@@ -28,7 +28,7 @@ _GATE = 3.3
 """A place that is farther from the line of all, in standard deviations of its residual, is of another edge."""
 
 
-def place_of(hand: Hand, event: EdgeEvent) -> FloatArray:
+def place_of(hand: Hand, event: EdgeEvent | Bend) -> FloatArray:
     """Where an event was ``(3,)`` [m]."""
     T = event.T_world_hand
     local = hand.origins[event.sensor] + event.distance * hand.axes[event.sensor]

@@ -9,6 +9,7 @@ import numpy as np
 
 from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.ideas import FaceIdea
+from tanteo.features import Feature
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
 _SEEDS = 48
@@ -24,11 +25,26 @@ _GATE = 3.0
 _FORM = 3e-4
 """... with this much for the form of the surface [m]."""
 
+_ELSE = 0.03
+"""A point that is not of the patch may be anywhere within this [m]."""
+
 _TRUST = 0.015
 """Standard deviation of the idea's distance from the face that is preferred [m]."""
 
+_FARTHEST, _MOST_TURNED = 0.04, math.cos(math.radians(75.0))
+"""A face that is farther from the idea [m], or turned by more (its cosine), is not the one that is meant."""
+
 _WIDEST = 0.015
 """More room than this to the border of a patch is no better [m]."""
+
+_PATCHES = 3
+"""Patches that are proposed at most."""
+
+_ONE_FACE = math.radians(12.0), 0.005
+"""Patches that are no more askew [rad] and apart [m] may be of one face."""
+
+_SHARED = 0.5
+"""Planes that share more of their points are one patch."""
 
 _STANDS = 150
 """Places that are proposed at most."""
@@ -53,17 +69,31 @@ class Patch:
     inside: Vectors
     border: Vectors
 
+    def turned(self, normal: FloatArray) -> float:
+        """Angle between its normal and another [rad]."""
+        return math.acos(min(1.0, max(-1.0, float(self.normal @ normal))))
 
-def find_patch(cloud: Cloud, idea: FaceIdea) -> Patch | None:
-    """The patch with most points, those near the idea preferred; None if there is none.
+    def is_of(self, other: Patch) -> bool:
+        """Whether both may be of one face."""
+        return self._is_near(other.point, other.normal)
 
-    Every seed's neighbourhood proposes a plane; planes are judged by all points and refined by those that agree.
+    def is_on(self, plane: Feature) -> bool:
+        """Whether it may be of a face that was sensed."""
+        return self._is_near(plane.T_world_feature[:3, 3], plane.T_world_feature[:3, 2])
+
+    def _is_near(self, point: FloatArray, normal: FloatArray) -> bool:
+        off = float((self.point - point) @ normal)
+        return self.turned(normal) < _ONE_FACE[0] and abs(off) < _ONE_FACE[1]
+
+
+def find_patches(cloud: Cloud, idea: FaceIdea) -> list[Patch]:
+    """Patches that explain the points, the best first, those near the idea preferred; none if there are none.
+
+    Every seed's neighbourhood proposes a plane; planes are judged by all points and refined by those that agree. Of
+    planes that share most of their points the best is taken.
     """
     points, met = cloud.points, cloud.met & cloud.ahead
-    candidates = np.flatnonzero(met)
-    if len(candidates) < _FEW:
-        return None
-    best, best_score = None, 0.0
+    candidates, found = np.flatnonzero(met), list[tuple[float, FloatArray, FloatArray, BoolArray]]()
     for seed in candidates[:: max(1, len(candidates) // _SEEDS)]:
         near = met & (np.sum((points - points[seed]) ** 2, axis=1) < _NEIGHBOURS**2)
         if near.sum() < _FEW:
@@ -74,12 +104,14 @@ def find_patch(cloud: Cloud, idea: FaceIdea) -> Patch | None:
             if agree.sum() < _FEW:
                 break
             point, normal = _plane(points[agree], cloud.beams[agree], 1 / sds[agree] ** 2)
-        score = _score(int(agree.sum()), point, normal, idea)
-        if agree.sum() >= _FEW and score > best_score:
-            best, best_score = (point, normal, agree), score
-    if best is None:
-        return None
-    return Patch(best[0], best[1], points[best[2]], _border(cloud, *best))
+        score = _gain(points[agree], sds[agree], point, normal) * _near(idea, point, normal)
+        if agree.sum() >= _FEW and score > 0:
+            found.append((score, point, normal, agree))
+    kept: list[tuple[float, FloatArray, FloatArray, BoolArray]] = []
+    for one in sorted(found, key=lambda f: -f[0]):
+        if len(kept) < _PATCHES and all((one[3] & k[3]).sum() < _SHARED * one[3].sum() for k in kept):
+            kept.append(one)
+    return [Patch(p, n, points[agree], _border(cloud, p, n, agree)) for _, p, n, agree in kept]
 
 
 def _plane(points: Vectors, beams: Vectors, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -97,10 +129,20 @@ def _agreeing(cloud: Cloud, met: BoolArray, point: FloatArray, normal: FloatArra
     return met & (off < _GATE * sds) & (cosines > 0.1), sds
 
 
-def _score(count: int, point: FloatArray, normal: FloatArray, idea: FaceIdea) -> float:
-    off = float((idea.point - point) @ normal)
-    along = float(normal @ idea.normal)
-    return count * math.exp(-0.5 * (off / _TRUST) ** 2) * max(along + 0.2, 0.0)
+def _gain(points: Vectors, sds: FloatArray, point: FloatArray, normal: FloatArray) -> float:
+    """How much better than chance a plane explains points that are near it (log of the ratio of likelihoods).
+
+    Counted points would prefer a tilted plane through two faces: it meets many, but none of them well.
+    """
+    off = ((points - point) @ normal) / sds
+    return float(np.sum(np.log(_ELSE / (math.sqrt(2 * math.pi) * sds)) - 0.5 * off**2))
+
+
+def _near(idea: FaceIdea, point: FloatArray, normal: FloatArray) -> float:
+    off, along = float((idea.point - point) @ normal), float(normal @ idea.normal)
+    if abs(off) > _FARTHEST or along < _MOST_TURNED:
+        return 0.0
+    return math.exp(-0.5 * (off / _TRUST) ** 2) * (along + 0.2)
 
 
 def _border(cloud: Cloud, point: FloatArray, normal: FloatArray, agree: BoolArray) -> Vectors:

@@ -39,13 +39,11 @@ def features_of(
     return features, tuple(notes)
 
 
-def plane_readings(hand: Hand, log: Sequence[Sensed], label: str, most: int) -> Readings | None:
-    """Readings of the frontal sensors along a scan, at most so many, evenly spread; none if there are none."""
-    pairs = [(k, i) for k, s in enumerate(log) for i in hand.frontal if s.states[i] == MET]
-    if not pairs:
+def plane_readings(hand: Hand, log: Sequence[Sensed], label: str) -> Readings | None:
+    """Readings of the frontal sensors at the instants of a scan; none if there are none."""
+    rows = [(k, i) for k, s in enumerate(log) for i in hand.frontal if s.states[i] == MET]
+    if not rows:
         return None
-    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(int))
-    rows = [pairs[k] for k in chosen]
     n = len(rows)
     return Readings.from_columns(
         ids=[f"{label} {k + 1}" for k in range(n)],

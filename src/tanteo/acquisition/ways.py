@@ -10,7 +10,7 @@ from tanteo.features import Feature
 from tanteo.hand import Hand, advance, gap
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Motion, look
-from tanteo.typing import FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _SLACK = 2e-3
 """Beyond the clearance to the bounds of the workspace: nearer, the guard would slow the hand to a stop [m]."""
@@ -38,7 +38,7 @@ def swing(session: Session, tilt: float) -> float:
     cloud = session.seen() if session.motions else None
     while tilt > _LEAST_SWING:
         ring = T @ _ring(tilt, pivot)
-        free = _allowed(session, ring) if cloud is None else fits(session, cloud, ring)
+        free = _allowed(session, ring).all() if cloud is None else fits(session, cloud, ring)
         if free:
             break
         tilt *= 0.75
@@ -52,17 +52,22 @@ def _ring(tilt: float, pivot: FloatArray) -> Transforms:
     return SE3.from_parts(R, pivot - R @ pivot)
 
 
-def _allowed(session: Session, way: Transforms) -> bool:
-    """Whether the workspace has room for the hand at some poses, or as much to every limit as where it is now."""
+def _allowed(session: Session, way: Transforms) -> BoolArray:
+    """At which poses the workspace has room for the hand, or as much to every limit as where it is now."""
     body, space = session.hand.body, session.rules.workspace
     here = space.of_body(body, session.robot.sensed.T_world_hand)
     least = np.minimum(session.rules.clearance + _SLACK, here - 1e-3)
-    return bool((space.of_body(body, way) >= least).all())
+    return np.asarray((space.of_body(body, way) >= least).all(axis=-1))
+
+
+def fitting(session: Session, cloud: Cloud, way: Transforms) -> BoolArray:
+    """At which of some poses ``(m, 4, 4)`` the hand has room, as far as is known ``(m,)``."""
+    return _allowed(session, way) & (room(cloud, session.hand.body, way) >= session.rules.clearance + _BETWEEN)
 
 
 def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:
-    """Whether the hand has room at some poses, as far as is known."""
-    return _allowed(session, way) and room(cloud, session.hand.body, way) >= session.rules.clearance + _BETWEEN
+    """Whether it has room at all of them."""
+    return bool(fitting(session, cloud, way).all())
 
 
 def known(session: Session, way: Transforms, margin: float = 0.0) -> bool:
@@ -71,9 +76,9 @@ def known(session: Session, way: Transforms, margin: float = 0.0) -> bool:
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:
-    """A pose displaced in the world."""
-    out = np.array(T)
-    out[:3, 3] += shift
+    """A pose displaced in the world, by one shift ``(3,)`` or by several ``(m, 3)``."""
+    out = np.array(np.broadcast_to(T, (*np.shape(shift)[:-1], 4, 4)))
+    out[..., :3, 3] += shift
     return out
 
 

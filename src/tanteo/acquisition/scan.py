@@ -1,0 +1,107 @@
+"""A scan of a face: settle square to it, go across the line of the two frontal sensors and along it, fit.
+
+Across it each sensor sees one line of the surface. Two lines along a bend, one on each side of it, are in one plane
+that is not there; along the line each sensor sees the slope of what is under it alone, and the fit tells.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.acquisition.acquired import Attempt, failed
+from tanteo.acquisition.record import fitted_feature, plane_readings
+from tanteo.acquisition.session import Session
+from tanteo.acquisition.ways import squared
+from tanteo.features import Feature
+from tanteo.hand import Hand, Sensed
+from tanteo.motion import follow, go_to, settle
+from tanteo.sensors import Readings
+
+INSTANTS = 20
+"""Instants that are kept of the scan across the pair, and as many of that along it; each is two readings."""
+
+ALONG = 0.005
+"""The scan along the pair goes so far to each side [m]."""
+
+WIDTHS = 0.015, 0.0075, 0.004
+"""Half widths of a scan across the pair, where there is room for it [m]."""
+
+_MOST_ASKEW = np.radians(25.0)
+"""A face over which the hand stands by two looks is not more askew than this [rad]."""
+
+_SQUARE = np.radians(1.5)
+"""A hand that is more askew than this to what it scanned turns square and scans again [rad]."""
+
+_SURE = np.radians(3.0)
+"""A plane whose tilt is known no better than this is not acquired [rad]."""
+
+_NOT_ONE = "what was scanned is not one plane"
+
+
+def scan(session: Session, label: str, width: float) -> Attempt:
+    """Settle and scan, again and narrower where the hand was not square or the readings disagree with one plane.
+
+    Args:
+        session: The acquisition; the hand is at the stand-off over the face.
+        label: Of the readings and the feature.
+        width: To each side, at first [m].
+    """
+    for again in range(3):
+        readings, attempt, doubt = _scan_once(session, width, label)
+        if readings is None or attempt[2] is None or again == 2:
+            break
+        if doubt:
+            width = min(width, WIDTHS[1])
+        if _askew(session, attempt[2]) > _SQUARE:
+            turned = session.does(go_to(session.robot, squared(session, attempt[2]), session.rules))
+            if not turned.reached:
+                return failed(turned)
+        elif not doubt:
+            break
+    if readings is None or attempt[2] is None:
+        return attempt
+    if doubt:
+        return "unclear", f"{_NOT_ONE}: {doubt}", None
+    if float(np.sqrt(np.diag(attempt[2].P)[1:].max())) > _SURE:
+        return "unclear", "the scan is too short for the tilt of the face", None
+    session.readings.append(readings)
+    return attempt
+
+
+def _scan_once(session: Session, width: float, label: str) -> tuple[Readings | None, Attempt, str]:
+    """Settle, go across the pair and along it to both sides, fit; and what speaks against one plane."""
+    hand, robot, standoff, rules = session.hand, session.robot, session.standoff, session.rules
+    settled = session.does(settle(robot, standoff, rules, most=_MOST_ASKEW))
+    if not settled.reached:
+        return None, failed(settled), ""
+    log, home = list[Sensed](), robot.sensed.T_world_hand
+    for direction, distance in ((np.cross([0.0, 0.0, 1.0], hand.pair), width), (hand.pair, ALONG)):
+        line = list[Sensed]()
+        for way in (direction, -direction):
+            part = session.does(follow(robot, way, distance, standoff, rules))
+            if part.status in ("limit", "timeout"):
+                return None, failed(part), ""
+            line += _on_surface(part.log, hand, standoff)
+            back = session.does(go_to(robot, home, rules))
+            if not back.reached:
+                return None, failed(back), ""
+        log += [line[k] for k in np.unique(np.linspace(0, len(line) - 1, INSTANTS).round().astype(int))] if line else []
+    readings = plane_readings(hand, log, label)
+    if readings is None or len(readings) < 4:
+        return None, ("lost", "the surface was not under the frontal sensors for long enough", None), ""
+    feature, why = fitted_feature(readings, label, hand.rig, session.errors)
+    if feature is None:
+        return None, ("unclear", f"{_NOT_ONE}: {why}", None), ""
+    return readings, ("acquired", f"{len(readings)} readings", feature), why
+
+
+def _askew(session: Session, face: Feature) -> float:
+    """Angle between the hand's axis and the normal of a plane [rad]."""
+    cosine = -face.T_world_feature[:3, 2] @ session.robot.sensed.T_world_hand[:3, 2]
+    return float(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _on_surface(log: tuple[Sensed, ...], hand: Hand, standoff: float) -> list[Sensed]:
+    """Of a scan, the instants at which both frontal sensors read about the stand-off."""
+    pair = list(hand.frontal)
+    return [s for s in log if bool((np.abs(np.nan_to_num(s.ranges[pair]) - standoff) < 0.25 * standoff).all())]

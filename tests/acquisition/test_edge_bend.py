@@ -1,0 +1,44 @@
+"""Edges at which the surface only bends: where the planes of both faces meet."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from felt_scenes import gripper, nees, roof
+from tanteo.acquisition import EdgeIdea, features_of, sense_edge
+from tanteo.fitting import edge_from_planes
+from tanteo.lie import SE3, SO3
+from tanteo.motion import Rules
+from tanteo.simulator import SimulatedHand, clearances
+
+
+def felt(degrees, seed, standoff=0.02):
+    scene = roof(math.radians(degrees))
+    R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array([0.05, 0.1, 0.2]))
+    T = SE3.from_parts(R, np.array([0.0, -0.02, standoff + 0.05]) - R @ gripper().front)
+    robot = SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(seed))
+    idea = EdgeIdea([0, 0.004, 0.0], [-1, 0.1, 0], [0, 0.1, 1])
+    got = sense_edge(robot, idea, standoff=standoff, rules=Rules(clearance=0.6 * standoff))
+    assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.5 * standoff
+    return scene, got
+
+
+@pytest.mark.parametrize("degrees", [35, pytest.param(75, marks=pytest.mark.slow)])
+def test_the_edge_of_a_bend(degrees):
+    scene, got = felt(degrees, seed=1)
+    assert got.acquired, got.message
+    assert "bends" in got.message
+    assert nees(scene, got.feature)[0] < chi2.ppf(0.9999, 4)
+    assert [f.label for f in got.others] == ["edge face", "edge other face"]
+    planes, _ = features_of(got.readings, gripper().rig)
+    again = edge_from_planes(*(planes[f.label] for f in got.others), got.feature.T_world_feature[:3, 3])
+    np.testing.assert_allclose(again.P, got.feature.P, rtol=1e-9)
+
+
+def test_a_slight_bend_is_not_felt_and_the_answer_says_why():
+    _, got = felt(10, seed=0)
+    assert not got.acquired
+    assert "bends away" in got.message
+    assert got.others[0].label == "edge face"
