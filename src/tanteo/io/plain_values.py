@@ -44,6 +44,7 @@ def from_plain(kind: Any, plain: Any, place: str) -> Any:
     Raises:
         InputError: it is not of that type; the message begins with the place.
     """
+    kind = _without_alias(kind)
     if kind is object:
         return plain
     if get_origin(kind) in (Union, types.UnionType):
@@ -59,6 +60,12 @@ def from_plain(kind: Any, plain: Any, place: str) -> Any:
     if type(plain) is not kind:
         raise refused(place, {str: "a text", int: "a whole number", bool: "true or false"}[kind], plain)
     return plain
+
+
+def _without_alias(kind: Any) -> Any:
+    """What a generic alias of the ``type`` statement stands for: NumPy's ``NDArray`` is one from 2.5 on."""
+    value = getattr(get_origin(kind), "__value__", None)
+    return kind if value is None else value[get_args(kind)]
 
 
 def hints(kind: Any) -> dict[str, Any]:
