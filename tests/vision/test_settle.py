@@ -18,9 +18,10 @@ from tanteo.vision.edge_map import map_edges
 from tanteo.vision.edges import CORRELATION, FLOOR, find_edges
 from tanteo.vision.fit import Met, meet
 from tanteo.vision.rendering import Stage, render, thing
-from tanteo.vision.settle import FAR, ROUGH, WRONG, clear_edges, mixture, settle, terms_of
+from tanteo.vision.settle import FAR, ROUGH, clear_edges, mixture, settle, terms_of
 from tanteo.vision.table import TableErrors, lying_information
 
+WRONG = 0.15
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
@@ -57,7 +58,7 @@ def test_an_edge_says_what_errors_with_a_common_part_leave(case):
     rng = np.random.default_rng(1)
     met, groups, misplaced = drawn(rng, (5, 5, 4))
     met = replace(met, offsets=rng.normal(0, 0.2, 14), hits=np.arange(14) != 7)
-    terms = terms_of(met, groups, misplaced)
+    terms = terms_of(met, groups, misplaced, WRONG)
     for k in range(3):
         own = met.hits & (groups == k)
         C = covariance_of(met, groups, misplaced, np.full(3, bool(case)))[np.ix_(own, own)]
@@ -86,7 +87,7 @@ def test_the_mixture_is_the_sum_over_all_choices():
     w = np.array(weights) / sum(weights)
     mean = w @ np.array(means)
     expected = sum(p * (C + np.outer(m - mean, m - mean)) for p, m, C in zip(w, means, covariances, strict=True))
-    got, covariance, wrong = mixture(terms_of(met, groups, misplaced), A0, np.zeros(6))
+    got, covariance, wrong = mixture(terms_of(met, groups, misplaced, WRONG), A0, np.zeros(6))
     np.testing.assert_allclose(got, mean, rtol=1e-7)
     np.testing.assert_allclose(covariance, expected, rtol=1e-7)
     assert tuple(wrong) == list(product([False, True], repeat=2))[int(np.argmax(w))]
@@ -102,7 +103,7 @@ def test_poses_are_as_far_off_as_the_mixture_says():
         xi = rng.multivariate_normal(np.zeros(6), np.linalg.inv(A0))
         errors = rng.multivariate_normal(np.zeros(20), covariance_of(met, groups, misplaced, wrong))
         met = replace(met, offsets=met.jacobian @ xi + errors)
-        mean, covariance, _ = mixture(terms_of(met, groups, misplaced), A0, np.zeros(6))
+        mean, covariance, _ = mixture(terms_of(met, groups, misplaced, WRONG), A0, np.zeros(6))
         squares.append((xi - mean) @ np.linalg.solve(covariance, xi - mean))
     spread = np.std(squares) / np.sqrt(len(squares))
     print(np.mean(squares), spread)
@@ -113,7 +114,7 @@ def test_poses_are_as_far_off_as_the_mixture_says():
 def test_without_edges_only_the_prior_speaks():
     met, groups, misplaced = drawn(np.random.default_rng(4), (3,))
     nothing = replace(met, hits=np.zeros(3, dtype=bool))
-    mean, covariance, wrong = mixture(terms_of(nothing, groups, misplaced), 4 * np.eye(6), np.full(6, 2.0))
+    mean, covariance, wrong = mixture(terms_of(nothing, groups, misplaced, WRONG), 4 * np.eye(6), np.full(6, 2.0))
     np.testing.assert_allclose(mean, 0.5)
     np.testing.assert_allclose(covariance, 0.25 * np.eye(6))
     assert len(wrong) == 0

@@ -2,7 +2,7 @@
 
 Three errors of an edge point are told apart. Noise is its own. Neighbours in the image (a shadow's border, a second
 edge of the part) pull it aside; how much is seen by how far it moves when the image is smoothed more
-(:attr:`EdgePoints.drifts`). And all that an edge of the part met may belong to something else: to the border of the
+(``EdgePoints.drifts``). And all that an edge of the part met may belong to something else: to the border of the
 shadow that runs beside it, to a thing in the way. Which did is not known, so the pose is the mean of a mixture over the
 possible choices, with the covariance of the whole (Gaussian sum, Alspach and Sorenson 1972).
 """
@@ -22,15 +22,8 @@ from tanteo.vision.fit import Met, meet
 from tanteo.vision.models import VisionModel
 from tanteo.vision.wireframe import see_edges
 
-OWN, PULLED = 0.05, 0.4
-"""What misplaces an edge point besides noise: standard deviation where it stands alone [px], and for each pixel that it
-drifts. Half of its variance is common to the edge, half the point's own."""
-
-WRONG = 0.15
-"""Probability that what an edge of the part meets is another's."""
-
 FAR, ROUGH = 1.0, 0.2
-"""Such an edge: standard deviation of its distance, and of its points about that [px]."""
+"""An edge that is another's: standard deviation of its distance, and of its points about that [px]."""
 
 REACH = 1.5
 """An edge point farther off than this is not looked at [px]."""
@@ -38,9 +31,30 @@ REACH = 1.5
 _TOGETHER = 0.1
 """Points of one edge are within four standard deviations of their median, of these and their own errors [px]."""
 
+_PAIRED = 24
+"""Edges about which one may be mistaken together with another: those whose own mistake costs least."""
+
 _ROUNDS = 5
 _HOLD = 1.0
 """Information that keeps a step small along what nothing observes [1/diagonals, 1/rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeErrors:
+    """What misplaces edge points besides noise, looked for on rendered scenes of random parts.
+
+    How well others do is printed by ``benchmarks/vision_fit.py``: they matter little.
+
+    Attributes:
+        own: standard deviation of a point that stands alone [px].
+        pulled: what is added to that for each pixel that the point drifts. Half of the variance of both is common to
+            the edge, half the point's own.
+        wrong: probability that what an edge of the part meets is another's.
+    """
+
+    own: float = 0.05
+    pulled: float = 0.4
+    wrong: float = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +101,7 @@ def settle(
     *,
     start: Transforms | None = None,
     prior: FloatArray | None = None,
+    errors: EdgeErrors | None = None,
 ) -> Settled:
     """Mean and information of the pose near one at which the edges about meet.
 
@@ -97,7 +112,9 @@ def settle(
         T_camera_part: refined pose ``(4, 4)``.
         start: where the prior puts the part; where it is now if not given.
         prior: information on ``Log(T_start^-1 T)`` ``(6, 6)``; none if not given.
+        errors: of edge points besides noise.
     """
+    errors = errors or EdgeErrors()
     frame, T = model.frame, np.asarray(T_camera_part)
     start = T if start is None else start
     prior = np.zeros((6, 6)) if prior is None else prior
@@ -105,8 +122,9 @@ def settle(
     hold = np.diag(_HOLD / scale**2)
     seen = see_edges(frame, T)
     for _ in range(_ROUNDS):
-        met = own_points(clear_edges(model, meet(frame, camera, edges, T, REACH, seen)), frame.groups, edges)
-        terms = terms_of(met, frame.groups, _misplaced(met, edges))
+        met = clear_edges(model, meet(frame, camera, edges, T, REACH, seen))
+        met = own_points(met, frame.groups, _misplaced(met, edges, errors))
+        terms = terms_of(met, frame.groups, _misplaced(met, edges, errors), errors.wrong)
         pull = -prior @ SE3.log(SE3.inverse(start) @ T)
         mean, covariance, wrong = mixture(terms, prior + hold, pull)
         T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(mean / scale)), 1e-12)))
@@ -116,31 +134,37 @@ def settle(
     return Settled(T, 0.5 * (scaled + scaled.T) - hold, chi2, float(shares.sum()), met)
 
 
-def _misplaced(met: Met, edges: EdgeMap) -> FloatArray:
+def _misplaced(met: Met, edges: EdgeMap, errors: EdgeErrors) -> FloatArray:
     """Standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px]."""
     drifts = edges.points.drifts[met.points] if len(edges.points) else np.zeros(met.points.shape)
-    return np.asarray(np.hypot(OWN, PULLED * drifts))
+    return np.asarray(np.hypot(errors.own, errors.pulled * drifts))
 
 
 def clear_edges(model: VisionModel, met: Met, gap: float = 4.0) -> Met:
-    """Only those edges met at one pose that have no other edge of the part within ``gap`` px, which would pull them."""
+    """Only those samples met at one pose that have no other edge of the part within ``gap`` px, to pull them aside."""
     from scipy.spatial import cKDTree
 
     shown = np.flatnonzero(met.inside)
     if not len(shown):
         return met
-    pairs = cKDTree(met.pixels[shown]).query_pairs(gap, output_type="ndarray")
+    at, normals, half = met.pixels[shown], met.normals[shown], 0.5 * met.spans[shown]
+    pairs = cKDTree(at).query_pairs(gap + float(half.max()), output_type="ndarray")
+    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    way = at[one] - at[other]
+    across = np.sum(way * normals[other], axis=1)
+    beyond = np.sqrt(np.maximum(np.sum(way**2, axis=1) - across**2, 0.0)) - half[other]
+    near = np.hypot(across, np.maximum(beyond, 0.0)) < gap
     groups = model.frame.groups[shown]
-    turned = np.abs(np.sum(met.normals[shown[pairs[:, 0]]] * met.normals[shown[pairs[:, 1]]], axis=1)) < 0.95
-    other = pairs[(groups[pairs[:, 0]] != groups[pairs[:, 1]]) | turned]
+    turned = np.abs(np.sum(normals[one] * normals[other], axis=1)) < 0.95
+    near &= (groups[one] != groups[other]) | turned
     crowded = np.zeros(len(met.inside), dtype=np.bool_)
-    crowded[shown[other.ravel()]] = True
+    crowded[shown[one[near]]] = True
     return _only(met, met.hits & ~crowded)
 
 
-def own_points(met: Met, groups: IntArray, edges: EdgeMap) -> Met:
+def own_points(met: Met, groups: IntArray, misplaced: FloatArray) -> Met:
     """Only those edge points met at one pose that run with the rest of their edge."""
-    sd = np.sqrt(met.sds**2 + _misplaced(met, edges) ** 2 + _TOGETHER**2)
+    sd = np.sqrt(met.sds**2 + misplaced**2 + _TOGETHER**2)
     hits = met.hits.copy()
     for group in np.unique(groups[hits]):
         k = met.hits & (groups == group)
@@ -152,7 +176,7 @@ def _only(met: Met, hits: BoolArray) -> Met:
     return replace(met, hits=hits, offsets=np.where(hits, met.offsets, 0.0))
 
 
-def terms_of(met: Met, groups: IntArray, misplaced: FloatArray) -> Terms:
+def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, wrong: float) -> Terms:
     """What each edge says.
 
     Noise is one draw over a correlation length; with independent variances ``W^-1`` and a common error of deviations
@@ -162,6 +186,7 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray) -> Terms:
         met: at one pose, no batch axes.
         groups: which edge each sample belongs to ``(N,)``.
         misplaced: standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px].
+        wrong: probability that an edge is another's.
     """
     names, which = np.unique(groups[met.hits], return_inverse=True)
     J, d = met.jacobian[met.hits], met.offsets[met.hits]
@@ -170,7 +195,7 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray) -> Terms:
     noise = met.sds[met.hits] ** 2 + FLOOR**2 + half
     rows = np.concatenate([J, d[:, None]], axis=1)
     cases = []
-    for common, more, probability in ((half, 0.0, 1 - WRONG), (half + FAR**2, ROUGH**2, WRONG)):
+    for common, more, probability in ((half, 0.0, 1 - wrong), (half + FAR**2, ROUGH**2, wrong)):
         variance, b = (noise + more) / share, np.sqrt(common)
         w = 1 / variance
         outer = np.zeros((len(names), 7, 7))
@@ -188,7 +213,7 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray) -> Terms:
 def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Mean and covariance of a step ``xi`` over the choices of edges that are another's.
 
-    The most probable choice is climbed to edge by edge; it and all that differ from it in one or two edges are summed.
+    The most probable choice is climbed to edge by edge; it and those that differ in one or two edges are summed.
 
     Args:
         terms: of the edges.
@@ -198,18 +223,19 @@ def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Flo
     Returns:
         Mean ``(6,)``, covariance ``(6, 6)``, and which edges are another's in the most probable choice ``(G,)``.
     """
-    count = len(terms.log)
-    one = np.eye(count, dtype=np.bool_)
-    first, second = np.triu_indices(count, 1)
-    two = one[first] | one[second]
-    wrong = np.zeros((1, count), dtype=np.bool_)
+    one = np.eye(len(terms.log), dtype=np.bool_)
+    wrong = np.zeros((1, len(one)), dtype=np.bool_)
     while True:
         near = np.concatenate([wrong, wrong ^ one])
-        best = int(np.argmax(_weighed(terms, A, g, near)[0]))
+        log = _weighed(terms, A, g, near)[0]
+        best = int(np.argmax(log))
         if best == 0:
             break
         wrong = near[best : best + 1]
-    log, means, covariances = _weighed(terms, A, g, np.concatenate([near, wrong ^ two]))
+    doubtful = one[np.argsort(-log[1:], kind="stable")[:_PAIRED]]
+    first, second = np.triu_indices(len(doubtful), 1)
+    two = wrong ^ doubtful[first] ^ doubtful[second]
+    log, means, covariances = _weighed(terms, A, g, np.concatenate([near, two]))
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     mean = weight @ means
