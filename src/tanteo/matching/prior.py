@@ -173,7 +173,7 @@ def prior_starts(prior: PosePrior | None) -> Transforms:
     """Poses drawn from one rough pose, itself first ``(S, 4, 4)``; none without one."""
     if prior is None or prior.T_world_part is None or prior.T_world_part.ndim > 2:
         return np.zeros((0, 4, 4))
-    rng = np.random.default_rng(1991)
-    L = np.linalg.cholesky(prior.covariance)  # type: ignore[arg-type]
+    assert prior.covariance is not None
+    rng, L = np.random.default_rng(1991), np.linalg.cholesky(prior.covariance)
     draws = np.concatenate([np.zeros((1, 6)), rng.normal(size=(_SAMPLES - 1, 6))]) @ L.T
     return np.asarray(prior.T_world_part @ SE3.exp(draws))

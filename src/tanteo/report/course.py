@@ -135,7 +135,7 @@ def _names(session: Session) -> tuple[str, ...]:
 def _leading(steps: Sequence[Step], most: int) -> list[int]:
     """Parts that led after some answer, the last first; and the strongest others."""
     led = [int(np.argmax(step.probabilities)) for step in reversed(steps)]
-    strongest = np.argsort(-np.max([step.probabilities for step in steps], axis=0), kind="stable").tolist()
+    strongest = np.argsort(-np.stack([step.probabilities for step in steps]).max(axis=0), kind="stable").tolist()
     return list(dict.fromkeys([*led, *strongest]))[:most]
 
 
