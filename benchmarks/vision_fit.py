@@ -79,8 +79,7 @@ def scene_of(k):
             if any(one_pose(c.model.part, c.T_camera_part[j], c.T_camera_part[k]) for j in seen):
                 continue
             seen.append(k)
-            lengths = [e.explained[k] / STRETCH, e.spilled[k] / STRETCH**2, e.stray[k] / STRETCH]
-            rows.append([e.hits[k], e.misses[k], *lengths, c.priors[k]])
+            rows.append([e.hits[k], e.misses[k], e.explained[k] / STRETCH, e.spilled[k] / STRETCH**2, c.priors[k]])
             right.append(c.model is shot.model and one_pose(c.model.part, c.T_camera_part[k], truth))
     scores = pose_scores(shot, edges, told_table(shot, shot.model, rng)) if stranger is None else None
     return {"rows": rows, "right": right, "stretches": stretches, "stranger": stranger is not None, "scores": scores}
@@ -108,7 +107,7 @@ def pose_scores(shot, edges, T_world_table):
 def log_posterior(scene, theta, parts):
     """Log probabilities of the candidates and of none."""
     rows, stretches = scene["rows"], scene["stretches"]
-    log = rows[:, :3] @ theta[:3] + rows[:, 3:5] @ theta[5:] + rows[:, 5] + np.log((1 - UNKNOWN) / parts)
+    log = rows[:, :3] @ theta[:3] + theta[5] * rows[:, 3] + rows[:, 4] + np.log((1 - UNKNOWN) / parts)
     none = np.log(UNKNOWN) + theta[3] * stretches + theta[4]
     total = logsumexp(np.r_[log, none])
     return log - total, none - total

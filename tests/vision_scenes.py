@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,12 +67,13 @@ def plate_over(scene, share, rng, paint):
     return slab_thing(np.concatenate([back, front]), 0.004, T, paint)
 
 
-def random_shot(models, rng, hidden=0.0, stranger=None):
-    """A picture of one of the models, or of a stranger, ``hidden`` of it covered."""
+def random_shot(models, rng, hidden=0.0, stranger=None, noise=1.0):
+    """A picture of one of the models, or of a stranger, ``hidden`` of it covered, with so much of the noise."""
     model = stranger or models[int(rng.integers(len(models)))]
     camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
     rest, T = lying(model, rng)
     look = random_look(rng)
+    look = replace(look, noise=noise * look.noise)
     scene = Stage(camera, [thing(model.part, T, rng.uniform(70, 150))], look)
     if hidden:
         plate = plate_over(scene, hidden, rng, rng.uniform(30, 235))

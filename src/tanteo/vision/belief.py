@@ -19,7 +19,7 @@ from tanteo.vision.models import VisionModel
 from tanteo.vision.propose import propose, small_distances
 from tanteo.vision.regions import Region
 from tanteo.vision.resting import lay
-from tanteo.vision.silhouettes import spilled, strays
+from tanteo.vision.silhouettes import spilled
 from tanteo.vision.table import TableErrors, lying_information
 
 UNKNOWN = 0.1
@@ -48,17 +48,14 @@ class Weights:
         unknown: for each stretch of the image's edges, if the object is none of the parts.
         base: log odds of "none of these" without edges, besides the prior.
         spilled: for each square of a stretch that the silhouette covers where bare table is seen.
-        stray: for each stretch of the image's edges on the part where it has no edge: shadows make some, and things in
-            the way.
     """
 
-    hits: float = 0.209
-    misses: float = 0.143
-    explained: float = -0.228
-    unknown: float = 0.048
-    base: float = 0.956
-    spilled: float = -0.258
-    stray: float = -0.132
+    hits: float = 0.194
+    misses: float = 0.116
+    explained: float = -0.196
+    unknown: float = 0.057
+    base: float = 1.456
+    spilled: float = -0.169
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,12 +141,8 @@ def candidates_in(
         start = lie_down(model, which, T[keep], T_camera_table)
         prior = _lying(model, T_camera_table, start, table)
         found = refine(model.frame, camera, edges, start, prior=prior, reaches=REACHES[3:])
-        met = meet(model.frame, camera, edges, found, REACH)
-        evidence = replace(
-            weigh(model.frame, met, chance, used),
-            spilled=spilled(model.frame.surface, camera, found, region.mask),
-            stray=strays(model.frame.surface, camera, found, met, edges.points.pixels[used]),
-        )
+        evidence = weigh(model.frame, meet(model.frame, camera, edges, found, REACH), chance, used)
+        evidence = replace(evidence, spilled=spilled(model.frame.surface, camera, found, region.mask))
         priors = np.log([model.rests[k].probability for k in which])
         out.append(Candidates(model, found, which, priors, evidence))
     return out, float(used.sum()) / STRETCH
@@ -193,11 +186,8 @@ def believe(candidates: Sequence[Candidates], stretches: float, weights: Weights
 
 def log_weight(evidence: Evidence, weights: Weights) -> FloatArray:
     """Log weight of poses, without prior."""
-    lengths = weights.explained * evidence.explained + weights.stray * evidence.stray
-    area = weights.spilled * evidence.spilled
-    return np.asarray(
-        weights.hits * evidence.hits + weights.misses * evidence.misses + lengths / STRETCH + area / STRETCH**2
-    )
+    explained = weights.explained * evidence.explained / STRETCH + weights.spilled * evidence.spilled / STRETCH**2
+    return np.asarray(weights.hits * evidence.hits + weights.misses * evidence.misses + explained)
 
 
 def one_pose(part: Part, first: Transforms, second: Transforms) -> bool:

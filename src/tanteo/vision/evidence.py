@@ -43,7 +43,6 @@ class Evidence:
         shown: length of edge that the part should show ``(*batch,)`` [px].
         met: how much of that meets an edge ``(*batch,)`` [px].
         spilled: how much of the silhouette lies on bare table ``(*batch,)`` [px of area]; 0 where that is not asked.
-        stray: length of the image's edges on the part where it has none ``(*batch,)`` [px]; 0 where that is not asked.
     """
 
     hits: FloatArray
@@ -52,7 +51,6 @@ class Evidence:
     shown: FloatArray
     met: FloatArray
     spilled: FloatArray
-    stray: FloatArray
 
     @property
     def log(self) -> FloatArray:
@@ -99,5 +97,4 @@ def weigh(frame: Wireframe, met: Met, chance: FloatArray | float, used: BoolArra
         shown=met.spans.sum(axis=-1),
         met=met_length,
         spilled=np.zeros_like(met_length),
-        stray=np.zeros_like(met_length),
     )

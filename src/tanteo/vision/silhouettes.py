@@ -8,7 +8,6 @@ from tanteo.lie import SE3
 from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.camera import Camera, project
-from tanteo.vision.fit import Met
 from tanteo.vision.opencv import opencv
 
 MARGIN = 3
@@ -49,26 +48,3 @@ def spilled(surface: Surface, camera: Camera, Ts_camera_part: Transforms, mask: 
     cv2 = opencv()
     wide = cv2.dilate(mask.astype(np.uint8), np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), np.uint8)) > 0
     return np.array([float((silhouette(surface, camera, T) & ~wide).sum()) for T in Ts_camera_part])
-
-
-def strays(surface: Surface, camera: Camera, Ts_camera_part: Transforms, met: Met, pixels: FloatArray) -> FloatArray:
-    """How many edge points lie on a part, where no visible edge of it is within :data:`MARGIN` ``(B,)``.
-
-    Args:
-        surface: of the part.
-        camera: that took the image.
-        Ts_camera_part: poses ``(B, 4, 4)``.
-        met: its edges there.
-        pixels: the edge points ``(n, 2)`` [px].
-    """
-    cv2 = opencv()
-    width, height = camera.size
-    x, y = np.rint(pixels).astype(np.int64).clip(0, [width - 1, height - 1]).T
-    out = np.zeros(len(Ts_camera_part))
-    along = np.stack([met.normals[..., 1], -met.normals[..., 0]], axis=-1) * (0.5 * met.spans[..., None] + 0.5)
-    ends = np.stack([met.pixels - along, met.pixels + along], axis=-2)
-    for k, T in enumerate(Ts_camera_part):
-        explained = np.zeros((height, width), dtype=np.uint8)
-        cv2.polylines(explained, list(np.rint(ends[k, met.inside[k]]).astype(np.int32)), False, 1, 2 * MARGIN)
-        out[k] = (silhouette(surface, camera, T)[y, x] & (explained[y, x] == 0)).sum()
-    return out

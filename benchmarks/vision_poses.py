@@ -1,0 +1,71 @@
+"""How far off poses from images are, beside what is stated: ``python benchmarks/vision_poses.py [images]``.
+
+What recognition does is left out: the part is known and the search starts at the truth. The same scenes are rendered
+with 30 % of the part hidden, with nothing hidden, and without noise as well; the table is told with errors as stated.
+Printed is the normalised squared error of position and yaw. ``--keep FILE`` and ``--processes N``: ``campaign.py``.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from campaign import options, run_cases
+from common import Table
+from scipy.stats import chi2
+
+from tanteo.lie import SE3
+from tanteo.vision import find_edges, map_edges
+from tanteo.vision.belief import Mode, lie_down
+from tanteo.vision.fit import refine
+from tanteo.vision.settle import settle
+from tanteo.vision.sight import hypothesis
+from tanteo.vision.table import TableErrors, lying_information
+from vision import models_of, pose_errors, told_table
+from vision_scenes import random_shot
+
+SEED = 2024
+WAYS = {"30 % hidden": (0.3, 1.0), "nothing hidden": (0.0, 1.0), "nothing hidden, no noise": (0.0, 0.0)}
+"""Share that is hidden, and what the noise is multiplied with."""
+
+LAST = (2.5, 1.5, 1.0, 0.8, 0.8)
+
+
+def pose(image, hidden, noise):
+    """Squared error over its covariance and error in mm; None where a direction is free."""
+    models = [m for m in models_of(20)[0] if not m.part.symmetry.continuous]
+    model, rng = models[image % len(models)], np.random.default_rng([SEED, image])
+    shot = random_shot([model], rng, hidden, noise=noise)
+    camera, edges = shot.camera, map_edges(find_edges(shot.image))
+    T_camera_world = SE3.inverse(camera.T_world_camera)
+    T_camera_table = T_camera_world @ told_table(shot, model, np.random.default_rng([SEED, image, 1]))
+    start = lie_down(model, np.array([shot.rest]), T_camera_world @ shot.T_world_part[None], T_camera_table)
+    prior = lying_information(SE3.inverse(T_camera_table) @ start, model.part.centroid, TableErrors())
+    T = refine(model.frame, camera, edges, start, prior=prior, reaches=LAST)[0]
+    settled = settle(model, camera, edges, T, start=start[0], prior=prior[0])
+    mode = Mode(model, shot.rest, settled.T_camera_part, 0.0, 1.0)
+    answer = hypothesis(mode, camera.T_world_camera, camera, settled, lying=True)
+    return None if answer.unobserved else pose_errors(model, answer, shot.T_world_part)
+
+
+def main():
+    arguments, keep, processes = options(sys.argv[1:])
+    count = int(arguments[0]) if arguments else 200
+    cases = [(image, *way) for image in range(count) for way in WAYS.values()]
+    found = dict(zip(cases, run_cases(pose, cases, keep, processes), strict=True))
+    rows = []
+    for name, way in WAYS.items():
+        z, mm = np.array([found[image, *way] for image in range(count) if found[image, *way]]).T
+        low, high = chi2.ppf([0.005, 0.995], 3 * len(z)) / (3 * len(z))
+        near = np.mean(z < chi2.ppf(0.95, 3))
+        middle = np.median(z) / chi2.median(3)
+        rows.append(
+            (name, str(len(z)), f"{z.mean() / 3:.2f} ({low:.2f} to {high:.2f})", f"{middle:.2f}", f"{near:.1%}",
+             f"{np.median(mm):.3f} mm", f"{z.max():.0f}")
+        )  # fmt: skip
+    head = ("scenes", "poses", "NEES / dof (honest)", "median / expected", "in the 95 % region", "error", "worst")
+    print(Table("Poses", "", head, rows).markdown())
+
+
+if __name__ == "__main__":
+    main()
