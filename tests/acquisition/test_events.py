@@ -37,6 +37,9 @@ def test_the_line_through_events():
     assert distance_from(gripper(), event(0.012, 0.003), (point, direction)) == pytest.approx(0.003 * 12 / np.sqrt(145))
     assert line_through(gripper(), edge([0.0], [0.0])) is None
     assert line_through(gripper(), []) is None
+    assert (
+        line_through(gripper(), edge([0.0, 0.003] * 8, [0.0] * 16)) is None
+    )  # as near to each other, only more of them
 
 
 def test_one_straight_edge_is_not_doubted():
@@ -64,11 +67,13 @@ def test_three_places_control_each_other():
     assert "beside the line" in doubt(gripper(), edge(xs, [0, 0, 0.0027]), ALONG, OUTWARDS)
     assert "at too few places" in doubt(gripper(), edge(xs[:2], [0, 0]) * 4, ALONG, OUTWARDS)
     assert "at too few places" in doubt(gripper(), [], ALONG, OUTWARDS)
+    assert "at too few places" in doubt(gripper(), edge([0, 0.003, 0.006, 0.009], [0] * 4), ALONG, OUTWARDS)
     assert "stands alone" in doubt(gripper(), edge([-0.006, 0.0, 0.07], [0, 0, 0]), ALONG, OUTWARDS)
 
 
 def test_sensors_may_differ_by_their_mounting():
-    """Sharp events of two sensors, 0.15 mm apart: their mounting is not known better."""
-    left = edge([-0.03, -0.02, -0.01], [0, 0, 0], sensor=0, sd=1e-5)
-    right = edge([0.01, 0.02, 0.03], [1.5e-4] * 3, sensor=1, sd=1e-5)
-    assert doubt(gripper(), left + right, ALONG, OUTWARDS) == ""
+    """Sharp events of two sensors in turn, 0.5 mm apart: their mounting is not known better; 1 mm is too much."""
+    for apart, doubted in ((5e-4, False), (1e-3, True)):
+        one = edge([-0.03, -0.01, 0.01], [0, 0, 0], sensor=0, sd=1e-5)
+        other = edge([-0.02, 0.0, 0.02], [apart] * 3, sensor=1, sd=1e-5)
+        assert bool(doubt(gripper(), one + other, ALONG, OUTWARDS)) == doubted

@@ -22,7 +22,7 @@ from tanteo.typing import FloatArray
 HOVER = 0.06
 """The hand stands so much higher than the stand-off before it comes down [m]."""
 
-LOOKS = ((0.25, 0.09), *(((0.22, 0.05),) * 6))
+LOOKS = ((0.25, 0.09), *(((0.22, 0.05),) * 9))
 """Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
 
 
@@ -56,9 +56,9 @@ class Tried:
     places: list[FloatArray]
     others: list[Patch]
 
-    def times(self, patch: Patch) -> int:
-        """How often the face of a patch could not be scanned."""
-        return sum(patch.is_of(other) for other in self.patches)
+    def in_vain(self, patch: Patch) -> bool:
+        """Whether the face of a patch could not be scanned, at more places than one."""
+        return sum(patch.is_of(other) for other in self.patches) > 1
 
 
 def sense_plane(
@@ -108,7 +108,7 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
         patches = find_patches(cloud_of(session.hand, session.motions[first:]), wanted)
         patches = [p for p in patches if beside is None or not p.is_on(beside)]
         if tried.patches:
-            patches = sorted([*patches, *tried.others], key=tried.times)
+            patches = sorted([*patches, *tried.others], key=tried.in_vain)
         if not patches:
             attempt = attempt if looked.reached or tried.places else failed(looked)
             continue
