@@ -8,16 +8,23 @@ from scipy.stats import chi2
 
 from felt_scenes import gripper, nees, roof
 from tanteo.acquisition import EdgeIdea, features_of, sense_edge
+from tanteo.acquisition.edge_bend import acquire_bend
+from tanteo.acquisition.scan import scan
+from tanteo.acquisition.session import Session
 from tanteo.fitting import edge_from_planes
 from tanteo.lie import SE3, SO3
-from tanteo.motion import Rules
+from tanteo.motion import Bend, Rules
 from tanteo.simulator import SimulatedHand, clearances
+
+
+def over(y, height, turned=(0.0, 0.0, 0.0)):
+    R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array(turned))
+    return SE3.from_parts(R, np.array([0.0, y, height]) - R @ gripper().front)
 
 
 def felt(degrees, seed, standoff=0.02):
     scene = roof(math.radians(degrees))
-    R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array([0.05, 0.1, 0.2]))
-    T = SE3.from_parts(R, np.array([0.0, -0.02, standoff + 0.05]) - R @ gripper().front)
+    T = over(-0.02, standoff + 0.05, (0.05, 0.1, 0.2))
     robot = SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(seed))
     idea = EdgeIdea([0, 0.004, 0.0], [-1, 0.1, 0], [0, 0.1, 1])
     got = sense_edge(robot, idea, standoff=standoff, rules=Rules(clearance=0.6 * standoff))
@@ -39,6 +46,19 @@ def test_the_edge_of_a_bend(degrees):
 
 def test_a_slight_bend_is_not_felt_and_the_answer_says_why():
     _, got = felt(10, seed=0)
-    assert not got.acquired
-    assert "bends away" in got.message
+    assert got.status == "nothing"
+    assert "bends away by about" in got.message
+    assert "of the face beyond it: nothing flat was seen" in got.message
     assert got.others[0].label == "edge face"
+
+
+def test_planes_that_meet_elsewhere_are_of_another_edge():
+    """The bend is said to be 10 mm beside where it is."""
+    scene = roof(math.radians(45))
+    robot = SimulatedHand(scene, gripper(), over(-0.03, 0.02), rng=np.random.default_rng(0))
+    session = Session(robot, 0.02, Rules(clearance=0.012), None)
+    _, _, face = scan(session, "face", 0.015)
+    bend = Bend(0, over(0.01, 0.02), 0.02, math.radians(45))
+    status, message, edge = acquire_bend(session, face, np.array([0.0, 1.0, 0.0]), [bend], "edge")
+    assert (status, edge) == ("unclear", None), message
+    assert "mm beside where the surface bends" in message

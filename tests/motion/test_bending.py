@@ -32,7 +32,7 @@ def across(event):
 def test_a_bend_is_no_edge(degrees, standoff):
     got = crossing(roof(math.radians(degrees)), standoff)
     assert (got.motion.status, got.events) == ("nothing", ())
-    assert "bends away: by about" in got.motion.message
+    assert "bends away by about" in got.motion.message
     assert math.degrees(np.median([b.angle for b in got.bends])) == pytest.approx(degrees, abs=8)
     assert abs(np.median([across(b) for b in got.bends])) < 0.1 * standoff + 0.002
     assert {b.sensor for b in got.bends} <= set(gripper().frontal)

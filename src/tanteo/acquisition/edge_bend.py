@@ -17,7 +17,7 @@ from tanteo.acquisition.ways import facing, fits, path
 from tanteo.errors import DegenerateError
 from tanteo.features import Feature
 from tanteo.fitting import edge_from_planes
-from tanteo.motion import Bend, Motion, go_to
+from tanteo.motion import Bend, Motion, go_to, how_far
 from tanteo.typing import FloatArray
 
 _BEYOND = 0.02
@@ -50,12 +50,12 @@ def acquire_bend(session: Session, face: Feature, outwards: FloatArray, bends: S
         session, FaceIdea(place + _BEYOND * ahead, beyond), f"{label} other face", beside=face
     )
     if other is None:
-        return status, f"the surface bends away, and of the face beyond it: {message}", None
+        return status, f"the surface bends away {how_far(bends)}, and of the face beyond it: {message}", None
     session.others.append(other)
     try:
         edge = edge_from_planes(face, other, place, label)
     except DegenerateError as error:
-        return "unclear", f"the surface bends away, but {error}", None
+        return "unclear", f"the surface bends away {how_far(bends)}, but {error}", None
     away = place - edge.T_world_feature[:3, 3]
     direction = edge.T_world_feature[:3, 0]
     off = float(np.linalg.norm(away - (away @ direction) * direction))

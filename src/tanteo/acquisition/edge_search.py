@@ -15,11 +15,14 @@ from tanteo.typing import FloatArray
 REACH = 0.05
 """An edge is searched for so much farther than where it should be [m]."""
 
-ELSEWHERE = (0.0, 0.012, -0.012, 0.024, -0.024, 0.036, -0.036)
+ELSEWHERE = (0.012, -0.012, 0.024, -0.024, 0.036, -0.036)
 """Where along the edge the search for it may begin, from where the face was scanned [m]."""
 
 ENOUGH = 0.02
 """A search should have room for so much farther than where the edge should be [m]."""
+
+_PLACES = 3
+"""So many of them are tried, where the sensors are not over the face or lose it."""
 
 _SHIFT = 0.010
 """Along the line of the sensors, for a second crossing where only one of them has met the edge [m]."""
@@ -52,35 +55,36 @@ def find_edge(session: Session, face: Feature, along: FloatArray, wanted: FloatA
     front = front_of(session)
     needed = max(float((wanted - front) @ outwards), 0.0)
     reach = needed + REACH
-    place = _best_place(session, face, (front, along, outwards), (needed + ENOUGH, reach))
-    stood = stand(session, face, place, along, 0.0 * outwards)
-    if not stood.reached:
-        return stood
-    front = front_of(session)
-    crossing = cross(session, face, outwards, reach, 2 * session.hand.baseline)
-    if not (crossing.motion.reached or crossing.bends):
-        return crossing.motion
-    return Found(front, along, outwards, reach, crossing.events, crossing.bends)
+    last = Motion("search", "lost", "the surface is under neither frontal sensor", ())
+    for place in _places(session, face, (front, along, outwards), (needed + ENOUGH, reach)):
+        last = stand(session, face, place, along, 0.0 * outwards)
+        if not last.reached:
+            continue
+        crossing = cross(session, face, outwards, reach, 2 * session.hand.baseline)
+        if crossing.motion.reached or crossing.bends:
+            return Found(front_of(session), along, outwards, reach, crossing.events, crossing.bends)
+        last = crossing.motion
+        if last.status != "lost":
+            break
+    return last
 
 
-def _best_place(
+def _places(
     session: Session,
     face: Feature,
     known: tuple[FloatArray, FloatArray, FloatArray],
     least_and_most: tuple[float, float],
-) -> FloatArray:
-    """The first place beside the front from which there is room for enough, or the one with most room."""
+) -> list[FloatArray]:
+    """Beside the front: the places from which there is room for enough first, then those with most room."""
     front, along, outwards = known
     least, most = least_and_most
-    cloud, best = raised(session, face), (front, -1.0)
-    for shift in ELSEWHERE:
-        place = front + shift * along
-        free = free_way(session, cloud, pose_over(session, face, place, along), outwards, most)
-        if free > best[1]:
-            best = (place, free)
-        if free >= least:
-            break
-    return best[0]
+    T, cloud = session.robot.sensed.T_world_hand, raised(session, face)
+    # between the two sensors there may be a slot: below each of them the face was felt
+    feet = [T[:3, :3] @ session.hand.origins[sensor] + T[:3, 3] for sensor in session.hand.frontal]
+    places = [front, *feet, *(front + shift * along for shift in ELSEWHERE)]
+    free = [free_way(session, cloud, pose_over(session, face, p, along), outwards, most) for p in places]
+    order = sorted(range(len(places)), key=lambda k: -min(free[k], least))
+    return [places[k] for k in order][:_PLACES]
 
 
 def cross_beside(session: Session, face: Feature, found: Found, sensor: int) -> list[EdgeEvent]:

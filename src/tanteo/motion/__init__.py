@@ -6,7 +6,7 @@ than the clearance, and no part of the hand to the bounds of its workspace. This
 """
 
 from tanteo.motion.approaching import approach, retreat
-from tanteo.motion.bending import Bend
+from tanteo.motion.bending import Bend, how_far
 from tanteo.motion.control import Loop
 from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
 from tanteo.motion.following import follow, settle
@@ -28,6 +28,7 @@ __all__ = [
     "cross_edge",
     "follow",
     "go_to",
+    "how_far",
     "look",
     "retreat",
     "settle",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +66,12 @@ def bend_of(sensor: int, number: int, track: Track, surface: Surface, beyond: fl
     if higher > 2 * slack or slope < math.tan(_LEAST):
         return None
     return Bend(sensor, track.pose_at(float(track.ways[last] - higher / slope)), distance, math.atan(slope))
+
+
+def how_far(bends: Sequence[Bend]) -> str:
+    """By how much a surface bends away, in words."""
+    angle = float(np.median([b.angle for b in bends]))
+    return f"by about {math.degrees(angle):.0f} deg" if angle < STEEP else "too steeply for the sensors to answer"
 
 
 def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.hand import MET, NEAR, Robot, Sensed, shift
-from tanteo.motion.bending import STEEP, Bend, bend_of
+from tanteo.motion.bending import Bend, bend_of, how_far
 from tanteo.motion.following import level
 from tanteo.motion.result import Ending, Motion
 from tanteo.motion.steering import Rules, Steering
@@ -39,6 +39,9 @@ _BEYOND = 2e-3
 
 _WHOLE = 0.95
 """Share of the readings before the spot that must meet the surface; less, and the spot slides along another edge."""
+
+_NEAR = 0.3
+"""A surface that is not at the stand-off within this share of it is another one."""
 
 _MOSTLY = 0.8
 """Share of the readings at rest that must meet the surface under a sensor that is over it."""
@@ -104,7 +107,8 @@ def cross_edge(
 
     Returns:
         Motion ``reached`` with the events of every sensor that crossed both ways; ``nothing`` within the reach, or
-        because the surface only bends; ``lost`` if neither sensor is over the surface; ``limit``; ``timeout``.
+        because the surface only bends; ``lost`` if neither sensor is over the surface, or not in the same way there
+        and back; ``limit``; ``timeout``.
     """
     heading = level(direction)
     run = Steering("cross edge", robot, rules)
@@ -112,8 +116,8 @@ def cross_edge(
     if np.isnan(surface.ranges).all():
         return Crossing(run.end("lost", "the surface is under neither frontal sensor"), ())
     speed = min(rules.speed, STRIDE * standoff / robot.period)
-    out, trouble = _leave(run, heading * speed, surface, reach, spread)
-    back = _come_back(run, -heading * speed, out[0]) if trouble != "timeout" else []
+    out, ended = _leave(run, heading * speed, surface, reach, spread)
+    back = _come_back(run, -heading * speed, out[0]) if ended != "timeout" else []
     events, bends = list[EdgeEvent](), list[Bend]()
     for number in np.flatnonzero(~np.isnan(surface.ranges)):
         met = [_met(run, int(number), leg, surface) for leg in (out, back[::-1])]
@@ -122,21 +126,16 @@ def cross_edge(
         if isinstance(met[0], EdgeEvent) and isinstance(met[1], EdgeEvent):
             events += [met[0], replace(met[1], outwards=False)]
     if events:
-        ended = run.end("reached", f"{len(events)} events of {len(events) // 2} sensors")
+        motion = run.end("reached", f"{len(events)} events of {len(events) // 2} sensors")
     elif bends:
-        ended = run.end("nothing", f"the surface does not end, it bends away: {_how_far(bends)}")
-    elif trouble:
-        ended = run.end(trouble)
+        motion = run.end("nothing", f"the surface does not end, it bends away {how_far(bends)}")
+    elif ended == "nothing":
+        motion = run.end("nothing", f"the surface does not end within {1e3 * reach:.3g} mm")
+    elif ended:
+        motion = run.end(ended)
     else:
-        ended = run.end("nothing", f"the surface does not end within {1e3 * reach:.3g} mm")
-    return Crossing(ended, tuple(events), tuple(bends))
-
-
-def _how_far(bends: list[Bend]) -> str:
-    angle = float(np.median([b.angle for b in bends]))
-    if angle >= STEEP:
-        return "too steeply for the sensors to answer"
-    return f"by about {math.degrees(angle):.0f} deg"
+        motion = run.end("lost", "the surface ended, but there and back not at one place")
+    return Crossing(motion, tuple(events), tuple(bends))
 
 
 def _met(run: Steering, number: int, leg: list[Sensed], surface: Surface) -> EdgeEvent | Bend | None:
@@ -163,7 +162,7 @@ def _surface(run: Steering, standoff: float) -> Surface:
         run.step(np.zeros(6))
         readings.append(run.sensed.ranges[pair])
     table = np.array(readings)
-    met = np.isfinite(table).mean(axis=0) > _MOSTLY
+    met = (np.abs(table - standoff) < _NEAR * standoff).mean(axis=0) > _MOSTLY
     ranges = np.array([np.median(c[np.isfinite(c)]) if m else np.nan for c, m in zip(table.T, met, strict=True)])
     model = error_model(run.hand.rig)
     every = np.full(len(model), standoff)
@@ -182,7 +181,11 @@ def _dropped(surface: Surface, sensed: Sensed, pair: tuple[int, int]) -> BoolArr
 def _leave(
     run: Steering, velocity: Vectors, surface: Surface, reach: float, spread: float
 ) -> tuple[list[Sensed], Ending | None]:
-    """Outwards until both sensors have been off the surface for more than their spots, or for long enough."""
+    """Outwards until both sensors have been off the surface for more than their spots, or one for long enough.
+
+    Returns:
+        The readings, and what kept them from it: the end of the reach is ``nothing``.
+    """
     leg, pair = [run.sensed], run.hand.frontal
     start, speed = run.sensed.T_world_hand, float(np.linalg.norm(velocity))
     known = ~np.isnan(surface.ranges)
@@ -194,8 +197,10 @@ def _leave(
         off = np.where(_dropped(surface, run.sensed, pair) & known, off + speed * run.share * run.robot.period, 0.0)
         beyond = off > 2 * surface.spots + _BEYOND
         gone = float(np.linalg.norm(run.sensed.T_world_hand[:3, 3] - start[:3, 3]))
-        if beyond[known].all() or (beyond.any() and off.max() > spread) or gone > reach:
+        if beyond[known].all() or (beyond.any() and off.max() > spread):
             return leg, None
+        if gone > reach:
+            return leg, "nothing"
 
 
 def _come_back(run: Steering, velocity: Vectors, first: Sensed) -> list[Sensed]:
