@@ -47,6 +47,9 @@ _NOISY = 0.01
 _TURNED = 4
 """Best poses from which the part is turned over, in search of others that fit nearly as well, and those it gives."""
 
+_WIDEST = 8
+"""Later rounds search so many times as widely as the first, and no more: another group of readings tells more then."""
+
 _SETTLING = np.array([1.0, 1.0, 0.7, 0.5, 0.4])
 """Scales of the first steps, in units of the error of the first poses."""
 
@@ -78,14 +81,14 @@ class Effort:
 
 
 def effort_for(touches: Touches, target: Target, round_: int) -> Effort:
-    """Effort of a round: less for many clean readings or sensed normals; twice as much with every round.
+    """Effort of a round: less for many clean readings or sensed normals; twice as much in each of the next rounds.
 
     Args:
         touches: the readings.
         target: the part.
         round_: from 0.
     """
-    wider, astray = 2**round_, round_ > 0
+    wider, astray = min(2**round_, _WIDEST), round_ > 0
     noisy = float(np.median(touches.sd)) > _NOISY * target.part.diagonal
     scored = 10 if round_ < 1 else 16
     if touches.oriented.sum() >= LEAST_ORIENTED:
