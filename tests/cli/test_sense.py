@@ -59,13 +59,23 @@ def test_forbidden_boxes_are_kept_out_of(capsys):
 
 
 def test_what_is_not_acquired_exits_with_three(capsys, tmp_path):
-    far = Path(SCENE).read_text(encoding="utf-8").replace("front_mm = [75, 35, 130]", "front_mm = [75, 35, 600]")
+    far = Path(SCENE).read_text(encoding="utf-8").replace("point_mm = [85, 35, 50]", "point_mm = [85, 35, 450]")
     far = far.replace("../parts", str(Path(SCENE).parents[1] / "parts"))
     (tmp_path / "far.toml").write_text(far, encoding="utf-8")
     code, out, _ = run(capsys, "plane", "--scene", str(tmp_path / "far.toml"))
     assert code == 3
     assert out.startswith("nothing: no plane")
     assert "start nearer" in out
+
+
+def test_the_hand_comes_near_from_out_of_range(capsys, tmp_path):
+    far = Path(SCENE).read_text(encoding="utf-8").replace("front_mm = [75, 35, 130]", "front_mm = [75, 35, 400]")
+    far = far.replace("../parts", str(Path(SCENE).parents[1] / "parts"))
+    (tmp_path / "far.toml").write_text(far, encoding="utf-8")
+    code, out, _ = run(capsys, "plane", "--scene", str(tmp_path / "far.toml"), "-v")
+    assert code == 0
+    steps = [line.split()[2:4] for line in out.splitlines() if line.endswith("at the pose")]
+    assert steps[:2] == [["go", "to"], ["go", "to"]]  # over the place, and down to it
 
 
 @pytest.mark.parametrize(

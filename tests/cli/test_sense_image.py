@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("cv2")
@@ -68,3 +69,40 @@ def test_a_scene_needs_a_camera_and_a_table_for_its_own_image(sense, tmp_path):
     code, _, err = sense("--image", "render", scene=bare)
     assert code == 1
     assert "expected a table [table] on which the part lies" in err
+
+
+@pytest.fixture
+def feature(run):
+    return lambda kind, *options: run("sense", kind, "--scene", str(SCENE), *options, "--standoff", "20mm")
+
+
+def test_a_face_is_gone_to_where_the_image_puts_it(feature):
+    """The hand starts out of range of everything; what it senses is where the image said, within both spreads."""
+    code, out, err = feature("plane", *PARTS, "--image", "render", "--json")
+    assert code == 0
+    assert "The hand goes to face 6 of step_12mm, P = 0." in err
+    document = json.loads(out)
+    expected, T = document["expected"], np.array(document["feature"]["T_world_feature"])
+    assert expected["name"] == "face 6"
+    assert 0 < expected["sd_m"] < 2e-3
+    off = (np.array(expected["point"]) - T[:3, 3]) @ T[:3, 2]
+    assert abs(off) < 4 * np.hypot(expected["sd_m"], np.sqrt(document["feature"]["covariance"]["matrix"][2][2]))
+    assert document["least_clearance_m"] > 0.005
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (("--image", "render"), 2, "--image: expected with --parts"),
+        (PARTS, 2, "--parts, --face, --units: expected with --image"),
+        (
+            (*PARTS, "--image", "render", "--face", "face 99"),
+            1,
+            "expected face 'face 99' that faces the hand, got faces:",
+        ),
+    ],
+)
+def test_ideas_that_an_image_cannot_give(feature, options, code, message):
+    got, out, err = feature("edge", *options)
+    assert (got, out) == (code, "")
+    assert message in err

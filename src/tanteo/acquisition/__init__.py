@@ -10,6 +10,7 @@ from tanteo.acquisition.acquired import Acquired, Outcome
 from tanteo.acquisition.edge import sense_edge
 from tanteo.acquisition.ideas import CornerIdea, EdgeIdea, FaceIdea
 from tanteo.acquisition.plane import sense_plane
+from tanteo.acquisition.predicted import Predicted, predicted
 from tanteo.acquisition.record import features_of
 from tanteo.acquisition.two_directions import plane_as_published
 from tanteo.acquisition.vertex import sense_vertex
@@ -20,8 +21,10 @@ __all__ = [
     "EdgeIdea",
     "FaceIdea",
     "Outcome",
+    "Predicted",
     "features_of",
     "plane_as_published",
+    "predicted",
     "sense_edge",
     "sense_plane",
     "sense_vertex",

@@ -27,6 +27,17 @@ def _unit(name: str, value: npt.ArrayLike) -> FloatArray:
     return frozen_array(array / length)
 
 
+SD, TURN_SD = 0.015, np.radians(30.0)
+"""Of a guess: place [m] and attitude [rad]."""
+
+
+def _check_spread(idea: FaceIdea | EdgeIdea | CornerIdea) -> None:
+    for name, unit in (("sd", "m"), ("turn_sd", "rad")):
+        value = getattr(idea, name)
+        if not 0 < value < np.inf:
+            raise InputError(f"{name}: expected a positive standard deviation [{unit}], got {value}. Correct it.")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceIdea:
     """Somewhere on a flat face.
@@ -34,14 +45,20 @@ class FaceIdea:
     Attributes:
         point: About there ``(3,)`` [m].
         normal: About its outward normal ``(3,)``; made unit.
+        sd: How well the place is known, one standard deviation along the normal [m]. What is found farther off than
+            five of them is another face.
+        turn_sd: How well the normal is known [rad].
     """
 
     point: FloatArray
     normal: FloatArray
+    sd: float = SD
+    turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", _point("point", self.point))
         object.__setattr__(self, "normal", _unit("normal", self.normal))
+        _check_spread(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,13 +69,18 @@ class EdgeIdea:
         point: About there ``(3,)`` [m].
         direction: About along the edge, with the face on its left as seen from outside ``(3,)``; made unit.
         normal: About the outward normal of that face ``(3,)``; made unit.
+        sd: As of a :class:`FaceIdea` [m].
+        turn_sd: The same [rad].
     """
 
     point: FloatArray
     direction: FloatArray
     normal: FloatArray
+    sd: float = SD
+    turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
+        _check_spread(self)
         object.__setattr__(self, "point", _point("point", self.point))
         object.__setattr__(self, "direction", _unit("direction", self.direction))
         object.__setattr__(self, "normal", _unit("normal", self.normal))
@@ -68,7 +90,7 @@ class EdgeIdea:
     def face(self, inset: float) -> FaceIdea:
         """The idea of the face, this far inside of the edge [m]."""
         inwards = np.cross(self.normal, self.direction)
-        return FaceIdea(self.point + inset * inwards / np.linalg.norm(inwards), self.normal)
+        return FaceIdea(self.point + inset * inwards / np.linalg.norm(inwards), self.normal, self.sd, self.turn_sd)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,14 +102,19 @@ class CornerIdea:
         arriving: Direction of the edge that ends in it, with the face on its left ``(3,)``; made unit.
         leaving: Direction of the edge that begins in it, with the face on its left ``(3,)``; made unit.
         normal: About the outward normal of the face ``(3,)``; made unit.
+        sd: As of a :class:`FaceIdea` [m].
+        turn_sd: The same [rad].
     """
 
     point: FloatArray
     arriving: FloatArray
     leaving: FloatArray
     normal: FloatArray
+    sd: float = SD
+    turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
+        _check_spread(self)
         object.__setattr__(self, "point", _point("point", self.point))
         for name in ("arriving", "leaving", "normal"):
             object.__setattr__(self, name, _unit(name, getattr(self, name)))
@@ -96,7 +123,8 @@ class CornerIdea:
 
     def edges(self, along: float) -> tuple[EdgeIdea, EdgeIdea]:
         """Both edges, this far from the corner [m]."""
+        spread = self.sd, self.turn_sd
         return (
-            EdgeIdea(self.point - along * self.arriving, self.arriving, self.normal),
-            EdgeIdea(self.point + along * self.leaving, self.leaving, self.normal),
+            EdgeIdea(self.point - along * self.arriving, self.arriving, self.normal, *spread),
+            EdgeIdea(self.point + along * self.leaving, self.leaving, self.normal, *spread),
         )

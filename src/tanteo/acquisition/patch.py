@@ -28,11 +28,11 @@ _FORM = 3e-4
 _ELSE = 0.03
 """A point that is not of the patch may be anywhere within this [m]."""
 
-_TRUST = 0.015
-"""Standard deviation of the idea's distance from the face that is preferred [m]."""
+_BLURRED = 0.003, math.radians(6.0)
+"""What is seen from afar is no better known than this, whatever the idea [m, rad]."""
 
-_FARTHEST, _MOST_TURNED = 0.04, math.cos(math.radians(75.0))
-"""A face that is farther from the idea [m], or turned by more (its cosine), is not the one that is meant."""
+_FARTHEST = 8 / 3, 2.5
+"""A face that is farther off the idea, or turned more, in standard deviations of both, is not the one that is meant."""
 
 _WIDEST = 0.015
 """More room than this to the border of a patch is no better [m]."""
@@ -140,9 +140,10 @@ def _gain(points: Vectors, sds: FloatArray, point: FloatArray, normal: FloatArra
 
 def _near(idea: FaceIdea, point: FloatArray, normal: FloatArray) -> float:
     off, along = float((idea.point - point) @ normal), float(normal @ idea.normal)
-    if abs(off) > _FARTHEST or along < _MOST_TURNED:
+    sd, turn_sd = max(idea.sd, _BLURRED[0]), max(idea.turn_sd, _BLURRED[1])
+    if abs(off) > _FARTHEST[0] * sd or along < math.cos(min(_FARTHEST[1] * turn_sd, math.pi)):
         return 0.0
-    return math.exp(-0.5 * (off / _TRUST) ** 2) * (along + 0.2)
+    return math.exp(-0.5 * (off / sd) ** 2) * (along + 0.2)
 
 
 def _border(cloud: Cloud, point: FloatArray, normal: FloatArray, agree: BoolArray) -> Vectors:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.cloud import beside, cloud_of, over
+from tanteo.acquisition.coming import come_near
 from tanteo.acquisition.ideas import FaceIdea
 from tanteo.acquisition.patch import Patch, find_patches, stands
 from tanteo.acquisition.scan import ALONG, WIDTHS, scan
@@ -40,6 +41,10 @@ _ASTRAY = np.radians(12.0)
 
 _WIDE = 0.004
 """Least room around both sensors on a patch [m]."""
+
+
+_OTHER = 5.0
+"""A face that is more standard deviations off the idea is another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +104,9 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
     hand is to go. Where a patch turns out not to be one, the others that were seen come first.
     """
     attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
+    near = come_near(session, idea)
+    if near is not None and not near.reached:
+        return failed(near)
     begin = len(session.motions)
     wanted, first, tried = idea, begin, Tried([], [], [])
     for tilt, spacing in LOOKS:
@@ -117,13 +125,13 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
             continue
         tried.others.extend(p for p in patches if not p.is_of(patch))
         # the next look is from here: what it shows replaces what was seen before
-        wanted, first = FaceIdea(patch.point, patch.normal), len(session.motions)
+        wanted, first = replace(idea, point=patch.point, normal=patch.normal), len(session.motions)
         if not width:
             continue
         down = session.does(
             approach(session.robot, session.standoff, session.rules, reach=2 * HOVER + session.standoff)
         )
-        attempt = scan(session, label, width) if down.reached else failed(down)
+        attempt = _meant(idea, scan(session, label, width)) if down.reached else failed(down)
         if attempt[0] not in ("lost", "nothing", "unclear"):
             return attempt
         tried.places.append(session.places[-1])
@@ -133,6 +141,26 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
         if not back.reached:
             return attempt
     return attempt
+
+
+def _meant(idea: FaceIdea, attempt: Attempt) -> Attempt:
+    """A face that was sensed, unless the idea was known too well for it to be the one that was meant."""
+    face = attempt[2]
+    if face is None:
+        return attempt
+    T, own = face.T_world_feature, np.sqrt(np.diag(face.P))
+    gap = idea.point - T[:3, 3]
+    off, turned = abs(float(gap @ T[:3, 2])), float(np.arccos(np.clip(T[:3, 2] @ idea.normal, -1, 1)))
+    turn_sd = float(np.hypot(idea.turn_sd, own[1:].max()))
+    sd = float(np.linalg.norm([idea.sd, own[0], turn_sd * np.linalg.norm(gap - (gap @ T[:3, 2]) * T[:3, 2])]))
+    if off <= _OTHER * sd and turned <= _OTHER * turn_sd:
+        return attempt
+    where = f"{1e3 * off:.2g} mm and {np.degrees(turned):.2g} deg off where it should be"
+    return (
+        "unclear",
+        f"the face that was sensed is {where}, to {1e3 * sd:.2g} mm and {np.degrees(turn_sd):.2g} deg",
+        None,
+    )
 
 
 def _over_one(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.active import Start
     from tanteo.io.scene_toml import SceneFile
+    from tanteo.parts import Part
     from tanteo.surface_search import Target
     from tanteo.typing import BoolArray, FloatArray, Transforms
     from tanteo.vision import Camera, Sighting
@@ -98,16 +100,22 @@ def start_from_view(view: View, targets: tuple[Target, ...], rough: Start | None
     Raises:
         InputError: nothing was seen, and there is no rough place.
     """
-    from tanteo.execution import HYPOTHESES, part_seen, seen_start
+    from tanteo.execution import seen_start
+
+    return seen_start(seen_in(view, [target.part for target in targets], rough), targets, rough)
+
+
+def seen_in(view: View, parts: Sequence[Part], rough: Start | None = None) -> Sighting | None:
+    """The object that is meant, None without any; what it may be is said on standard error."""
+    from tanteo.execution import HYPOTHESES, part_seen
     from tanteo.vision import see_table
 
     sight = see_table(
-        view.image, view.camera, [target.part for target in targets], T_world_table=view.T_world_table, top=HYPOTHESES,
-        ignore=view.ignore,
-    )  # fmt: skip
+        view.image, view.camera, parts, T_world_table=view.T_world_table, top=HYPOTHESES, ignore=view.ignore
+    )
     seen = part_seen(sight, rough)
     emit([printable(image_words(seen))], sys.stderr)
-    return seen_start(seen, targets, rough)
+    return seen
 
 
 def image_words(seen: Sighting | None) -> str:

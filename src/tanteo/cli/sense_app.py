@@ -38,6 +38,14 @@ Forbid = Annotated[
         "--forbid", metavar="CORNERS", help="Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."
     ),
 ]
+IdeaParts = Annotated[
+    list[str] | None,
+    typer.Option("--parts", metavar="FILE_OR_FOLDER...", help="CAD files that --image may show, or folders of them."),
+]
+FaceName = Annotated[
+    str | None,
+    typer.Option("--face", metavar="NAME", help="Of the part in --image, as 'face 6' (see tanteo part show)."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")]
 
@@ -49,11 +57,18 @@ def sense_plane(
     seed: SceneSeed = None,
     record: Record = None,
     forbid: Forbid = None,
+    parts: IdeaParts = None,
+    image: ImageFile = None,
+    camera: CameraFile = None,
+    marks: MarksFile = None,
+    face: FaceName = None,
+    units: MeshUnits = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
     """Acquire a flat face without touching it."""
-    _sense("plane", scene, standoff, seed, record, forbid or [], json, verbose)
+    idea = parts, image, camera, marks, face, units
+    _sense("plane", scene, standoff, seed, record, forbid or [], idea, json, verbose)
 
 
 @sense_app.command("edge")
@@ -63,11 +78,18 @@ def sense_edge(
     seed: SceneSeed = None,
     record: Record = None,
     forbid: Forbid = None,
+    parts: IdeaParts = None,
+    image: ImageFile = None,
+    camera: CameraFile = None,
+    marks: MarksFile = None,
+    face: FaceName = None,
+    units: MeshUnits = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
     """Acquire a straight edge, and its face, without touching them."""
-    _sense("edge", scene, standoff, seed, record, forbid or [], json, verbose)
+    idea = parts, image, camera, marks, face, units
+    _sense("edge", scene, standoff, seed, record, forbid or [], idea, json, verbose)
 
 
 @sense_app.command("vertex")
@@ -77,11 +99,18 @@ def sense_vertex(
     seed: SceneSeed = None,
     record: Record = None,
     forbid: Forbid = None,
+    parts: IdeaParts = None,
+    image: ImageFile = None,
+    camera: CameraFile = None,
+    marks: MarksFile = None,
+    face: FaceName = None,
+    units: MeshUnits = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
     """Acquire a corner, its face and two edges, without touching them."""
-    _sense("vertex", scene, standoff, seed, record, forbid or [], json, verbose)
+    idea = parts, image, camera, marks, face, units
+    _sense("vertex", scene, standoff, seed, record, forbid or [], idea, json, verbose)
 
 
 @sense_app.command("part")
@@ -137,11 +166,17 @@ def _sense(
     seed: int | None,
     record: str | None,
     forbid: list[str],
+    idea: tuple[list[str] | None, str | None, str | None, str | None, str | None, str | None],
     json: bool,
     verbose: bool,
 ) -> None:
+    from tanteo.cli.image_idea import idea_options
     from tanteo.cli.running import guarded
     from tanteo.cli.sensing import sense
 
     with guarded():
-        sense(kind, scene, standoff=standoff, seed=seed, record=record, forbid=forbid, as_json=json, verbose=verbose)
+        seen = idea_options(*idea)
+        sense(
+            kind, scene, standoff=standoff, seed=seed, record=record, forbid=forbid, image=seen, as_json=json,
+            verbose=verbose,
+        )  # fmt: skip

@@ -15,7 +15,8 @@ from tanteo.cli.printing import bold, emit, printable
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.acquisition import Acquired
+    from tanteo.acquisition import Acquired, Predicted
+    from tanteo.cli.image_idea import IdeaOptions
     from tanteo.features import Feature
     from tanteo.hand import ForbiddenBox
     from tanteo.io.scene_toml import SceneFile
@@ -32,10 +33,12 @@ def sense(
     seed: int | None,
     record: str | None,
     forbid: Sequence[str],
+    image: IdeaOptions | None,
     as_json: bool,
     verbose: bool,
 ) -> None:
     """Acquire one feature of a scene file, print it; exits with 3 when it is not acquired."""
+    from tanteo.cli.image_idea import idea_from_image
     from tanteo.io import sensed_json, write_readings
     from tanteo.io.scene_toml import read_scene
     from tanteo.simulator import clearances
@@ -52,6 +55,9 @@ def sense(
         scene = replace(scene, standoff=distance, clearance=scene.clearance * distance / scene.standoff)
     if boxes:
         scene = replace(scene, workspace=replace(scene.workspace, forbidden=(*scene.workspace.forbidden, *boxes)))
+    expected = None if image is None else idea_from_image(kind, scene, image)
+    if expected is not None:
+        scene = replace(scene, ideas={**scene.ideas, kind: expected.idea})
     got, robot = run(kind, scene)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
     if record is not None:
@@ -65,9 +71,9 @@ def sense(
                     f"--record: expected a file to write, got: {error.strerror or error}. Check the path."
                 ) from None
     if as_json:
-        sys.stdout.write(sensed_json(got, seed=scene.seed, clearance=least))
+        sys.stdout.write(sensed_json(got, seed=scene.seed, clearance=least, expected=expected))
     else:
-        emit(sensed_lines(got, scene, least, record, verbose=verbose))
+        emit(sensed_lines(got, scene, least, record, expected, verbose=verbose))
     if not got.acquired:
         raise typer.Exit(_UNDECIDED)
 
@@ -98,9 +104,17 @@ def run(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
 
 
 def sensed_lines(
-    got: Acquired, scene: SceneFile, least: float, record: str | None, *, verbose: bool = False
+    got: Acquired,
+    scene: SceneFile,
+    least: float,
+    record: str | None,
+    expected: Predicted | None = None,
+    *,
+    verbose: bool = False,
 ) -> list[str]:
     """The lines for a person."""
+    from tanteo.cli.image_idea import compared
+
     lines = [
         bold(
             printable(
@@ -110,6 +124,7 @@ def sensed_lines(
     ]
     if got.feature is not None:
         lines += _spread(got.feature)
+        lines += [f"  image       {compared(expected, got.feature)}"] if expected is not None else []
     lines += [f"  also        {f.kind.name} '{printable(f.label)}' {_where(f)}" for f in got.others]
     if got.readings is not None:
         used = ", ".join(dict.fromkeys(got.readings.sensors))

@@ -8,19 +8,20 @@ from typing import Any
 import numpy as np
 
 from tanteo import __version__
-from tanteo.acquisition import Acquired
+from tanteo.acquisition import Acquired, Predicted
 from tanteo.features import Feature, feature_covariance
 
 SCHEMA = "tanteo.sensed/1"
 
 
-def sensed_document(got: Acquired, *, seed: int, clearance: float) -> dict[str, Any]:
+def sensed_document(got: Acquired, *, seed: int, clearance: float, expected: Predicted | None = None) -> dict[str, Any]:
     """The result as plain dictionaries, lists, strings and numbers; metres, radians, world.
 
     Args:
         got: What was acquired.
         seed: Of the simulation.
         clearance: Least true distance of the hand from everything [m].
+        expected: What an image said of it; left out without one.
     """
     return {
         "schema": SCHEMA,
@@ -31,6 +32,7 @@ def sensed_document(got: Acquired, *, seed: int, clearance: float) -> dict[str, 
         "message": got.message,
         "feature": None if got.feature is None else _feature(got.feature),
         "others": [_feature(f) for f in got.others],
+        **({} if expected is None else {"expected": _expected(expected)}),
         "readings": 0 if got.readings is None else len(got.readings),
         "seconds": got.seconds,
         "least_clearance_m": clearance,
@@ -40,9 +42,16 @@ def sensed_document(got: Acquired, *, seed: int, clearance: float) -> dict[str, 
     }
 
 
-def sensed_json(got: Acquired, *, seed: int, clearance: float) -> str:
+def sensed_json(got: Acquired, *, seed: int, clearance: float, expected: Predicted | None = None) -> str:
     """The result as one JSON document, indented, ending in a newline."""
-    return json.dumps(sensed_document(got, seed=seed, clearance=clearance), indent=2, allow_nan=False) + "\n"
+    document = sensed_document(got, seed=seed, clearance=clearance, expected=expected)
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def _expected(expected: Predicted) -> dict[str, Any]:
+    idea, plain = expected.idea, ("sd", "turn_sd")
+    places = {name: getattr(idea, name).tolist() for name in type(idea).__slots__ if name not in plain}
+    return {"name": expected.name, **places, "sd_m": idea.sd, "turn_sd_rad": idea.turn_sd}
 
 
 def _feature(feature: Feature) -> dict[str, Any]:

@@ -1,0 +1,47 @@
+"""From afar to before a face: aside first, then along its normal, so that the frontal beams see where the hand goes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.acquisition.ideas import FaceIdea
+from tanteo.acquisition.session import Session
+from tanteo.acquisition.ways import facing
+from tanteo.motion import Motion, go_to
+from tanteo.sensors import error_model
+
+_FAR, _NEAR = 0.8, 0.5
+"""Shares of the frontal sensors' range: beyond the first the hand comes nearer, to the second."""
+
+
+def come_near(session: Session, idea: FaceIdea) -> Motion | None:
+    """Bring the hand before a face that its frontal beams would hardly reach; None where they do.
+
+    It keeps its distance until it stands over the place, and comes straight down then.
+
+    Args:
+        session: The acquisition.
+        idea: About where the face is.
+
+    Returns:
+        The last motion; one that did not reach its pose ends the way.
+    """
+    hand, T = session.hand, session.robot.sensed.T_world_hand
+    front = T[:3, :3] @ hand.front + T[:3, 3]
+    away, reach = (
+        float(np.linalg.norm(idea.point - front)),
+        float(error_model(hand.rig).max_range[list(hand.frontal)].min()),
+    )
+    if not np.isfinite(reach) or away < _FAR * reach:
+        return None
+    along = T[:3, :3] @ hand.pair
+    along = along - (along @ idea.normal) * idea.normal
+    if np.linalg.norm(along) < 1e-6:
+        along = np.cross(idea.normal, T[:3, 2])
+    along = along / np.linalg.norm(along)
+    for height in (away, max(_NEAR * reach, 2 * session.standoff)):
+        pose = facing(hand, idea.point, idea.normal, along, height, T)
+        motion = session.does(go_to(session.robot, pose, session.rules))
+        if not motion.reached:
+            break
+    return motion

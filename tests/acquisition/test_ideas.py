@@ -1,0 +1,46 @@
+"""Rough ideas, and how rough they are."""
+
+import numpy as np
+import pytest
+
+from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition.cloud import Cloud
+from tanteo.acquisition.patch import find_patches
+from tanteo.errors import InputError
+
+UP = np.array([0.0, 0.0, 1.0])
+X, Y = np.eye(3)[:2]
+
+
+@pytest.mark.parametrize("make", [FaceIdea, EdgeIdea, CornerIdea])
+@pytest.mark.parametrize(("name", "value"), [("sd", 0.0), ("sd", np.nan), ("turn_sd", -0.1), ("turn_sd", np.inf)])
+def test_a_spread_is_positive(make, name, value):
+    directions = {FaceIdea: (UP,), EdgeIdea: (X, UP), CornerIdea: (X, Y, UP)}[make]
+    with pytest.raises(InputError, match=f"{name}: expected a positive standard deviation"):
+        make(np.zeros(3), *directions, **{name: value})
+
+
+def test_the_spread_goes_with_the_features_of_an_idea():
+    corner = CornerIdea(np.zeros(3), X, Y, UP, sd=1e-3, turn_sd=0.02)
+    for edge in corner.edges(0.02):
+        assert (edge.sd, edge.turn_sd) == (1e-3, 0.02)
+        face = edge.face(0.01)
+        assert (face.sd, face.turn_sd) == (1e-3, 0.02)
+
+
+def two_levels():
+    """Frontal beams from above on a small face and, 18 mm lower, a large one."""
+    rng = np.random.default_rng(2)
+    low, high = rng.uniform(-0.05, 0.05, (300, 2)), rng.uniform(-0.012, 0.012, (60, 2))
+    points = np.concatenate([np.c_[low, np.zeros(300)], np.c_[high, np.full(60, 0.018)]])
+    n = len(points)
+    starts, yes = points + 0.1 * UP, np.ones(n, dtype=bool)
+    ranges = 0.1 + 3e-4 * rng.normal(size=n)
+    return Cloud(starts, np.tile(-UP, (n, 1)), ranges, yes, np.full(n, 3e-4), np.full(n, 0.01), yes)
+
+
+def test_what_is_known_well_is_not_taken_for_a_larger_face_beside_it():
+    vague, sharp = (find_patches(two_levels(), FaceIdea(0.018 * UP, UP, sd=sd)) for sd in (0.015, 1e-3))
+    assert any(abs(patch.point[2]) < 1e-3 for patch in vague)
+    assert len(sharp) == 1
+    assert abs(sharp[0].point[2] - 0.018) < 3e-4
