@@ -97,11 +97,11 @@ def sense_plane(
 
 
 def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Feature | None = None) -> Attempt:
-    """The same within a session; the hand is left over the face, square to it. It may be known to be another one.
+    """The same within a session, for another face than ``beside``; the hand is left over the face, square to it.
 
     What was seen obliquely from afar is seen better from above: the hand looks again from over the patch, until its
     idea of the face stays the same, and again if the face then is not where it should be, or not all was seen where the
-    hand is to go. Where a patch turns out not to be one, the others that were seen come first.
+    hand is to go. Where a patch could not be scanned at two places, the others that were seen come first.
     """
     attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
     near = come_near(session, idea)
