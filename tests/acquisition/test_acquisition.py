@@ -117,7 +117,7 @@ def test_one_seed_one_answer(felt):
 
 
 def test_nothing_is_there():
-    there = FaceIdea(FACE.point + [0, 0, 0.35], FACE.normal)
+    there = FaceIdea(FACE.point + np.array([0, 0, 0.35]), FACE.normal)
     got = sense_plane(robot_on(T=start(height=0.4)), there, standoff=0.02, rules=RULES)
     assert (got.status, got.feature, got.readings) == ("nothing", None, None)
 
