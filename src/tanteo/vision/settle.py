@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
@@ -28,6 +29,10 @@ FAR, ROUGH = 1.0, 0.2
 REACH = 1.5
 """An edge point farther off than this is not looked at [px]."""
 
+SHARED = (0.0, 0.15, 0.4, 0.8)
+"""What may move whole edges besides [px]: lenses, models and places of cameras are less exact than rendered ones. The
+one is taken under which the offsets are most probable."""
+
 _TOGETHER = 0.1
 """Points of one edge are within four standard deviations of their median, of these and their own errors [px]."""
 
@@ -41,20 +46,22 @@ _HOLD = 1.0
 
 @dataclass(frozen=True, slots=True)
 class EdgeErrors:
-    """What misplaces edge points besides noise, looked for on rendered scenes of random parts.
+    """What misplaces edge points besides noise, fitted on rendered scenes of random parts.
 
-    How well others do is printed by ``benchmarks/vision_fit.py``: they matter little.
+    The fit is in ``benchmarks/vision_fit.py``; within a factor of two others do about as well.
 
     Attributes:
         own: standard deviation of a point that stands alone [px].
         pulled: what is added to that for each pixel that the point drifts. Half of the variance of both is common to
             the edge, half the point's own.
         wrong: probability that what an edge of the part meets is another's.
+        shared: what moves a whole edge besides [px].
     """
 
-    own: float = 0.05
-    pulled: float = 0.4
-    wrong: float = 0.15
+    own: float = 0.04
+    pulled: float = 0.25
+    wrong: float = 0.3
+    shared: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,10 +128,18 @@ def settle(
     scale = np.r_[np.full(3, frame.diagonal), np.ones(3)]
     hold = np.diag(_HOLD / scale**2)
     seen = see_edges(frame, T)
+    met = clear_edges(model, meet(frame, camera, edges, T, REACH, seen))
+    pull = -prior @ SE3.log(SE3.inverse(start) @ T)
+    cases = [replace(errors, shared=sd) for sd in SHARED]
+    evidence = [
+        log_evidence(terms_of(met, frame.groups, _misplaced(met, edges, case), case), prior + hold, pull)
+        for case in cases
+    ]
+    errors = cases[int(np.argmax(evidence))]
     for _ in range(_ROUNDS):
         met = clear_edges(model, meet(frame, camera, edges, T, REACH, seen))
         met = own_points(met, frame.groups, _misplaced(met, edges, errors))
-        terms = terms_of(met, frame.groups, _misplaced(met, edges, errors), errors.wrong)
+        terms = terms_of(met, frame.groups, _misplaced(met, edges, errors), errors)
         pull = -prior @ SE3.log(SE3.inverse(start) @ T)
         mean, covariance, wrong = mixture(terms, prior + hold, pull)
         T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(mean / scale)), 1e-12)))
@@ -176,7 +191,7 @@ def _only(met: Met, hits: BoolArray) -> Met:
     return replace(met, hits=hits, offsets=np.where(hits, met.offsets, 0.0))
 
 
-def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, wrong: float) -> Terms:
+def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, errors: EdgeErrors) -> Terms:
     """What each edge says.
 
     Noise is one draw over a correlation length; with independent variances ``W^-1`` and a common error of deviations
@@ -186,7 +201,7 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, wrong: float) ->
         met: at one pose, no batch axes.
         groups: which edge each sample belongs to ``(N,)``.
         misplaced: standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px].
-        wrong: probability that an edge is another's.
+        errors: what is common to whole edges, and how often they are another's.
     """
     names, which = np.unique(groups[met.hits], return_inverse=True)
     J, d = met.jacobian[met.hits], met.offsets[met.hits]
@@ -194,8 +209,8 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, wrong: float) ->
     half = 0.5 * misplaced[met.hits] ** 2
     noise = met.sds[met.hits] ** 2 + FLOOR**2 + half
     rows = np.concatenate([J, d[:, None]], axis=1)
-    cases = []
-    for common, more, probability in ((half, 0.0, 1 - wrong), (half + FAR**2, ROUGH**2, wrong)):
+    cases, whole = [], half + errors.shared**2
+    for common, more, probability in ((whole, 0.0, 1 - errors.wrong), (whole + FAR**2, ROUGH**2, errors.wrong)):
         variance, b = (noise + more) / share, np.sqrt(common)
         w = 1 / variance
         outer = np.zeros((len(names), 7, 7))
@@ -223,6 +238,22 @@ def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Flo
     Returns:
         Mean ``(6,)``, covariance ``(6, 6)``, and which edges are another's in the most probable choice ``(G,)``.
     """
+    log, means, covariances, wrong = _choices(terms, A, g)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    mean = weight @ means
+    off = means - mean
+    spread = np.einsum("m,mi,mj->ij", weight, off, off)
+    return mean, np.einsum("m,mij->ij", weight, covariances) + spread, wrong
+
+
+def log_evidence(terms: Terms, A: FloatArray, g: FloatArray) -> float:
+    """Log density of the offsets over the same choices, up to what does not depend on the errors."""
+    return float(logsumexp(_choices(terms, A, g)[0]))
+
+
+def _choices(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Log weights, means and covariances of the choices that are summed, and the most probable one."""
     one = np.eye(len(terms.log), dtype=np.bool_)
     wrong = np.zeros((1, len(one)), dtype=np.bool_)
     while True:
@@ -235,13 +266,7 @@ def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Flo
     doubtful = one[np.argsort(-log[1:], kind="stable")[:_PAIRED]]
     first, second = np.triu_indices(len(doubtful), 1)
     two = wrong ^ doubtful[first] ^ doubtful[second]
-    log, means, covariances = _weighed(terms, A, g, np.concatenate([near, two]))
-    weight = np.exp(log - log.max())
-    weight /= weight.sum()
-    mean = weight @ means
-    off = means - mean
-    spread = np.einsum("m,mi,mj->ij", weight, off, off)
-    return mean, np.einsum("m,mij->ij", weight, covariances) + spread, wrong[0]
+    return *_weighed(terms, A, g, np.concatenate([near, two])), wrong[0]
 
 
 def _weighed(terms: Terms, A: FloatArray, g: FloatArray, wrong: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:

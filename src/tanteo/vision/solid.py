@@ -71,8 +71,9 @@ def see_anywhere(
     modes, hypotheses = [], []
     for mode in belief.modes[:top]:
         T = refine(mode.model.frame, camera, edges, mode.T_camera_part[None], reaches=_LAST)[0]
+        # where nothing holds the part, as a table would, the mean of the mixture may wander off to other edges
         settled = settle(mode.model, camera, edges, T)
-        modes.append(replace(mode, T_camera_part=settled.T_camera_part))
+        modes.append(replace(mode, T_camera_part=T))
         hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
     status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
     recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
