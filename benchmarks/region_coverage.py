@@ -1,10 +1,11 @@
-"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [seed]``.
+"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [seed] [clutter]``.
 
 Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
 region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
 of the readings astray, once as they are and once for an oracle that was told which these are and left them out. Then
-how an error that all readings share limits the answer. ``--processes`` and ``--keep`` as in ``campaign.py``.
+how an error that all readings share limits the answer. ``clutter`` is the rate of strays that is stated, 0.02 if not
+given. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -45,10 +46,10 @@ def _target(name):
     return prepare_target(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
-def three(name, s, seed, k):
+def three(name, s, seed, k, clutter=Priors().clutter):
     """One scene of one part and one sensor: its rows clean, with strays, and told which these are."""
     target, sensing = _target(name), SENSORS[s]
-    part, priors = target.part, Priors(radius=target.part.radius)
+    part, priors = target.part, Priors(radius=target.part.radius, clutter=clutter)
     out, case = [], (seed, PARTS.index(name), s, k)
     for stray in (0.0, STRAY):
         rng = np.random.default_rng(case)  # the same scene twice, strays aside
@@ -154,9 +155,9 @@ def bias_rows(count):
     return out
 
 
-def run(scenes, seed, keep=None, processes=1):
+def run(scenes, seed, clutter=(), keep=None, processes=1):
     """All rows, by sensor."""
-    cases = [(name, s, seed, k) for k in range(scenes) for s in range(len(SENSORS)) for name in PARTS]
+    cases = [(name, s, seed, k, *clutter) for k in range(scenes) for s in range(len(SENSORS)) for name in PARTS]
     results = run_cases(three, cases, keep, processes)
     return [[row for case, rows in zip(cases, results, strict=True) if case[1] == s for row in rows] for s in range(3)]
 
@@ -165,7 +166,7 @@ def main():
     arguments, keep, processes = options(sys.argv[1:])
     scenes = int(arguments[0]) if arguments else 10
     seed = int(arguments[1]) if len(arguments) > 1 else 1991
-    by_sensor = run(scenes, seed, keep, processes)
+    by_sensor = run(scenes, seed, [float(text) for text in arguments[2:]], keep, processes)
     columns = (
         "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right", "truth among modes",
         "lost by 10 % strays [points]", "lost if told which", "claimed / right with strays", "truth among modes then",
