@@ -33,7 +33,9 @@ FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 RIGHT = 0.003, np.radians(5)
 """A pose this near the truth [m, rad], or within ten sigma, is the right maximum."""
 
-STRAY = 0.1
+STRAY, STATED = 0.1, Priors().clutter
+"""Rate of strays, and the rate that is stated if no other is given."""
+
 KINDS = "clean", "strays", "told"
 """The same scene as it is, with strays, and for an oracle that leaves these out."""
 
@@ -46,7 +48,7 @@ def _target(name):
     return prepare_target(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
-def three(name, s, seed, k, clutter=Priors().clutter):
+def three(name, s, seed, k, clutter=STATED):
     """One scene of one part and one sensor: its rows clean, with strays, and told which these are."""
     target, sensing = _target(name), SENSORS[s]
     part, priors = target.part, Priors(radius=target.part.radius, clutter=clutter)
