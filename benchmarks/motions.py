@@ -68,6 +68,7 @@ def summary(kind, rows):
     seconds = np.array([r["seconds"] for r in good] or [0])
     return (
         kind, str(n), f"{len(good) / n:.1%}", ", ".join(f"{c} {s}" for s, c in ends.most_common()) or "none",
+        f"{sum(r['meant'] for r in good)}",
         f"{sum(r['clear'] <= 0 for r in rows)}", f"{half}", f"{min(r['share'] for r in rows):.2f}",
         f"{values.mean() / DOF[kind]:.3f}" if good else "-", f"{low:.3f} to {high:.3f}", f"{inside:.1%}",
         f"{np.median([r['readings'] for r in good] or [0]):.0f}",
@@ -76,7 +77,8 @@ def summary(kind, rows):
 
 
 COLUMNS = (
-    "feature", "scenes", "acquired", "the others", "contacts", "clearance below half", "least clearance / stand-off",
+    "feature", "scenes", "acquired", "the others", "the one that was meant",
+    "contacts", "clearance below half", "least clearance / stand-off",
     "NEES / dof", "99 % interval", "in 95 % region", "readings", "seconds (90th percentile)",
 )  # fmt: skip
 
