@@ -24,9 +24,17 @@ FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
 
 
 READINGS, PARTS, BRACKET = EXAMPLES / "readings", EXAMPLES / "parts", EXAMPLES / "parts" / "bracket_left.step"
+SCENE = EXAMPLES / "scenes" / "part_unknown.toml"
 PICTURES = {
     "report.png": (("identify", READINGS / "bracket_left.csv", "--parts", PARTS), 1280, 800, "light"),
     "report_phone.png": (("identify", READINGS / "step_not_felt.csv", "--parts", PARTS), 390, 844, "dark"),
+    "report_session.png": (
+        ("sense", "part", "--scene", SCENE, "--parts", PARTS, "--tolerance", "2mm"),
+        1280,
+        800,
+        "light",
+        "How it went",
+    ),
     "report_plan.png": (("plan", "--part", BRACKET, "--tolerance", "0.2mm", "--sd", "0.05mm"), 1280, 800, "light"),
 }
 
@@ -37,13 +45,17 @@ def report(command: Sequence[object], file: Path) -> None:
         main([*map(str, command), "--report", str(file)])
 
 
-def shoot(browser: Browser, page_file: Path, picture: Path, width: int, height: int, scheme: str) -> None:
-    """One screenshot of the first screen."""
+def shoot(
+    browser: Browser, page_file: Path, picture: Path, width: int, height: int, scheme: str, heading: str = ""
+) -> None:
+    """One screenshot of the first screen, or of what is below a heading."""
     context = browser.new_context(
         viewport={"width": width, "height": height}, color_scheme=scheme, offline=True, device_scale_factor=1
     )
     page = context.new_page()
     page.goto(page_file.as_uri())
+    if heading:
+        page.get_by_role("heading", name=heading).evaluate("e => e.scrollIntoView()")
     page.wait_for_timeout(500)
     page.screenshot(path=picture)
     context.close()
@@ -55,10 +67,10 @@ def make(folder: Path) -> None:
     program = os.environ.get("TANTEO_BROWSER") or next(filter(None, found))
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
-        for picture, (command, *size) in PICTURES.items():
+        for picture, (command, *how) in PICTURES.items():
             file = Path(scratch) / "report.html"
             report(command, file)
-            shoot(browser, file, folder / picture, *size)
+            shoot(browser, file, folder / picture, *how)
         browser.close()
 
 
