@@ -28,10 +28,8 @@ def come_near(session: Session, idea: FaceIdea) -> Motion | None:
     """
     hand, T = session.hand, session.robot.sensed.T_world_hand
     front = T[:3, :3] @ hand.front + T[:3, 3]
-    away, reach = (
-        float(np.linalg.norm(idea.point - front)),
-        float(error_model(hand.rig).max_range[list(hand.frontal)].min()),
-    )
+    away = float(np.linalg.norm(idea.point - front))
+    reach = float(error_model(hand.rig).max_range[list(hand.frontal)].min())
     if not np.isfinite(reach) or away < _FAR * reach:
         return None
     along = T[:3, :3] @ hand.pair
