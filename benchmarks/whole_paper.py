@@ -1,11 +1,11 @@
-"""Image, then hand, against the hand alone: ``python benchmarks/whole_paper.py [scenes a part] [parts]``.
+"""Image, then hand, against the hand alone: ``python benchmarks/whole_paper.py [scenes a part] [parts] [seen]``.
 
 Twenty parts (the twelve of ``examples/parts`` and eight random workpieces), each in so many scenes: it lies in one of
 its stable poses on a table beside a clamp, turned anyhow. The same hand senses it twice until one part has 99 % and all
 corners are within 2 mm with 95 %, or until 60 readings: once *blind*, from a rough place (middle to 15, 15 and 5 mm,
 attitude to 2, 2 and 8 degrees, one standard deviation; how it lies is known) and once *seen*, from that and a rendered
-image of the scene (shading, shadows, blur, noise). Truth and errors of the sensors are the same. ``--processes`` and
-``--keep`` as in ``campaign.py``.
+image of the scene (shading, shadows, blur, noise). Truth and errors of the sensors are the same. With ``seen`` that
+alone. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -90,17 +90,16 @@ def sensed(unknown, start, number, seed):
     }  # fmt: skip
 
 
-def both(count, number, scene):
-    """One scene of one of so many parts, blind and seen."""
+def run_one(count, number, scene, way):
+    """One scene of one of so many parts, blind or seen."""
     targets, models = prepared(count)
-    unknown, _ = scene_of(targets, models, number, scene)
-    blind = sensed(unknown, unknown.start, number, scene)
     unknown, rng = scene_of(targets, models, number, scene)
+    if way == "blind":
+        return sensed(unknown, unknown.start, number, scene)
     look, cpu = looked_at(unknown, models, number, rng)
     seen = sensed(unknown, seen_start(look, targets, unknown.start), number, scene)
     first = look.recognition.hypotheses[0] if look is not None else None
-    seen |= {"cpu": seen["cpu"] + cpu, "named": first is not None and first.part == targets[number].part.name}
-    return blind, seen
+    return seen | {"cpu": seen["cpu"] + cpu, "named": first is not None and first.part == targets[number].part.name}
 
 
 def row(name, rows):
@@ -123,21 +122,21 @@ def main() -> None:
     arguments, keep, processes = options(sys.argv[1:])
     scenes = int(arguments[0]) if arguments else 2
     count = int(arguments[1]) if len(arguments) > 1 else 20
-    cases = [(count, number, scene) for scene in range(scenes) for number in range(count)]
-    rows = run_cases(both, cases, keep, processes)
-    blind, seen = ([pair[k] for pair in rows] for k in (0, 1))
-    medians = [np.median([r["readings"] for r in some]) for some in (blind, seen)]
-    named = np.mean([r["named"] for r in seen])
-    text = (
-        f"Median (90th percentile). The image alone names the part in {100 * named:.0f} %; with it the median number "
-        f"of readings falls by {100 * (1 - medians[1] / medians[0]):.0f} %. Load of the machine "
-        f"{os.getloadavg()[0]:.1f}."
-    )
+    ways = ["seen"] if "seen" in arguments[2:] else ["blind", "seen"]
+    cases = [(count, number, scene, way) for scene in range(scenes) for number in range(count) for way in ways]
+    rows = run_cases(run_one, cases, keep, processes)
+    of = {way: [row for case, row in zip(cases, rows, strict=True) if case[3] == way] for way in ways}
+    named = np.mean([r["named"] for r in of["seen"]])
+    text = f"Median (90th percentile). The image alone names the part in {100 * named:.0f} %. "
+    if len(ways) > 1:
+        medians = [np.median([r["readings"] for r in of[way]]) for way in ways]
+        text += f"With it the median number of readings falls by {100 * (1 - medians[1] / medians[0]):.0f} %. "
+    text += f"Load of the machine {os.getloadavg()[0]:.1f}."
     columns = (
         "", "scenes", "goal reached", "of these right", "of these within 2 mm", "readings", "stops of the hand",
         "seconds", "travel, m", "least clearance", "contacts", "processor seconds",
     )  # fmt: skip
-    print(Table("Image, then hand", text, columns, [row("blind", blind), row("seen", seen)]).markdown())
+    print(Table("Image, then hand", text, columns, [row(way, of[way]) for way in ways]).markdown())
 
 
 if __name__ == "__main__":
