@@ -61,6 +61,10 @@ TipSd = Annotated[
     str | None,
     typer.Option("--tip-sd", metavar="X,Y,Z", help="Tip offset's standard deviations in the hand, as 1.5,1.5,0.3mm."),
 ]
+Strays = Annotated[
+    str | None,
+    typer.Option("--strays", metavar="SHARE", help="Of readings expected to be off the part, as 10%; 2% if not given."),
+]
 RigPath = Annotated[
     str | None, typer.Option("--rig", metavar="FILE", help="Where the range sensors sit on the hand (TOML).")
 ]
@@ -99,6 +103,7 @@ def identify(
     tolerance: Tolerance = "0mm",
     robot: Robot = None,
     tip_sd: TipSd = None,
+    strays: Strays = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
@@ -120,8 +125,8 @@ def identify(
     with guarded():
         with misuse():
             options = read_options(
-                units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd, alpha=alpha,
-                top=top, as_published=as_published, seed=seed,
+                units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd,
+                strays=strays, alpha=alpha, top=top, as_published=as_published, seed=seed,
             )  # fmt: skip
         pose = read_pose_prior(table, box, near, prior)
         recognize(readings, parts, rig, options, pose, report=report, as_json=json, verbose=verbose)
@@ -137,6 +142,7 @@ def locate(
     tolerance: Tolerance = "0mm",
     robot: Robot = None,
     tip_sd: TipSd = None,
+    strays: Strays = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
@@ -156,7 +162,7 @@ def locate(
     with guarded():
         require_file("--part", part)
     identify(
-        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, rig, table, box, near, prior, alpha, top,
+        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, strays, rig, table, box, near, prior, alpha, top,
         as_published, report, json, seed, verbose,
     )  # fmt: skip
 

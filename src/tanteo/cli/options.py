@@ -43,6 +43,7 @@ class RunOptions:
         sd: One standard deviation of readings without their own.
         tolerance: Standard deviation of the made part against its CAD.
         tip_sd: Of the tip's offset in the hand's frame.
+        strays: Share of readings expected to be off the part; None for the usual.
         alpha: Share of true hypotheses that the tests may lose.
         top: How many hypotheses to report.
         as_published: Use the paper's equations as printed.
@@ -55,6 +56,7 @@ class RunOptions:
     sd: float | None
     tolerance: float
     tip_sd: tuple[float, ...] | None
+    strays: float | None
     alpha: float
     top: int
     as_published: bool
@@ -69,6 +71,7 @@ def read_options(
     sd: str | None,
     tolerance: str,
     tip_sd: str | None,
+    strays: str | None,
     alpha: float,
     top: int,
     as_published: bool,
@@ -98,11 +101,23 @@ def read_options(
         sd=None if sd is None else _require("--sd", parse_length(sd, "--sd"), sd, positive=True),
         tolerance=_require("--tolerance", parse_length(tolerance, "--tolerance"), tolerance, positive=False),
         tip_sd=None if tip_sd is None else _three("--tip-sd", parse_lengths(tip_sd, "--tip-sd"), tip_sd),
+        strays=None if strays is None else _share("--strays", strays),
         alpha=alpha,
         top=top,
         as_published=as_published,
         seed=seed,
     )
+
+
+def _share(name: str, text: str) -> float:
+    """A share between 0 and one half, as ``10%`` or ``0.1``."""
+    try:
+        value = float(text[:-1]) / 100 if text.endswith("%") else float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < 0.5:
+        raise InputError(f"{name}: expected a share above 0 and below one half, got '{text}'. Write it as 5%.")
+    return value
 
 
 def read_top(top: int) -> int:

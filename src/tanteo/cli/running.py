@@ -18,7 +18,7 @@ from tanteo.cli.prior_options import prior_words
 from tanteo.errors import PartError, TanteoError, UnitError
 
 if TYPE_CHECKING:
-    from tanteo.matching import PosePrior
+    from tanteo.matching import PosePrior, Priors
     from tanteo.parts import Part
     from tanteo.sensors import Readings, Rig
     from tanteo.typing import Vectors
@@ -71,14 +71,13 @@ def recognize(
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     scale = scale_of(points, parts, _beginning(readings_path), options.units)
     warned = check_scale(points, scale)
-    from tanteo.matching import Priors
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
     result = identify(
         readings, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
-        priors=None if pose is None else Priors(pose=pose), seed=options.seed,
+        priors=_priors(options, pose), seed=options.seed,
     )  # fmt: skip
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
@@ -98,6 +97,15 @@ def recognize(
         report_answer(report, result, readings, parts, rig, options, pose, as_json=as_json)
     if result.status != "recognized":
         raise typer.Exit(UNDECIDED)
+
+
+def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:
+    """What is assumed beforehand; None for what always is."""
+    from tanteo.matching import Priors
+
+    if pose is None and options.strays is None:
+        return None
+    return Priors(pose=pose) if options.strays is None else Priors(pose=pose, clutter=options.strays)
 
 
 def _beginning(path: str) -> str:

@@ -114,7 +114,7 @@ def _too_many_strays(best: Hypothesis, priors: Priors) -> bool:
 def _strays_message(best: Hypothesis, n: int) -> str:
     return (
         f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: "
-        "it may be another part; add its file, or check the sensor's standard deviation."
+        "it may be another part; add its file, check the sensor's standard deviation, or expect more strays (--strays)."
     )
 
 

@@ -1,0 +1,41 @@
+"""``--strays``: how many readings are expected to be off the part."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tanteo
+from bare_scenes import surface_points
+from tanteo.shapes import Surface
+
+BRACKET = Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step"
+
+
+@pytest.fixture(scope="module")
+def touches(tmp_path_factory):
+    """Thirty touches of the bracket, eight of them somewhere else."""
+    part, rng = tanteo.read_part(BRACKET), np.random.default_rng(8)
+    p, _ = surface_points(Surface(part.vertices, part.triangles), 30, rng)
+    p += 1e-4 * rng.normal(size=p.shape)
+    p[22:] += rng.uniform(-0.05, 0.05, (8, 3))
+    lines = ["x_mm,y_mm,z_mm,sd_mm", *("{:.4f},{:.4f},{:.4f},0.1".format(*(1e3 * x)) for x in p)]
+    path = tmp_path_factory.mktemp("strays") / "touches.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def test_more_strays_than_expected_are_no_answer_and_as_many_as_expected_are(run, touches):
+    code, out, _ = run("locate", touches, "--part", str(BRACKET))
+    assert code == 3
+    assert "of 30 readings are not on it" in out
+    code, out, _ = run("locate", touches, "--part", str(BRACKET), "--strays", "30%")
+    assert code == 0
+    assert "bracket_left at x " in out
+
+
+@pytest.mark.parametrize("text", ["0", "0.5", "-10%", "60%", "some", "nan", "1e999"])
+def test_a_share_that_cannot_be_meant_is_refused(run, touches, text):
+    code, out, err = run("locate", touches, "--part", str(BRACKET), f"--strays={text}")
+    assert (code, out) == (2, "")
+    assert f"--strays: expected a share above 0 and below one half, got '{text}'" in err
