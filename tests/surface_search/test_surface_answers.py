@@ -247,7 +247,7 @@ def test_none_of_these_when_most_readings_are_on_a_part(targets, seed):
     assert answer.unknown_probability < best.probability
     assert answer.message == (
         f"The closest part is {best.part}, but {len(best.outliers)} of 25 readings are not on it: "
-        "it may be another part; add its file, or check the sensor's standard deviation."
+        "it may be another part; add its file, check the sensor's standard deviation, or expect more strays (--strays)."
     )
 
 
