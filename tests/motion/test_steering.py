@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, Sensed, Workspace
-from tanteo.motion import Rules
+from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, Sensed, Workspace, advance
+from tanteo.motion import Rules, approach
 from tanteo.motion.following import seen_surface
 from tanteo.motion.steering import Steering
 from tanteo.typing import Tangents
@@ -54,6 +54,43 @@ def test_the_way_left_beyond_the_clearance_sets_the_speed():
     assert share(near, rules) == pytest.approx(gain * 0.002 / 0.05, rel=1e-6)
     assert share(Told(MET, 0.01 + overhang - 1e-4), rules) == 0.0
     assert share(Told(MET, 0.01 + overhang + 0.06 / gain), rules) == 1.0
+
+
+class Blinking(Told):
+    """A robot that moves as it is told, before a thing of which an echo comes at every so-manieth reading only."""
+
+    def __init__(self, distance, every):
+        super().__init__(MET, distance)
+        self.distance, self.every, self.count = distance, every, 0
+
+    def step(self, twist):
+        self.count += 1
+        T = advance(self.sensed.T_world_hand, twist, self.period)
+        states, ranges = np.array(self.sensed.states), np.full(len(self.sensed.ranges), np.nan)
+        pair = list(self.hand.frontal)
+        echo = self.count % self.every == 0
+        states[pair], ranges[pair] = (MET, self.distance - T[2, 3]) if echo else (FREE, np.nan)
+        self.sensed = Sensed(self.sensed.time + self.period, T, ranges, states)
+        return self.sensed
+
+
+def test_what_gives_an_echo_now_and_then_is_there():
+    robot = Blinking(0.08, every=7)
+    got = approach(robot, 0.02, Rules(0.012), reach=0.2)
+    assert got.status == "reached"
+    assert min(robot.distance - s.T_world_hand[2, 3] for s in got.log) > 0.95 * 0.02
+
+
+def test_what_gives_no_echo_any_more_is_forgotten():
+    robot = Blinking(0.08, every=1000)
+    run = Steering("test", robot, Rules(0.01))
+    for _ in range(20):
+        run.step(AHEAD)
+    gone = run.sensed.T_world_hand[2, 3]
+    np.testing.assert_allclose(run.room[list(run.hand.frontal)], 0.08 - gone, atol=0.05 * robot.period * 1.01)
+    for _ in range(40):
+        run.step(0 * AHEAD)
+    assert np.isinf(run.room).all()
 
 
 def test_a_box_ahead_of_the_body_slows_it_and_one_behind_does_not():

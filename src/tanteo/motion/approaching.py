@@ -30,7 +30,8 @@ def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Mo
     run = Steering("approach", robot, rules)
     start, still = run.sensed.T_world_hand, 0
     while True:
-        ranges, met = frontal(run)
+        ranges, _ = frontal(run)
+        ranges = np.where(np.isfinite(ranges), ranges, run.room[list(run.hand.frontal)])
         error = float(ranges.min()) - standoff
         if blind(run):
             return run.end("lost", "what is ahead gives no ranges: it is met too obliquely")
@@ -40,7 +41,7 @@ def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Mo
         gone = float((run.sensed.T_world_hand[:3, 3] - start[:3, 3]) @ start[:3, 2])
         if gone > reach:
             return run.end("nothing", f"no surface within {1e3 * reach:.3g} mm ahead")
-        speed = float(np.clip(run.loop.gain * error, -rules.speed, rules.speed)) if met.any() else rules.speed
+        speed = float(np.clip(run.loop.gain * error, -rules.speed, rules.speed)) if np.isfinite(error) else rules.speed
         if ending := run.step(shift(np.array([0.0, 0.0, speed]))):
             return run.end(ending)
 

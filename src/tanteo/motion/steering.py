@@ -8,13 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.hand import LOST, MET, NEAR, Robot, Sensed, Workspace, about
+from tanteo.hand import LOST, MET, NEAR, Robot, Sensed, Workspace, about, gap
 from tanteo.motion.control import Loop
 from tanteo.motion.result import Ending, Motion
 from tanteo.typing import FloatArray, Tangents
 
 _STUCK = 0.1
 """A command that is slowed below this share counts as refused."""
+
+_REMEMBERED = 0.5
+"""What a beam met counts so long after it met nothing: of something beside the beam an echo comes now and then [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +55,14 @@ class Steering:
         loop: Gain for distances and angles, chosen from the robot's latency.
         share: How much of the last command was let through, 0 to 1.
         refused: What slowed commands down lately, in words; empty if nothing did.
+        room: Along each beam to what it met last, if that was lately; infinite without [m].
     """
 
     def __init__(self, name: str, robot: Robot, rules: Rules) -> None:
         self.robot, self.rules, self.hand = robot, rules, robot.hand
         self.loop = Loop.of(robot.latency, robot.period)
         self.share, self.refused = 1.0, ""
+        self.room, self._until = np.full(len(self.hand.origins), np.inf), np.zeros(len(self.hand.origins))
         self._name, self._log = name, [robot.sensed]
         self._stuck, self._deadline = 0.0, robot.sensed.time + rules.timeout
         self._limits = rules.workspace.limits
@@ -73,6 +78,7 @@ class Steering:
         Returns:
             ``limit`` when commands have been refused for too long, ``timeout`` when time is over, else None.
         """
+        self._remember()
         self.share, why = self._slowed(twist)
         self._log.append(self.robot.step(twist * self.share))
         if self.share < _STUCK:
@@ -94,13 +100,23 @@ class Steering:
             }.get(status, status)
         return Motion(self._name, status, message, tuple(self._log))
 
+    def _remember(self) -> None:
+        """Bring :attr:`room` to what was sensed last."""
+        sensed = self.sensed
+        if len(self._log) > 1:  # what was met has come nearer by as much as the sensor went along its beam
+            moved = gap(self._log[-2].T_world_hand, sensed.T_world_hand)
+            way = about(self.hand.origins, np.concatenate(moved))
+            self.room = np.maximum(self.room - np.sum(way * self.hand.axes, axis=1), 0.0)
+        met = np.isin(sensed.states, (MET, NEAR))
+        self.room = np.where(met, np.where(sensed.states == MET, sensed.ranges, 0.0), self.room)
+        self._until[met] = sensed.time + _REMEMBERED
+        self.room[sensed.time >= self._until] = np.inf
+
     def _slowed(self, twist: Tangents) -> tuple[float, str]:
         """The share of a command that keeps the clearance, and what limits it."""
-        sensed, share, why = self.sensed, 1.0, ""
+        share, why = 1.0, ""
         closing = np.einsum("ij,ij->i", about(self.hand.origins, twist), self.hand.axes)
-        room = np.where(sensed.states == MET, sensed.ranges, np.inf)
-        room[sensed.states == NEAR] = 0.0
-        free = self.loop.gain * (room - self.hand.overhangs - self.rules.clearance)
+        free = self.loop.gain * (self.room - self.hand.overhangs - self.rules.clearance)
         for i in np.flatnonzero((closing > 0) & (closing > free)):
             allowed = max(float(free[i] / closing[i]), 0.0)
             if allowed < share:
