@@ -252,11 +252,21 @@ def _across(directions: Vectors) -> FloatArray:
 
 
 def log_free_paths(free: FreePaths, Ts: Transforms, target: Target, priors: Priors) -> FloatArray:
-    """Log probability of the paths on which nothing was met ``(S,)``: clutter's, for each that the part blocks."""
+    """Log probability of the paths on which nothing was met ``(S,)``: clutter's, for each that the part blocks.
+
+    A path that is not known exactly may have passed beside the part where that is near its border.
+    """
     if not len(free.origins):
         return np.zeros(len(Ts))
     local = (free.origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
     along = np.einsum("sji,nj->sni", Ts[:, :3, :3], free.directions)
     hits = target.surface.cast(local, along).distances
-    blocked: BoolArray = hits < free.lengths - free.margin - 0.01 * target.part.diagonal
-    return np.asarray(np.sum(np.where(blocked, np.log(priors.clutter), np.log1p(-priors.clutter)), axis=1))
+    end = free.lengths - free.margin - 0.01 * target.part.diagonal
+    passed = (hits >= end).astype(np.float64)
+    s, n = np.nonzero((hits < end) & (free.slopes > 0))
+    if len(s):  # five rays of equal moments with the disc: the one in the middle counts one half
+        beside = along[s, n, None] + 2 * free.slopes[n, None, None] * _across(along[s, n])
+        beside /= np.linalg.norm(beside, axis=-1, keepdims=True)
+        start = np.broadcast_to(local[s, n, None], beside.shape)
+        passed[s, n] = 0.5 * np.mean(target.surface.cast(start, beside).distances >= end[n, None], axis=1)
+    return np.asarray(np.sum(np.log(priors.clutter + (1 - 2 * priors.clutter) * passed), axis=1))

@@ -79,12 +79,19 @@ class FreePaths:
         directions: unit ``(m, 3)``.
         lengths: how far they were free ``(m,)``.
         margin: how much of the end is not certain ``(m,)``.
+        slopes: how far beside them they may have been, one standard deviation in either direction across, over the way
+            along them ``(m,)``; zero if not given. A cone's echo comes from any of its rays.
     """
 
     origins: Vectors
     directions: Vectors
     lengths: FloatArray
     margin: FloatArray
+    slopes: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if len(self.slopes) != len(self.lengths):
+            object.__setattr__(self, "slopes", np.zeros(len(self.lengths)))
 
     @classmethod
     def none(cls) -> FreePaths:
@@ -95,7 +102,8 @@ class FreePaths:
 def as_free_paths(measured: PointMeasurements, margin: float) -> FreePaths:
     """The free beams of some measurements."""
     beams = measured.free
-    return FreePaths(beams.origins, beams.directions, beams.lengths, np.full(len(beams), margin))
+    slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
+    return FreePaths(beams.origins, beams.directions, beams.lengths, np.full(len(beams), margin), slopes)
 
 
 def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None) -> Touches:
