@@ -6,7 +6,10 @@ import pytest
 from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
 from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.patch import find_patches
+from tanteo.acquisition.plane import meant
 from tanteo.errors import InputError
+from tanteo.features import PLANE, Feature
+from tanteo.lie import SE3
 
 UP = np.array([0.0, 0.0, 1.0])
 X, Y = np.eye(3)[:2]
@@ -44,3 +47,13 @@ def test_what_is_known_well_is_not_taken_for_a_larger_face_beside_it():
     assert any(abs(patch.point[2]) < 1e-3 for patch in vague)
     assert len(sharp) == 1
     assert abs(sharp[0].point[2] - 0.018) < 3e-4
+
+
+@pytest.mark.parametrize(("height", "tilt", "taken"), [(1e-3, 0.01, True), (8e-3, 0.0, False), (0.0, 0.2, False)])
+def test_a_face_far_off_a_sharp_idea_is_another_one(height, tilt, taken):
+    """A millimetre and 0.02 rad are known; the guess of a person takes all three."""
+    face = Feature(PLANE, SE3.exp(np.array([0, 0, height, tilt, 0, 0])), 1e-8 * np.eye(3))
+    status, message, feature = meant(FaceIdea(np.zeros(3), UP, 1e-3, 0.02), ("acquired", "", face))
+    assert (status, feature is face) == (("acquired", True) if taken else ("unclear", False))
+    assert taken or "off where it should be" in message
+    assert meant(FaceIdea(np.zeros(3), UP), ("acquired", "", face))[2] is face

@@ -131,7 +131,7 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
         down = session.does(
             approach(session.robot, session.standoff, session.rules, reach=2 * HOVER + session.standoff)
         )
-        attempt = _meant(idea, scan(session, label, width)) if down.reached else failed(down)
+        attempt = meant(idea, scan(session, label, width)) if down.reached else failed(down)
         if attempt[0] not in ("lost", "nothing", "unclear"):
             return attempt
         tried.places.append(session.places[-1])
@@ -143,7 +143,7 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
     return attempt
 
 
-def _meant(idea: FaceIdea, attempt: Attempt) -> Attempt:
+def meant(idea: FaceIdea, attempt: Attempt) -> Attempt:
     """A face that was sensed, unless the idea was known too well for it to be the one that was meant."""
     face = attempt[2]
     if face is None:

@@ -74,7 +74,12 @@ def idea_from_image(kind: str, scene: SceneFile, options: IdeaOptions) -> Predic
     seen = seen_in(view, parts)
     if seen is None or not seen.recognition.hypotheses:
         raise InputError("--image: expected a part on the table, got none that is known. Add its CAD file to --parts.")
-    best = seen.recognition.hypotheses[0]
+    best, unknown = seen.recognition.hypotheses[0], seen.recognition.unknown_probability
+    if unknown > best.probability:
+        raise InputError(
+            f"--image: expected one of the parts of --parts, got none of these with {100 * unknown:.0f} %. "
+            "Add the CAD file of what lies there."
+        )
     part = next(part for part in parts if part.name == best.part)
     found = predicted(kind, part, best.T_world_part, best.covariance, -scene.T_world_hand[:3, 2])
     chosen = [p for p in found if options.face in (None, p.faces[0])]
