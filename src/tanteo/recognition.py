@@ -17,6 +17,9 @@ from tanteo.parts import Part
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
 from tanteo.surface_search import as_free_paths, as_touches, identify_touches
 
+_NOTES = 2
+"""Notes on labels that a message has; more of them say nothing new."""
+
 _DOUBT_PRIOR = "What was said of the pose beforehand counts, too: check it, or leave it out and compare."
 
 
@@ -83,7 +86,7 @@ def identify(
             answer = replace(answer, message=f"{answer.message} {_DOUBT_PRIOR}")
         return with_elapsed(answer, measure=elapsed)
     if not sensed.features:
-        reasons = " ".join(map(_sentence, sensed.notes)) or "There is no reading that met anything."
+        reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
     elapsed = time.perf_counter() - start
     answer = identify_features(
@@ -120,9 +123,22 @@ def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:
         )
         for h in answer.hypotheses
     )
-    notes = [f"Left out of its label: {', '.join(sensed.rejected)}"] if sensed.rejected else []
-    message = " ".join([answer.message, *(_sentence(note) for note in (*notes, *sensed.notes))])
+    notes = [_left_out(sensed.rejected)] if sensed.rejected else []
+    message = " ".join([answer.message, *notes, _in_short(sensed.notes)]).rstrip()
     return replace(answer, hypotheses=hypotheses, message=message)
+
+
+def _left_out(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return f"Reading {names[0]} disagrees with its label and was left out."
+    return f"Readings {', '.join(names)} disagree with their labels and were left out."
+
+
+def _in_short(notes: Sequence[str]) -> str:
+    """The first notes as sentences, and how many more there are."""
+    rest = len(notes) - _NOTES
+    more = [f"And {rest} more label{'s' * (rest > 1)} likewise."] if rest > 0 else []
+    return " ".join([*map(_sentence, notes[:_NOTES]), *more])
 
 
 def _sentence(note: str) -> str:

@@ -83,7 +83,7 @@ def test_failures_are_sentences_and_the_others_are_read(folder):
 
 
 def test_the_unit_is_asked_for_once(folder):
-    with pytest.raises(UnitError, match=r"length unit of a\.off \(3 files carry none\)"):
+    with pytest.raises(UnitError, match=r"length unit of a\.off and 2 more"):
         read_parts(folder)
     with pytest.raises(UnitError, match="'ell'"):
         read_parts(folder, unit="ell")

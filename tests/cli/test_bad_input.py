@@ -199,8 +199,8 @@ def nan_corner(triangles):
 
 PARTS = [
     ("missing part", "none.stl", None, "none.stl"),
-    ("empty part", "p.stl", lambda t: b"", "p.stl"),
-    ("text as a part", "p.stl", lambda t: b"hello", "p.stl"),
+    ("empty part", "p.stl", lambda t: b"", "p.stl: expected a CAD file, got an empty one"),
+    ("text as a part", "p.stl", lambda t: b"hello", "p.stl: expected"),
     ("readings as a part", "p.csv", lambda t: GOOD.encode(), "Export it as STEP"),
     ("picture as a part", "p.png", lambda t: b"\x89PNG\r\n", "Export it as STEP"),
     ("no suffix", "p", lambda t: b"x", "Export it as STEP"),
@@ -215,6 +215,12 @@ PARTS = [
     ("one triangle", "p.stl", lambda t: binary_stl(t[:1]), "p.stl"),
     ("flat part", "p.stl", lambda t: binary_stl(t * [1, 1, 0]), "p.stl"),
     ("part of kilometres", "p.stl", lambda t: binary_stl(t * 1e5), "too large"),
+    (
+        "part in metres",
+        "p.stl",
+        lambda t: binary_stl(t * 1e-3),
+        "Did you mean unit='m' or unit='ft'? Here that is --units.",
+    ),
     ("part of nanometres", "p.stl", lambda t: binary_stl(t * 1e-4), "too small"),
     ("empty off", "p.off", lambda t: b"OFF\n", "p.off"),
     ("obj of nothing", "p.obj", lambda t: b"# nothing\n", "p.obj"),
@@ -248,6 +254,7 @@ def test_stl_needs_units(run, tmp_path, parts, command, monkeypatch):
 CALLS = [
     ("readings missing", ["identify", "none.csv", "--parts", "parts"], FAILED, "none.csv: expected a readings file"),
     ("readings a folder", ["identify", "parts", "--parts", "parts"], FAILED, "Is a directory"),
+    ("readings a part", ["identify", "parts/block.stl", "--parts", "r.csv"], FAILED, "CAD files behind --parts"),
     ("readings below a file", ["identify", "r.csv/x.csv", "--parts", "parts"], FAILED, "Not a directory"),
     ("readings name too long", ["identify", "x" * 5000, "--parts", "parts"], FAILED, "File name too long"),
     ("readings have no name", ["identify", "", "--parts", "parts"], FAILED, "expected a readings file"),
@@ -273,6 +280,37 @@ CALLS = [
         FAILED,
         "none.toml: expected a",
     ),
+    (
+        "report into no folder",
+        ["identify", "r.csv", "--sd", "1mm", "--parts", "parts", "--units", "mm", "--report", "no/r.html"],
+        MISUSED,
+        "--report: expected a file that can be written, got 'no/r.html': there is no folder 'no'. Make it first.",
+    ),
+    (
+        "plan into no folder",
+        [
+            "plan",
+            "--part",
+            "parts/block.stl",
+            "--units",
+            "mm",
+            "--sd",
+            "1mm",
+            "--tolerance",
+            "9mm",
+            "--csv",
+            "no/p.csv",
+        ],
+        FAILED,
+        "--csv: expected a file that can be written",
+    ),
+    (
+        "picture of no kind",
+        ["see", "i.png", "--camera", "c", "--parts", "parts", "--picture", "p.svg"],
+        FAILED,
+        ".png",
+    ),
+    ("rig into a folder", ["sensor", "fit", "r.csv", "--write", "parts"], FAILED, "it is a folder"),
     ("unknown command", ["recognise", "r.csv"], MISUSED, "recognise"),
     ("unknown part command", ["part", "sow", "x"], MISUSED, "sow"),
 ]
@@ -293,8 +331,13 @@ def test_calls_refused(run, tmp_path, parts, args, code, message, monkeypatch):
         ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,edge\n0,0,0,A,edge\n", "got coincident ones"),
         ("x_mm,y_mm,z_mm,dx,dy,dz,status,max_mm\n0,0,0,0,0,1,none,400\n", "no reading that met anything"),
         ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,vertex\n", "stays free"),
+        (
+            "x_mm,y_mm,z_mm,feature,kind\n"
+            + "".join(f"{k},{k},{k},{label},edge\n" * 2 for k, label in enumerate("ABCD")),
+            "And 2 more labels likewise.",
+        ),
     ],
-    ids=["collinear plane", "edge of one point", "free beams only", "one vertex"],
+    ids=["collinear plane", "edge of one point", "free beams only", "one vertex", "four labels"],
 )
 def test_too_little_is_an_answer_that_says_so(run, tmp_path, parts, content, message):
     (tmp_path / "r.csv").write_text(content)

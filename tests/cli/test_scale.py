@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.cli.scale import Scale, meant_units, scale_of
+from tanteo.cli.scale import Scale, check_spread, meant_directions, meant_units, scale_of
 from tanteo.parts import read_part
 
 UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
@@ -95,3 +95,29 @@ def test_it_warns_once(run, parts, tmp_path):
     path = touches(tmp_path, "um")
     result = run("locate", path, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1um")
     assert result.err.count("did you mean") == 1
+
+
+@pytest.mark.parametrize(
+    ("sd", "words"), [(0.05, "50 mm, which is 25% of the largest"), (5e-8, "finer than any sensor")]
+)
+def test_a_noise_of_another_unit_is_noticed(capsys, sd, words):
+    assert check_spread(np.tile(sd**2 * np.eye(3), (4, 1, 1)), Scale(0.1, (0.02, 0.2), "mm", ""))
+    assert words in capsys.readouterr().err
+
+
+def test_the_noise_of_a_sensor_is_none(capsys):
+    for sd in (1e-6, 5e-5, 0.01):
+        assert not check_spread(np.tile(sd**2 * np.eye(3), (4, 1, 1)), Scale(0.1, (0.2,), "mm", ""))
+    assert not check_spread(np.zeros((0, 3, 3)), Scale(0.0, (0.2,), "mm", ""))
+    assert capsys.readouterr().err == ""
+
+
+def test_directions_out_of_the_material_are_noticed():
+    rng = np.random.default_rng(4)
+    out = rng.normal(size=(12, 3))
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    points = np.array([0.4, 0.1, 0.0]) + 0.05 * out
+    assert "Did you mean the opposite" in meant_directions(points, out)
+    assert meant_directions(points, -out) == ""
+    assert meant_directions(points, np.full((12, 3), np.nan)) == ""
+    assert meant_directions(points, np.tile([0.0, 0.0, -1.0], (12, 1))) == ""  # all from above

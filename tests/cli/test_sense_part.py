@@ -88,7 +88,7 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
         (("--standoff", "0mm"), 2, "--standoff: expected a length"),
         (("--near", "0,0,0mm"), 2, "--near: expected a value and its standard deviation"),
         (("--report", "report.pdf"), 2, "--report: expected a file name"),
-        (("--record", "/no/such/folder/x.json", "--most", "1"), 1, "--record: expected a file to write"),
+        (("--record", "/no/such/folder/x.json", "--most", "1"), 1, "--record: expected a file that can be written"),
     ],
 )
 def test_refusals(sense, options, code, message):
@@ -108,3 +108,21 @@ def test_a_scene_without_a_rough_place_needs_one_from_the_options(run):
     assert "readings: bracket_" in err
     prior = EXAMPLES.parent / "tests" / "nothing.toml"
     assert run("sense", "part", "--scene", scene, *PARTS, "--prior", str(prior))[0] == 1
+
+
+def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path, monkeypatch):
+    from tanteo.cli import sensing_part
+
+    def interrupt(visit, *, verbose):
+        if visit.step is not None and visit.step.ids:
+            raise KeyboardInterrupt
+        return []
+
+    monkeypatch.setattr(sensing_part, "visit_lines", interrupt)
+    record = tmp_path / "session.json"
+    code, out, err = sense("--record", str(record))
+    assert (code, out) == (130, "")
+    assert f"record written up to here: {record}" in err
+    code, out, err = run("replay", str(record), "-v")
+    assert code in (0, 3)
+    assert "given again to the last bit" in err

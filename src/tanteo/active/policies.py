@@ -88,5 +88,5 @@ def policy_named(name: str) -> Policy:
         InputError: there is none.
     """
     if name not in POLICIES:
-        raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got '{name}'.")
+        raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got '{name}'. Name one of these.")
     return POLICIES[name]

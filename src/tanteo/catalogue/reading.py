@@ -98,8 +98,9 @@ def read_parts(
     short = None if unit is None else unit_name(unit)
     needy = [file for file in files if file.suffix.lower() in UNITLESS]
     if needy and short is None:
+        others = f" and {len(needy) - 1} more" if len(needy) > 1 else ""
         raise UnitError(
-            f"unit: expected the length unit of {needy[0].name} ({len(needy)} files carry none), got none. "
+            f"unit: expected the length unit of {needy[0].name}{others}, whose format has none, got none. "
             "Pass unit='mm' (or um, cm, m, in, ft)."
         )
     requests = [Request(str(file), short, name) for file, name in zip(files, _names(files), strict=True)]
@@ -139,10 +140,17 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
     failures = []
     for given in map(Path, paths):
         if given.is_dir():
-            inside = sorted(file for file in given.iterdir() if file.suffix.lower() in READABLE and file.is_file())
+            try:
+                inside = sorted(file for file in given.iterdir() if file.suffix.lower() in READABLE and file.is_file())
+            except OSError as error:
+                why = error.strerror or error
+                reason = f"{given}: expected a folder that may be read, got: {why}. Check its permissions."
+                failures.append(Failure(str(given), reason))
+                continue
             files.update({file.resolve(): file for file in inside if file.resolve() not in files})
             if not inside:
-                reason = f"{given}: expected CAD files ({', '.join(READABLE)}), got none in this folder."
+                kinds = ", ".join(READABLE)
+                reason = f"{given}: expected CAD files ({kinds}), got none in this folder. Name files, or another."
                 failures.append(Failure(str(given), reason))
         elif given.is_file():
             files.setdefault(given.resolve(), given)

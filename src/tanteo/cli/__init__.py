@@ -20,11 +20,22 @@ def main(argv: Sequence[str] | None = None) -> None:
         from tanteo.cli.app import app
         from tanteo.cli.options import TYPED, spread_values
 
+        _open_streams()
         typed = list(sys.argv[1:] if argv is None else argv)
         TYPED.set(("tanteo", *typed))
         app(args=spread_values(typed), prog_name="tanteo")
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _open_streams() -> None:
+    """Streams that the caller has closed (``>&-``) take everything and keep nothing."""
+    import os
+    import sys
+
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
 
 
 __all__ = ["main"]

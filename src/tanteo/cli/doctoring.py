@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import typer
 
-from tanteo.cli.printing import bold, emit, printable, table
+from tanteo.cli.printing import bold, emit, printable, put, table
 
 if TYPE_CHECKING:
     from tanteo.doctor import Examination
@@ -23,7 +22,7 @@ def run_doctor(*, as_json: bool) -> None:
     found = examine()
     if as_json:
         document = {"schema": "tanteo.doctor/1", "version": __version__, "ok": found.ok, **asdict(found)}
-        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+        put(json.dumps(document, indent=2) + "\n")
     else:
         emit(doctor_lines(found, __version__))
     if not found.ok:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 
-from tanteo.cli.printing import bold, emit, printable, table
+from tanteo.cli.printing import bold, emit, printable, put, table
 from tanteo.cli.prior_options import prior_words, read_pose_prior
 from tanteo.cli.running import UNDECIDED, read_all_parts, require_file
+from tanteo.cli.targets import check_target, writing
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -152,6 +152,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
     from tanteo.cli.reporting import check_report
 
     check_report(report)
+    check_target("--csv", options.csv)
     for path in options.parts:
         require_file("--part" if len(options.parts) == 1 else "--distinguish", path)
     parts = [read_all_parts([path], options.units, quiet=as_json)[0] for path in options.parts]
@@ -170,7 +171,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
     if options.csv is not None:
         _write(options.csv, plan_csv(found))
     if as_json:
-        sys.stdout.write(plan_json(found, tolerance=options.tolerance, confidence=options.confidence))
+        put(plan_json(found, tolerance=options.tolerance, confidence=options.confidence))
     else:
         emit(plan_lines(found, options))
     if report is not None:
@@ -195,11 +196,8 @@ def _rough(part: Part, near: PosePrior | None) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _write(path: str, text: str) -> None:
-    try:
-        with open(path, "w", encoding="utf-8", newline="") as stream:
-            stream.write(text)
-    except OSError as error:
-        raise InputError(f"--csv: expected a file to write, got: {error.strerror or error}. Check the path.") from None
+    with writing("--csv", path), open(path, "w", encoding="utf-8", newline="") as stream:
+        stream.write(text)
 
 
 def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
@@ -243,7 +241,7 @@ def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None,
     first, second = (prepare_target(part) for part in parts)
     found = distinguish(first, second, options.probe, seed=options.seed)
     if as_json:
-        sys.stdout.write(distinction_json(found))
+        put(distinction_json(found))
     else:
         emit(distinction_lines(found))
     if report is not None:

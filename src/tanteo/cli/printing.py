@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from itertools import zip_longest
 from typing import TYPE_CHECKING, TextIO
 
+from tanteo.errors import InputError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -22,11 +24,29 @@ def printable(text: str) -> str:
 
 def emit(lines: Iterable[str], stream: TextIO | None = None) -> None:
     """Write lines; characters that the stream cannot show are escaped."""
+    put("".join(f"{line}\n" for line in lines), stream)
+
+
+def put(text: str, stream: TextIO | None = None) -> None:
+    """Write text to standard output or another stream, at once; characters that it cannot show are escaped.
+
+    A reader that has gone (``| head -1``) is no error: the rest is dropped, files are still written and the exit code
+    is that of the answer.
+
+    Raises:
+        InputError: The stream takes no more, because its disk is full.
+    """
     stream = stream or sys.stdout
     encoding = stream.encoding or "utf-8"
-    for line in lines:
-        stream.write(line.encode(encoding, "backslashreplace").decode(encoding) + "\n")
-    stream.flush()
+    try:
+        stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        stream.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # what is left in the buffer goes nowhere
+        if isinstance(error, BrokenPipeError) or stream is sys.stderr:
+            return
+        why = error.strerror or error
+        raise InputError(f"output: expected a place to write to, got: {why}. Send it elsewhere.") from None
 
 
 def complain(kind: str, message: str) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from tanteo.cli.printing import emit, printable, progress
+from tanteo.cli.printing import emit, printable, progress, put
 from tanteo.cli.running import UNDECIDED
 from tanteo.errors import InputError
 
@@ -65,7 +65,7 @@ def _print(answer: Recognition, told: Explanation | None, *, as_json: bool, verb
         document = recognition_document(answer)
         if told is not None:
             document["explanation"] = explanation_document(told)
-        sys.stdout.write(json.dumps(document, indent=2, allow_nan=False) + "\n")
+        put(json.dumps(document, indent=2, allow_nan=False) + "\n")
         if answer.status != "recognized":
             emit([f"{answer.status}: {printable(answer.message)}"], sys.stderr)
         return

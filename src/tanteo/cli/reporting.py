@@ -5,12 +5,11 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tanteo.cli.options import TYPED, MisuseError, RunOptions
+from tanteo.cli.options import TYPED, RunOptions, misuse
 from tanteo.cli.printing import emit, printable
-from tanteo.errors import InputError
+from tanteo.cli.targets import check_target, writing
 
 if TYPE_CHECKING:
     from tanteo.matching import PosePrior, Recognition
@@ -19,22 +18,15 @@ if TYPE_CHECKING:
     from tanteo.sensors import Readings, Rig
     from tanteo.session import Session
 
-_SUFFIXES = (".html", ".htm")
-
 
 def check_report(path: str | None) -> None:
     """Is it a name that can be written; asked before the long work. None is no report.
 
     Raises:
-        MisuseError: Another suffix, or a folder that is not there.
+        MisuseError: Another suffix, a folder that is not there, or one in which nothing may be written.
     """
-    if path is None:
-        return
-    file = Path(path)
-    if file.suffix.lower() not in _SUFFIXES:
-        raise MisuseError(f"--report: expected a file name that ends in .html, got '{path}'. Call it report.html.")
-    if file.is_dir() or not file.parent.is_dir():
-        raise MisuseError(f"--report: expected a file in a folder that exists, got '{path}'. Make the folder first.")
+    with misuse():
+        check_target("--report", path, (".html", ".htm"))
 
 
 def report_answer(
@@ -84,10 +76,6 @@ def write_page(path: str, page: str, *, as_json: bool) -> None:
     """
     from tanteo.report import write_report
 
-    try:
+    with writing("--report", path):
         write_report(path, page)
-    except OSError as error:
-        raise InputError(
-            f"--report: expected a file that can be written, got '{path}': {error.strerror or error}."
-        ) from None
     emit([f"report written: {printable(path)}"], sys.stderr if as_json else sys.stdout)

@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING
 import typer
 
 from tanteo.cli.options import MisuseError, RunOptions, misuse
-from tanteo.cli.printing import complain, emit, printable, progress
+from tanteo.cli.printing import complain, emit, printable, progress, put
 from tanteo.cli.prior_options import prior_words
-from tanteo.errors import PartError, TanteoError, UnitError
+from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
 
 if TYPE_CHECKING:
     from tanteo.matching import PosePrior, Priors
     from tanteo.parts import Part
-    from tanteo.sensors import Readings, Rig
-    from tanteo.typing import Vectors
+    from tanteo.sensors import PointMeasurements, Readings, Rig
 
 _FAILED, _MISUSED, UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
 
@@ -62,15 +61,17 @@ def recognize(
     from tanteo.cli.reporting import check_report
 
     check_report(report)
-    from tanteo.cli.scale import check_scale, meant_units, scale_of
+    from tanteo.cli.scale import check_scale, check_spread, meant_directions, meant_units, scale_of
     from tanteo.io import read_readings, read_rig, recognition_json
 
+    _check_readings_name(readings_path)
     rig = None if rig_path is None else read_rig(rig_path)
     readings = read_readings(readings_path)
-    points = _check_fit(readings, options, rig)
+    measured = _check_fit(readings, options, rig)
+    points = measured.points
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     scale = scale_of(points, parts, _beginning(readings_path), options.units)
-    warned = check_scale(points, scale)
+    warned = check_scale(points, scale) or check_spread(measured.covs, scale)
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
@@ -82,15 +83,17 @@ def recognize(
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     if as_json:
-        sys.stdout.write(recognition_json(result))
+        put(recognition_json(result))
         if result.status != "recognized":
             emit([f"{result.status}: {printable(result.message)}"], sys.stderr)
     else:
         from tanteo.cli.answer import answer_lines
 
         emit(answer_lines(result, "" if pose is None else prior_words(pose), verbose=verbose))
-    if result.status == "unknown" and not warned and (question := meant_units(scale)):
-        complain("warning", question)
+    if result.status == "unknown" and not warned:
+        question = meant_units(scale) or meant_directions(points, measured.directions)
+        if question:
+            complain("warning", question)
     if report is not None:
         from tanteo.cli.reporting import report_answer
 
@@ -114,14 +117,25 @@ def _beginning(path: str) -> str:
         return file.read(20_000)
 
 
-def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> Vectors:
-    """The points, if options and readings fit each other; asked before the parts are read, which may take long."""
+def _check_readings_name(path: str) -> None:
+    """Readings and parts are easily swapped."""
+    from tanteo.parts.reading import READABLE
+
+    if Path(path).suffix.lower() in READABLE:
+        raise ReadingsError(
+            f"READINGS: expected a table of readings (CSV), got the CAD file '{path}'. Readings come first, CAD files "
+            "behind --parts or --part."
+        )
+
+
+def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> PointMeasurements:
+    """What is measured, if options and readings fit each other; asked before the parts, which may take long."""
     from tanteo.sensors import measure
 
     with misuse():
         return measure(
             readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig
-        ).points
+        )
 
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
@@ -133,10 +147,11 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
             parts = read_parts(paths, unit=units, progress=tick)
     except UnitError as error:
         raise MisuseError(f"{error} Here that is --units.") from None
-    if len(parts.failures) == 1 and not parts.parts:
-        raise PartError(parts.failures[0].reason)
-    for failure in parts.failures:
-        complain("warning", failure.reason)
+    reasons = [f"{f.reason} Here that is --units." if "unit=" in f.reason else f.reason for f in parts.failures]
+    if len(reasons) == 1 and not parts.parts:
+        raise PartError(reasons[0])
+    for reason in reasons:
+        complain("warning", reason)
     if not parts.parts:
         raise PartError("--parts: expected at least one part that can be read, got none. See the warnings.")
     return parts.parts
@@ -159,7 +174,7 @@ def show_part(file: str, unit: str | None, *, as_json: bool, verbose: bool) -> N
     require_file("FILE", file)
     (part,) = read_all_parts([file], unit, quiet=as_json)
     if as_json:
-        sys.stdout.write(part_json(part))
+        put(part_json(part))
     else:
         from tanteo.cli.part_text import part_lines
 

@@ -1,4 +1,4 @@
-"""Are readings and parts of one size? If not, which unit was meant."""
+"""Are readings and parts of one size? If not, which unit was meant; and do the readings look into the material?"""
 
 from __future__ import annotations
 
@@ -15,13 +15,19 @@ from tanteo.errors import ReadingsError
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
-    from tanteo.typing import FloatArray, Vectors
+    from tanteo.typing import Covariances, FloatArray, Vectors
 
 _FEW = 3
 """Fewer readings than this say nothing about the size of what was sensed."""
 
 _TOO_WIDE, _TOO_NARROW = 3.0, 0.01
 """Readings farther from their middle than this many diagonals, or all nearer, suggest a wrong unit."""
+
+_FINEST, _COARSEST = 2e-7, 0.1
+"""Standard deviations below the first [m], or above this share of the largest part, suggest a wrong unit."""
+
+_OUTWARD = 0.2
+"""Mean cosine between a direction and the way to the middle of the readings, below whose negative it looks reversed."""
 
 _LIKELY = (0.25, 1.2)
 """Readings of one part span this share of its diagonal, as a rule."""
@@ -110,6 +116,47 @@ def check_scale(points: Vectors, scale: Scale) -> bool:
     within, size = f"{away.max() * 1e3:.3g} mm", f"{smallest * 1e3:.4g} mm"
     complain("warning", f"all readings lie within {within}, and the smallest part measures {size}. {advice}")
     return True
+
+
+def check_spread(covs: Covariances, scale: Scale) -> bool:
+    """Warn of standard deviations that no sensor of such parts has; whether it warned.
+
+    Args:
+        covs: Of the readings ``(n, 3, 3)`` [m^2].
+        scale: Sizes on both sides.
+    """
+    if not len(covs):
+        return False
+    sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
+    if _FINEST <= sd <= _COARSEST * max(scale.sizes):
+        return False
+    size = f"{sd / max(scale.sizes):.0%} of the largest part" if sd > _FINEST else "finer than any sensor"
+    complain(
+        "warning",
+        f"one standard deviation of the readings is {1e3 * sd:.3g} mm, which is {size}. Is its unit right "
+        "(column sd_mm, sd_m, sd_um; --sd)?",
+    )
+    return True
+
+
+def meant_directions(points: Vectors, directions: Vectors) -> str:
+    """A question where the directions of most readings lead away from their middle; empty where they do not.
+
+    Args:
+        points: Of the readings ``(n, 3)`` [m].
+        directions: In which they looked or moved ``(n, 3)``; NaN rows where that is unknown.
+    """
+    known = np.isfinite(directions).all(axis=1)
+    if known.sum() < _FEW:
+        return ""
+    inward = np.median(points[known], axis=0) - points[known]
+    cosines = np.sum(inward * directions[known], axis=1) / np.linalg.norm(inward, axis=1).clip(1e-12)
+    if cosines.mean() > -_OUTWARD:
+        return ""
+    return (
+        f"The directions (dx, dy, dz) of {np.mean(cosines < 0):.0%} of the readings lead away from the middle of all: "
+        "they are meant to point into the material, as the sensor looks or the tip moves. Did you mean the opposite?"
+    )
 
 
 def _away(points: Vectors) -> FloatArray:

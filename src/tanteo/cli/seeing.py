@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from tanteo.cli.answer import answer_lines
-from tanteo.cli.printing import emit, printable
+from tanteo.cli.printing import emit, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
+from tanteo.cli.targets import check_target
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, Sight, Sighting
@@ -44,6 +45,7 @@ class SeeOptions:
 def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     """Read everything, look, draw, print; exits with 3 unless every object is recognized."""
     start = time.perf_counter()
+    check_target("--picture", options.picture, (".png", ".jpg"))
     from tanteo.io.camera_file import read_camera
     from tanteo.io.images import read_image, write_image
     from tanteo.io.sight_json import sight_json
@@ -61,7 +63,7 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     sight = _timed(sight, loaded, time.perf_counter() - start)
     statuses = [seen.recognition.status for seen in sight.objects] or ["unknown"]
     if as_json:
-        sys.stdout.write(sight_json(sight))
+        put(sight_json(sight))
     else:
         emit(sight_lines(sight, verbose=verbose))
     if any(status != "recognized" for status in statuses):

@@ -11,7 +11,8 @@ import numpy as np
 import typer
 
 from tanteo.cli.options import misuse
-from tanteo.cli.printing import bold, emit, printable
+from tanteo.cli.printing import bold, emit, printable, put
+from tanteo.cli.targets import check_target, writing
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ def sense(
         if seed is not None and seed < 0:
             raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
         boxes = [_forbidden(text) for text in forbid]
+    check_target("--record", record)
     scene = read_scene(scene_path)
     if seed is not None:
         scene = replace(scene, seed=seed)
@@ -64,14 +66,10 @@ def sense(
         if got.readings is None:
             emit(["warning: nothing was read on purpose, so there is no record."], sys.stderr)
         else:
-            try:
+            with writing("--record", record):
                 write_readings(got.readings, record, unit="m")
-            except OSError as error:
-                raise InputError(
-                    f"--record: expected a file to write, got: {error.strerror or error}. Check the path."
-                ) from None
     if as_json:
-        sys.stdout.write(sensed_json(got, seed=scene.seed, clearance=least, expected=expected))
+        put(sensed_json(got, seed=scene.seed, clearance=least, expected=expected))
     else:
         emit(sensed_lines(got, scene, least, record, expected, verbose=verbose))
     if not got.acquired:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -11,8 +12,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from tanteo.cli.options import MisuseError
-from tanteo.cli.printing import complain, emit, has_colour, printable
+from tanteo.cli.printing import complain, emit, has_colour, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
+from tanteo.cli.targets import check_target, writing
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -104,6 +106,7 @@ def sense_unknown(
     from tanteo.simulator import clearances
 
     check_report(report)
+    check_target("--record", record)
     scene = read_scene(scene_path)
     scene = replace(scene, standoff=options.standoff or scene.standoff)
     if options.seed is not None:
@@ -111,7 +114,7 @@ def sense_unknown(
     view = None if image is None else view_of(scene, image)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     session, robot, rules = prepare_run(scene, seen_or_rough(scene, parts, known, view), options)
-    with _live(verbose=verbose) as watch:
+    with _kept(session, record), _live(verbose=verbose) as watch:
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
     _write(session, record)
@@ -191,6 +194,25 @@ def _executed(
 
 
 @contextmanager
+def _kept(session: Session, record: str | None) -> Iterator[None]:
+    """What was told until an interruption (Ctrl-C, or the order to end) is in the record, and goes on from there."""
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield
+    except KeyboardInterrupt:
+        if record is not None and session.readings is not None:
+            _write(session, record)
+            emit([f"record written up to here: {printable(record)}"], sys.stderr)
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+@contextmanager
 def _live(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
     """A line for every question on standard error; on a terminal also that the hand is under way."""
     if not sys.stderr.isatty():
@@ -214,7 +236,8 @@ def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
     action, step = visit.action, visit.step
     words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.face} of {action.part}"
     if step is not None and len(step.ids):
-        words += f", {len(step.ids)} readings: {belief_words(visit)}"
+        count = "1 reading" if len(step.ids) == 1 else f"{len(step.ids)} readings"
+        words += f", {count}: {belief_words(visit)}"
     words += f" ({visit.note})" if visit.note else ""
     lines = [printable(words)]
     if verbose:
@@ -243,15 +266,11 @@ def _write(session: Session, record: str | None) -> None:
     if session.readings is None:
         complain("warning", "nothing was read, so there is no record.")
         return
-    try:
+    with writing("--record", record):
         if record.lower().endswith(".csv"):
             write_readings(session.readings, record, unit="m")
         else:
             write_record(session, record)
-    except OSError as error:
-        raise InputError(
-            f"--record: expected a file to write, got: {error.strerror or error}. Check the path."
-        ) from None
 
 
 def _answer(session: Session, done: Executed, least: float, *, as_json: bool, verbose: bool) -> bool:
@@ -261,7 +280,7 @@ def _answer(session: Session, done: Executed, least: float, *, as_json: bool, ve
 
     result = session.answer()
     if as_json:
-        sys.stdout.write(executed_json(result, done, readings=session.count, clearance=least))
+        put(executed_json(result, done, readings=session.count, clearance=least))
     else:
         cost = (
             f"  cost        {session.count} readings, {done.seconds:.1f} s simulated, {done.travel:.2f} m of travel, "

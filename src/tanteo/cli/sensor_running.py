@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from tanteo.cli.options import MisuseError, misuse
-from tanteo.cli.printing import complain, emit, printable
-from tanteo.errors import InputError
+from tanteo.cli.printing import complain, emit, printable, put
+from tanteo.cli.targets import check_target, writing
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_presets, sensor_preset, sensor_presets
 
 if TYPE_CHECKING:
@@ -101,6 +101,8 @@ def run_fit(request: FitRequest, *, as_json: bool, verbose: bool) -> None:
     from tanteo.io import read_readings, read_rig
     from tanteo.sensors import robot_preset
 
+    check_target("--write", request.write)
+    check_target("--picture", request.picture)
     with misuse():
         sensor = None if request.sensor is None else sensor_preset(request.sensor)
         robot = None if request.robot is None else robot_preset(request.robot)
@@ -140,10 +142,8 @@ def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, req
         f"Calibrated by `tanteo sensor fit` from {Path(request.log).name}: {int(found.good.sum())} places.\n"
         "The offset of the ranges is in the position; noise is that of single readings."
     )
-    try:
+    with writing("--write", request.write):
         write_rig(calibrated_rig(found, rig=rig, sensor=sensor), request.write, comment=comment)
-    except OSError as error:
-        raise InputError(f"--write: expected a file that can be written, got: {error.strerror or error}.") from None
 
 
 def _draw_coverage(found: Calibration, picture: str) -> None:
@@ -154,13 +154,8 @@ def _draw_coverage(found: Calibration, picture: str) -> None:
 
 def _draw(draw: Callable[[], None], picture: str) -> None:
     """Draw; a picture that cannot be is the caller's option."""
-    try:
-        with misuse():
-            draw()
-    except OSError as error:
-        raise InputError(
-            f"--picture: expected a file that can be written, got '{picture}': {error.strerror or error}."
-        ) from None
+    with writing("--picture", picture), misuse():
+        draw()
 
 
 def _say_drawn(picture: str | None) -> None:
@@ -169,7 +164,7 @@ def _say_drawn(picture: str | None) -> None:
 
 
 def _print_json(document: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
+    put(json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
 
 
 def _finite(value: Any) -> Any:

@@ -102,11 +102,15 @@ def _fit_group(
         return cleaned, {name: _off(cleaned, measured, name) for name in dropped}, []
     ratio = report.chi2 / report.dof
     note = (
-        f"the readings of {label!r} scatter {np.sqrt(ratio):.1f} times as much as stated: "
-        f"its covariance was widened by that; check reading {report.worst}, {report.worst_sds:.1f} sd off, "
+        f"the readings of {label!r} scatter {_figure(np.sqrt(ratio))} times as much as stated: "
+        f"its covariance was widened by that; check reading {report.worst}, {_figure(report.worst_sds)} sd off, "
         "and the standard deviation"
     )
     return _widened(feature, ratio), {}, [note]
+
+
+def _figure(value: float) -> str:
+    return f"{value:.1f}" if value < 10 else f"{value:.0f}"
 
 
 def _fit(

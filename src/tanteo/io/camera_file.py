@@ -69,7 +69,7 @@ def _parse(text: str, path: Path) -> Mapping[str, Any]:
         except yaml.YAMLError as error:
             raise InputError(f"{path}: expected YAML, got: {' '.join(str(error).split())}. Correct the file.") from None
     if not isinstance(document, Mapping):
-        raise InputError(f"{path}: expected keys and values, got {type(document).__name__}. Give a calibration file.")
+        raise InputError(f"{path}: expected keys and values, got other text. Give a calibration file of OpenCV or ROS.")
     return document
 
 

@@ -31,7 +31,7 @@ def read_image(path: str | Path) -> FloatArray:
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     image = cv2.imdecode(data, flags) if len(data) else None
     if image is None:
-        raise InputError(f"{path}: expected an image (PNG, JPEG, TIFF), got a file that cannot be read as one.")
+        raise InputError(f"{path}: expected an image (PNG, JPEG, TIFF), got other content. Save it as PNG.")
     scale = 255.0 / 65535.0 if image.dtype == np.uint16 else 1.0
     return np.asarray(image, dtype=np.float64) * scale
 

@@ -52,6 +52,7 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     suffix = file.suffix.lower()
     if suffix not in READABLE:
         raise PartError(f"{label}: expected one of {', '.join(READABLE)}, got {suffix!r}. Export it as STEP.")
+    _check_content(file, label)
     if suffix in STEP_SUFFIXES:
         from tanteo.parts.step import load_step
 
@@ -64,6 +65,18 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
         draft = sort_faces(points * METRES[own], faces)
     check_size(_diagonal(draft.vertices), own, label)
     return build_part(draft, name=name or file.stem, source=os.fspath(path), unit=own, repairs=tuple(repairs))
+
+
+def _check_content(file: Path, label: str) -> None:
+    """Refuse what may not be read, or holds nothing."""
+    try:
+        with file.open("rb") as stream:
+            first = stream.read(1)
+    except OSError as error:
+        why = error.strerror or error
+        raise PartError(f"{label}: expected a file that may be read, got: {why}. Check its permissions.") from None
+    if not first:
+        raise PartError(f"{label}: expected a CAD file, got an empty one. Export the part again.")
 
 
 def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tuple[str, ...]) -> Part:

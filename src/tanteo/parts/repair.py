@@ -33,7 +33,9 @@ def closed_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[
         PartError: empty, not finite, open, non-manifold, not orientable, or without volume.
     """
     if not len(triangles):
-        raise PartError(f"{label}: expected triangles, got an empty mesh. Export the part again as a solid.")
+        raise PartError(
+            f"{label}: expected triangles, got an empty mesh. Is the file a mesh? Export the part again as a solid."
+        )
     used = vertices[np.unique(triangles)]
     if not np.isfinite(used).all():
         raise PartError(f"{label}: expected finite coordinates, got NaN or infinity. Export the part again.")

@@ -65,7 +65,7 @@ def check_size(diagonal: float, unit: str, label: str) -> None:
         return
     plausible = [name for name, metres in METRES.items() if 5e-3 <= diagonal / METRES[unit] * metres <= 5.0]
     size = "too large" if diagonal > LARGEST_DIAGONAL else "too small"
-    hint = f"Did you mean unit={' or '.join(repr(name) for name in plausible)}?" if plausible else "Check it."
+    hint = f"Did you mean {' or '.join(f'unit={name!r}' for name in plausible)}?" if plausible else "Check it."
     raise PartError(
         f"{label}: expected a part of {SMALLEST_DIAGONAL * 1e3:g} mm to {LARGEST_DIAGONAL:g} m, got a diagonal of "
         f"{diagonal:.4g} m in unit {unit!r}, which is {size}. {hint}"

@@ -179,12 +179,13 @@ class Session:
         self.put(asked)
 
     def _take(self, fresh: Readings | None, note: str) -> Step:
+        belief = self._belief
         if fresh is not None:
-            touches, free = self.sensing.touches(concatenate([*self._readings, fresh]))
-            self._belief = update(self._belief, touches, free)
-            self._readings.append(fresh)
-        step = self._step(() if fresh is None else fresh.ids, note)
-        self._asked = None
+            belief = update(belief, *self.sensing.touches(concatenate([*self._readings, fresh])))
+        step = self._step(belief, () if fresh is None else fresh.ids, note)
+        # only now, all of it: who interrupts the long work above finds the session as it was before
+        self._belief, self._asked = belief, None
+        self._readings += [] if fresh is None else [fresh]
         self._steps.append(step)
         return step
 
@@ -232,8 +233,7 @@ class Session:
             part.faces[c.face[k]].name, choice.gain, choice.why,
         )  # fmt: skip
 
-    def _step(self, ids: Sequence[str], note: str) -> Step:
-        b = self._belief
+    def _step(self, b: Belief, ids: Sequence[str], note: str) -> Step:
         if not len(b.weights):
             nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), np.nan, 0.0
             T, part, C, sd, inside = nowhere

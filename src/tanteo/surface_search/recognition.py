@@ -60,7 +60,8 @@ def identify_touches(
     if not 0 < alpha < 1:
         raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
     if len(touches) < LEAST:
-        message = f"{len(touches)} readings fit any part: sense {LEAST} places or more, better eight, on several sides."
+        few = "1 reading fits" if len(touches) == 1 else f"{len(touches)} readings fit"
+        message = f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
         return Recognition("insufficient", message, (), 1.0, {}, seed)
     if (priors is None or priors.pose is None) and _on_one_line(touches):
         message = "The readings lie on one line within their noise: sense places beside it, on several sides."

@@ -1,0 +1,55 @@
+"""Files that a command is to write: asked for before the long work, and what to do if it fails all the same."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from tanteo.errors import InputError
+
+_ELSEWHERE = "Choose another folder"
+
+
+def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> None:
+    """Can this file be written? Asked before the long work, whose result would be lost. None is no file.
+
+    Args:
+        name: Of the option, as it is typed.
+        path: Of the file.
+        suffixes: With which it may end; with any if none are given.
+
+    Raises:
+        InputError: Another suffix, a folder that is not there, or one in which nothing may be written.
+    """
+    if path is None:
+        return
+    file = Path(path)
+    if suffixes and file.suffix.lower() not in suffixes:
+        raise InputError(
+            f"{name}: expected a file name that ends in {' or '.join(suffixes)}, got '{path}'. Add the suffix."
+        )
+    if file.is_dir():
+        raise _refused(name, path, "it is a folder. Name a file in it")
+    if not file.parent.is_dir():
+        raise _refused(name, path, f"there is no folder '{file.parent}'. Make it first")
+    if not os.access(file if file.exists() else file.parent, os.W_OK):
+        raise _refused(name, path, f"permission denied. {_ELSEWHERE}")
+
+
+@contextmanager
+def writing(name: str, path: str) -> Iterator[None]:
+    """Write this file inside; what the system refuses becomes advice.
+
+    Raises:
+        InputError: It could not be written: the disk is full, or the folder went away.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise _refused(name, path, f"{error.strerror or error}. {_ELSEWHERE}") from None
+
+
+def _refused(name: str, path: str, why: str) -> InputError:
+    return InputError(f"{name}: expected a file that can be written, got '{path}': {why}.")
