@@ -94,7 +94,7 @@ def show(part, T, readings, C):
     for c, S in zip(SE3.apply(T, corners), J @ C @ np.swapaxes(J, 1, 2), strict=True):
         values, vectors = np.linalg.eigh(S)
         bar = T[:3, :3] @ vectors[:, 2] * 1.5e5 * np.sqrt(values[2])
-        axes.plot(*np.stack([1e3 * c - bar, 1e3 * c + bar]).T, color="#830360", lw=3)
+        axes.plot(*np.stack([1e3 * c - bar, 1e3 * c + bar]).T, color="#7d12d9", lw=3)
     axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
     axes.set_box_aspect(np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1), zoom=1.25)
     axes.view_init(elev=32, azim=-118)

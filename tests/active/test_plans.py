@@ -221,3 +221,23 @@ def test_what_no_reading_tells_apart_is_said():
     found = distinguish(same, same, FLIGHT)
     assert found.information < 0.05
     assert "No single reading" in found.message
+
+
+def test_what_is_known_well_enough_needs_no_reading(block):
+    found = plan(at_pose(block, np.eye(4), C), TOUCH, 1.0)
+    assert (found.reached, found.readings) == (True, ())
+    assert found.message.startswith("No reading is needed: all corners of block within 1000 mm")
+
+
+def test_a_part_that_may_be_anywhere_is_not_planned_for(block):
+    """A linear plan would promise what readings that meet nothing cannot keep."""
+    found = plan(at_pose(block, np.eye(4), np.diag(np.repeat([10.0, 0.05], 3) ** 2)), TOUCH, 1e-3)
+    assert not found.reached
+    assert "would meet its face in" in found.message
+
+
+def test_what_a_probe_cannot_be_names_the_value():
+    with pytest.raises(InputError, match=r"standoff: expected a positive number, got 0\."):
+        Probe("p", NoiseLaw.of(1e-4), standoff=0.0)
+    with pytest.raises(InputError, match=r"standoff: .* 300 mm at most, got 1000 mm\. Start nearer"):
+        Probe("p", NoiseLaw.of(1e-4), standoff=1.0, max_range=0.3)

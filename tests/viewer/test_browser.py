@@ -40,6 +40,31 @@ def live(targets):
     assert not thread.is_alive()
 
 
+# Words that are small or pale: their text, size and contrast with what is behind them.
+HARD_TO_READ = """() => {
+  const linear = (v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+  const light = (c) => c.slice(0, 3).map((v) => linear(v / 255))
+    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0.05);
+  const numbers = (colour) => colour.match(/[\\d.]+/g).map(Number);
+  const paper = (e) => {
+    for (; e; e = e.parentElement) {
+      const c = numbers(getComputedStyle(e).backgroundColor);
+      if (c.length < 4 || c[3] > 0.9) return c;
+    }
+    return [255, 255, 255];
+  };
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), trouble = [];
+  while (walk.nextNode()) {
+    const node = walk.currentNode, owner = node.parentElement;
+    if (!node.textContent.trim() || owner.closest("script, style") || !owner.checkVisibility()) continue;
+    const style = getComputedStyle(owner), [a, b] = [light(numbers(style.color)), light(paper(owner))];
+    const contrast = Math.max(a, b) / Math.min(a, b), size = parseFloat(style.fontSize);
+    if (size < 12 || contrast < 4.5) trouble.push(`${node.textContent}: ${size} px, ${contrast.toFixed(1)}`);
+  }
+  return trouble;
+}"""
+
+
 class Watched:
     """The page in a window, what it said and asked for."""
 
@@ -126,6 +151,7 @@ def test_a_session_is_played(open_page, live, tmp_path):
     page, (_, middle, size, player) = watched.page, live
     first = watched.seen()
     assert colours(first) > 40
+    assert page.evaluate(HARD_TO_READ) == []
     watched.press("Step")
     watched.until("Places sensed: 1")
     stepped = watched.seen()

@@ -59,16 +59,6 @@ def test_the_legend_has_every_hue_that_has_a_meaning():
     assert "hand" not in panel.legend(hand=False)
 
 
-def test_hues_of_the_report():
-    from importlib import resources
-
-    css = resources.files("tanteo.report").joinpath("page.css").read_text(encoding="utf-8")
-    light = dict(re.findall(r"--(\w+): (#\w{6})", css.split("@media")[0]))
-    ours = {"good": hues.GOOD, "bad": hues.BAD, "beam": hues.BEAM, "free": hues.FREE, "ghost": hues.GHOST,
-            "part": hues.PART, "edge": hues.EDGE, "ink": hues.INK, "soft": hues.SOFT}  # fmt: skip
-    assert {name: hues.css(hue) for name, hue in ours.items()} == {name: light[name] for name in ours}
-
-
 def test_nothing_explains_the_readings(session):
     now = Snapshot.of(session)
     nothing = replace(now.belief, modes=(), rows=np.zeros(0, dtype=np.int64), unknown=1.0, touches=_no_touches(now))

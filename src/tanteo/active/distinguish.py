@@ -131,6 +131,7 @@ def located(target: Target, sd: float) -> Covariances:
 def _message(names: tuple[str, str], ranges: FloatArray, told: float) -> str:
     words = ["nothing" if np.isinf(r) else f"{1e3 * r:.2f} mm" for r in ranges]
     if told < 0.05:
-        return f"No single reading of this sensor tells {names[0]} from {names[1]}: the best reads {words[0]} for both."
+        both = f"{words[0]} for both" if words[0] == words[1] else f"{words[0]} and {words[1]}, which its noise hides"
+        return f"No single reading of this sensor tells {names[0]} from {names[1]}: the best reads {both}."
     sure = "tells" if told > 0.6 else "hardly tells" if told < _TELLS else "helps to tell"
     return f"This reading {sure} {names[0]} ({words[0]}) from {names[1]} ({words[1]})."

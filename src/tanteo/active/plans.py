@@ -21,13 +21,16 @@ from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching.verdict import corner_moves, corner_sd, observed_covariance
 from tanteo.surface_search import Target
-from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 
 _CANDIDATES = 800
 """Readings among which the plan is chosen."""
 
 _STEADY, _LEAST = 0.9, 40
 """Share of the possible poses at which a reading must meet its face; at least so many readings are kept."""
+
+_DOUBTFUL = 0.5
+"""A plan with a reading that meets its face at a smaller share of them keeps nothing."""
 
 _TINY = 1e-9
 """Share of the variances that is left where nothing needs to be known."""
@@ -108,6 +111,8 @@ def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95,
         return Plan(
             part.name, start.Ts[0], (), corner_sd(part, observed_covariance(part, start.covariances[0])), False, message
         )
+    if (within := design.chance(design.prior, tolerance)) >= confidence:
+        return _nothing_to_do(start, design, tolerance, within)
     chosen = _chosen(design, tolerance, confidence, most)
     return _as_plan(start, design, chosen, tolerance, confidence)
 
@@ -125,6 +130,7 @@ class _Design:
     prior: Covariances
     base: Covariances
     corners: FloatArray
+    meets: FloatArray
 
     def after(self, chosen: IntArray) -> Covariances:
         """Covariance of pose and bias after some readings."""
@@ -167,7 +173,9 @@ def _design(start: Start, probe: Probe, seed: int) -> _Design | None:
     candidates = propose(belief, probe, _CANDIDATES, seed)
     if not len(candidates):
         return None
-    candidates = candidates.take(_steady(start, candidates))
+    share = _steadiness(start, candidates)
+    kept = share >= min(_STEADY, np.sort(share)[::-1][min(_LEAST, len(share)) - 1])
+    candidates, share = candidates.take(kept), share[kept]
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
     prior, biased = observed_covariance(target.part, start.covariances[0]), probe.shared_sd > 0
@@ -179,16 +187,14 @@ def _design(start: Start, probe: Probe, seed: int) -> _Design | None:
     base = (A * np.repeat(np.square(probe.base_sds), 3)) @ A.T
     points = candidates.origins + ranges[:, None] * candidates.directions
     own = probe.own_variance(ranges, cosines)
-    return _Design(target, candidates, faces, points, g, own, prior, base, corner_moves(target.part))
+    return _Design(target, candidates, faces, points, g, own, prior, base, corner_moves(target.part), share)
 
 
-def _steady(start: Start, candidates: Candidates) -> BoolArray:
-    """Candidates that meet their face wherever the part may be; the steadiest where none does."""
+def _steadiness(start: Start, candidates: Candidates) -> FloatArray:
+    """Share of the poses that the part may have at which each candidate meets its face ``(N,)``."""
     samples = draw(begin(start), 64)
     faces = predict(samples, candidates.origins, candidates.directions).faces
-    share = (faces == candidates.face[:, None]) @ samples.weights
-    enough = np.sort(share)[::-1][min(_LEAST, len(share)) - 1]
-    return np.asarray(share >= min(_STEADY, enough))
+    return np.asarray((faces == candidates.face[:, None]) @ samples.weights)
 
 
 def _chosen(design: _Design, tolerance: float, confidence: float, most: int) -> IntArray:
@@ -252,25 +258,49 @@ def _as_plan(start: Start, design: _Design, chosen: IntArray, tolerance: float, 
         pose = design.pose(C)
         place = c.origins[k], c.directions[k], design.points[k], part.faces[design.faces[k]].name
         readings.append(PlannedReading(*place, pose, corner_sd(part, pose), design.chance(C, tolerance)))
-    reached = bool(readings) and readings[-1].within >= confidence
-    before = corner_sd(part, design.pose(design.prior))
+    reached, before = readings[-1].within >= confidence, corner_sd(part, design.pose(design.prior))
     message = _message(design, readings, tolerance, reached)
+    if reached and (doubt := _doubt(design.meets[chosen])):
+        reached, message = False, doubt
     return Plan(part.name, start.Ts[0], tuple(readings), before, reached, message)
 
 
+def _nothing_to_do(start: Start, design: _Design, tolerance: float, within: float) -> Plan:
+    """The plan where enough is known before the first reading."""
+    part = design.target.part
+    message = f"No reading is needed: {_aim(design, tolerance)} from the beginning (P = {within:.3f})."
+    return Plan(part.name, start.Ts[0], (), corner_sd(part, design.pose(design.prior)), True, message)
+
+
+def _doubt(meets: FloatArray) -> str:
+    """Why the plan keeps nothing, where a reading may well miss its face; empty where none does."""
+    k = int(np.argmin(meets))
+    if meets[k] >= _DOUBTFUL:
+        return ""
+    return (
+        f"The part may be anywhere: reading {k + 1} would meet its face in {meets[k]:.0%} of the cases. Find out "
+        "better where it is before you plan."
+    )
+
+
+def _aim(design: _Design, tolerance: float) -> str:
+    return f"all corners of {design.target.part.name} within {1e3 * tolerance:.{3 if tolerance < 1 else 15}g} mm"
+
+
 def _message(design: _Design, readings: list[PlannedReading], tolerance: float, reached: bool) -> str:
-    n, last = len(readings), readings[-1]
-    aim = f"all corners of {design.target.part.name} within {1e3 * tolerance:.3g} mm"
+    n, last, aim = len(readings), readings[-1], _aim(design, tolerance)
     if reached:
         worst = f"worst corner {1e3 * last.worst_corner_sd:.2g} mm, 1 sd"
-        return f"{n} readings bring {aim} (P = {last.within:.3f}); {worst}."
+        count = "1 reading brings" if n == 1 else f"{n} readings bring"
+        return f"{count} {aim} (P = {last.within:.3f}); {worst}."
     never = corner_sd(design.target.part, design.base)
     if never > 0.3 * tolerance:
         return (
             f"No number of readings brings {aim}: the robot's own error moves the worst corner by "
             f"{1e3 * never:.2g} mm (1 sd). Calibrate the robot, or sense relative to something that it must meet."
         )
+    count = "1 reading does" if n == 1 else f"{n} readings do"
     return (
-        f"{n} readings do not bring {aim} (P = {last.within:.3f}); worst corner {1e3 * last.worst_corner_sd:.2g} mm, "
+        f"{count} not bring {aim} (P = {last.within:.3f}); worst corner {1e3 * last.worst_corner_sd:.2g} mm, "
         "1 sd. Allow more readings, a better sensor, or another approach."
     )

@@ -60,13 +60,18 @@ class Probe:
 
     def __post_init__(self) -> None:
         lengths = ("max_range", "standoff", "clearance", "retreat", "speed")
-        bad = [n for n in lengths if not (np.isfinite(getattr(self, n)) and getattr(self, n) > 0)]
-        if bad or not self.standoff <= self.max_range or not 0 < self.max_incidence < np.pi / 2:
-            name = bad[0] if bad else "standoff, max_range, max_incidence"
+        for n in (n for n in lengths if not (np.isfinite(getattr(self, n)) and getattr(self, n) > 0)):
             raise InputError(
-                f"probe '{self.name}', {name}: expected positive lengths, a stand-off within range and an incidence "
-                "below a right angle. Correct it."
+                f"probe '{self.name}', {n}: expected a positive number, got {getattr(self, n):g}. Correct it."
             )
+        if self.standoff > self.max_range:
+            raise InputError(
+                f"probe '{self.name}', standoff: expected a stand-off within range, {1e3 * self.max_range:g} mm at "
+                f"most, got {1e3 * self.standoff:g} mm. Start nearer."
+            )
+        if not 0 < self.max_incidence < np.pi / 2:
+            got = f"got {np.degrees(self.max_incidence):g} deg. Correct it."
+            raise InputError(f"probe '{self.name}', max_incidence: expected an angle between 0 and 90 deg, {got}")
         others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "cone", "seconds")
         for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
             raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")

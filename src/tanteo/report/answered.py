@@ -42,6 +42,8 @@ def answer_front(
 
 def _hypotheses(answer: Recognition) -> Html:
     """The probabilities as bars; each hypothesis is also the switch to itself."""
+    if answer.status == "insufficient" and not answer.hypotheses:
+        return element("p", "With so little any part may be there: no probabilities are given.", class_="note")
     several = len(answer.hypotheses) > 1
     names = [h.part for h in answer.hypotheses]
     rows = []

@@ -45,11 +45,11 @@ def distinction_page(found: Distinction, parts: Sequence[Part], probe: Probe, ru
 
 def _side(found: Distinction, probe: Probe, run: Run) -> Html:
     rows = [
-        switch_row(k, name, "" if np.isnan(r) else "nothing" if np.isinf(r) else length(r), Html(""))
+        switch_row(k, name, "" if np.isnan(r) else "nothing" if np.isinf(r) else f"{MM * r:.2f} mm", Html(""))
         for k, (name, r) in enumerate(zip(found.parts, found.ranges, strict=True))
     ]
     facts = [
-        ("Tells about which it is", f"{found.information:.2f} of {np.log(2):.2f} nats"),
+        ("Tells about which it is", f"{found.information / np.log(2):.0%} of all there is to tell"),
         ("Sensor", probe.name),
         *run.facts,
     ]

@@ -51,9 +51,10 @@ def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = 
         (f"turn about {axis}, 1 sd", f"{np.degrees(s):.3g}", "deg", "part")
         for axis, s in zip("xyz", sds[3:], strict=True)
     ]
-    pose = table(["", "x", "y", "z", "position"], _matrix(["row x", "row y", "row z", "row 4"], T, "{:.9g}"))
+    numbers = _matrix(["row x", "row y", "row z", "row 4"], T, "{:.9g}")
+    pose = table(["", "x", "y", "z", "position"], numbers, class_="plain")
     names = ["x", "y", "z", "rx", "ry", "rz"]
-    covariance = table(["", *names], _matrix(names, C, "{:.3e}"))
+    covariance = table(["", *names], _matrix(names, C, "{:.3e}"), class_="plain")
     return join(
         [
             table(["figure", "value", "unit", "frame"], [*rows, *more]),

@@ -38,9 +38,7 @@ def plan_page(plan: Plan, part: Part, probe: Probe, tolerance: float, confidence
         run: Where it comes from.
     """
     ways, enlarged = find_ways(part, plan.T_world_part, plan.readings[-1].covariance) if plan.readings else ((), 1)
-    sections = [_steps(plan, tolerance, confidence)]
-    if plan.readings:
-        sections.append(_figures(plan))
+    sections = [_steps(plan, tolerance, confidence), _figures(plan)] if plan.readings else []
     sections.append(rerun_section(run.command, f"{run.made_by}."))
     front = _front(plan, probe, tolerance, confidence, run, ways, enlarged)
     return make_page(front, _scene(plan, part, ways), sections)
@@ -50,7 +48,10 @@ def _front(
     plan: Plan, probe: Probe, tolerance: float, confidence: float, run: Run, ways: Sequence[Way], enlarged: int
 ) -> Front:
     n = len(plan.readings)
-    title = f"{n} readings place {plan.part}." if plan.reached else f"No plan for {plan.part} keeps the tolerance."
+    title = f"No plan for {plan.part} keeps the tolerance."
+    if plan.reached:
+        count = f"{n} readings place" if n > 1 else "1 reading places" if n else "No reading is needed to place"
+        title = f"{count} {plan.part}."
     layers = [Layer("readings", "planned readings"), Layer("names", "numbers")]
     legend = [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
     ghost = f"ghosts: off by 1, 2 and 3 sd after the last{times(enlarged)}"
@@ -62,7 +63,7 @@ def _front(
     if plan.readings:
         last = plan.readings[-1]
         facts += [
-            (f"Worst corner after {n} readings, 1 sd", length(last.worst_corner_sd)),
+            (f"Worst corner after {n} reading{'s' * (n > 1)}, 1 sd", length(last.worst_corner_sd)),
             ("All corners within the tolerance then", percent(last.within)),
         ]
     facts += [
@@ -83,8 +84,6 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
         "all corners are within the tolerance: before the first reading and after each. The order is the one in which "
         "they help most; the first ones hardly show before six directions are fixed."
     )
-    if not plan.readings:
-        return Section("steps", "What each reading brings", lead, ())
     places = ["before", *(str(k) for k in range(1, len(plan.readings) + 1))]
     sds = MM * np.array([plan.before, *(r.worst_corner_sd for r in plan.readings)])
     within = np.array([np.nan, *(r.within for r in plan.readings)])

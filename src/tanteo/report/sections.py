@@ -40,17 +40,17 @@ def _residuals(candidate: Candidate, sensed: Sensed) -> Html:
     cells = [
         [
             ids[i],
+            "fits" if contacts.used[i] else element("strong", "✕ does not fit", class_="wrong"),
             sensed.measured.features[i] or "–",
             contacts.met[i],
             f"{MM * contacts.distances[i]:+.3g}",
             f"{MM * contacts.sds[i]:.3g}",
-            f"{sds[i]:+.1f}",
-            "fits" if contacts.used[i] else element("strong", "✕ does not fit", class_="wrong"),
+            f"{round(sds[i], 1) + 0.0:+.1f}",
         ]
         for i in rows
     ]
-    headers = ["reading", "label", "met", "distance [mm]", "1 sd [mm]", "in sds", ""]
-    details = element("details", element("summary", "All readings as a table"), table(headers, cells))
+    headers = ["reading", "", "label", "met", "distance [mm]", "1 sd [mm]", "in sds"]
+    details = element("details", element("summary", "All readings as a table"), table(headers, cells, class_="plain"))
     if len(rows) == len(ids):
         return join([chart, details])
     note = f"{len(rows)} of {len(ids)} readings are shown, among them those that do not fit."

@@ -1,4 +1,4 @@
-"""Colours of the live page: those of the report, and more of Okabe and Ito's for what may be there besides."""
+"""Colours of the live page: those of the report by day, and more for what may be there besides."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from tanteo.viewer.primitives import Colour
 PART, EDGE, INK, SOFT = (195, 204, 213), (61, 74, 87), (27, 36, 45), (85, 97, 109)
 """The likeliest part and its edges; the next reading and the truth; the hand."""
 
-GOOD, BAD, BEAM, FREE, GHOST = (0, 114, 178), (184, 72, 0), (125, 137, 148), (45, 174, 91), (131, 3, 96)
+GOOD, BAD, BEAM, FREE, GHOST = (0, 114, 178), (184, 72, 0), (125, 137, 148), (45, 174, 91), (125, 18, 217)
 """Readings that fit and those that do not, beams that met something and those that did not, how the pose may be off."""
 
 TABLE, FURNITURE = (238, 240, 243), (206, 196, 178)
 """What is known to stand there."""
 
-RIVALS: tuple[Colour, ...] = ((230, 159, 0), (86, 180, 233), (204, 121, 167))
+RIVALS: tuple[Colour, ...] = ((230, 159, 0), (110, 195, 255), (96, 36, 4))
 """What else it may be, the likeliest first."""
 
 

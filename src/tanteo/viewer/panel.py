@@ -44,7 +44,13 @@ STYLE = f"""<style>
 .tanteo .dot {{ width: 10px; height: 10px; border-radius: 50%; margin-left: 6px; }}
 .tanteo .diamond {{ border-radius: 0; transform: rotate(45deg); }}
 .tanteo .told li {{ border-top: 1px solid #e3e7eb; padding: 3px 0; }}
+.mantine-Button-root {{ height: 30px !important; padding: 0 5px !important;
+  border-color: {hues.css(hues.GOOD)} !important; }}
+.mantine-Button-label {{ font-size: 13px; color: {hues.css(hues.GOOD)}; }}
+.mantine-Input-input, .mantine-Select-option {{ font-size: 13.5px !important; }}
+label, .mantine-Notification-description {{ color: {hues.css(hues.SOFT)} !important; }}
 </style>"""
+"""Of what is said here; and viser's own words, which are small and pale, so that they can be read."""
 
 
 def _framed(*children: Html | str) -> str:
@@ -139,8 +145,8 @@ def legend(*, hand: bool) -> str:
     """What colours and shapes mean."""
     keys = [
         ("mark", hues.EDGE, "the likeliest part"),
-        ("mark", hues.RIVALS[0], "other parts: colours of the bars"),
-        ("mark", hues.GHOST, "where else the likeliest may be"),
+        ("mark", hues.RIVALS[0], "other parts, coloured as above"),
+        ("mark", hues.GHOST, "how the likeliest may be off"),
         ("mark dot", hues.GOOD, "reading that fits, with 2 sd"),
         ("mark dot diamond", hues.BAD, "reading that does not fit"),
         ("mark", hues.BEAM, "beam of a reading"),

@@ -14,8 +14,11 @@ from tanteo.vision.fit import meet
 from tanteo.vision.opencv import opencv
 from tanteo.vision.sight import Sight, Sighting
 
-_MET, _MISSED, _OUTLINE, _WORD = (40, 200, 60), (230, 60, 50), (70, 130, 230), (255, 220, 40)
-_AXES = ((230, 60, 50), (40, 200, 60), (70, 130, 230))
+MET, MISSED, OUTLINE = (86, 200, 255), (255, 140, 0), (125, 18, 217)
+"""Edges of the part that the image has, and has not; outlines of what is not table (tests/test_colours.py)."""
+
+_WORD = (255, 220, 40)
+_AXES = {"x": (230, 60, 50), "y": (40, 200, 60), "z": (70, 130, 230)}
 _SCALE = 2
 _SHIFT = 4
 """Fractional bits of the coordinates that OpenCV draws with."""
@@ -24,8 +27,8 @@ _SHIFT = 4
 def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
     """A picture of what was seen, twice as large as the image.
 
-    Drawn are the outlines of the regions, the edges of each object's best answer (green where the image has them, red
-    where not), the part's axes, its name and probability.
+    Drawn are the outlines of the regions, the edges of each object's best answer (blue dots where the image has them,
+    orange crosses where not), the part's axes, its name and probability.
 
     Args:
         image: that was looked at.
@@ -42,14 +45,13 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
     edges = map_edges(sight.edges)
     for seen in sight.objects:
         if seen.region is not None:
-            cv2.polylines(picture, [_at(seen.region.contour)], True, _OUTLINE, 1, cv2.LINE_AA, _SHIFT)
+            cv2.polylines(picture, [_at(seen.region.contour)], True, OUTLINE, 1, cv2.LINE_AA, _SHIFT)
         if seen.modes:
             best = seen.modes[0]
             met = meet(best.model.frame, camera, edges, best.T_camera_part, REACH)
             for pixel, inside, hit in zip(met.pixels, met.inside, met.hits, strict=True):
                 if inside:
-                    colour = _MET if hit else _MISSED
-                    cv2.circle(picture, _at(pixel), 2 << _SHIFT, colour, -1, cv2.LINE_AA, _SHIFT)
+                    _mark(picture, _at(pixel), hit=bool(hit))
             _draw_axes(picture, camera, best.T_camera_part, 0.3 * best.model.part.diagonal)
         _write(picture, seen)
     return picture
@@ -62,14 +64,27 @@ def _at(pixels: FloatArray) -> np.ndarray:
     return whole if whole.ndim > 1 else tuple(int(v) for v in whole)  # type: ignore[return-value]
 
 
+def _mark(picture: np.ndarray, at: np.ndarray, *, hit: bool) -> None:
+    """A dot where the image has the edge, a cross where it has not: the shape says it, too."""
+    cv2 = opencv()
+    if hit:
+        cv2.circle(picture, at, 2 << _SHIFT, MET, -1, cv2.LINE_AA, _SHIFT)
+        return
+    (x, y), arm = at, 3 << _SHIFT
+    for slant in (arm, -arm):
+        cv2.line(picture, (x - arm, y - slant), (x + arm, y + slant), MISSED, 2, cv2.LINE_AA, _SHIFT)
+
+
 def _draw_axes(picture: np.ndarray, camera: Camera, T_camera_part: Transforms, length: float) -> None:
     cv2 = opencv()
     tips = SE3.apply(T_camera_part, np.concatenate([np.zeros((1, 3)), length * np.eye(3)]))
     pixels = project(camera, tips)
     if not np.all(np.isfinite(pixels)):
         return
-    for tip, colour in zip(pixels[1:], _AXES, strict=True):
+    for tip, (name, colour) in zip(pixels[1:], _AXES.items(), strict=True):
         cv2.line(picture, _at(pixels[0]), _at(tip), colour, 2, cv2.LINE_AA, _SHIFT)
+        x, y = (v >> _SHIFT for v in _at(tip))
+        _say(picture, name, (x + 4, y + 4), 0.5)
 
 
 def _write(picture: np.ndarray, seen: Sighting) -> None:
@@ -83,5 +98,12 @@ def _write(picture: np.ndarray, seen: Sighting) -> None:
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.7, 1)
     x = int(np.clip(_SCALE * corner[0], 4, max(picture.shape[1] - width - 4, 4)))
     y = int(np.clip(_SCALE * corner[1] - 8, height + 6, picture.shape[0] - 6))
-    for shift, colour in ((1, (0, 0, 0)), (0, _WORD)):
-        cv2.putText(picture, text, (x + shift, y + shift), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, 1, cv2.LINE_AA)
+    _say(picture, text, (x, y), 0.7)
+
+
+def _say(picture: np.ndarray, text: str, at: tuple[int, int], size: float) -> None:
+    """Words that can be read on light and dark."""
+    cv2 = opencv()
+    for x, y in ((-1, -1), (-1, 1), (1, -1), (1, 1), (0, 0)):
+        colour = (0, 0, 0) if x else _WORD
+        cv2.putText(picture, text, (at[0] + x, at[1] + y), cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)

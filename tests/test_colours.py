@@ -1,4 +1,4 @@
-"""Colours that can be read, and told apart by those who see fewer of them."""
+"""Colours that can be read, and told apart by those who see fewer of them: report, live page, pictures of images."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from importlib import resources
 
 import numpy as np
 import pytest
+
+from tanteo.viewer import hues
+from tanteo.vision import picture
 
 CSS = resources.files("tanteo.report").joinpath("page.css").read_text(encoding="utf-8")
 LIGHT, DARK = (dict(re.findall(r"--(\w+): (#\w{6})", block)) for block in CSS.split("@media")[:2])
@@ -19,7 +22,10 @@ SEEN = {
     "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]],
     "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
 }
-MARKS = ("good", "bad", "ghost", "free")
+MARKS = ("good", "bad", "ghost", "free", "edge")
+LIVE = {name: hues.css(getattr(hues, name)) for name in ("GOOD", "BAD", "GHOST", "FREE", "EDGE", "INK")}
+LIVE |= {f"rival {k}": hues.css(hue) for k, hue in enumerate(hues.RIVALS)}
+SEEN_IMAGE = {name: hues.css(getattr(picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
 
 
 def linear(hue):
@@ -46,12 +52,37 @@ def test_words_can_be_read(theme, paper):
         assert contrast(theme[ink], theme[paper]) >= 4.5, ink
 
 
+def apart(one, other, eyes):
+    """How different two colours are for such eyes (CIE 1976; 2 is just seen)."""
+    seen = [lab(np.clip(SEEN[eyes] @ linear(hue), 0, 1)) for hue in (one, other)]
+    return np.linalg.norm(seen[0] - seen[1])
+
+
+PALETTES = {
+    "report by day": {name: LIGHT[name] for name in MARKS},
+    "report by night": {name: DARK[name] for name in MARKS},
+    "live page": LIVE,
+    "picture of an image": SEEN_IMAGE,
+}
+
+
+@pytest.mark.parametrize("eyes", SEEN)
+@pytest.mark.parametrize("palette", PALETTES)
+def test_marks_can_be_told_apart(palette, eyes):
+    for one, other in itertools.combinations(PALETTES[palette], 2):
+        assert apart(PALETTES[palette][one], PALETTES[palette][other], eyes) > 15, (one, other)
+
+
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
 @pytest.mark.parametrize("eyes", SEEN)
-def test_marks_can_be_told_apart(theme, eyes):
-    for one, other in itertools.combinations(MARKS, 2):
-        seen = [lab(np.clip(SEEN[eyes] @ linear(theme[name]), 0, 1)) for name in (one, other)]
-        assert np.linalg.norm(seen[0] - seen[1]) > 15, (one, other)
+def test_beams_are_no_ghosts_and_no_readings(theme, eyes):
+    for mark in ("good", "bad", "ghost", "free"):
+        assert apart(theme["beam"], theme[mark], eyes) > 15, mark
+
+
+def test_the_live_page_has_the_colours_of_the_report():
+    for name in ("part", "edge", "ink", "soft", "good", "bad", "beam", "free", "ghost"):
+        assert hues.css(getattr(hues, name.upper())) == LIGHT[name], name
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
