@@ -74,6 +74,19 @@ def test_what_the_commands_print_fits(run, parts, terminal, columns):
         assert max(map(len, rows)) <= columns, args
 
 
+def test_sentences_are_folded_between_words_on_a_terminal_only(capsys, terminal):
+    said = "  part        wedge, with its frame at the world's, to 5 mm and 3 deg (say --near for another pose)"
+    printing.emit([said, "short"])
+    assert capsys.readouterr().out == f"{said}\nshort\n"
+    terminal(40)
+    printing.emit([said, "\x1b[1mthirty-nine letters are no fortieth one\x1b[0m"])
+    first, *more, last = capsys.readouterr().out.splitlines()
+    assert max(map(len, (first, *more))) <= 40
+    assert all(line.startswith("    ") for line in more)
+    assert " ".join([first, *(line.strip() for line in more)]).split() == said.split()
+    assert last == "\x1b[1mthirty-nine letters are no fortieth one\x1b[0m"
+
+
 def shell(variables, *args):
     """The program as a shell's completion calls it."""
     code = [sys.executable, "-c", "from tanteo.cli import main; main()", *args]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from tanteo.active import Distinction, Plan, Probe
     from tanteo.matching import PosePrior
     from tanteo.parts import Part
+    from tanteo.typing import Vectors
 
 _ROUGH = 0.005, np.radians(3.0)
 """How well the part's place is taken to be known if nobody says: each axis [m], about each axis [rad]."""
@@ -216,9 +217,9 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
     rows = [
         (
             str(n),
-            "{:.1f} {:.1f} {:.1f}".format(*(1e3 * r.origin)),
-            "{:.3f} {:.3f} {:.3f}".format(*r.direction),
-            "{:.1f} {:.1f} {:.1f}".format(*(1e3 * r.point)),
+            _three(1e3 * r.origin, 1),
+            _three(r.direction, 3),
+            _three(1e3 * r.point, 1),
             r.face,
             f"{1e3 * r.worst_corner_sd:.3g}",
             f"{r.within:.3f}",
@@ -231,6 +232,11 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
         if rows
         else lines
     )
+
+
+def _three(values: Vectors, digits: int) -> str:
+    """Three numbers; never minus zero."""
+    return " ".join(f"{v:.{digits}f}" for v in np.round(values, digits) + 0.0)
 
 
 def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None, *, as_json: bool) -> None:
@@ -257,14 +263,14 @@ def distinction_lines(found: Distinction) -> list[str]:
     """The lines for a person."""
     lines = [bold(printable(found.message))]
     if np.isfinite(found.origin).all():
+        start, way = (_three(v, d).replace(" ", ", ") for v, d in ((1e3 * found.origin, 1), (found.direction, 3)))
         lines += [
-            "  from        ({:.1f}, {:.1f}, {:.1f}) mm".format(*(1e3 * found.origin))
-            + " along ({:.3f}, {:.3f}, {:.3f}),".format(*found.direction)
-            + f" in the frame of {printable(found.parts[0])}, to which the other was fitted",
+            f"  from        ({start}) mm along ({way}), in the frame of {printable(found.parts[0])}, to which the "
+            "other was fitted",
             *(
                 f"  {printable(name):11} {'nothing' if np.isinf(r) else f'{1e3 * r:.2f} mm, sd {1e3 * s:.2f} mm'}"
                 for name, r, s in zip(found.parts, found.ranges, found.sds, strict=True)
             ),
-            f"  tells       {found.information:.2f} of {np.log(2):.2f} nats about which it is",
+            f"  tells       {found.information / np.log(2):.0%} of all there is to tell about which it is",
         ]
     return lines

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -23,8 +24,19 @@ def printable(text: str) -> str:
 
 
 def emit(lines: Iterable[str], stream: TextIO | None = None) -> None:
-    """Write lines; characters that the stream cannot show are escaped."""
+    """Write lines; on a terminal, long ones are folded between words, further lines a little to the right."""
+    stream = stream or sys.stdout
+    if stream.isatty():
+        width = shutil.get_terminal_size().columns
+        lines = [part for line in lines for part in _folded(line, width)]
     put("".join(f"{line}\n" for line in lines), stream)
+
+
+def _folded(line: str, width: int) -> list[str]:
+    indent = " " * (len(line) - len(line.lstrip()))
+    if len(_ESCAPES.sub("", line)) <= width:
+        return [line]
+    return textwrap.wrap(line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False)
 
 
 def put(text: str, stream: TextIO | None = None) -> None:
@@ -65,6 +77,8 @@ def bold(text: str) -> str:
     """Bold on a terminal."""
     return f"\x1b[1m{text}\x1b[0m" if has_colour(sys.stdout) else text
 
+
+_ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 
 _ELSEWHERE = 120
 """Columns that a table may take where it does not go to a terminal."""

@@ -184,7 +184,7 @@ class _Run:
         if self.furniture is not None:
             of_it = self.furniture.met(readings, hand.rig, self.errors)
             readings = beyond_furniture(readings, of_it, hand.rig)
-            note = f"{int(of_it.sum())} of furniture" if of_it.any() else ""
+            note = f"{int(of_it.sum())} met furniture" if of_it.any() else ""
         if readings.is_free.all():
             note = "; ".join(text for text in (note, "nothing met") if text)
         return self.session.tell(readings), note

@@ -17,7 +17,7 @@ from tanteo.report.picture import Layer, picture
 from tanteo.report.scene import packed, part_document, pose_numbers, view_document
 from tanteo.report.section import Section
 from tanteo.report.sections import rerun_section
-from tanteo.report.words import MM, fixed, length
+from tanteo.report.words import MM, fixed
 from tanteo.report.write import Run
 
 
@@ -81,7 +81,7 @@ def _scene(found: Distinction, parts: Sequence[Part]) -> dict[str, Any]:
     seen = np.concatenate([*corners, starts])
     centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     names = [name for name, ok in zip(found.parts, there, strict=True) if ok]
-    said = [f"{name}: {length(r)}" for name, r in zip(names, found.ranges[there], strict=True)]
+    said = [f"{name}: {MM * r:.2f} mm" for name, r in zip(names, found.ranges[there], strict=True)]
     beyond = np.zeros((0, 2, 3))
     if np.isinf(found.ranges).any():  # past the part that it does not meet
         far = found.origin + 2 * np.linalg.norm(found.origin - centre) * found.direction

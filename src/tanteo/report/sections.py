@@ -41,15 +41,15 @@ def _residuals(candidate: Candidate, sensed: Sensed) -> Html:
         [
             ids[i],
             "fits" if contacts.used[i] else element("strong", "✕ does not fit", class_="wrong"),
-            sensed.measured.features[i] or "–",
-            contacts.met[i],
             f"{MM * contacts.distances[i]:+.3g}",
             f"{MM * contacts.sds[i]:.3g}",
             f"{round(sds[i], 1) + 0.0:+.1f}",
+            sensed.measured.features[i] or "–",
+            contacts.met[i],
         ]
         for i in rows
     ]
-    headers = ["reading", "", "label", "met", "distance [mm]", "1 sd [mm]", "in sds"]
+    headers = ["reading", "", "distance [mm]", "1 sd [mm]", "in sds", "label", "met"]
     details = element("details", element("summary", "All readings as a table"), table(headers, cells, class_="plain"))
     if len(rows) == len(ids):
         return join([chart, details])
