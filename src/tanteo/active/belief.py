@@ -23,7 +23,7 @@ from tanteo.matching.belief import equivalent
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.distinct import SAME_MAXIMUM
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.modes import Mode, log_none
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.recognition import unknown_log_density
 from tanteo.surface_search.search import Effort, first_poses
@@ -252,6 +252,7 @@ def _weigh(
         for p, f in zip(parts, alive, strict=True)
     ]
     log = np.concatenate([np.zeros(0), *(p.log_mass for p in parts)]) + prior
+    log_unknown = log_none(log_unknown, np.array([p.log_kin for p in parts]), start.priors)
     total = float(logsumexp([log_unknown, *log]))
     modes = [
         Mode(start.targets[f.part], p.found, int(p.k[m]), float(p.log_mass[m] + prior), p.moments[m])

@@ -18,8 +18,15 @@ from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching import Priors
 from tanteo.surface_search import FreePaths, Target, Touches
-from tanteo.surface_search.likelihood import Explained, explain, log_posterior, normal_equations
+from tanteo.surface_search.likelihood import (
+    Explained,
+    explain,
+    log_beside_readings,
+    log_hit_or_stray,
+    normal_equations,
+)
 from tanteo.surface_search.polish import Polished
+from tanteo.surface_search.strays import log_density, log_density_of_kin
 from tanteo.typing import FloatArray, IntArray, Tangents, Transforms
 
 _DRAWS, _TAIL = 256, 5
@@ -38,11 +45,13 @@ class Density:
 
     Attributes:
         log: density, the shared errors integrated out ``(S,)``.
+        kin: log odds of an object that is only like the part, there, before their priors ``(S,)``.
         z: whitened shared errors that are expected there ``(S, D)``.
         spreads: covariances about them ``(S, D, D)``.
     """
 
     log: FloatArray
+    kin: FloatArray
     z: FloatArray
     spreads: FloatArray
 
@@ -79,8 +88,11 @@ class Posterior:
         if D:
             z, spreads = self._expected(Ts, z, priors)
             log = 0.5 * np.linalg.slogdet(spreads)[1]
-        log = log + log_posterior(self.touches, self.free, Ts, z, self.target, priors)
-        return Density(log + self.start.log_density(self.part, Ts), z, spreads)
+        densities = log_hit_or_stray(self.touches, Ts, z, self.target, priors)
+        of_readings = log_density(*densities, priors.clutter)
+        log = log + of_readings + log_beside_readings(self.free, Ts, z, self.target, priors)
+        kin = log_density_of_kin(*densities) - of_readings
+        return Density(log + self.start.log_density(self.part, Ts), kin, z, spreads)
 
     def _expected(self, Ts: Transforms, z: FloatArray, priors: Priors) -> tuple[FloatArray, FloatArray]:
         """Shared errors that are expected at the poses, and their covariances."""

@@ -64,6 +64,7 @@ class PartModes:
         k: those that are modes, best first ``(M,)``.
         rows: rough pose of the start under which each was found ``(M,)``.
         log_mass: of each ``(M,)``.
+        log_kin: log mass of objects that are only like the part, at all these poses, before their prior.
         moments: of each, about its maximum; None where the posterior is normal there.
         Ts: draws ``(N, 4, 4)``.
         mode: index into ``k`` of each draw ``(N,)``.
@@ -75,6 +76,7 @@ class PartModes:
     k: IntArray
     rows: IntArray
     log_mass: FloatArray
+    log_kin: float
     moments: tuple[Moments | None, ...]
     Ts: Transforms
     mode: IntArray
@@ -129,9 +131,10 @@ def _as_modes(
     alive = w > 1e-6 * w.max()
     own = w[alive] / w[alive].sum()
     index = np.array(kept, dtype=np.int64)
+    log_kin = float(logsumexp(log_mass) + logsumexp(draws.at.kin, b=w))
     return PartModes(
-        found, index, rows[index], np.array(log_mass), tuple(moments), draws.Ts[alive], number[owner[alive]], own,
-        draws.effective,
+        found, index, rows[index], np.array(log_mass), log_kin, tuple(moments),
+        draws.Ts[alive], number[owner[alive]], own, draws.effective,
     )  # fmt: skip
 
 

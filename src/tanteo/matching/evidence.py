@@ -25,11 +25,13 @@ class Priors:
 
     Attributes:
         unknown: probability that the object is none of the parts.
-        clutter: probability that a sensed feature does not belong to the part.
+        clutter: probability that a sensed feature does not belong to the part; of bare readings the mean of a rate
+            that the readings themselves find out (decision 35).
         radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
         common_sizes: of the distances between its parallel faces, the share that the catalogue's parts have too: one
             workshop uses the same stock and the same round numbers again and again.
+        kin: of unknown parts, the share that are like one of the catalogue but for some faces; for bare readings.
         pose: what is known of the pose; used by the surface search.
     """
 
@@ -38,6 +40,7 @@ class Priors:
     radius: float = 0.0
     right_angled: float = 0.8
     common_sizes: float = 0.5
+    kin: float = 0.5
     pose: PosePrior | None = None
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import bdtrc, chdtrc, logsumexp
+from scipy.special import chdtrc, logsumexp
 
 from tanteo.fitting import SUSPECT
 from tanteo.matching.verdict import CONFIDENCE
 from tanteo.surface_search.polish import Polished
+from tanteo.surface_search.strays import so_many
 from tanteo.surface_search.target import Target
 from tanteo.typing import IntArray
 
@@ -34,7 +35,7 @@ def explained(found: Polished, clutter: float) -> bool:
     if not len(found.Ts):
         return False
     strays, n = int(np.sum(found.belongs[0] <= 0.5)), found.belongs.shape[1]
-    if strays > 0 and bdtrc(strays - 1, n, clutter) <= _STRAYS:
+    if so_many(strays, n, clutter) <= _STRAYS:
         return False
     chi2, dof = _chi_square(found)
     return bool(dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE)

@@ -16,6 +16,7 @@ from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import prior_log_density, prior_rows
 from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
+from tanteo.surface_search.strays import log_density, log_density_of_kin, on_surface
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
@@ -33,6 +34,7 @@ class Explained:
         J: derivatives by pose and shared errors ``(S, n + 3 m, 6 + D)``.
         log_hit: log density of each reading on the surface ``(S, n)``.
         log_stray: as clutter ``(S, n)``.
+        clutter: mean rate of strays.
         distances: from the surface ``(S, n)`` [m].
         edges: readings near edges, which are on several faces.
     """
@@ -41,18 +43,24 @@ class Explained:
     J: FloatArray
     log_hit: FloatArray
     log_stray: FloatArray
+    clutter: float
     distances: FloatArray
     edges: NearEdges | None
 
     @property
     def log(self) -> FloatArray:
         """Of both together, all readings ``(S,)``."""
-        return np.asarray(np.logaddexp(self.log_hit, self.log_stray).sum(axis=1))
+        return log_density(self.log_hit, self.log_stray, self.clutter)
+
+    @property
+    def log_kin(self) -> FloatArray:
+        """Of all readings if the object is only like the part ``(S,)``."""
+        return log_density_of_kin(self.log_hit, self.log_stray)
 
     @property
     def belongs(self) -> FloatArray:
         """Probability that each reading is on the surface ``(S, n)``."""
-        return np.asarray(1 / (1 + np.exp(np.clip(self.log_stray - self.log_hit, -700, 700))))
+        return on_surface(self.log_hit, self.log_stray, self.clutter)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,15 +96,16 @@ def explain(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, pri
     log, stray, gap = _log_densities(touches, Ts, z, target, priors, at, known)
     if gap is not None:
         r, J = _with_normals(touches, at, r, J, gap)
-    return Explained(r, J, log, stray, at.distance, edges)
+    return Explained(r, J, log, stray, priors.clutter, at.distance, edges)
 
 
-def log_likelihood(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> FloatArray:
-    """Log density of all readings ``(S,)``: that of :func:`explain`, without derivatives."""
+def log_hit_or_stray(
+    touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors
+) -> tuple[FloatArray, FloatArray]:
+    """Log densities of each reading on the surface and as clutter ``(S, n)``: :func:`explain`, without derivatives."""
     at = _placed(touches, Ts, z, target)
     edges = log_near_edges(touches, target, at.R, at.p, at.nearest)
-    log, stray, _ = _log_densities(touches, Ts, z, target, priors, at, edges)
-    return np.asarray(np.logaddexp(log, stray).sum(axis=1))
+    return _log_densities(touches, Ts, z, target, priors, at, edges)[:2]
 
 
 def log_posterior(
@@ -112,7 +121,7 @@ def log_posterior(
         target: the part.
         priors: rate of clutter, the size of the workspace, what is known of the pose.
     """
-    log = log_likelihood(touches, Ts, z, target, priors)
+    log = log_density(*log_hit_or_stray(touches, Ts, z, target, priors), priors.clutter)
     return log + log_beside_readings(free, Ts, z, target, priors)
 
 
@@ -163,12 +172,10 @@ def _log_densities(
         log -= np.log(target.part.area)
     if edges is not None:
         log[edges[0], edges[1]] = edges[2]
-    log += np.log1p(-priors.clutter)
     if (touches.reach * directed).any():
         log[_material_in_front(touches, Ts, z, target)] = -np.inf
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
-    stray = np.log(priors.clutter) - np.where(directed, np.log(2 * priors.radius), ball)
-    stray = np.array(np.broadcast_to(stray, r.shape))
+    stray = np.array(np.broadcast_to(np.where(directed, -np.log(2 * priors.radius), -ball), r.shape))
     rows = np.flatnonzero(touches.oriented)
     if not len(rows):
         return log, stray, None

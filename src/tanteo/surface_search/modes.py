@@ -120,6 +120,8 @@ def weigh(
             new, weighed = (_one_region(within[0], new) if within else new), apart
         weighed.append(new)
     modes = sorted(weighed + modes, key=lambda mode: -mode.log_mass)
+    kin = np.array([m.log_mass + m.found.kin[m.k] for m in modes])
+    log_unknown = log_none(log_unknown, kin - np.log1p(-priors.unknown), priors)
     total = _total(modes, log_unknown)
     kept = [
         Mode(m.target, m.found, m.k, m.log_mass, m.moments, float(np.exp(m.log_mass - total)))
@@ -127,6 +129,18 @@ def weigh(
         if m.log_mass > total - NEGLIGIBLE
     ]
     return kept, float(np.exp(log_unknown - total))
+
+
+def log_none(log_anywhere: float, log_kin: FloatArray, priors: Priors) -> float:
+    """Log evidence of "none of these", its prior included: readings anywhere, or on a part that is like one of these.
+
+    Args:
+        log_anywhere: log evidence of readings anywhere, the prior of "none of these" included.
+        log_kin: log evidence of objects like the parts, at each mode.
+        priors: what is assumed beforehand.
+    """
+    kin = float(logsumexp(log_kin)) if len(log_kin) else -np.inf
+    return float(np.logaddexp(np.log1p(-priors.kin) + log_anywhere, np.log(priors.unknown) + np.log(priors.kin) + kin))
 
 
 def _total(modes: Sequence[Mode], log_unknown: float) -> float:

@@ -40,6 +40,7 @@ class Polished:
         residuals: distance from the surface in standard deviations ``(S, n)``.
         distances: the same in metres ``(S, n)``.
         rows: derivative of the standardised residuals by the pose ``(S, n, 6)``.
+        kin: log odds of an object that is only like the part, at this pose, before their priors ``(S,)``.
         groups: groups of readings whose first poses led here, a bit each ``(S,)``.
     """
 
@@ -51,6 +52,7 @@ class Polished:
     residuals: FloatArray
     distances: FloatArray
     rows: FloatArray
+    kin: FloatArray
     groups: IntArray
 
     def take(self, index: IntArray) -> Polished:
@@ -95,7 +97,7 @@ def polish(
         information = without_spins(target.part, information)
     log = log + pose_volume(information, priors.radius)
     n = len(touches)
-    return Polished(Ts, z, A, log, at.belongs, at.r[:, :n], at.distances, at.J[:, :n, :6], groups)
+    return Polished(Ts, z, A, log, at.belongs, at.r[:, :n], at.distances, at.J[:, :n, :6], at.log_kin - at.log, groups)
 
 
 def information_of_readings(

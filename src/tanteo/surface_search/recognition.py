@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import bdtrc
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
@@ -24,9 +23,6 @@ from tanteo.typing import FloatArray
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
-
-_TOO_MANY_STRAYS = 1e-4
-"""If so many readings off the part are less likely than this, it is not the part, whatever else fits."""
 
 
 def identify_touches(
@@ -81,8 +77,8 @@ def identify_touches(
     clock.lap("locate")
     worst = _worst(touches, modes[0]) if modes else ""
     status, message = verdict(hypotheses, unknown, alpha, worst=worst)
-    if status in ("recognized", "ambiguous") and _too_many_strays(hypotheses[0], priors):
-        status, message = "unknown", _strays_message(hypotheses[0], len(touches))
+    if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown):
+        message = _strays_message(hypotheses[0], unknown)
     if hypotheses and status == "recognized":
         message += what_limits(modes[0], shared)
     if ratio > 1:
@@ -106,16 +102,17 @@ def _worst(touches: Touches, mode: Mode) -> str:
     return f"reading {touches.ids[i]}, {off[i]:.1f} sd off" if off[i] > 0 else ""
 
 
-def _too_many_strays(best: Hypothesis, priors: Priors) -> bool:
-    """Whether more readings are off the part than clutter at the assumed rate ever leaves."""
-    strays, n = len(best.outliers), len(best.outliers) + len(best.pairings)
-    return strays > 0 and bool(bdtrc(strays - 1, n, priors.clutter) < _TOO_MANY_STRAYS)
+def _mostly_on(best: Hypothesis, unknown: float) -> bool:
+    """Whether "none of these" is more probable than a part that most of the readings, but not all, are on."""
+    return best.probability < unknown and 0 < len(best.outliers) < len(best.pairings)
 
 
-def _strays_message(best: Hypothesis, n: int) -> str:
+def _strays_message(best: Hypothesis, unknown: float) -> str:
+    n = len(best.outliers) + len(best.pairings)
     return (
-        f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: "
-        "it may be another part; add its file, check the sensor's standard deviation, or expect more strays (--strays)."
+        f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
+        f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more strays "
+        "(--strays)."
     )
 
 

@@ -1,0 +1,88 @@
+"""How often readings are astray: stated as a mean, and found out from the readings themselves (decision 35).
+
+A part that is only like one of the catalogue looks like that part with more strays than the sensor makes: any share of
+the readings may be off its surface.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.special import bdtrc, logsumexp, roots_genlaguerre, roots_jacobi, roots_legendre, softmax
+
+from tanteo.typing import FloatArray
+
+_SHAPE, _NODES = 0.5, 4
+"""First parameter of the beta density of the rate, that of Jeffreys' prior, and nodes of the quadrature over it."""
+
+_FINE = 12
+"""Nodes over the share of a surface that is elsewhere."""
+
+_RARE = 1e-3
+"""Below this mean a beta density is a gamma density."""
+
+
+@cache
+def stray_rates(mean: float) -> tuple[FloatArray, FloatArray]:
+    """Rates of strays and their weights ``(K,)``, nodes of Gauss's quadrature under the beta density of that mean.
+
+    Args:
+        mean: rate that is stated, above 0 and below 1.
+    """
+    if mean < _RARE:
+        x, w = roots_genlaguerre(_NODES, _SHAPE - 1)
+        return mean / _SHAPE * x, w / w.sum()
+    x, w = roots_jacobi(_NODES, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
+    return (1 + x) / 2, w / w.sum()
+
+
+def log_density(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> FloatArray:
+    """Log density of all readings at each pose ``(S,)``, the rate of strays integrated out.
+
+    Args:
+        log_hit: log density of each reading if it is on the surface ``(S, n)``.
+        log_stray: if it is astray ``(S, n)``.
+        mean: rate of strays that is stated.
+    """
+    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *stray_rates(mean)), axis=0))
+
+
+def log_density_of_kin(log_hit: FloatArray, log_stray: FloatArray) -> FloatArray:
+    """The same for a part that is like this one ``(S,)``: of its surface any share, all shares alike, is elsewhere.
+
+    Args:
+        log_hit: log density of each reading if it is on the surface of the part that is known ``(S, n)``.
+        log_stray: if it is elsewhere ``(S, n)``.
+    """
+    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *_shares()), axis=0))
+
+
+def on_surface(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> FloatArray:
+    """Probability that each reading is on the surface ``(S, n)``, given all; arguments of :func:`log_density`."""
+    share = softmax(_log_by_rate(log_hit, log_stray, *stray_rates(mean)), axis=0)[..., None]
+    ratio = np.exp(np.clip(log_stray - log_hit, -700, 700))
+    rates = stray_rates(mean)[0][:, None, None]
+    return np.asarray(np.sum(share / (1 + rates / (1 - rates) * ratio), axis=0))
+
+
+def so_many(strays: int, n: int, mean: float) -> float:
+    """Probability of at least so many strays among ``n`` readings; 0 of any if ``mean`` is 0."""
+    if strays == 0 or mean == 0:
+        return float(strays == 0)
+    rates, weights = stray_rates(mean)
+    return float(weights @ bdtrc(strays - 1, n, rates))
+
+
+@cache
+def _shares() -> tuple[FloatArray, FloatArray]:
+    x, w = roots_legendre(_FINE)
+    return (1 + x) / 2, w / 2
+
+
+def _log_by_rate(log_hit: FloatArray, log_stray: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:
+    """Log density of all readings and each rate together ``(K, S)``."""
+    top = np.maximum(log_hit, log_stray)
+    hit, stray = np.exp(log_hit - top), np.exp(log_stray - top)
+    each = [np.sum(np.log((1 - rate) * hit + rate * stray), axis=-1) for rate in rates]
+    return np.asarray(np.log(weights)[:, None] + np.stack(each) + top.sum(axis=-1))

@@ -1,0 +1,86 @@
+"""The rate of strays integrated out, against quadrature by brute force, differences and exact sums."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import betaln, expit
+from scipy.stats import beta, betabinom
+
+from tanteo.surface_search.strays import log_density, log_density_of_kin, on_surface, so_many, stray_rates
+
+
+@pytest.mark.parametrize("mean", [1e-6, 9e-4, 1.1e-3, 0.02, 0.3, 0.9])
+def test_rates_have_the_mean_that_is_stated(mean):
+    rates, weights = stray_rates(mean)
+    assert np.all((rates > 0) & (rates < 1))
+    assert weights.sum() == pytest.approx(1)
+    assert weights @ rates == pytest.approx(mean)
+
+
+@pytest.mark.parametrize(("n", "astray"), [(5, 0), (8, 1), (15, 3), (40, 6)])
+def test_is_the_integral_over_all_rates(n, astray):
+    """Readings that are half clear and half doubtful, with densities as different as a touch's."""
+    rng = np.random.default_rng(n)
+    hit, stray = rng.normal(8, 2, n), rng.normal(0, 1, n)
+    hit[:astray] -= 30
+    hit[astray : astray + 2] -= 6  # doubtful
+    density = beta(0.5, 0.5 / 0.02 - 0.5)
+    top = np.maximum(hit, stray)
+
+    def of(rate):
+        return np.prod((1 - rate) * np.exp(hit - top) + rate * np.exp(stray - top)) * density.pdf(rate)
+
+    expected = np.log(quad(of, 0, 1e-3)[0] + quad(of, 1e-3, 0.2)[0] + quad(of, 0.2, 1)[0]) + top.sum()
+    assert log_density(hit[None], stray[None], 0.02)[0] == pytest.approx(expected, abs=0.05)
+
+
+def test_belonging_is_the_derivative_of_the_density():
+    """Probability of "on the surface" is the derivative of the log density by the log density there."""
+    rng = np.random.default_rng(3)
+    hit, stray = rng.normal(0, 3, (4, 12)), rng.normal(0, 1, (4, 12))
+    found = on_surface(hit, stray, 0.05)
+    for i in range(12):
+        step = np.zeros(12)
+        step[i] = 1e-5
+        up, down = (log_density(hit + sign * step, stray, 0.05) for sign in (1, -1))
+        assert found[:, i] == pytest.approx((up - down) / 2e-5, abs=1e-8)
+
+
+def test_one_doubtful_reading_belongs_less_where_others_are_astray():
+    clear, doubtful = np.array([12.0] * 10), np.array([0.0])
+    gone = np.array([-40.0] * 3)
+    alone = on_surface(np.concatenate([clear, doubtful])[None], np.zeros((1, 11)), 0.02)[0, -1]
+    among = on_surface(np.concatenate([clear, gone, doubtful])[None], np.zeros((1, 14)), 0.02)[0, -1]
+    stated = expit(np.log(0.98 / 0.02))
+    assert among < 0.93 < stated < alone
+
+
+@pytest.mark.parametrize(("strays", "n"), [(1, 8), (3, 25), (6, 25), (12, 100)])
+def test_counts_of_strays_are_beta_binomial(strays, n):
+    assert so_many(strays, n, 0.02) == pytest.approx(betabinom(n, 0.5, 24.5).sf(strays - 1), rel=0.1)
+
+
+def test_no_strays_are_never_too_many_and_any_are_if_none_are_expected():
+    assert so_many(0, 8, 0.02) == so_many(0, 8, 0.0) == 1
+    assert so_many(1, 8, 0.0) == 0
+
+
+@pytest.mark.parametrize(("elsewhere", "n"), [(0, 3), (1, 8), (4, 12), (10, 25), (2, 20)])
+def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n):
+    hit, stray = np.full(n, 10.0), np.zeros(n)
+    hit[:elsewhere] = -100
+    expected = 10 * (n - elsewhere) + betaln(elsewhere + 1, n - elsewhere + 1)
+    assert log_density_of_kin(hit[None], stray[None])[0] == pytest.approx(expected, abs=0.02)
+
+
+def test_few_strays_are_the_sensor_s_and_many_are_another_part():
+    """Odds at equal priors, over the number of 25 readings that are off the part."""
+    hit, stray = np.full((12, 25), 8.0), np.zeros((12, 25))
+    hit[np.arange(25) < np.arange(12)[:, None]] = -100
+    odds = log_density_of_kin(hit, stray) - log_density(hit, stray, 0.02)
+    assert np.all(np.diff(odds) > 0)
+    assert odds[0] < -2.5
+    assert odds[2] < 0 < odds[6]
+    assert odds[10] > 5
