@@ -32,3 +32,11 @@ def test_aliases_of_array_types_are_read(sds):
 def test_what_is_no_array_is_named():
     with pytest.raises(InputError, match="file, counts: expected"):
         from_plain(Some, {"counts": "many", "sds": None}, "file")
+
+
+@pytest.mark.parametrize("plain", [False, 3, ["a"], {}])
+def test_what_is_neither_a_text_nor_nothing_is_refused(plain):
+    assert from_plain(str | None, None, "file, name") is None
+    assert from_plain(str | None, "a", "file, name") == "a"
+    with pytest.raises(InputError, match=r"^file, name: expected a text, got "):
+        from_plain(str | None, plain, "file, name")

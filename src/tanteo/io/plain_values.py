@@ -120,9 +120,10 @@ def _one_of(kinds: Sequence[Any], plain: Any, place: str) -> Any:
     if plain is None and type(None) in kinds:
         return None
     left = [kind for kind in kinds if kind is not type(None)]
-    if str in left and isinstance(plain, str):
-        return plain
-    return from_plain(next(kind for kind in left if kind is not str), plain, place)
+    others = [kind for kind in left if kind is not str]
+    if str in left and (isinstance(plain, str) or not others):
+        return from_plain(str, plain, place)
+    return from_plain(others[0], plain, place)
 
 
 def _sequence(kinds: tuple[Any, ...], plain: Any, place: str) -> tuple[Any, ...]:
