@@ -8,6 +8,7 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.features import feature_covariance
 from tanteo.fitting import fit_labelled
+from tanteo.io import read_rig
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings, measure
 
@@ -157,3 +158,24 @@ def test_a_tip_error_with_a_turning_hand_is_not_taken_for_scatter():
         found = fit_labelled(measure(readings, sd=SD, tip_sd=tip_sd))
         wrong += bool(found.notes or found.rejected)
     assert wrong <= 3
+
+
+def test_a_feature_shares_nothing_with_sensors_that_did_not_feel_it():
+    """Alone or in a record with another sensor's readings, an edge has the same shared errors."""
+    rig = read_rig("paper-gripper")
+    x = np.arange(8) * 0.01
+    T = np.tile(SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.zeros(3)), (8, 1, 1))
+    T[:, 0, 3] = np.where(x < 0.04, x, -x)
+    both = Readings.from_columns(
+        ids=[str(k) for k in range(8)],
+        ranges=np.full(8, 0.02),
+        sensors=["front_left"] * 4 + ["front_right"] * 4,
+        Ts_world_hand=T,
+        features=["left"] * 4 + ["right"] * 4,
+        kinds=["edge"] * 8,
+        source="test",
+    )
+    alone = fit_labelled(measure(both.take(np.arange(4)), rig=rig)).features[0]
+    joint = fit_labelled(measure(both, rig=rig)).features[0]
+    assert [t.error.name for t in joint.shared] == [t.error.name for t in alone.shared]
+    assert alone.shared

@@ -119,7 +119,10 @@ def _fit(
     index = np.array(rows)
     points, covs = measured.points[index], measured.covs[index] + tolerance**2 * np.eye(3)
     ids = [measured.ids[row] for row in rows]
-    shared: SharedReadings = [(e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True)]
+    # what other sensors share is no error of these readings
+    shared: SharedReadings = [
+        (e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()
+    ]
     radii = measured.radii[index]
     if kind in ("edge", "vertex"):
         if radii.any():
