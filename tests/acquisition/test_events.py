@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.acquisition.events import distance_from, doubt, line_through, place_of
+from tanteo.acquisition.events import distance_from, doubt, line_through, on_line, place_of
 from tanteo.lie import SE3
 from tanteo.motion import EdgeEvent
 
@@ -40,6 +40,12 @@ def test_the_line_through_events():
     assert (
         line_through(gripper(), edge([0.0, 0.003] * 8, [0.0] * 16)) is None
     )  # as near to each other, only more of them
+
+
+def test_events_of_another_edge_are_left_out():
+    line = line_through(gripper(), edge([0.0, 0.02], [0.0, 0.0]))
+    near, far = event(0.01, 0.003), event(0.01, -0.005)
+    assert on_line(gripper(), [far, near, far], line) == [near]
 
 
 def test_one_straight_edge_is_not_doubted():

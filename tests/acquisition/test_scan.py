@@ -9,9 +9,10 @@ from felt_scenes import gripper, nees, roof
 from tanteo.acquisition import FaceIdea, sense_plane
 from tanteo.acquisition.scan import WIDTHS, scan
 from tanteo.acquisition.session import Session
+from tanteo.acquisition.ways import look_around
 from tanteo.hand import Workspace
 from tanteo.lie import SE3, SO3
-from tanteo.motion import Rules
+from tanteo.motion import Rules, go_to, retreat
 from tanteo.simulator import Scene, SimulatedHand, box, clearances
 
 STANDOFF = 0.027
@@ -59,3 +60,19 @@ def test_in_a_trench_the_scan_is_narrower():
     assert "7.5 mm along the surface" in said
     assert "15 mm along the surface" not in said
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.008
+
+
+def test_the_hand_turns_square_only_where_it_knows_that_it_has_room():
+    """Ten degrees take the upper ends of the fingers 15 mm aside, where no beam has been; after a look they may."""
+    scene = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
+    T = over(0.0, 0.0, height=0.03) @ SE3.exp([0, 0, 0, 0, math.radians(10), 0])
+    robot = SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(0))
+    session = Session(robot, STANDOFF, RULES, None)
+    status, message, _ = scan(session, "plane", WIDTHS[0])
+    assert (status, session.motions) == ("limit", [])
+    assert "no known room to turn" in message
+    assert retreat(robot, 0.05, RULES).reached
+    look_around(session, 0.3, 0.05)
+    assert session.does(go_to(robot, T, RULES)).reached
+    status, message, _ = scan(session, "plane", WIDTHS[0])
+    assert status == "acquired", message

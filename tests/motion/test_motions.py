@@ -10,7 +10,7 @@ from felt_scenes import gripper
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.lie import SE3, SO3
-from tanteo.motion import Rules, approach, cross_edge, follow, go_to, look, retreat, settle
+from tanteo.motion import Rules, approach, cross_edge, follow, go_to, look, retreat, settle, settled
 from tanteo.motion.crossing import crossing_sd
 from tanteo.motion.travelling import spun
 from tanteo.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
@@ -112,6 +112,16 @@ def test_settling_is_square_in_the_plane_of_the_pair(tilt):
     assert abs(math.asin(robot.truth[-1][2, 0])) < math.radians(2)
     assert front_of(robot)[2] == pytest.approx(STANDOFF, abs=2.5e-3)
     assert least(PLATE, robot) > 0.5 * STANDOFF
+
+
+def test_where_the_hand_will_settle_is_known_beforehand():
+    robot = robot_on(PLATE, over(height=0.03, tilt=(0, 0.3, 0)))
+    expected = settled(gripper(), robot.sensed, STANDOFF)
+    assert settle(robot, STANDOFF, RULES).reached
+    off = SE3.log(SE3.inverse(expected) @ robot.sensed.T_world_hand)
+    assert np.linalg.norm(off[3:]) < math.radians(2)
+    assert np.linalg.norm(SE3.apply(expected, gripper().front) - front_of(robot)) < 2e-3
+    assert settled(gripper(), robot_on(PLATE, over(x=0.1)).sensed, STANDOFF) is None
 
 
 def test_settling_needs_both_sensors():

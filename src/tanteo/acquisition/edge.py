@@ -8,14 +8,14 @@ import numpy as np
 
 from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.edge_bend import acquire_bend
-from tanteo.acquisition.edge_places import cross, look_over, pose_over, stand
+from tanteo.acquisition.edge_places import Search, cross_at, look_over, pose_over
 from tanteo.acquisition.edge_search import Found, cross_beside, find_edge
-from tanteo.acquisition.events import Line, distance_from, doubt, line_through
+from tanteo.acquisition.events import Line, doubt, line_through, on_line
 from tanteo.acquisition.ideas import EdgeIdea
 from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
 from tanteo.acquisition.session import Session, finish
-from tanteo.acquisition.ways import known
+from tanteo.acquisition.ways import nearly_known
 from tanteo.features import Feature
 from tanteo.hand import Robot
 from tanteo.motion import EdgeEvent, Motion, Rules
@@ -33,9 +33,6 @@ ENOUGH = 3
 
 _MOST_ASKEW = math.radians(15.0)
 """Crossings at a greater angle to the edge's normal only serve to find its direction."""
-
-_SAME = 0.004
-"""Events farther than this from the line of the others are of another edge [m]."""
 
 _BEYOND = 0.01
 """A crossing goes this far over the edge, at least [m]."""
@@ -107,22 +104,19 @@ def _cross_again(
     point, along, outwards = _squared(face, line, found.outwards)
     kept = list(events) if outwards @ found.outwards > math.cos(_MOST_ASKEW) else []
     inset = session.standoff * 0.3 + 0.006
-    way = (inset + _BEYOND) * outwards
+    search = Search(inset + _BEYOND, inset + 0.012, _BEYOND)
     middle = point + ((found.front - point) @ along) * along - inset * outwards
     places = [middle + offset * along for offset in OFFSETS]
     needed = np.stack([pose_over(session, face, place, along) for place in places[:ENOUGH]])
-    if not known(session, needed) and not (looked := look_over(session, face, needed)).reached:
-        return failed(looked)
+    if not nearly_known(session, needed):
+        look_over(session, face, needed)
     why = ""
     for number, place in enumerate(places):
         if number >= ENOUGH and not doubt(session.hand, kept, along, outwards):
             break
-        last = stand(session, face, place, along, way)
-        if last.reached:
-            crossing = cross(session, face, outwards, inset + 0.012, _BEYOND)
-            kept += [e for e in crossing.events if distance_from(session.hand, e, line) < _SAME]
-            last = crossing.motion
-        why = "" if last.reached else f": {last.message}"
+        crossing = cross_at(session, face, place, along, outwards, search)
+        kept += on_line(session.hand, crossing.events, line)
+        why = "" if crossing.motion.reached else f": {crossing.motion.message}"
     if doubts := doubt(session.hand, kept, along, outwards):
         return "unclear", f"{doubts}{why}", None
     readings = edge_readings(session.hand, kept, label)

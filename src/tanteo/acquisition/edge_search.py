@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.acquisition.edge_places import cross, free_way, front_of, pose_over, raised, stand
+from tanteo.acquisition.edge_places import Search, cross_at, free_way, front_of, pose_over, raised
 from tanteo.acquisition.session import Session
 from tanteo.features import Feature
 from tanteo.motion import Bend, EdgeEvent, Motion
@@ -18,8 +18,8 @@ REACH = 0.05
 ELSEWHERE = (0.012, -0.012, 0.024, -0.024, 0.036, -0.036)
 """Where along the edge the search for it may begin, from where the face was scanned [m]."""
 
-ENOUGH = 0.02
-"""A search should have room for so much farther than where the edge should be [m]."""
+ENOUGH = 0.01
+"""A search should have room, and all be seen, for so much farther than where the edge should be [m]."""
 
 _PLACES = 3
 """So many of them are tried, where the sensors are not over the face or lose it."""
@@ -36,7 +36,7 @@ class Found:
         front: Where the hand's front began the crossing ``(3,)`` [m].
         along: Of the pair ``(3,)``, unit.
         outwards: Of the crossing ``(3,)``, unit.
-        reach: Of the search [m].
+        search: How far it went.
         events: Of all sensors that crossed.
         bends: Of those below which the surface bent away instead.
     """
@@ -44,7 +44,7 @@ class Found:
     front: FloatArray
     along: FloatArray
     outwards: FloatArray
-    reach: float
+    search: Search
     events: tuple[EdgeEvent, ...]
     bends: tuple[Bend, ...]
 
@@ -56,34 +56,28 @@ def find_edge(session: Session, face: Feature, along: FloatArray, wanted: FloatA
     needed = max(float((wanted - front) @ outwards), 0.0)
     reach = needed + REACH
     last = Motion("search", "lost", "the surface is under neither frontal sensor", ())
-    for place in _places(session, face, (front, along, outwards), (needed + ENOUGH, reach)):
-        last = stand(session, face, place, along, 0.0 * outwards)
-        if not last.reached:
-            continue
-        crossing = cross(session, face, outwards, reach, 2 * session.hand.baseline)
+    search = Search(needed + ENOUGH, reach, 2 * session.hand.baseline)
+    for place in _places(session, face, (front, along, outwards), search):
+        crossing = cross_at(session, face, place, along, outwards, search)
         if crossing.motion.reached or crossing.bends:
-            return Found(front_of(session), along, outwards, reach, crossing.events, crossing.bends)
+            return Found(front_of(session), along, outwards, search, crossing.events, crossing.bends)
         last = crossing.motion
-        if last.status != "lost":
+        if last.status not in ("lost", "limit"):
             break
     return last
 
 
 def _places(
-    session: Session,
-    face: Feature,
-    known: tuple[FloatArray, FloatArray, FloatArray],
-    least_and_most: tuple[float, float],
+    session: Session, face: Feature, known: tuple[FloatArray, FloatArray, FloatArray], search: Search
 ) -> list[FloatArray]:
     """Beside the front: the places from which there is room for enough first, then those with most room."""
     front, along, outwards = known
-    least, most = least_and_most
     T, cloud = session.robot.sensed.T_world_hand, raised(session, face)
     # between the two sensors there may be a slot: below each of them the face was felt
     feet = [T[:3, :3] @ session.hand.origins[sensor] + T[:3, 3] for sensor in session.hand.frontal]
     places = [front, *feet, *(front + shift * along for shift in ELSEWHERE)]
-    free = [free_way(session, cloud, pose_over(session, face, p, along), outwards, most) for p in places]
-    order = sorted(range(len(places)), key=lambda k: -min(free[k], least))
+    free = [free_way(session, cloud, pose_over(session, face, p, along), outwards, search.reach) for p in places]
+    order = sorted(range(len(places)), key=lambda k: -min(free[k], search.least))
     return [places[k] for k in order][:_PLACES]
 
 
@@ -91,7 +85,7 @@ def cross_beside(session: Session, face: Feature, found: Found, sensor: int) -> 
     """Two more crossings by one sensor, to both sides of the first."""
     events: list[EdgeEvent] = []
     for shift in (_SHIFT, -_SHIFT):
-        if stand(session, face, found.front + shift * found.along, found.along, 0.0 * found.outwards).reached:
-            again = cross(session, face, found.outwards, found.reach, 2 * session.hand.baseline)
-            events += [e for e in again.events if e.sensor == sensor]
+        place = found.front + shift * found.along
+        again = cross_at(session, face, place, found.along, found.outwards, found.search)
+        events += [e for e in again.events if e.sensor == sensor]
     return events

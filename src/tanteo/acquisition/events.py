@@ -18,6 +18,9 @@ Line = tuple[FloatArray, FloatArray]
 _APART = 0.0025
 """Root mean square of the distances from their middle that places need to have a direction [m]."""
 
+_SAME = 0.004
+"""Events farther than this from the line of the others are of another edge [m]."""
+
 ONE_PLACE = 0.005
 """Events nearer to each other than this along an edge are at one place [m]."""
 
@@ -51,6 +54,11 @@ def distance_from(hand: Hand, event: EdgeEvent, line: Line) -> float:
     """Of an event from a line [m]."""
     away = place_of(hand, event) - line[0]
     return float(np.linalg.norm(away - (away @ line[1]) * line[1]))
+
+
+def on_line(hand: Hand, events: Sequence[EdgeEvent], line: Line) -> list[EdgeEvent]:
+    """Those of some events that may be of the same edge as a line."""
+    return [e for e in events if distance_from(hand, e, line) < _SAME]
 
 
 def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray) -> str:

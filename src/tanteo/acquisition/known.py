@@ -6,7 +6,7 @@ enough; things narrower than twice :data:`GAP` may stay unseen between two beams
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -63,10 +63,14 @@ class Known:
             out[left] = np.isfinite(tree.query(flat[left], distance_upper_bound=reach)[0])
         return out.reshape(points.shape[:-1])
 
-    def holds(self, body: Body, Ts_world_hand: Transforms, margin: float) -> bool:
-        """Whether at all poses ``(m, 4, 4)`` everything is known around what is not blind of a body, up to a margin."""
+    def shares(self, body: Body, Ts_world_hand: Transforms, margin: float) -> Iterator[float]:
+        """Pose by pose ``(m, 4, 4)``, how much is known around what is not blind of a body, up to a margin [m]."""
         skin = _skin(body.centres[~body.blind], body.radii[~body.blind] + margin)
-        return all(bool(self.has(SE3.apply(T, skin)).all()) for T in Ts_world_hand)
+        return (float(self.has(SE3.apply(T, skin)).mean()) for T in Ts_world_hand)
+
+    def holds(self, body: Body, Ts_world_hand: Transforms, margin: float) -> bool:
+        """Whether that is all of it at all of them."""
+        return all(share == 1.0 for share in self.shares(body, Ts_world_hand, margin))
 
 
 def _skin(centres: Vectors, radii: FloatArray) -> Vectors:

@@ -17,11 +17,15 @@ from tanteo.acquisition.ways import facing, fits, known, look_around, moved, pat
 from tanteo.features import Feature
 from tanteo.hand import Robot
 from tanteo.motion import Motion, Rules, approach, go_to
-from tanteo.sensors import RobotPreset
+from tanteo.sensors import RobotPreset, error_model
 from tanteo.typing import FloatArray
 
 HOVER = 0.06
 """The hand stands so much higher than the stand-off before it comes down [m]."""
+
+_HIGHER, _IN_REACH = 0.075, 0.8
+"""It looks from this much higher, where it does not know yet what is beside it: what its fingers swing through there,
+it sees from there farther down; but no farther from the face than this share of the frontal sensors' range [m]."""
 
 LOOKS = ((0.25, 0.09), *(((0.22, 0.05),) * 9))
 """Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
@@ -132,7 +136,7 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
             approach(session.robot, session.standoff, session.rules, reach=2 * HOVER + session.standoff)
         )
         attempt = meant(idea, scan(session, label, width)) if down.reached else failed(down)
-        if attempt[0] not in ("lost", "nothing", "unclear"):
+        if attempt[0] in ("acquired", "timeout"):
             return attempt
         tried.places.append(session.places[-1])
         tried.patches.append(patch)
@@ -189,6 +193,12 @@ def _over_one(
     return None, 0.0, failed(why[0])
 
 
+def _higher(session: Session) -> float:
+    """How much higher than the stand-off the hand looks from, where it does not know yet what is beside it [m]."""
+    reach = float(error_model(session.hand.rig).max_range[list(session.hand.frontal)].min())
+    return max(HOVER, min(_HIGHER, _IN_REACH * reach - session.standoff))
+
+
 def hover(
     session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatArray], *, closely: bool
 ) -> tuple[Motion, float]:
@@ -213,7 +223,7 @@ def hover(
             if any(np.linalg.norm(place - tried) < _ELSEWHERE for tried in avoid):
                 continue
             down = facing(hand, place, patch.normal, along, session.standoff, now)
-            up = moved(down, HOVER * patch.normal)
+            up = moved(down, (HOVER if closely else _higher(session)) * patch.normal)
             scanned = np.array([[0, 0], [width, 0], [-width, 0], [0, ALONG], [0, -ALONG]])
             low = moved(down, scanned @ [np.cross(patch.normal, along), along])
             if not (fits(session, raised, low) and fits(session, other, path(now, up, hand.front, 24))):

@@ -6,16 +6,21 @@ that is not there; along the line each sensor sees the slope of what is under it
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tanteo.acquisition.acquired import Attempt, failed
+from tanteo.acquisition.cloud import over
 from tanteo.acquisition.record import fitted_feature, plane_readings
 from tanteo.acquisition.session import Session
-from tanteo.acquisition.ways import squared
+from tanteo.acquisition.ways import fits, nearly_known, path, squared
 from tanteo.features import Feature
 from tanteo.hand import Hand, Sensed
-from tanteo.motion import follow, go_to, settle
+from tanteo.lie import SE3
+from tanteo.motion import Motion, follow, go_to, settle, settled
 from tanteo.sensors import Readings
+from tanteo.typing import Transforms
 
 INSTANTS = 20
 """Instants that are kept of the scan across the pair, and as many of that along it; each is two readings."""
@@ -29,12 +34,16 @@ WIDTHS = 0.015, 0.0075, 0.004
 _MOST_ASKEW = np.radians(25.0)
 """A face over which the hand stands by two looks is not more askew than this [rad]."""
 
+_LITTLE = np.radians(6.0)
+"""A turn by less takes the fingers no farther aside than they had to have room for when they came down [rad]."""
+
 _SQUARE = np.radians(1.5)
 """A hand that is more askew than this to what it scanned turns square and scans again [rad]."""
 
 _SURE = np.radians(3.0)
 """A plane whose tilt is known no better than this is not acquired [rad]."""
 
+_NO_TURN = Motion("turn", "limit", "there is no known room to turn the hand square to the face", ())
 _NOT_ONE = "what was scanned is not one plane"
 
 
@@ -53,7 +62,9 @@ def scan(session: Session, label: str, width: float) -> Attempt:
         if doubt:
             width = min(width, WIDTHS[1])
         if _askew(session, attempt[2]) > _SQUARE:
-            turned = session.does(go_to(session.robot, squared(session, attempt[2]), session.rules))
+            target = squared(session, attempt[2])
+            allowed = _may_turn(session, target)
+            turned = session.does(go_to(session.robot, target, session.rules)) if allowed else _NO_TURN
             if not turned.reached:
                 return failed(turned)
         elif not doubt:
@@ -71,9 +82,9 @@ def scan(session: Session, label: str, width: float) -> Attempt:
 def _scan_once(session: Session, width: float, label: str) -> tuple[Readings | None, Attempt, str]:
     """Settle, go across the pair and along it to both sides, fit; and what speaks against one plane."""
     hand, robot, standoff, rules = session.hand, session.robot, session.standoff, session.rules
-    settled = session.does(settle(robot, standoff, rules, most=_MOST_ASKEW))
-    if not settled.reached:
-        return None, failed(settled), ""
+    square = _settle(session)
+    if not square.reached:
+        return None, failed(square), ""
     log, home = list[Sensed](), robot.sensed.T_world_hand
     for direction, distance in ((np.cross([0.0, 0.0, 1.0], hand.pair), width), (hand.pair, ALONG)):
         line = list[Sensed]()
@@ -93,6 +104,25 @@ def _scan_once(session: Session, width: float, label: str) -> tuple[Readings | N
     if feature is None:
         return None, ("unclear", f"{_NOT_ONE}: {why}", None), ""
     return readings, ("acquired", f"{len(readings)} readings", feature), why
+
+
+def _settle(session: Session) -> Motion:
+    """Settle, where there is room for the turn."""
+    target = settled(session.hand, session.robot.sensed, session.standoff)
+    if target is not None and not _may_turn(session, target):
+        return _NO_TURN
+    return session.does(settle(session.robot, session.standoff, session.rules, most=_MOST_ASKEW))
+
+
+def _may_turn(session: Session, target: Transforms) -> bool:
+    """Whether what was seen leaves room to turn over a face: far behind the sensors the fingers go far aside."""
+    hand, T = session.hand, session.robot.sensed.T_world_hand
+    if T[:3, 2] @ target[:3, 2] > math.cos(_LITTLE):
+        return True
+    normal = -target[:3, 2]
+    foot = SE3.apply(target, hand.front) - session.standoff * normal
+    way = path(T, target, hand.front, 6)
+    return fits(session, over(session.seen(), foot, normal), way) and nearly_known(session, way)
 
 
 def _askew(session: Session, face: Feature) -> float:

@@ -63,8 +63,9 @@ class Session:
         return motion
 
     def seen(self) -> Cloud:
-        """What all motions so far have met."""
-        return cloud_of(self.hand, self.motions)
+        """What all motions so far have met, and what is met now."""
+        now = Motion("now", "reached", "", (self.robot.sensed,))
+        return cloud_of(self.hand, [*self.motions, now])
 
     def known(self) -> Known:
         """Where beams and hand have been in all motions so far."""

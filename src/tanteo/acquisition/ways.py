@@ -20,6 +20,9 @@ _BETWEEN = 5e-3
 """Something may be nearer than the points that were met on it, by so much [m]."""
 
 
+_NEARLY = 0.97
+"""So much of the fingers' skin is nearly all of it."""
+
 _LEAST_SWING = 0.08
 """A look with less tilt shows nothing new [rad]."""
 
@@ -70,14 +73,19 @@ def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:
     return bool(fitting(session, cloud, way).all())
 
 
-def known(session: Session, way: Transforms, margin: float = 0.0) -> bool:
-    """Whether all that the fingers take at some poses, and a margin [m], was seen free or taken before."""
-    return session.known().holds(session.hand.body, way, margin)
+def known(session: Session, way: Transforms) -> bool:
+    """Whether all that the fingers take at some poses was seen free or taken before."""
+    return session.known().holds(session.hand.body, way, 0.0)
+
+
+def nearly_known(session: Session, way: Transforms) -> bool:
+    """The same, but for gaps between single beams: beside places that are known."""
+    return all(share >= _NEARLY for share in session.known().shares(session.hand.body, way, 0.0))
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:
-    """A pose displaced in the world, by one shift ``(3,)`` or by several ``(m, 3)``."""
-    out = np.array(np.broadcast_to(T, (*np.shape(shift)[:-1], 4, 4)))
+    """A pose displaced in the world by one shift ``(3,)`` or by several ``(m, 3)``, or poses ``(m, 4, 4)`` by one."""
+    out = np.array(np.broadcast_to(T, (*np.broadcast_shapes(T.shape[:-2], np.shape(shift)[:-1]), 4, 4)))
     out[..., :3, 3] += shift
     return out
 

@@ -9,7 +9,7 @@ from tanteo.motion.approaching import approach, retreat
 from tanteo.motion.bending import Bend, how_far
 from tanteo.motion.control import Loop
 from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
-from tanteo.motion.following import follow, settle
+from tanteo.motion.following import follow, settle, settled
 from tanteo.motion.looking import look
 from tanteo.motion.result import Ending, Motion
 from tanteo.motion.steering import Rules, Steering
@@ -32,4 +32,5 @@ __all__ = [
     "look",
     "retreat",
     "settle",
+    "settled",
 ]

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.hand import Robot, shift, turn
+from tanteo.hand import MET, Hand, Robot, Sensed, advance, shift, turn
 from tanteo.motion.result import Motion
 from tanteo.motion.steering import Rules, Steering, blind, frontal
 from tanteo.typing import FloatArray, Tangents, Transforms, Vectors
@@ -69,6 +69,25 @@ def settle(robot: Robot, standoff: float, rules: Rules, *, most: float = math.ra
             return run.end(ending)
 
 
+def settled(hand: Hand, sensed: Sensed, standoff: float) -> Transforms | None:
+    """Where :func:`settle` would bring the hand over what its two frontal sensors meet now ``(4, 4)``.
+
+    Args:
+        hand: The hand.
+        sensed: What it senses.
+        standoff: Height to hold [m].
+
+    Returns:
+        The pose, if the surface is flat; None unless both sensors meet one.
+    """
+    ranges = sensed.ranges[list(hand.frontal)]
+    if not (sensed.states[list(hand.frontal)] == MET).all():
+        return None
+    height, tilt = _height_and_tilt(hand, ranges)
+    turned = advance(sensed.T_world_hand, turn(tilt * _axis(hand), hand.front + np.array([0.0, 0.0, height])), 1.0)
+    return advance(turned, shift(np.array([0.0, 0.0, height - standoff])), 1.0)
+
+
 def follow(robot: Robot, direction: Vectors, distance: float, standoff: float, rules: Rules) -> Motion:
     """Go along a surface in a direction of the hand, held at the stand-off and square to it by the frontal sensors.
 
@@ -114,9 +133,17 @@ def seen_surface(run: Steering) -> tuple[float, float, bool]:
     ranges, met = frontal(run)
     if not met.all():
         return float(ranges.min()), 0.0, False
-    slope = (ranges[1] - ranges[0]) / run.hand.baseline
-    tilt = math.atan(slope)
-    return float(0.5 * (ranges[0] + ranges[1]) * math.cos(tilt)), tilt, True
+    return *_height_and_tilt(run.hand, ranges), True
+
+
+def _height_and_tilt(hand: Hand, ranges: FloatArray) -> tuple[float, float]:
+    tilt = math.atan((ranges[1] - ranges[0]) / hand.baseline)
+    return float(0.5 * (ranges[0] + ranges[1]) * math.cos(tilt)), tilt
+
+
+def _axis(hand: Hand) -> Vectors:
+    """About which a positive turn takes a positive tilt back ``(3,)``."""
+    return np.array([hand.pair[1], -hand.pair[0], 0.0])
 
 
 def hold(run: Steering, standoff: float, height: float, tilt: float) -> Tangents:
@@ -124,10 +151,8 @@ def hold(run: Steering, standoff: float, height: float, tilt: float) -> Tangents
     gain, rules = run.loop.gain, run.rules
     speed = max(-rules.speed, min(rules.speed, gain * (height - standoff)))
     rate = max(-rules.turn, min(rules.turn, gain * tilt))
-    x, y, _ = run.hand.pair
-    axis = np.array([y, -x, 0.0])
-    front = run.hand.front
-    return shift(np.array([0.0, 0.0, speed])) + turn(rate * axis, front + np.array([0.0, 0.0, height]))
+    below = run.hand.front + np.array([0.0, 0.0, height])
+    return shift(np.array([0.0, 0.0, speed])) + turn(rate * _axis(run.hand), below)
 
 
 def level(direction: Vectors) -> FloatArray:
