@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.acquisition.events import distance_from, doubt, line_through, on_line, place_of
+from tanteo.acquisition.events import agreeing, distance_from, doubt, line_through, on_line, place_of
 from tanteo.lie import SE3
 from tanteo.motion import EdgeEvent
 
@@ -22,6 +22,10 @@ def event(x, y, sensor=0, sd=SD):
 def edge(xs, ys, sensor=0, sd=SD):
     """There and back at every place."""
     return [event(x, y, sensor, sd) for x, y in zip(xs, ys, strict=True) for _ in range(2)]
+
+
+def said(events):
+    return doubt(gripper(), events, ALONG, OUTWARDS)[0]
 
 
 def test_the_place_of_an_event():
@@ -54,7 +58,7 @@ def test_one_straight_edge_is_not_doubted():
     xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
     for _ in range(n):
         ys = 0.05 * xs + rng.normal(size=len(xs)) * SD / np.sqrt(2)
-        doubted += bool(doubt(gripper(), edge(xs, ys), ALONG, OUTWARDS))
+        doubted += bool(said(edge(xs, ys)))
     assert doubted <= 10
 
 
@@ -62,19 +66,41 @@ def test_one_straight_edge_is_not_doubted():
 def test_a_place_of_another_edge_is_found(k):
     xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
     ys = np.where(np.arange(6) == k, 0.004, 0.0)
-    assert "beside the line of the others" in doubt(gripper(), edge(xs, ys), ALONG, OUTWARDS)
-    assert doubt(gripper(), edge(xs, 0 * ys), ALONG, OUTWARDS) == ""
+    assert "beside the line of the others" in said(edge(xs, ys))
+    assert said(edge(xs, 0 * ys)) == ""
+
+
+@pytest.mark.parametrize("k", range(5))
+def test_the_one_place_of_another_edge_is_left_out_where_five_control_each_other(k):
+    xs = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
+    off = edge(xs, np.where(np.arange(5) == k, 0.0035, 0.0))
+    kept, why = agreeing(gripper(), off, ALONG, OUTWARDS)
+    assert why == ""
+    assert kept == off[: 2 * k] + off[2 * k + 2 :]
+    clean = edge(xs, 0 * xs)
+    assert agreeing(gripper(), clean, ALONG, OUTWARDS) == (clean, "")
+
+
+def test_more_is_not_left_out():
+    """Of four places none, of six not two; and none that leaves the others in doubt."""
+    four = edge([-0.02, -0.01, 0.01, 0.02], [0, 0.0035, 0, 0])
+    two = edge(np.arange(6) * 0.01, [0.004, 0, 0, 0, 0, 0.004])
+    alone = edge([0.0, 0.006, 0.012, 0.018, 0.1], [0, 0.004, 0, 0, 0])
+    for events in (four, two, alone):
+        kept, why = agreeing(gripper(), events, ALONG, OUTWARDS)
+        assert why
+        assert kept == events
 
 
 def test_three_places_control_each_other():
     """There and back meet the same corner: the number of events does not help, the middle place does."""
     xs = np.array([-0.01, 0.0, 0.01])
-    assert doubt(gripper(), edge(xs, [0, 0, 0]), ALONG, OUTWARDS) == ""
-    assert "beside the line" in doubt(gripper(), edge(xs, [0, 0, 0.0027]), ALONG, OUTWARDS)
-    assert "at too few places" in doubt(gripper(), edge(xs[:2], [0, 0]) * 4, ALONG, OUTWARDS)
-    assert "at too few places" in doubt(gripper(), [], ALONG, OUTWARDS)
-    assert "at too few places" in doubt(gripper(), edge([0, 0.003, 0.006, 0.009], [0] * 4), ALONG, OUTWARDS)
-    assert "stands alone" in doubt(gripper(), edge([-0.006, 0.0, 0.07], [0, 0, 0]), ALONG, OUTWARDS)
+    assert said(edge(xs, [0, 0, 0])) == ""
+    assert "beside the line" in said(edge(xs, [0, 0, 0.0027]))
+    assert "at too few places" in said(edge(xs[:2], [0, 0]) * 4)
+    assert "at too few places" in said([])
+    assert "at too few places" in said(edge([0, 0.003, 0.006, 0.009], [0] * 4))
+    assert "stands alone" in said(edge([-0.006, 0.0, 0.07], [0, 0, 0]))
 
 
 def test_sensors_may_differ_by_their_mounting():
@@ -82,4 +108,4 @@ def test_sensors_may_differ_by_their_mounting():
     for apart, doubted in ((5e-4, False), (1e-3, True)):
         one = edge([-0.03, -0.01, 0.01], [0, 0, 0], sensor=0, sd=1e-5)
         other = edge([-0.02, 0.0, 0.02], [apart] * 3, sensor=1, sd=1e-5)
-        assert bool(doubt(gripper(), one + other, ALONG, OUTWARDS)) == doubted
+        assert bool(said(one + other)) == doubted

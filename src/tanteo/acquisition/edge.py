@@ -10,7 +10,7 @@ from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.edge_bend import acquire_bend
 from tanteo.acquisition.edge_places import Search, cross_at, look_over, pose_over
 from tanteo.acquisition.edge_search import Found, cross_beside, find_edge
-from tanteo.acquisition.events import Line, doubt, line_through, on_line
+from tanteo.acquisition.events import Line, agreeing, line_through, on_line
 from tanteo.acquisition.ideas import EdgeIdea
 from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
@@ -112,12 +112,13 @@ def _cross_again(
         look_over(session, face, needed)
     why = ""
     for number, place in enumerate(places):
-        if number >= ENOUGH and not doubt(session.hand, kept, along, outwards):
+        if number >= ENOUGH and not agreeing(session.hand, kept, along, outwards)[1]:
             break
         crossing = cross_at(session, face, place, along, outwards, search)
         kept += on_line(session.hand, crossing.events, line)
         why = "" if crossing.motion.reached else f": {crossing.motion.message}"
-    if doubts := doubt(session.hand, kept, along, outwards):
+    kept, doubts = agreeing(session.hand, kept, along, outwards)
+    if doubts:
         return "unclear", f"{doubts}{why}", None
     readings = edge_readings(session.hand, kept, label)
     feature, why = fitted_feature(readings, label, session.hand.rig, session.errors)

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.hand import Hand
 from tanteo.motion import Bend, EdgeEvent
 from tanteo.sensors import error_model
-from tanteo.typing import FloatArray
+from tanteo.typing import BoolArray, FloatArray, IntArray
 
 Line = tuple[FloatArray, FloatArray]
 """A point and a direction ``(3,)``."""
@@ -26,6 +26,9 @@ ONE_PLACE = 0.005
 
 _CONTROLLED = 0.9
 """Largest leverage of one place on the line: beyond, the others hardly show that it is of another edge."""
+
+_MANY = 5
+"""Of so many places one may be of another edge: four are left, which control each other."""
 
 _GATE = 3.3
 """A place that is farther from the line of all, in standard deviations of its residual, is of another edge."""
@@ -61,19 +64,46 @@ def on_line(hand: Hand, events: Sequence[EdgeEvent], line: Line) -> list[EdgeEve
     return [e for e in events if distance_from(hand, e, line) < _SAME]
 
 
-def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray) -> str:
-    """What speaks against all events being of one straight edge; empty if nothing does.
+def agreeing(
+    hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray
+) -> tuple[list[EdgeEvent], str]:
+    """Events without the one place, of five or more, that is of another edge, if the others then are of one.
+
+    Beside the end of an edge a crossing meets the next one. Where enough places control each other, the one whose
+    residual is beyond the gate is known to be the wrong one (data snooping; Baarda 1968).
+
+    Returns:
+        The events, and what speaks against all of them being of one straight edge; empty if nothing does.
+    """
+    why, worst = doubt(hand, events, along, outwards)
+    rest = [e for e, out in zip(events, worst, strict=True) if not out]
+    if (
+        not worst.any()
+        or len(np.unique(_places(hand, rest, along))) < _MANY - 1
+        or doubt(hand, rest, along, outwards)[0]
+    ):
+        return list(events), why
+    return rest, ""
+
+
+def _places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> IntArray:
+    """The number of the place of each event along an edge."""
+    x = np.array([place_of(hand, e) for e in events]).reshape(-1, 3) @ along
+    order, group = np.argsort(x), np.zeros(len(events), dtype=np.int64)
+    group[order[1:]] = np.cumsum(np.diff(x[order]) > ONE_PLACE)
+    return group
+
+
+def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray) -> tuple[str, BoolArray]:
+    """What speaks against one straight edge, and which events are of the one place that is beside it.
 
     Events at one place, there and back, meet the same corner or step: only the other places can tell. The share of a
     place's own error that the line takes over is its leverage; the rest shows in its residual (Baarda 1968).
     """
-    spots = np.array([place_of(hand, e) for e in events]).reshape(-1, 3)
-    order = np.argsort(spots @ along)
-    group = np.zeros(len(events), dtype=np.int64)
-    group[order[1:]] = np.cumsum(np.diff(spots[order] @ along) > ONE_PLACE)
-    counts = np.bincount(group)
+    spots, group = np.array([place_of(hand, e) for e in events]).reshape(-1, 3), _places(hand, events, along)
+    counts, none = np.bincount(group), np.zeros(len(events), dtype=bool)
     if len(events) == 0 or len(counts) < 3:
-        return f"the edge was met {len(events)} times, at too few places"
+        return f"the edge was met {len(events)} times, at too few places", none
     x, y, variance = (
         np.bincount(group, weights=v) / counts for v in (spots @ along, spots @ outwards, _variances(hand, events))
     )
@@ -81,10 +111,12 @@ def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: 
     H = A @ np.linalg.solve(A.T @ A, A.T)
     leverages = np.diag(H)
     if leverages.max() > _CONTROLLED:
-        return f"the edge was met {len(events)} times, and one place stands alone"
-    residuals = (y / np.sqrt(variance) - H @ (y / np.sqrt(variance))) / np.sqrt(1 - leverages)
-    worst = float(np.abs(residuals).max())
-    return f"one place is {worst:.1f} standard deviations beside the line of the others" if worst > _GATE else ""
+        return f"the edge was met {len(events)} times, and one place stands alone", none
+    residuals = np.abs(y / np.sqrt(variance) - H @ (y / np.sqrt(variance))) / np.sqrt(1 - leverages)
+    worst = int(np.argmax(residuals))
+    if residuals[worst] <= _GATE:
+        return "", none
+    return f"one place is {residuals[worst]:.1f} standard deviations beside the line of the others", group == worst
 
 
 def _variances(hand: Hand, events: Sequence[EdgeEvent]) -> FloatArray:
