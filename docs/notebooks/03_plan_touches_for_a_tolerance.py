@@ -77,9 +77,9 @@ curve = figure.add_subplot(1, 2, 2)
 sds = 1e3 * np.array([found.before, *(r.worst_corner_sd for r in found.readings)])
 curve.semilogy(range(len(sds)), sds, "o-", color="#0072b2", label="worst corner, 1 sd")
 curve.axhline(1e3 * TOLERANCE, color="#b84800", ls="--", label="tolerance")
-curve.set(xlabel="touches", ylabel="mm")
+curve.set(xlabel="touches", ylabel="worst corner, 1 sd [mm]")
 curve.legend()
-figure.tight_layout()
+figure.tight_layout(w_pad=5)
 
 # %%
 # The figure

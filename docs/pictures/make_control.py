@@ -25,7 +25,7 @@ from tanteo.simulator import Cell, Scene, SimulatedHand, box, clearances
 
 HERE = Path(__file__).resolve().parent
 LATENCIES = (0.0, 0.02, 0.05, 0.1)
-COLOURS = ("#2467a8", "#2e7d4f", "#b4690e", "#c8372d")
+STYLES = (("#0072b2", "-"), ("#2dae5b", "--"), ("#e69f00", "-."), ("#7d12d9", ":"))
 STANDOFF, RULES = 0.02, Rules(clearance=0.012)
 THIN = 5
 """Of the paths, every so many points are drawn."""
@@ -74,10 +74,10 @@ class Told:
 def step_response(folder: Path) -> None:
     """Height and tilt while the hand settles."""
     figure, axes = plt.subplots(1, 2, figsize=(9.6, 3.4), constrained_layout=True)
-    for latency, colour in zip(LATENCIES, COLOURS, strict=True):
+    for latency, (colour, style) in zip(LATENCIES, STYLES, strict=True):
         times, both = settle_with(latency, latency)
         for axis, values in zip(axes, both, strict=True):
-            axis.plot(times, values, color=colour, label=f"{1e3 * latency:.0f} ms")
+            axis.plot(times, values, color=colour, ls=style, label=f"{1e3 * latency:.0f} ms")
     axes[0].axhline(1e3 * STANDOFF, color="#8a97a3", lw=0.8, zorder=0)
     axes[1].axhline(0, color="#8a97a3", lw=0.8, zorder=0)
     axes[0].set(xlabel="time [s]", ylabel="height of the front [mm]")
@@ -96,7 +96,7 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
         scene = Scene.of([flat, box("slope", [0, -0.1, -0.02], [0.2, 0.1, 0], slope)])
         end = 90 * np.array([math.cos(math.radians(angle)), -math.sin(math.radians(angle))])
         axes[k, 0].plot([-70, 0, end[0]], [0, 0, end[1]], color="#22303c", lw=2)
-        for latency, colour in zip(LATENCIES, COLOURS, strict=True):
+        for latency, (colour, style) in zip(LATENCIES, STYLES, strict=True):
             robot = SimulatedHand(
                 scene, HAND, over(-0.05, STANDOFF), rng=np.random.default_rng(1), cell=Cell(latency=latency)
             )
@@ -104,10 +104,14 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
             Ts = np.array(robot.truth)
             fronts = 1e3 * (Ts[:, :3, 3] + Ts[:, :3, :3] @ HAND.front)
             clear = 1e3 * clearances(scene, HAND.body, Ts)
-            axes[k, 0].plot(fronts[::THIN, 0], fronts[::THIN, 2], color=colour)
+            axes[k, 0].plot(fronts[::THIN, 0], fronts[::THIN, 2], color=colour, ls=style)
             way = np.concatenate([[0], np.linalg.norm(np.diff(fronts, axis=0), axis=1).cumsum()])
             axes[k, 1].plot(
-                way[::THIN], clear[::THIN], color=colour, label=f"{1e3 * latency:.0f} ms, {motion.seconds:.1f} s"
+                way[::THIN],
+                clear[::THIN],
+                color=colour,
+                ls=style,
+                label=f"{1e3 * latency:.0f} ms, {motion.seconds:.1f} s",
             )
             rows.append((angle, latency, clear.min(), motion.seconds))
         axes[k, 0].set(aspect="equal", xlabel="x [mm]", ylabel="z [mm]", title=f"bend of {angle} degrees outwards")

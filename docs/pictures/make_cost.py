@@ -38,6 +38,9 @@ def table(page: Path) -> dict[str, np.ndarray]:
     return {over: np.array(some) for over, some in rows.items()}
 
 
+_DASHES = ("none", "8 4", "2 4")
+
+
 class Axes:
     """A panel with logarithmic axes: number against milliseconds."""
 
@@ -69,11 +72,12 @@ class Axes:
         """A measured curve, its points marked, its name in the legend."""
         places = self.page(number, milliseconds)
         for a, b in pairwise(places):
-            self.out.line(a, b, stroke=colour, width=2)
+            self.out.line(a, b, stroke=colour, width=2, stroke_dasharray=_DASHES[row])
         for p in places:
             self.out.add("circle", cx=f"{p[0]:.1f}", cy=f"{p[1]:.1f}", r=3.2, fill=colour)
         y = TOP - 12 - 17 * row
-        self.out.line(np.array([self.left, y - 4]), np.array([self.left + 22, y - 4]), stroke=colour, width=3)
+        a = np.array([self.left, y - 4])
+        self.out.line(a, a + np.array([22, 0]), stroke=colour, width=3, stroke_dasharray=_DASHES[row])
         self.out.text(self.left + 28, y, name, 13, colour)
 
 

@@ -19,8 +19,8 @@ from tanteo.sensors import measure
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parents[1] / "examples"
-INK, GREY, RED, BLUE, GREEN, PAPER = "#22303c", "#8a97a3", "#c8372d", "#2467a8", "#2e7d4f", "#ffffff"
-HUES = ("#2467a8", "#b4690e", "#2e7d4f", "#8e44ad", "#0e8a8a", "#a83258")
+INK, GREY, RED, BLUE, GREEN, PAPER = "#22303c", "#5c6873", "#c8372d", "#2467a8", "#2e7d4f", "#ffffff"
+HUES = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")  # as on the live page
 WIDTH, HEIGHT, PANEL = 1280, 470, 300
 EYE = np.array([1.0, -0.82, 0.72]) / np.linalg.norm([1.0, -0.82, 0.72])
 RIGHT = np.cross([0, 0, 1], EYE) / np.linalg.norm(np.cross([0, 0, 1], EYE))

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from tanteo.calibration import Calibration
 
 _SUFFIXES = (".png", ".svg", ".pdf")
-_INK, _RED, _BLUE, _GREY = "#22303c", "#c8372d", "#2467a8", "#8a97a3"
-_HUES = ("#2467a8", "#b4690e", "#2e7d4f", "#8e44ad", "#0e8a8a", "#a83258")
+_INK, _RED, _BLUE, _GREY = "#22303c", "#b84800", "#0072b2", "#5c6873"
+_HUES = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")
+"""Those of the live page, which colour-blind people can tell apart."""
+
 _MM = 1e3
 
 
