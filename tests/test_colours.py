@@ -9,6 +9,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from tanteo import pictures
 from tanteo.viewer import hues
 from tanteo.vision import picture
 
@@ -63,6 +64,7 @@ PALETTES = {
     "report by night": {name: DARK[name] for name in MARKS},
     "live page": LIVE,
     "picture of an image": SEEN_IMAGE,
+    "pictures of sensors": {hue: hue for hue in pictures.HUES},
 }
 
 

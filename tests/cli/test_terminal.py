@@ -106,6 +106,8 @@ def test_completion_knows_commands_options_and_presets():
     assert "--report" in complete("tanteo locate --re")
     assert "xarm" in complete("tanteo locate r.csv --robot xa")
     assert "vl53l0x" in complete("tanteo identify r.csv --parts a b --sensor vl53l0")
+    assert complete("tanteo plan --sensor keyence_il0") == ["keyence_il030"]
+    assert "xarm" in complete("tanteo sensor show xa")
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,11 @@ def robot_names(incomplete: str) -> list[str]:
     return [name for name in robot_presets() if name.startswith(incomplete)]
 
 
+def preset_names(incomplete: str) -> list[str]:
+    """Presets of sensors and of robots that begin so."""
+    return [*sensor_names(incomplete), *robot_names(incomplete)]
+
+
 def policy_names(incomplete: str) -> list[str]:
     """Policies that begin so."""
     from tanteo.active import POLICIES

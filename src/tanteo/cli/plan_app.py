@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.completing import robot_names, sensor_names
 from tanteo.cli.prior_options import Near
 from tanteo.cli.reporting_option import Report
 
@@ -27,14 +28,16 @@ def plan(
     ] = None,
     confidence: Annotated[float, typer.Option("--confidence", help="With which the corners keep it.")] = 0.95,
     sensor: Annotated[
-        str | None, typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.")
+        str | None,
+        typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.", autocompletion=sensor_names),
     ] = None,
     sd: Annotated[
         str | None,
         typer.Option("--sd", metavar="LENGTH", help="Instead: one standard deviation of a reading, as 0.1mm."),
     ] = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.")
+        str | None,
+        typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.", autocompletion=robot_names),
     ] = None,
     near: Near = None,
     approach: Annotated[

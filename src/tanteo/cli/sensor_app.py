@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from tanteo.cli.completing import preset_names, robot_names, sensor_names
+
 sensor_app = typer.Typer(
     help="Look at sensors, robots and rigs, and calibrate them.", rich_markup_mode=None, no_args_is_help=True
 )
@@ -28,7 +30,12 @@ def list_all(json: Json = False) -> None:
 
 @sensor_app.command("show")
 def show(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A sensor or a robot of `tanteo sensor list`.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="A sensor or a robot of `tanteo sensor list`.", autocompletion=preset_names
+        ),
+    ],
     picture: Picture = None,
     json: Json = False,
 ) -> None:
@@ -60,10 +67,22 @@ def fit(
         str | None, typer.Option("--rig", metavar="RIG", help="Where the sensors should be; its mounting errors count.")
     ] = None,
     sensor: Annotated[
-        str | None, typer.Option("--sensor", metavar="NAME", help="Preset of sensors that the rig does not have.")
+        str | None,
+        typer.Option(
+            "--sensor",
+            metavar="NAME",
+            help="Preset of sensors that the rig does not have.",
+            autocompletion=sensor_names,
+        ),
     ] = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors, for the planes.")
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="PRESET",
+            help="Preset with the robot's errors, for the planes.",
+            autocompletion=robot_names,
+        ),
     ] = None,
     write: Annotated[
         str | None, typer.Option("--write", metavar="FILE", help="Write the calibrated rig (TOML).")

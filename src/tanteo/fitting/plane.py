@@ -28,6 +28,9 @@ from tanteo.typing import Covariances, FloatArray, Vectors
 
 MIN_SPREAD = 4.0
 """Least root mean square of a point's distance along the plane's second direction, in standard deviations."""
+_ALONG = 0.05
+"""A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
+
 _PASSES = 100
 _SETTLED = 1e-13
 
@@ -222,6 +225,11 @@ def _outward_side(outward: Vectors | None, directions: Vectors | None, normals: 
 def _facing(estimate: Estimate, side: Vectors, label: str) -> Estimate:
     """The estimate with its normal turned to that side."""
     along = side @ estimate.T[:3, 2]
+    if np.all(np.abs(along) < _ALONG):
+        raise InputError(
+            f"plane {label!r}: expected the readings to agree on which side is outside, got directions or normals that "
+            "lie in the surface. Look for swapped columns (x, y, z, dx, dy, dz) and for labels of other faces."
+        )
     if abs(along.mean()) < 0.05 or np.any(along * np.sign(along.mean()) < -0.2):
         raise InputError(
             f"plane {label!r}: expected the readings to agree on which side is outside, got vectors with components "
