@@ -220,12 +220,21 @@ def _possible(rng, scene, hand, place, normal, standoff):
 def roof(bend, flat=0.06, slope=0.06, half=0.07):
     """A flat top at z = 0 for y below 0, which falls away by a bend [rad] above it; its edge is the x axis."""
     c, s = slope * np.cos(bend), slope * np.sin(bend)
-    section = [(-flat, 0.0), (0.0, 0.0), (c, -s), (c, -0.1), (-flat, -0.1)]
+    return _prism("roof", [(-flat, 0.0), (0.0, 0.0), (c, -s), (c, -0.1), (-flat, -0.1)], half)
+
+
+def bevelled(width, flat=0.06, half=0.07):
+    """A flat top at z = 0 for y below 0, whose border at y = 0 is bevelled by 45 degrees on a width [m]."""
+    return _prism("block", [(-flat, 0.0), (-width, 0.0), (0.0, -width), (0.0, -0.1), (-flat, -0.1)], half)
+
+
+def _prism(name, section, half):
+    """A scene of one solid: a convex section in y and z, along x."""
     n = len(section)
     vertices = np.array([[x, y, z] for x in (-half, half) for y, z in section])
     ends = [t for k in range(1, n - 1) for t in ((k + 1, k, 0), (n + k, n + k + 1, n))]
     sides = [t for a in range(n) for b in [(a + 1) % n] for t in ((b, b + n, a), (b + n, a + n, a))]
-    return Scene.of([Solid.at("roof", vertices, np.array(ends + sides), np.eye(4))])
+    return Scene.of([Solid.at(name, vertices, np.array(ends + sides), np.eye(4))])
 
 
 def is_meant(truth, feature):

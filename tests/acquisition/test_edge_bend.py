@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from felt_scenes import gripper, nees, roof
+from felt_scenes import bevelled, gripper, nees, roof
 from tanteo.acquisition import EdgeIdea, features_of, sense_edge
 from tanteo.acquisition.edge_bend import acquire_bend
 from tanteo.acquisition.scan import scan
@@ -62,3 +62,12 @@ def test_planes_that_meet_elsewhere_are_of_another_edge():
     status, message, edge = acquire_bend(session, face, np.array([0.0, 1.0, 0.0]), [bend], "edge")
     assert (status, edge) == ("unclear", None), message
     assert "mm beside where the surface bends" in message
+
+
+def test_the_far_end_of_a_bevel_is_not_taken_for_the_edge_of_the_face():
+    """Two millimetres of bevel; the same border without it is acquired (``test_acquisition``)."""
+    robot = SimulatedHand(bevelled(0.002), gripper(), over(-0.02, 0.07), rng=np.random.default_rng(0))
+    idea = EdgeIdea([0, 0, 0], [-1, 0, 0], [0, 0, 1])
+    got = sense_edge(robot, idea, standoff=0.02, rules=Rules(clearance=0.012))
+    assert got.status == "unclear", got.message
+    assert "mm below the face: the border seems to be bevelled" in got.message

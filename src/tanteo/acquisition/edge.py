@@ -16,6 +16,7 @@ from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
 from tanteo.acquisition.session import Session, finish
 from tanteo.acquisition.ways import nearly_known
+from tanteo.constraints import relate_all
 from tanteo.features import Feature
 from tanteo.hand import Robot
 from tanteo.motion import EdgeEvent, Motion, Rules
@@ -33,6 +34,10 @@ ENOUGH = 3
 
 _MOST_ASKEW = math.radians(15.0)
 """Crossings at a greater angle to the edge's normal only serve to find its direction."""
+
+_IN_FACE = 30.0
+"""Squared distance of an edge from its face, by height and rise in their covariance, beyond which it is not in it; less
+than one edge of a million is beyond by chance."""
 
 _BEYOND = 0.01
 """A crossing goes this far over the edge, at least [m]."""
@@ -122,10 +127,28 @@ def _cross_again(
         return "unclear", f"{doubts}{why}", None
     readings = edge_readings(session.hand, kept, label)
     feature, why = fitted_feature(readings, label, session.hand.rig, session.errors)
+    if feature is not None and (off := _off_face(face, feature)):
+        return "unclear", off, None
     if feature is None or why:
         return "unclear", f"what was crossed is not one edge: {why}", None
     session.readings.append(readings)
     return "acquired", f"{len(kept)} crossings", feature
+
+
+def _off_face(face: Feature, edge: Feature) -> str:
+    """What is to be said of an edge that is not in its face; empty if it is.
+
+    Over a narrow bevel the ranges grow too little to be off the face, so that its far end is what is crossed.
+    """
+    found = relate_all([face, edge]).column("edge_plane_coplanarity")
+    off = found.value[0]
+    if float(off @ np.linalg.solve(found.covariance[0], off)) < _IN_FACE:
+        return ""
+    side = "below" if off[0] < 0 else "above"
+    return (
+        f"what was crossed is {1e3 * abs(off[0]):.2g} mm {side} the face: the border seems to be bevelled or rounded. "
+        "Acquire both faces beside it; their planes meet in the edge"
+    )
 
 
 def _squared(face: Feature, line: Line, outwards: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
