@@ -21,6 +21,7 @@ PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
         ("folder.html", "it is a folder"),
         ("r.txt", "ends in .html or .htm"),
         ("r", "Add the suffix"),
+        (f"{'x' * 5000}.html", "File name too long"),
     ],
 )
 def test_what_cannot_be_written_is_said_beforehand(tmp_path, name, message):

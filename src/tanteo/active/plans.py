@@ -74,7 +74,8 @@ class Plan:
         T_world_part: expected pose ``(4, 4)``.
         readings: the plan.
         before: worst corner's standard deviation before the first [m].
-        reached: the tolerance is kept with the confidence.
+        reached: the tolerance is kept with the confidence, by readings that meet their faces at half or more of the
+            places where the part may be; also without any, if enough is known before.
         message: one sentence.
     """
 

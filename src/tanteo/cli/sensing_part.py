@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -195,8 +196,9 @@ def _executed(
 
 @contextmanager
 def _kept(session: Session, record: str | None) -> Iterator[None]:
-    """What was told until an interruption (Ctrl-C, or the order to end) is in the record, and goes on from there."""
-    before = signal.signal(signal.SIGTERM, _interrupt)
+    """What was told until an interruption (Ctrl-C, or the system's order to end) is in the record."""
+    ours = threading.current_thread() is threading.main_thread()  # others may not listen to signals
+    before = signal.signal(signal.SIGTERM, _interrupt) if ours else None
     try:
         yield
     except KeyboardInterrupt:
@@ -205,7 +207,8 @@ def _kept(session: Session, record: str | None) -> Iterator[None]:
             emit([f"record written up to here: {printable(record)}"], sys.stderr)
         raise
     finally:
-        signal.signal(signal.SIGTERM, before)
+        if ours:
+            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 def _interrupt(number: int, frame: object) -> None:

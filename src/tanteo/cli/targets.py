@@ -21,7 +21,7 @@ def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> N
         suffixes: With which it may end; with any if none are given.
 
     Raises:
-        InputError: Another suffix, a folder that is not there, or one in which nothing may be written.
+        InputError: Another suffix, a folder that is not there or in which nothing may be written, or no name at all.
     """
     if path is None:
         return
@@ -30,12 +30,13 @@ def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> N
         raise InputError(
             f"{name}: expected a file name that ends in {' or '.join(suffixes)}, got '{path}'. Add the suffix."
         )
-    if file.is_dir():
-        raise _refused(name, path, "it is a folder. Name a file in it")
-    if not file.parent.is_dir():
-        raise _refused(name, path, f"there is no folder '{file.parent}'. Make it first")
-    if not os.access(file if file.exists() else file.parent, os.W_OK):
-        raise _refused(name, path, f"permission denied. {_ELSEWHERE}")
+    with writing(name, path):
+        if file.is_dir():
+            raise _refused(name, path, "it is a folder. Name a file in it")
+        if not file.parent.is_dir():
+            raise _refused(name, path, f"there is no folder '{file.parent}'. Make it first")
+        if not os.access(file if file.exists() else file.parent, os.W_OK):
+            raise _refused(name, path, f"permission denied. {_ELSEWHERE}")
 
 
 @contextmanager
