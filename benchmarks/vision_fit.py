@@ -1,8 +1,10 @@
-"""Fit the weights of the evidence on rendered scenes of random parts: ``python benchmarks/vision_fit.py [scenes]``.
+"""Fit what images of tables are weighed with on rendered scenes: ``python benchmarks/vision_fit.py [scenes] [errors]``.
 
-Printed are the weights that make the truth most probable, and how well a fit to the first half of the scenes does on
-the second; then the errors of edge points under which the true poses are most probable. ``--keep FILE`` and
-``--processes N`` are for long ones (``campaign.py``).
+The parts are random workpieces and random machined parts (``tests/machined_parts.py``), some with a mirror image or a
+near twin; none of them is measured anywhere. Two catalogues of twenty are strangers to each other; in each scene ten or
+eleven parts of one are asked about. Printed are the weights that make the truth most probable, and how well a fit to
+the first half of the scenes does on the second. With ``errors`` instead: the errors of edge points under which the true
+poses are most probable. ``--keep FILE`` and ``--processes N`` are for long ones (``campaign.py``).
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from campaign import options, run_cases
 
-from random_parts import random_part
+from machined_parts import mixed_parts
 from tanteo.lie import SE3
 from tanteo.vision.belief import STRETCH, UNKNOWN, Weights, candidates_in, lie_down, log_weight, one_pose
 from tanteo.vision.edge_map import map_edges
@@ -36,9 +38,20 @@ from tanteo.vision.table import TableErrors, lying_information
 from vision import told_table
 from vision_scenes import random_shot
 
-PARTS = 16
-SEED = 7001
-"""Of the parts and scenes; no test or benchmark uses it."""
+CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21
+"""Seeds of the parts and of the scenes, and the first scene; no test or benchmark uses them."""
+
+HIDDEN = (0.0, 0.2, 0.3, 0.3, 0.4)
+"""Shares of the part that are hidden, as often as they are named."""
+
+STRANGERS = 0.25
+"""Share of scenes whose part is not asked about; they are weighed down to the prior."""
+
+BEFOREHAND = np.array([1.0, 1.0, 1.0, 1.0, 3.0, 1.0])
+"""Standard deviations of the weights about zero beforehand: what no scene shows has no weight without end."""
+
+NEAR = 0.05
+"""A pose is right if no point of the part is farther off than this share of the part."""
 
 ERRORS = tuple(product((0.03, 0.04, 0.05, 0.07), (0.25, 0.4, 0.6), (0.05, 0.15, 0.3)))
 """Errors of edge points that are tried."""
@@ -51,27 +64,45 @@ WORST = 60.0
 
 
 @cache
-def models():
-    """The parts of the catalogue, then as many strangers."""
-    rng = np.random.default_rng(SEED)
-    with tempfile.TemporaryDirectory() as folder:
-        return [prepare_vision(random_part(Path(folder, f"part{k}.off"), rng)) for k in range(2 * PARTS)]
+def catalogues():
+    """The prepared parts of both."""
+    out = []
+    for seed in CATALOGUES:
+        with tempfile.TemporaryDirectory() as folder:
+            out.append([prepare_vision(part) for part in mixed_parts(seed, folder)])
+    return out
 
 
-def scene_of(k):
-    """Candidates of one scene as rows of evidence, which of them are right, and the stretches of edge; None unseen."""
-    rng, known = np.random.default_rng([SEED, k]), models()[:PARTS]
-    stranger = models()[PARTS + int(rng.integers(PARTS))] if rng.uniform() < 0.25 else None
-    shot = random_shot(known, rng, float(rng.choice([0.0, 0.15, 0.3, 0.4])), stranger)
-    T_camera_table = SE3.inverse(shot.camera.T_world_camera)
-    truth = T_camera_table @ shot.T_world_part
+def scene(k):
+    """The parts asked about, the picture, the stranger if it shows one, and the table as it is told."""
+    rng = np.random.default_rng([SEED, k])
+    known, others = catalogues()[k % 2], catalogues()[1 - k % 2]
+    stranger = others[int(rng.integers(len(others)))] if rng.uniform() < STRANGERS else None
+    shot = random_shot(known, rng, float(rng.choice(HIDDEN)), stranger)
+    asked = set(rng.permutation(len(known))[: len(known) // 2].tolist())
+    models = [m for i, m in enumerate(known) if i in asked or m is shot.model]
+    return models, shot, stranger, told_table(shot, stranger or shot.model, rng)
+
+
+def near(model, T, truth):
+    """Whether no point of the part is farther off than a twentieth of it, for the nearest symmetric image."""
+    gaps = SE3.apply(truth @ model.part.symmetry.Ts[:, None], model.inner) - SE3.apply(T, model.inner)
+    return bool(np.linalg.norm(gaps, axis=-1).max(axis=-1).min() < NEAR * model.part.diagonal)
+
+
+def weighed(k):
+    """Evidence of the candidates of one scene, which of them are right, and the stretches of edge; None unseen."""
+    models, shot, stranger, T_world_table = scene(k)
+    T_camera_world = SE3.inverse(shot.camera.T_world_camera)
+    truth = T_camera_world @ shot.T_world_part
     points = find_edges(shot.image)
     edges, regions = map_edges(points), find_regions(shot.image, points)
     if not regions:
         return None
     there = silhouette((stranger or shot.model).frame.surface, shot.camera, truth)
     region = max(regions, key=lambda region: (region.mask & there).sum())
-    found, stretches = candidates_in(known, shot.camera, T_camera_table, edges, region, TableErrors())
+    table = T_camera_world @ T_world_table
+    found, stretches = candidates_in(models, shot.camera, table, edges, region, TableErrors(), Weights())
     rows, right = [], []
     for c in found:
         seen, e = [], c.evidence
@@ -80,16 +111,17 @@ def scene_of(k):
                 continue
             seen.append(k)
             rows.append([e.hits[k], e.misses[k], e.explained[k] / STRETCH, e.spilled[k] / STRETCH**2, c.priors[k]])
-            right.append(c.model is shot.model and one_pose(c.model.part, c.T_camera_part[k], truth))
-    scores = pose_scores(shot, edges, told_table(shot, shot.model, rng)) if stranger is None else None
-    return {"rows": rows, "right": right, "stretches": stretches, "stranger": stranger is not None, "scores": scores}
+            right.append(c.model is shot.model and near(c.model, c.T_camera_part[k], truth))
+    known = stranger is None
+    return {"rows": rows, "right": right, "stretches": stretches, "stranger": not known, "parts": len(models)}
 
 
-def pose_scores(shot, edges, T_world_table):
+def pose_scores(k):
     """Log density of the true pose for each choice of :data:`ERRORS`; None where the edges leave a direction free."""
-    model, camera, table = shot.model, shot.camera, TableErrors()
-    if model.part.symmetry.continuous:
+    _, shot, stranger, T_world_table = scene(k)
+    if stranger is not None or shot.model.part.symmetry.continuous:
         return None
+    model, camera, table, edges = shot.model, shot.camera, TableErrors(), map_edges(find_edges(shot.image))
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
     truth = SE3.inverse(camera.T_world_camera) @ shot.T_world_part
     start = lie_down(model, np.array([shot.rest]), truth[None], T_camera_table)
@@ -104,63 +136,73 @@ def pose_scores(shot, edges, T_world_table):
     return out
 
 
-def log_posterior(scene, theta, parts):
+def log_posterior(scene, theta):
     """Log probabilities of the candidates and of none."""
-    rows, stretches = scene["rows"], scene["stretches"]
-    log = rows[:, :3] @ theta[:3] + theta[5] * rows[:, 3] + rows[:, 4] + np.log((1 - UNKNOWN) / parts)
-    none = np.log(UNKNOWN) + theta[3] * stretches + theta[4]
+    rows = scene["rows"]
+    log = rows[:, :3] @ theta[:3] + theta[5] * rows[:, 3] + rows[:, 4] + np.log((1 - UNKNOWN) / scene["parts"])
+    none = np.log(UNKNOWN) + theta[3] * scene["stretches"] + theta[4]
     total = logsumexp(np.r_[log, none])
     return log - total, none - total
 
 
-def loss(theta, scenes, parts):
+def loss(theta, scenes):
     """Minus the mean log probability of the truth, strangers weighed down to their prior."""
     out = total = 0.0
     for scene in scenes:
-        log, none = log_posterior(scene, theta, parts)
-        weight = UNKNOWN / 0.25 if scene["stranger"] else (1 - UNKNOWN) / 0.75
+        log, none = log_posterior(scene, theta)
+        weight = UNKNOWN / STRANGERS if scene["stranger"] else (1 - UNKNOWN) / (1 - STRANGERS)
         total += weight
-        if scene["stranger"]:
-            out -= weight * none
-        elif scene["right"].any():
-            out -= weight * logsumexp(log[scene["right"]])
-        else:
-            out -= weight * none
+        true = scene["right"].any() and not scene["stranger"]
+        out -= weight * float(logsumexp(log[scene["right"]]) if true else none)
     return out / total
 
 
 def fitted(scenes, start):
-    """The weights of least loss."""
-    options = {"maxiter": 4000, "maxfev": 4000}
-    return minimize(loss, start, args=(scenes, PARTS), method="Nelder-Mead", options=options).x
+    """The most probable weights."""
+
+    def cost(theta):
+        return loss(theta, scenes) + 0.5 * float(np.sum((theta / BEFOREHAND) ** 2)) / len(scenes)
+
+    return minimize(cost, start, method="Nelder-Mead", options={"maxiter": 4000, "maxfev": 4000}).x
 
 
-def main():
-    arguments, keep, processes = options(sys.argv[1:])
-    count = int(arguments[0]) if arguments else 150
-    scenes = [s for s in run_cases(scene_of, [(k,) for k in range(count)], keep, processes) if s and s["rows"]]
+def fit_weights(cases, keep, processes):
+    """Print the weights, and what they are worth on scenes that they were not fitted to."""
+    scenes = [s for s in run_cases(weighed, cases, keep, processes) if s and s["rows"]]
     scenes = [s | {"rows": np.array(s["rows"]), "right": np.array(s["right"], dtype=bool)} for s in scenes]
     first, second = scenes[: len(scenes) // 2], scenes[len(scenes) // 2 :]
     start = np.array([getattr(Weights(), f.name) for f in fields(Weights)])
     whole, half = fitted(scenes, start), fitted(first, start)
     print(replace(Weights(), **{f.name: round(float(v), 3) for f, v in zip(fields(Weights), whole, strict=True)}))
-    used, best = loss(start, scenes, PARTS), loss(whole, scenes, PARTS)
-    print(f"loss on all {len(scenes)}: {used:.3f} with the weights in use, {best:.3f} fitted")
-    second_used, second_best = loss(start, second, PARTS), loss(half, second, PARTS)
-    print(f"loss on the second half: {second_used:.3f} with the weights in use, {second_best:.3f} fitted to the first")
-    known = [s for s in second if not s["stranger"]]
-    print(f"the true pose is among the candidates in {np.mean([s['right'].any() for s in known]):.3f} of {len(known)}")
+    for name, some, theta in (("all", scenes, whole), ("the second half", second, half)):
+        print(
+            f"loss on {name} ({len(some)}): {loss(start, some):.3f} with those in use, {loss(theta, some):.3f} fitted"
+        )
+    known = [s for s in scenes if not s["stranger"]]
+    print(f"the true pose is among the candidates in {sum(s['right'].any() for s in known)} of {len(known)}")
     for name, theta in (("in use", start), ("fitted to the first half", half)):
         claims, right = [], []
         for scene in second:
-            log, none = log_posterior(scene, theta, PARTS)
+            log, none = log_posterior(scene, theta)
             claims.append(np.exp(max(log.max(), none)))
             right.append(scene["stranger"] if none > log.max() else bool(scene["right"][np.argmax(log)]))
         print(f"second half, {name}: best answer claimed {np.mean(claims):.3f}, right {np.mean(right):.3f}")
-    scores = np.array([s["scores"] for s in scenes if s["scores"]])
+
+
+def fit_errors(cases, keep, processes):
+    """Print the errors of edge points under which true poses are most probable."""
+    scores = np.array([row for row in run_cases(pose_scores, cases, keep, processes) if row])
     mean = np.maximum(scores, np.median(scores) - WORST).mean(axis=0)
     order = np.argsort(-mean)[:5]
     print("; ".join(f"{EdgeErrors(*ERRORS[k])}: {mean[k]:.2f}" for k in order), f"log density of {len(scores)} poses")
+
+
+def main():
+    arguments, keep, processes = options(sys.argv[1:])
+    errors = "errors" in arguments
+    numbers = [int(a) for a in arguments if a != "errors"]
+    cases = [(k,) for k in range(FIRST, FIRST + (numbers[0] if numbers else 150))]
+    (fit_errors if errors else fit_weights)(cases, keep, processes)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,9 @@ from tanteo.vision.models import VisionModel
 from tanteo.vision.propose import propose, small_distances
 from tanteo.vision.regions import Region
 from tanteo.vision.resting import lay
-from tanteo.vision.silhouettes import spilled
+from tanteo.vision.silhouettes import bare_share, bare_table, spilled
 from tanteo.vision.table import TableErrors, lying_information
+from tanteo.vision.wireframe import in_camera
 
 UNKNOWN = 0.1
 """Probability beforehand that the object is none of the parts."""
@@ -50,12 +51,12 @@ class Weights:
         spilled: for each square of a stretch that the silhouette covers where bare table is seen.
     """
 
-    hits: float = 0.194
-    misses: float = 0.116
-    explained: float = -0.196
-    unknown: float = 0.057
-    base: float = 1.456
-    spilled: float = -0.169
+    hits: float = 0.182
+    misses: float = 0.072
+    explained: float = -0.095
+    unknown: float = 0.142
+    base: float = -2.229
+    spilled: float = -0.684
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,20 +118,27 @@ def candidates_in(
     edges: EdgeMap,
     region: Region,
     table: TableErrors,
+    weights: Weights,
 ) -> tuple[list[Candidates], float]:
-    """Poses of every part in a region with their evidence, and the stretches of edge that the region has."""
+    """Poses of every part in a region with their evidence, and the stretches of edge that the region has.
+
+    The weights choose which poses of the first look are refined to the end.
+    """
     used = own_edges(region, edges)
     chance = chance_hits(edges.points, used)
-    distances = small_distances(edges)
+    distances, bare = small_distances(edges), bare_table(region.mask)
     proposals = [propose(model, camera, T_camera_table, distances, region) for model in models]
     quick = []
     for model, proposal in zip(models, proposals, strict=True):
         prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
         T = refine(model.coarse, camera, edges, proposal.T_camera_part, prior=prior, reaches=_QUICK)
         met = meet(model.coarse, camera, edges, T, 2 * REACH)
-        quick.append((T, weigh(model.coarse, met, chance, used).log if len(T) else np.zeros(0)))
+        off = bare_share(model.inner, camera, T, bare) * _areas(model, camera, T)
+        rests = np.log([model.rests[k].probability for k in proposal.rests])
+        score = log_weight(replace(weigh(model.coarse, met, chance, used), spilled=off), weights) + rests
+        quick.append((T, np.where(_distinct(model, T, score), score, -np.inf)))
     scores = np.concatenate([score for _, score in quick])
-    least = np.sort(scores)[-KEPT] if len(scores) > KEPT else -np.inf
+    least = max(np.sort(scores)[-KEPT:][0], -1e9) if len(scores) else 0.0
     out = []
     for model, proposal, (T, score) in zip(models, proposals, quick, strict=True):
         # the best of each part stays, so that every part has an evidence
@@ -146,6 +154,24 @@ def candidates_in(
         priors = np.log([model.rests[k].probability for k in which])
         out.append(Candidates(model, found, which, priors, evidence))
     return out, float(used.sum()) / STRETCH
+
+
+def _areas(model: VisionModel, camera: Camera, Ts: Transforms) -> FloatArray:
+    """About how large a part looks ``(B,)`` [px of area]: as the middle one of its outlines from above."""
+    depth = SE3.apply(Ts, model.part.centroid)[..., 2]
+    area = float(np.median([outline["area"] for outline in model.outlines]))
+    return np.asarray(area * float(camera.focal.mean()) ** 2 / depth**2)
+
+
+def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
+    """Those poses ``(B,)`` that are not about one with a better one; symmetries are not asked."""
+    points = in_camera(Ts, model.inner)
+    kept: list[int] = []
+    for k in np.argsort(-scores, kind="stable"):
+        moved = np.linalg.norm(points[kept] - points[k], axis=-1).max(axis=-1)
+        if not np.any(moved < _MERGE_SHIFT * model.part.diagonal):
+            kept.append(int(k))
+    return np.isin(np.arange(len(Ts)), kept)
 
 
 def lie_down(model: VisionModel, which: IntArray, T: Transforms, T_camera_table: Transforms) -> Transforms:

@@ -12,25 +12,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SE3, SO3
-from tanteo.typing import FloatArray, IntArray, Transforms
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, project, rays
-from tanteo.vision.edge_map import CHANNELS, EdgeMap, channel_of
+from tanteo.vision.edge_map import EdgeMap, channel_of
 from tanteo.vision.models import VisionModel
 from tanteo.vision.regions import Region
+from tanteo.vision.silhouettes import bare_table
 from tanteo.vision.wireframe import in_camera, see_edges
 
-YAWS = 48
+YAWS = 72
 """Yaws that are tried."""
 
-STEP = 8
+STEP = 6
 """Steps by which a part is slid [px]."""
 
 _CELL = 4
-_CAP = 10.0
+_CAP = 6.0
 """Farther than this is as good as nowhere [px]."""
 
 _DRAWN = 56
 """Samples of edges that are looked up."""
+
+SPILL, SPILLED = 12.0, 0.4
+"""What a part that lies on bare table altogether costs, beside the distances of its edges [px]; the share of it from
+which a place is not looked at."""
 
 _MARGIN = 480
 """How far a part may reach out of the image [px]."""
@@ -43,7 +48,7 @@ class Proposal:
     Attributes:
         T_camera_part: ``(k, 4, 4)``.
         rests: ``(k,)``, which stable pose each is.
-        costs: ``(k,)``, mean distance of the part's edges to edges of the image, capped [px].
+        costs: ``(k,)``, mean distance of the part's edges to the image's, capped, and what lies on bare table [px].
     """
 
     T_camera_part: Transforms
@@ -56,6 +61,11 @@ def small_distances(edges: EdgeMap) -> FloatArray:
     pad = _MARGIN // _CELL
     low = np.minimum(edges.distances[:, ::_CELL, ::_CELL], _CAP).astype(np.float32)
     return np.pad(low, ((0, 0), (pad, pad), (pad, pad)), constant_values=_CAP)
+
+
+def _coarse(mask: BoolArray) -> FloatArray:
+    """The same grid of a mask: 1 in it, 0 elsewhere and beyond the image."""
+    return np.pad(mask[::_CELL, ::_CELL].astype(np.float32), _MARGIN // _CELL)
 
 
 def slides(region: Region) -> FloatArray:
@@ -72,7 +82,7 @@ def propose(
     T_camera_table: Transforms,
     distances: FloatArray,
     region: Region,
-    most: int = 16,
+    most: int = 20,
 ) -> Proposal:
     """First poses of a part in a region.
 
@@ -85,7 +95,7 @@ def propose(
         most: how many poses to keep for each stable pose.
     """
     places = slides(region)
-    directions = rays(camera, places)
+    directions, bare = rays(camera, places), _coarse(bare_table(region.mask))
     found = []
     if not len(places):
         return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
@@ -99,7 +109,7 @@ def propose(
         if not np.all(np.isfinite(at)):
             continue
         shifted = SE3.from_parts(np.eye(3), np.array([middle[0], middle[1], 0.0]))
-        costs = _costs(model, camera, T_camera_table @ shifted @ Ts, distances, places)
+        costs = _costs(model, camera, T_camera_table @ shifted @ Ts, distances, bare, places)
         yaw, place = _best(costs, places, most)
         move = SE3.from_parts(np.eye(3), np.concatenate([at[place, :2], np.zeros((len(place), 1))], axis=1))
         found.append((T_camera_table @ move @ Ts[yaw], np.full(len(yaw), k), costs[yaw, place]))
@@ -109,8 +119,10 @@ def propose(
     return Proposal(poses, which, cost)
 
 
-def _costs(model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatArray, places: FloatArray) -> FloatArray:
-    """Mean capped distance ``(yaws, places)`` of the part's edges, drawn at ``Ts`` and slid to the places."""
+def _costs(
+    model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatArray, bare: FloatArray, places: FloatArray
+) -> FloatArray:
+    """Costs ``(yaws, places)`` of the part drawn at ``Ts`` and slid to the places."""
     frame = model.coarse
     seen = see_edges(frame, Ts)
     pixels = project(camera, in_camera(Ts, frame.points))
@@ -122,29 +134,40 @@ def _costs(model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatA
     chosen = np.stack([np.searchsorted(t, at * t[-1]) for t in total]).clip(0, len(frame) - 1)
     rows = np.arange(len(Ts))[:, None]
     channel = channel_of(np.stack([-along[rows, chosen, 1], along[rows, chosen, 0]], axis=-1))
-    offset = np.rint((pixels[rows, chosen] - centre[:, None] + _MARGIN) / _CELL).astype(np.int64)
-    height, width = distances.shape[1:]
-    start = (channel * height + offset[..., 1]) * width + offset[..., 0]
+    drawn = _offsets(distances.shape, pixels[rows, chosen] - centre[:, None], channel)
+    inner = _offsets(distances.shape, project(camera, in_camera(Ts, model.inner)) - centre[:, None])
     cell = np.rint(places / _CELL).astype(np.int64)
-    slide = cell[:, 1] * width + cell[:, 0]
-    flat, size = distances.ravel(), CHANNELS * height * width
-    index = start[:, :, None] + slide
-    return np.asarray(flat.take(index.clip(0, size - 1)).mean(axis=1), dtype=np.float64)
+    slide = cell[:, 1] * distances.shape[2] + cell[:, 0]
+    out = np.full((len(Ts), len(places)), np.inf)
+    # yaw by yaw, so that what is looked up stays in the processor's cache
+    for k in range(len(Ts)):
+        share = bare.take(inner[k][:, None] + slide, mode="clip").mean(axis=0)
+        on = np.flatnonzero(share < SPILLED)
+        far = distances.take(drawn[k][:, None] + slide[on], mode="clip").mean(axis=0)
+        out[k, on] = far + SPILL * share[on]
+    return out
+
+
+def _offsets(shape: tuple[int, ...], offsets: FloatArray, channel: IntArray | int = 0) -> IntArray:
+    """Where pixels that are so far from a place ``(*batch, 2)`` stand in flat tables, counted from the place."""
+    cell = np.rint((offsets + _MARGIN) / _CELL).astype(np.int64)
+    return np.asarray((channel * shape[1] + cell[..., 1]) * shape[2] + cell[..., 0])
 
 
 def _best(costs: FloatArray, places: FloatArray, most: int) -> tuple[IntArray, IntArray]:
     """The best yaw and place, and the next ones that are not their neighbours."""
     yaws, n = costs.shape
     order = np.argsort(costs, axis=None)[: 40 * most]
+    order = order[np.isfinite(costs.ravel()[order])]
     kept: list[tuple[int, int]] = []
     for flat in order:
         yaw, place = divmod(int(flat), n)
         near = any(
-            min((yaw - y) % yaws, (y - yaw) % yaws) <= 1 and np.abs(places[place] - places[p]).max() <= 2 * STEP
+            min((yaw - y) % yaws, (y - yaw) % yaws) <= 1 and np.abs(places[place] - places[p]).max() <= STEP
             for y, p in kept
         )
         if not near:
             kept.append((yaw, place))
         if len(kept) == most:
             break
-    return np.array([y for y, _ in kept]), np.array([p for _, p in kept])
+    return np.array([y for y, _ in kept], dtype=np.int64), np.array([p for _, p in kept], dtype=np.int64)

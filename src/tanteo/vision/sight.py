@@ -115,7 +115,7 @@ def see_table(
     for region in find_regions(image, points):
         if ignore is not None and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
             continue
-        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table)
+        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights)
         belief = believe(found, stretches, weights, len(models))
         seen = _sighting(belief, camera, edges, T_world_table, table, top)
         outline = outline_on_table(camera, region, T_camera_table)

@@ -6,9 +6,11 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.shapes import Surface
-from tanteo.typing import BoolArray, FloatArray, Transforms
+from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, project
+from tanteo.vision.edge_map import cell_of
 from tanteo.vision.opencv import opencv
+from tanteo.vision.wireframe import in_camera
 
 MARGIN = 3
 """A silhouette may reach this far over a region before that counts [px]."""
@@ -45,6 +47,16 @@ def spilled(surface: Surface, camera: Camera, Ts_camera_part: Transforms, mask: 
         Ts_camera_part: poses ``(B, 4, 4)``.
         mask: rows x columns, what is not table.
     """
-    cv2 = opencv()
-    wide = cv2.dilate(mask.astype(np.uint8), np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), np.uint8)) > 0
-    return np.array([float((silhouette(surface, camera, T) & ~wide).sum()) for T in Ts_camera_part])
+    bare = bare_table(mask)
+    return np.array([float((silhouette(surface, camera, T) & bare).sum()) for T in Ts_camera_part])
+
+
+def bare_table(mask: BoolArray) -> BoolArray:
+    """Where bare table is seen, some pixels off what is not ``mask``, rows x columns."""
+    return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), np.uint8)) == 0)
+
+
+def bare_share(points: Vectors, camera: Camera, Ts_camera_part: Transforms, bare: BoolArray) -> FloatArray:
+    """Which share of a part's points ``(n, 3)`` lies where ``bare`` table is seen ``(B,)``."""
+    row, column, inside = cell_of(bare.shape, project(camera, in_camera(Ts_camera_part, points)))
+    return np.asarray((bare[row, column] & inside).mean(axis=-1))

@@ -1,0 +1,100 @@
+"""First poses: which of them there are, what they cost, and which are looked at further."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rendered import table_camera
+from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+from tanteo.vision import prepare_vision
+from tanteo.vision.belief import _distinct
+from tanteo.vision.camera import project
+from tanteo.vision.edge_map import map_edges
+from tanteo.vision.edges import find_edges
+from tanteo.vision.propose import SPILL, SPILLED, STEP, YAWS, propose, small_distances
+from tanteo.vision.regions import find_regions
+from tanteo.vision.rendering import Stage, render, thing
+from tanteo.vision.silhouettes import MARGIN, bare_share, bare_table, silhouette, spilled
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return prepare_vision(read_part(PARTS / "bracket_left.step"))
+
+
+@pytest.fixture(scope="module")
+def seen(model):
+    """Camera, edge map and region of an image of the part on the table, and its pose in the camera."""
+    camera = table_camera()
+    T = SE3.from_parts(SO3.axis_rotation(2, 0.64), np.array([0.02, 0.01, 0.0])) @ model.rests[0].T_table_part
+    image, _ = render(Stage(camera, [thing(model.part, T, 120)]), np.random.default_rng(2))
+    edges = map_edges(find_edges(image))
+    return camera, edges, find_regions(image, edges.points)[0], SE3.inverse(camera.T_world_camera) @ T
+
+
+def test_points_of_the_surface_are_on_it_and_within_the_silhouette(model, seen):
+    camera, _, _, T = seen
+    assert model.frame.surface.closest(model.inner).distances == pytest.approx(0, abs=1e-9)
+    mask = silhouette(model.frame.surface, camera, T)
+    assert bare_share(model.inner, camera, T[None], bare_table(mask))[0] == 0
+    # their middle is that of the surface: they are as dense everywhere
+    a, b, c = np.moveaxis(model.part.vertices[model.part.triangles], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    middle = area @ ((a + b + c) / 3) / area.sum()
+    assert np.linalg.norm(model.inner.mean(axis=0) - middle) < 0.05 * model.part.diagonal
+
+
+def test_bare_table_begins_some_pixels_off_the_region():
+    mask = np.zeros((40, 60), dtype=bool)
+    mask[10:20, 20:30] = True
+    bare = bare_table(mask)
+    assert not bare[10 - MARGIN : 20 + MARGIN, 20 - MARGIN : 30 + MARGIN].any()
+    assert bare.sum() == mask.size - (10 + 2 * MARGIN) ** 2
+
+
+def test_the_share_on_bare_table_is_about_that_of_the_silhouette(model, seen):
+    camera, _, region, T = seen
+    moves = SE3.exp(np.array([[0, 0, 0, 0, 0, 0], [0.04, 0, 0, 0, 0, 0.5], [0.5, 0, 0, 0, 0, 0.0]]))
+    Ts = T @ moves
+    area = np.array([silhouette(model.frame.surface, camera, pose).sum() for pose in Ts])
+    exact = spilled(model.frame.surface, camera, Ts, region.mask)[:2] / area[:2]
+    share = bare_share(model.inner, camera, Ts, bare_table(region.mask))
+    assert exact[0] == 0
+    assert share[:2] == pytest.approx(exact, abs=0.15)
+    assert exact[1] > 0.2
+    # what is out of the image is not on bare table
+    assert share[2] == 0
+
+
+def test_a_first_pose_is_next_to_the_truth_and_costs_what_it_should(model, seen):
+    camera, edges, region, T = seen
+    table, distances = SE3.inverse(camera.T_world_camera), small_distances(edges)
+    proposal = propose(model, camera, table, distances, region)
+    turn = np.linalg.norm(SE3.log(SE3.inverse(proposal.T_camera_part) @ T)[:, 3:], axis=1)
+    middle = project(camera, SE3.apply(T, model.part.centroid))
+    off = np.abs(project(camera, SE3.apply(proposal.T_camera_part, model.part.centroid)) - middle).max(axis=-1)
+    first = proposal.rests == 0
+    best = first & (turn < 1.2 * np.pi / YAWS) & (off < STEP)
+    assert best.any()
+    assert proposal.costs[best].min() == proposal.costs[first].min()
+    # nothing spilled there: all that it costs is the distances; nowhere more than is looked at
+    assert proposal.costs[best].min() < 3.0
+    share = bare_share(model.inner, camera, proposal.T_camera_part, bare_table(region.mask))
+    assert share.max() < SPILLED + 0.15
+    assert np.all(proposal.costs > SPILL * (share - 0.15))
+
+
+def test_of_poses_that_are_about_one_the_best_is_kept(model):
+    T = SE3.exp(np.array([0.1, 0.2, 0.5, 0.3, -0.2, 0.9]))
+    near = T @ SE3.exp(np.array([1e-3, 0, 0, 0, 0, 0.002]))
+    far = T @ SE3.exp(np.array([0, 0, 0, 0, 0, 0.2]))
+    Ts = np.stack([near, T, far])
+    assert _distinct(model, Ts, np.array([1.0, 2.0, 0.0])).tolist() == [False, True, True]
+    assert _distinct(model, Ts, np.array([2.0, 1.0, 0.0])).tolist() == [True, False, True]
+    assert _distinct(model, Ts[:0], np.zeros(0)).tolist() == []
