@@ -254,6 +254,16 @@ def test_none_of_these_when_most_readings_are_on_a_part(targets, name, seed, n):
     )
 
 
+@pytest.mark.parametrize("astray", [1, 4])
+def test_more_strays_than_expected_are_mentioned(targets, astray):
+    _, touches, *_ = scene_of(targets["block"], 12, 30, TOUCH)
+    touches.points[:astray] += [0.02, 0.03, 0.05]
+    answer = identify_touches(touches, no_paths(), [targets["block"]])
+    assert answer.status == "recognized"
+    assert len(answer.hypotheses[0].outliers) == astray
+    assert ("4 of 30 readings are not on it, more than expected" in answer.message) == (astray == 4)
+
+
 def test_none_of_these_when_half_of_the_readings_are_anywhere(targets):
     _, touches, *_ = scene_of(targets["block"], 12, 16, TOUCH)
     touches.points[:8] += np.random.default_rng(12).uniform(-0.03, 0.03, (8, 3))

@@ -17,12 +17,16 @@ from tanteo.parts import Part
 from tanteo.surface_search.answer import as_hypothesis, what_limits
 from tanteo.surface_search.modes import Mode, weigh
 from tanteo.surface_search.rounds import search_all
+from tanteo.surface_search.strays import so_many
 from tanteo.surface_search.target import Target, prepare_target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
+
+_NOTABLE = 0.05
+"""So many strays are mentioned if they, or more, are not more probable than this."""
 
 
 def identify_touches(
@@ -80,7 +84,7 @@ def identify_touches(
     if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown):
         message = _strays_message(hypotheses[0], unknown)
     if hypotheses and status == "recognized":
-        message += what_limits(modes[0], shared)
+        message += what_limits(modes[0], shared) + _left_out(hypotheses[0], priors)
     if ratio > 1:
         message += f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
         message += f" The worst is {worst} even so." if worst else ""
@@ -114,6 +118,15 @@ def _strays_message(best: Hypothesis, unknown: float) -> str:
         f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more strays "
         "(--strays)."
     )
+
+
+def _left_out(best: Hypothesis, priors: Priors) -> str:
+    """A warning if more readings are off the part than is expected."""
+    strays = len(best.outliers)
+    n = strays + len(best.pairings)
+    if so_many(strays, n, priors.clutter) > _NOTABLE:
+        return ""
+    return f" {strays} of {n} readings are not on it, more than expected: check them, and the order of their columns."
 
 
 def _part(part: Part | PartModel | Target) -> Part:

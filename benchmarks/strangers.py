@@ -1,0 +1,85 @@
+"""A part that is in no file: is it taken for another? ``python benchmarks/strangers.py [scenes] [seed]``.
+
+Eight parts of the examples, one of which is sensed without correspondences; once the catalogue holds only the seven
+others, once all eight. What is said of the stranger, how probable "none of these" is in both cases, and how often the
+part itself is named when it is there. ``--processes`` and ``--keep`` as in ``campaign.py``.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from campaign import options, run_cases
+from common import Table
+from region_coverage import FOLDER, PARTS
+
+import tanteo
+from bare_scenes import SENSORS, box_centred_pose, scene
+from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+
+COUNTS = 10, 16, 25
+
+
+@cache
+def catalogue():
+    """The eight parts, prepared."""
+    return [prepare_target(tanteo.read_part(FOLDER / f"{name}.step")) for name in PARTS]
+
+
+def both(name, s, n, seed, k):
+    """One scene, without the part in the catalogue and with it."""
+    targets, sensing = catalogue(), SENSORS[s]
+    own = targets[PARTS.index(name)]
+    rng = np.random.default_rng((seed, PARTS.index(name), s, n, k))
+    touches, _, _ = scene(own.surface, box_centred_pose(rng), sensing, n, rng)
+    row = {}
+    for kind, some in (("without", [t for t in targets if t is not own]), ("with", targets)):
+        answer = identify_touches(touches, FreePaths.none(), some)
+        best = answer.hypotheses[0].part if answer.hypotheses else ""
+        row[kind] = {"status": answer.status, "best": best, "unknown": answer.unknown_probability}
+    return row
+
+
+def summary(rows):
+    """What is said without the part, and with it."""
+    without, with_ = ([(case[0], row[kind]) for case, row in rows] for kind in ("without", "with"))
+    n = len(rows)
+    return (
+        f"{sum(r['status'] == 'recognized' for _, r in without)}/{n}",
+        f"{sum(r['status'] == 'unknown' for _, r in without)}/{n}",
+        f"{np.mean([r['unknown'] for _, r in without]):.2f}",
+        f"{sum(r['status'] == 'recognized' and r['best'] == name for name, r in with_)}/{n}",
+        f"{sum(r['status'] == 'recognized' and r['best'] != name for name, r in with_)}/{n}",
+        f"{sum(r['status'] == 'unknown' for _, r in with_)}/{n}",
+        f"{np.mean([r['unknown'] for _, r in with_]):.3f}",
+    )
+
+
+def run(scenes, seed, keep, processes):
+    """All scenes."""
+    cases = [
+        (name, s, n, seed, k) for k in range(scenes) for s in range(len(SENSORS)) for n in COUNTS for name in PARTS
+    ]
+    done = list(zip(cases, run_cases(both, cases, keep, processes), strict=True))
+    rows = [
+        (sensing.name, str(n), *summary([(c, r) for c, r in done if c[1] == s and c[2] == n]))
+        for s, sensing in enumerate(SENSORS)
+        for n in COUNTS
+    ]
+    columns = (
+        "sensor", "readings", "taken for another", "said to be unknown", "P(none), mean",
+        "in the catalogue: named", "another named", "said to be unknown", "P(none), mean",
+    )  # fmt: skip
+    return Table("Strangers", f"8 parts x {scenes} scenes a row, seed {seed}.", columns, rows)
+
+
+if __name__ == "__main__":
+    rest, keep, processes = options(sys.argv[1:])
+    scenes, seed = (int(rest[i]) if len(rest) > i else default for i, default in ((0, 4), (1, 20261203)))
+    print(run(scenes, seed, keep, processes).markdown())
