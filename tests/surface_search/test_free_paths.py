@@ -8,7 +8,7 @@ import pytest
 import tanteo
 from tanteo.matching import Priors
 from tanteo.surface_search import FreePaths, prepare_target
-from tanteo.surface_search.likelihood import log_free_paths
+from tanteo.surface_search.free_space import log_free_paths
 
 PRIORS = Priors(radius=0.1)
 C = PRIORS.clutter

@@ -10,7 +10,8 @@ from tanteo.localization import pose_information
 from tanteo.matching.evidence import Priors, pose_volume
 from tanteo.matching.prior import add_prior
 from tanteo.matching.verdict import without_spins
-from tanteo.surface_search.likelihood import explain, log_beside_readings, log_free_paths, normal_equations
+from tanteo.surface_search.free_space import log_free_paths
+from tanteo.surface_search.likelihood import explain, log_beside_readings, normal_equations
 from tanteo.surface_search.refine import moved
 from tanteo.surface_search.shared_start import start_of
 from tanteo.surface_search.target import Target
