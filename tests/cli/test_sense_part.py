@@ -111,14 +111,14 @@ def test_a_scene_without_a_rough_place_needs_one_from_the_options(run):
 
 
 def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path, monkeypatch):
-    from tanteo.cli import sensing_part
+    from tanteo.cli import part_live
 
     def interrupt(visit, *, verbose):
         if visit.step is not None and visit.step.ids:
             raise KeyboardInterrupt
         return []
 
-    monkeypatch.setattr(sensing_part, "visit_lines", interrupt)
+    monkeypatch.setattr(part_live, "visit_lines", interrupt)
     record = tmp_path / "session.json"
     code, out, err = sense("--record", str(record))
     assert (code, out) == (130, "")

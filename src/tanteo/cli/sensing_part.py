@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import typer
 
 from tanteo.cli.options import MisuseError
-from tanteo.cli.printing import complain, emit, has_colour, printable, put
+from tanteo.cli.part_live import shown_live
+from tanteo.cli.part_record import kept, write
+from tanteo.cli.printing import emit, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
-from tanteo.cli.targets import check_target, writing
+from tanteo.cli.targets import check_target
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -115,10 +114,10 @@ def sense_unknown(
     view = None if image is None else view_of(scene, image)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     session, robot, rules = prepare_run(scene, seen_or_rough(scene, parts, known, view), options)
-    with _kept(session, record), _live(verbose=verbose) as watch:
+    with kept(session, record), shown_live(verbose=verbose) as watch:
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
-    _write(session, record)
+    write(session, record)
     decided = _answer(session, done, least, as_json=as_json, verbose=verbose)
     if report is not None:
         _report(report, session, done, least, as_json=as_json)
@@ -192,88 +191,6 @@ def _executed(
 
     furniture = Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None
     return sense_part(session, robot, rules, furniture=furniture, errors=scene.cell.robot, watch=watch)
-
-
-@contextmanager
-def _kept(session: Session, record: str | None) -> Iterator[None]:
-    """What was told until an interruption (Ctrl-C, or the system's order to end) is in the record."""
-    ours = threading.current_thread() is threading.main_thread()  # others may not listen to signals
-    before = signal.signal(signal.SIGTERM, _interrupt) if ours else None
-    try:
-        yield
-    except KeyboardInterrupt:
-        if record is not None and session.readings is not None:
-            _write(session, record)
-            emit([f"record written up to here: {printable(record)}"], sys.stderr)
-        raise
-    finally:
-        if ours:
-            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
-
-
-def _interrupt(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
-
-
-@contextmanager
-def _live(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
-    """A line for every question on standard error; on a terminal also that the hand is under way."""
-    if not sys.stderr.isatty():
-        yield lambda visit: emit(visit_lines(visit, verbose=verbose), sys.stderr)
-        return
-    from rich.console import Console
-
-    console = Console(stderr=True, no_color=not has_colour(sys.stderr), highlight=False)
-    with console.status("sensing") as status:
-
-        def watch(visit: Visit) -> None:
-            for line in visit_lines(visit, verbose=verbose):
-                console.print(line, markup=False, soft_wrap=True)
-            status.update(f"sensing: {visit.seconds:.0f} s simulated")
-
-        yield watch
-
-
-def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
-    """What was asked and what came of it, in one line; with the motions below if there is to be more."""
-    action, step = visit.action, visit.step
-    words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.face} of {action.part}"
-    if step is not None and len(step.ids):
-        count = "1 reading" if len(step.ids) == 1 else f"{len(step.ids)} readings"
-        words += f", {count}: {belief_words(visit)}"
-    words += f" ({visit.note})" if visit.note else ""
-    lines = [printable(words)]
-    if verbose:
-        lines.append(f"       {printable(action.words)}")
-        lines += [f"       {m.seconds:6.2f} s  {m.name:8}  {m.status:8}  {printable(m.message)}" for m in visit.motions]
-    return lines
-
-
-def belief_words(visit: Visit) -> str:
-    """The leading part, how probable it is, and how well it is placed."""
-    step = visit.step
-    if step is None or step.part < 0:
-        return "no part explains them"
-    probability = float(step.probabilities[step.part])
-    words = f"{visit.leader} P = {probability:.3f}" if probability < 0.9995 else f"{visit.leader} P > 0.999"
-    return f"{words}, worst corner sd {1e3 * step.worst_corner_sd:.2f} mm"
-
-
-def _write(session: Session, record: str | None) -> None:
-    """The record of the session; of a file whose name ends in .csv, the readings alone."""
-    from tanteo.io import write_readings
-    from tanteo.io.session_record import write_record
-
-    if record is None:
-        return
-    if session.readings is None:
-        complain("warning", "nothing was read, so there is no record.")
-        return
-    with writing("--record", record):
-        if record.lower().endswith(".csv"):
-            write_readings(session.readings, record, unit="m")
-        else:
-            write_record(session, record)
 
 
 def _answer(session: Session, done: Executed, least: float, *, as_json: bool, verbose: bool) -> bool:

@@ -1,0 +1,54 @@
+"""The record of ``tanteo sense part``, which an interruption does not lose."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from tanteo.cli.printing import complain, emit, printable
+from tanteo.cli.targets import writing
+
+if TYPE_CHECKING:
+    from tanteo.session import Session
+
+
+@contextmanager
+def kept(session: Session, record: str | None) -> Iterator[None]:
+    """What was told until an interruption (Ctrl-C, or the system's order to end) is in the record."""
+    ours = threading.current_thread() is threading.main_thread()  # others may not listen to signals
+    before = signal.signal(signal.SIGTERM, _interrupt) if ours else None
+    try:
+        yield
+    except KeyboardInterrupt:
+        if record is not None and session.readings is not None:
+            write(session, record)
+            emit([f"record written up to here: {printable(record)}"], sys.stderr)
+        raise
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def write(session: Session, record: str | None) -> None:
+    """The record of the session; of a file whose name ends in .csv, the readings alone."""
+    from tanteo.io import write_readings
+    from tanteo.io.session_record import write_record
+
+    if record is None:
+        return
+    if session.readings is None:
+        complain("warning", "nothing was read, so there is no record.")
+        return
+    with writing("--record", record):
+        if record.lower().endswith(".csv"):
+            write_readings(session.readings, record, unit="m")
+        else:
+            write_record(session, record)
