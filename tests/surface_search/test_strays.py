@@ -13,7 +13,7 @@ from tanteo.surface_search.strays import log_density, log_density_of_kin, on_sur
 
 @pytest.mark.parametrize("mean", [1e-6, 9e-4, 1.1e-3, 0.02, 0.3, 0.9])
 def test_rates_have_the_mean_that_is_stated(mean):
-    rates, weights = stray_rates(mean)
+    rates, weights = stray_rates(mean, 20)
     assert np.all((rates > 0) & (rates < 1))
     assert weights.sum() == pytest.approx(1)
     assert weights @ rates == pytest.approx(mean)
@@ -73,6 +73,21 @@ def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n
     hit[:elsewhere] = -100
     expected = 10 * (n - elsewhere) + betaln(elsewhere + 1, n - elsewhere + 1)
     assert log_density_of_kin(hit[None], stray[None])[0] == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("n", [3, 8, 30, 100, 300, 1000])
+@pytest.mark.parametrize("mean", [5e-4, 0.02, 0.1])
+def test_counts_weigh_what_they_weigh_however_many_readings_there_are(n, mean):
+    """Both densities against beta functions, from no stray to a fifth of the readings."""
+    counts = np.unique(np.linspace(0, n // 5, 12).astype(int))
+    hit, stray = np.full((len(counts), n), 10.0), np.zeros((len(counts), n))
+    hit[np.arange(n) < counts[:, None]] = -100
+    kin = 10 * (n - counts) + betaln(counts + 1, n - counts + 1)
+    assert log_density_of_kin(hit, stray) == pytest.approx(kin, abs=0.1)
+    b = 0.5 / mean - 0.5
+    rate = 10 * (n - counts) + betaln(counts + 0.5, n - counts + b) - betaln(0.5, b)
+    likely = counts < 10 * mean * n + 2
+    assert log_density(hit, stray, mean)[likely] == pytest.approx(rate[likely], abs=0.1)
 
 
 def test_few_strays_are_the_sensor_s_and_many_are_another_part():

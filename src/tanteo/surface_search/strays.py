@@ -13,27 +13,32 @@ from scipy.special import bdtrc, logsumexp, roots_genlaguerre, roots_jacobi, roo
 
 from tanteo.typing import FloatArray
 
-_SHAPE, _NODES = 0.5, 4
-"""First parameter of the beta density of the rate, that of Jeffreys' prior, and nodes of the quadrature over it."""
+_SHAPE = 0.5
+"""First parameter of the beta density of the rate, that of Jeffreys' prior."""
 
-_FINE = 12
-"""Nodes over the share of a surface that is elsewhere."""
+_NODES, _SHARES = 4, 12
+"""Nodes of the quadrature over the rate, and over the share of a surface that is elsewhere: so many at least."""
 
 _RARE = 1e-3
 """Below this mean a beta density is a gamma density."""
 
 
-@cache
-def stray_rates(mean: float) -> tuple[FloatArray, FloatArray]:
+def stray_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
     """Rates of strays and their weights ``(K,)``, nodes of Gauss's quadrature under the beta density of that mean.
 
     Args:
         mean: rate that is stated, above 0 and below 1.
+        n: readings, which know the rate the better the more they are: then the nodes are closer.
     """
+    return _rates(mean, max(_NODES, int(np.ceil(1.2 * np.sqrt(n)))))
+
+
+@cache
+def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     if mean < _RARE:
-        x, w = roots_genlaguerre(_NODES, _SHAPE - 1)
+        x, w = roots_genlaguerre(nodes, _SHAPE - 1)
         return mean / _SHAPE * x, w / w.sum()
-    x, w = roots_jacobi(_NODES, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
+    x, w = roots_jacobi(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
     return (1 + x) / 2, w / w.sum()
 
 
@@ -45,7 +50,7 @@ def log_density(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> Floa
         log_stray: if it is astray ``(S, n)``.
         mean: rate of strays that is stated.
     """
-    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *stray_rates(mean)), axis=0))
+    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *stray_rates(mean, log_hit.shape[1])), axis=0))
 
 
 def log_density_of_kin(log_hit: FloatArray, log_stray: FloatArray) -> FloatArray:
@@ -55,28 +60,32 @@ def log_density_of_kin(log_hit: FloatArray, log_stray: FloatArray) -> FloatArray
         log_hit: log density of each reading if it is on the surface of the part that is known ``(S, n)``.
         log_stray: if it is elsewhere ``(S, n)``.
     """
-    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *_shares()), axis=0))
+    nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_hit.shape[1]))))
+    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *_shares(nodes)), axis=0))
 
 
 def on_surface(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> FloatArray:
     """Probability that each reading is on the surface ``(S, n)``, given all; arguments of :func:`log_density`."""
-    share = softmax(_log_by_rate(log_hit, log_stray, *stray_rates(mean)), axis=0)[..., None]
+    rates, weights = stray_rates(mean, log_hit.shape[1])
+    share = softmax(_log_by_rate(log_hit, log_stray, rates, weights), axis=0)
     ratio = np.exp(np.clip(log_stray - log_hit, -700, 700))
-    rates = stray_rates(mean)[0][:, None, None]
-    return np.asarray(np.sum(share / (1 + rates / (1 - rates) * ratio), axis=0))
+    out = np.zeros(ratio.shape)
+    for rate, of_pose in zip(rates, share, strict=True):
+        out += of_pose[:, None] / (1 + rate / (1 - rate) * ratio)
+    return out
 
 
 def so_many(strays: int, n: int, mean: float) -> float:
     """Probability of at least so many strays among ``n`` readings; 0 of any if ``mean`` is 0."""
     if strays == 0 or mean == 0:
         return float(strays == 0)
-    rates, weights = stray_rates(mean)
+    rates, weights = stray_rates(mean, n)
     return float(weights @ bdtrc(strays - 1, n, rates))
 
 
 @cache
-def _shares() -> tuple[FloatArray, FloatArray]:
-    x, w = roots_legendre(_FINE)
+def _shares(nodes: int) -> tuple[FloatArray, FloatArray]:
+    x, w = roots_legendre(nodes)
     return (1 + x) / 2, w / 2
 
 
