@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from rendered import slab_thing, table_camera
 from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+from tanteo.vision import prepare_vision
 from tanteo.vision.camera import on_plane
+from tanteo.vision.edge_map import map_edges
+from tanteo.vision.edges import find_edges
 from tanteo.vision.rendering import Look, Stage, render, thing
+
+PARTS = Path(__file__).parents[1] / "examples" / "parts"
 
 TABLE = 0.09
 """Half side of the square of the table in which parts lie [m]."""
@@ -25,6 +32,19 @@ class Shot:
     rest: int
     T_world_part: np.ndarray
     hidden: float
+
+
+def bracket():
+    """The left bracket, prepared."""
+    return prepare_vision(read_part(PARTS / "bracket_left.step"))
+
+
+def seen_alone(model, yaw):
+    """Camera, image, its edges, and the pose in the camera of a part that lies alone on the table."""
+    camera = table_camera()
+    T = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([0.02, 0.01, 0.0])) @ model.rests[0].T_table_part
+    image, _ = render(Stage(camera, [thing(model.part, T, 120)]), np.random.default_rng(2))
+    return camera, image, map_edges(find_edges(image)), SE3.inverse(camera.T_world_camera) @ T
 
 
 def random_look(rng):

@@ -270,6 +270,31 @@ def test_misuse(models):
         identify_features([ring], [models["block"]])
 
 
+@pytest.mark.parametrize("name", ["unknown", "clutter", "right_angled", "common_sizes", "kin"])
+def test_what_is_assumed_is_a_probability(name):
+    for value in (0.0, 1.0, -0.1, np.nan):
+        with pytest.raises(InputError, match=rf"priors, {name}: .* got {value}. A tiny"):
+            Priors(**{name: value})
+
+
+def test_a_radius_is_a_length_and_clutter_leaves_something():
+    with pytest.raises(InputError, match=r"at most 0\.99, got 0\.995"):
+        Priors(clutter=0.995)
+    for value in (-0.1, np.inf, np.nan):
+        with pytest.raises(InputError, match=rf"priors, radius: .* got {value}\."):
+            Priors(radius=value)
+
+
+@pytest.mark.parametrize("rare", [1e-300, 1e-9])
+def test_tiny_probabilities_are_taken_as_they_are(models, rare):
+    """Nothing overflows, and what is not assumed is not found."""
+    part, rng = models["bracket_left"].part, np.random.default_rng(8)
+    priors = Priors(unknown=rare, clutter=rare, right_angled=rare, common_sizes=rare, kin=rare)
+    answer = identify_features(all_planes(part, random_pose(rng), rng), [*models.values()], priors=priors)
+    assert answer.hypotheses[0].part == part.name
+    assert answer.unknown_probability <= 10 * rare
+
+
 def test_unknown_prior_counts(models):
     """The more probable an unknown part beforehand, the more probable afterwards."""
     part, rng = models["block"].part, np.random.default_rng(56)

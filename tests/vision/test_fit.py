@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from rendered import table_camera
-from tanteo.lie import SE3, SO3
-from tanteo.parts import read_part
-from tanteo.vision import prepare_vision
+from tanteo.lie import SE3
 from tanteo.vision.belief import UNKNOWN, Candidates, Mode, Weights, believe
 from tanteo.vision.camera import project
-from tanteo.vision.edge_map import map_edges
-from tanteo.vision.edges import find_edges
 from tanteo.vision.evidence import CREASE_SEEN, REACH, RIM_SEEN, SHARES, SPREADS, STRETCH, Evidence, weigh
 from tanteo.vision.fit import Met, _normal_equations, meet, refine
-from tanteo.vision.rendering import Stage, render, thing
 from tanteo.vision.settle import settle
 from tanteo.vision.sight import hypothesis
-
-PARTS = Path(__file__).parents[2] / "examples" / "parts"
+from vision_scenes import bracket, seen_alone
 
 
 def met_of(**values):
@@ -53,16 +45,14 @@ def test_evidence_is_the_log_ratio_against_chance():
 
 @pytest.fixture(scope="module")
 def model():
-    return prepare_vision(read_part(PARTS / "bracket_left.step"))
+    return bracket()
 
 
 @pytest.fixture(scope="module")
 def seen(model):
     """Camera, edges of an image of the part on the table, and its pose in the camera."""
-    camera = table_camera()
-    T = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.02, 0.01, 0.0])) @ model.rests[0].T_table_part
-    image, _ = render(Stage(camera, [thing(model.part, T, 120)]), np.random.default_rng(2))
-    return camera, map_edges(find_edges(image)), SE3.inverse(camera.T_world_camera) @ T
+    camera, _, edges, T = seen_alone(model, 0.6)
+    return camera, edges, T
 
 
 def test_probabilities_are_those_of_the_weighted_evidence(model):

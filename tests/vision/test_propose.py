@@ -2,40 +2,28 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from rendered import table_camera
-from tanteo.lie import SE3, SO3
-from tanteo.parts import read_part
-from tanteo.vision import prepare_vision
+from tanteo.lie import SE3
 from tanteo.vision.belief import _distinct
 from tanteo.vision.camera import project
-from tanteo.vision.edge_map import map_edges
-from tanteo.vision.edges import find_edges
 from tanteo.vision.propose import SPILL, SPILLED, STEP, YAWS, propose, small_distances
 from tanteo.vision.regions import find_regions
-from tanteo.vision.rendering import Stage, render, thing
 from tanteo.vision.silhouettes import MARGIN, bare_share, bare_table, silhouette, spilled
-
-PARTS = Path(__file__).parents[2] / "examples" / "parts"
+from vision_scenes import bracket, seen_alone
 
 
 @pytest.fixture(scope="module")
 def model():
-    return prepare_vision(read_part(PARTS / "bracket_left.step"))
+    return bracket()
 
 
 @pytest.fixture(scope="module")
 def seen(model):
     """Camera, edge map and region of an image of the part on the table, and its pose in the camera."""
-    camera = table_camera()
-    T = SE3.from_parts(SO3.axis_rotation(2, 0.64), np.array([0.02, 0.01, 0.0])) @ model.rests[0].T_table_part
-    image, _ = render(Stage(camera, [thing(model.part, T, 120)]), np.random.default_rng(2))
-    edges = map_edges(find_edges(image))
-    return camera, edges, find_regions(image, edges.points)[0], SE3.inverse(camera.T_world_camera) @ T
+    camera, image, edges, T = seen_alone(model, 0.64)
+    return camera, edges, find_regions(image, edges.points)[0], T
 
 
 def test_points_of_the_surface_are_on_it_and_within_the_silhouette(model, seen):

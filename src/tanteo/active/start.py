@@ -61,12 +61,6 @@ class Start:
             raise InputError(
                 "priors, pose: expected none, for the start's own poses are what is known. Give it as them."
             )
-        for name in ("unknown", "clutter"):
-            if not 0 < getattr(self.priors, name) < 1:
-                raise InputError(
-                    f"priors, {name}: expected a probability between 0 and 1, got {getattr(self.priors, name)}. A tiny "
-                    "one is enough."
-                )
         if np.linalg.eigvalsh(C).min() <= 0:
             raise InputError("start: expected a spread in every direction, got none in one. A tiny one is enough.")
         radius = max(target.part.radius for target in self.targets)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.errors import InputError
 from tanteo.localization.solve import assemble, pose_information
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.model import PartModel
@@ -17,6 +18,9 @@ from tanteo.matching.prior import PosePrior
 from tanteo.matching.sensed import Sensed
 from tanteo.matching.tree import Interpretations, decode, self_pairings
 from tanteo.typing import BoolArray, FloatArray
+
+OFTEN = 0.99
+"""More features than this cannot be said to be clutter: nothing would be left of the part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,10 @@ class Priors:
             workshop uses the same stock and the same round numbers again and again.
         kin: of unknown parts, the share that are like one of the catalogue but for some faces; for bare readings.
         pose: what is known of the pose; used by the surface search.
+
+    Raises:
+        InputError: a share that is not between 0 and 1, both excluded (what is impossible, no reading can teach),
+            clutter above 99 %, or a radius that is no length.
     """
 
     unknown: float = 0.05
@@ -42,6 +50,18 @@ class Priors:
     common_sizes: float = 0.5
     kin: float = 0.5
     pose: PosePrior | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("unknown", "clutter", "right_angled", "common_sizes", "kin"):
+            if not 0 < getattr(self, name) < 1:
+                raise InputError(
+                    f"priors, {name}: expected a probability between 0 and 1, got {getattr(self, name)}. A tiny one is "
+                    "enough."
+                )
+        if self.clutter > OFTEN:
+            raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.clutter}. Say less.")
+        if not (np.isfinite(self.radius) and self.radius >= 0):
+            raise InputError(f"priors, radius: expected a length in metres, got {self.radius}. 0 is that of the parts.")
 
 
 def sized(priors: Priors | None, radius: float) -> Priors:

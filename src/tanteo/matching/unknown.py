@@ -17,7 +17,14 @@ from scipy.special import logsumexp
 from tanteo.features import Feature
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import scaled_solve
-from tanteo.matching.evidence import Priors, clutter_densities, direction_densities, log_evidence, perfect_evidence
+from tanteo.matching.evidence import (
+    OFTEN,
+    Priors,
+    clutter_densities,
+    direction_densities,
+    log_evidence,
+    perfect_evidence,
+)
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import Candidates, PartModel
 from tanteo.matching.sensed import Sensed, sense
@@ -71,7 +78,7 @@ def log_unknown(sensed: Sensed, models: Sequence[PartModel], priors: Priors, tol
     sides = (len(sensed.features) - n) * np.log(2.0)
     sensed = sense(_as_made(_outward(sensed), models, tolerance))
     family = right_angled_family(priors.radius)
-    stray = replace(priors, clutter=1 - priors.right_angled)
+    stray = replace(priors, clutter=min(1 - priors.right_angled, OFTEN))
     pairs = _pairs(sensed, models, priors)
     directions = np.log(stray.clutter) + direction_densities(sensed)
     nothing = np.full((1, n), NOTHING)
