@@ -33,11 +33,18 @@ def test_the_bound_excludes_no_pair_that_is_one(name, away):
     A = rng.normal(size=(60, 6, 9)) / np.array([1e-3, 1e-3, 1e-3, 0.02, 0.02, 0.02])[:, None]
     information = A @ np.swapaxes(A, 1, 2) * rng.choice([1e-3, 0.1, 1.0], (60, 1, 1))
     information[:5, :, 3:] = information[:5, 3:] = 0.0  # nothing resists a turn
+    _, vectors = np.linalg.eigh(information[5:25])
+    information[5:25] = vectors[:, :, 2:] @ (vectors[:, :, 2:].swapaxes(1, 2) @ information[5:25])  # or two screws
+    information[5:25] = 0.5 * (information[5:25] + information[5:25].swapaxes(1, 2))
     every = np.stack([equivalent(part, T, Ts, information, SAME_MAXIMUM) for T in Ts])
     np.fill_diagonal(every, True)
     same = _same(part, Ts, information)
     assert 0.02 < np.triu(every, 1).mean() < 0.9
     np.testing.assert_array_equal(same, np.triu(every))
+    apart = rng.integers(-1, 2, size=60)
+    known = (apart[:, None] == apart) & (apart >= 0) & ~np.eye(60, dtype=bool)
+    assert np.triu(every & known, 1).any()
+    np.testing.assert_array_equal(_same(part, Ts, information, apart), np.triu(every & ~known))
 
 
 def test_what_met_is_kept_once_with_all_groups_that_led_there():

@@ -66,9 +66,11 @@ class Search:
         return -np.inf if self.maxima is None else log_mass(self.target, self.maxima, np.flatnonzero(self.times < 2))
 
     def after(self, found: Polished) -> Search:
-        """With the finds of another round."""
-        joint = found if self.maxima is None else self.maxima.join(found)
-        return Search(self.target, self.groups, distinct_maxima(joint, self.target))
+        """With the finds of another round, which are distinct."""
+        if self.maxima is None:
+            return Search(self.target, self.groups, distinct_maxima(found, self.target))
+        round_ = np.repeat([0, 1], [len(self.maxima.Ts), len(found.Ts)])
+        return Search(self.target, self.groups, distinct_maxima(self.maxima.join(found), self.target, round_))
 
 
 def search_all(

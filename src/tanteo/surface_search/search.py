@@ -134,14 +134,16 @@ def search(
     if len(groups[0]) == 3:
         turned, origin = _turned_over(some, found, target)
         if len(turned):
-            found = _maxima(found.join(polish(touches, free, turned, target, priors, groups=origin)), target)
+            others = polish(touches, free, turned, target, priors, groups=origin)
+            known = np.repeat([0, -1], [len(found.Ts), len(others.Ts)])
+            found = _maxima(found.join(others), target, known)
     return found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts)))
 
 
-def _maxima(found: Polished, target: Target) -> Polished:
-    """Distinct ones, without those that cannot matter."""
-    hopeful = found.log_evidence >= found.log_evidence.max(initial=-np.inf) - HOPELESS
-    return distinct_maxima(found.take(np.flatnonzero(hopeful)), target)
+def _maxima(found: Polished, target: Target, apart: IntArray | None = None) -> Polished:
+    """Distinct ones, without those that cannot matter; some may be known to be ``apart``."""
+    hopeful = np.flatnonzero(found.log_evidence >= found.log_evidence.max(initial=-np.inf) - HOPELESS)
+    return distinct_maxima(found.take(hopeful), target, None if apart is None else apart[hopeful])
 
 
 def _met(
