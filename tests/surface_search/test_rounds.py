@@ -12,7 +12,7 @@ from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, touche
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
-from tanteo.surface_search import identify_touches, prepare_target, rounds
+from tanteo.surface_search import identify_touches, prepare_target, recognition, rounds
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.rounds import Search, search_all
 
@@ -78,9 +78,9 @@ def test_a_part_that_cannot_matter_is_not_searched_for_long(target, counted):
     other = prepare_target(read_part(PARTS / "housing.step"))
     rng = np.random.default_rng(4)
     touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 25, rng)
-    found, ratio = search_all(touches, no_paths(), [target, other], Priors(radius=0.1))
-    assert ratio == 1.0
-    assert len(found) == 2
+    found = search_all(touches, no_paths(), [target, other], Priors(radius=0.1))
+    assert found.ratio == 1.0
+    assert len(found.maxima) == 2
     assert len(counted) == 2
 
 
@@ -129,8 +129,19 @@ def test_what_was_found_only_once_asks_for_another_round(target, monkeypatch, ag
 
     monkeypatch.setattr(rounds, "search", found)
     monkeypatch.setattr(rounds, "explained", lambda *_: True)
-    search_all(touches, no_paths(), [target], Priors(radius=0.1))
+    result = search_all(touches, no_paths(), [target], Priors(radius=0.1))
     assert len(calls) == expected
+    assert result.once == pytest.approx(0.0 if again else 1.0)
+
+
+@pytest.mark.parametrize(("once", "said"), [(0.36, True), (0.04, False)])
+def test_poses_that_the_search_met_only_once_are_mentioned(target, monkeypatch, once, said):
+    rng = np.random.default_rng(9)
+    touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 5, rng)
+    monkeypatch.setattr(recognition, "search_all", lambda *given: replace(search_all(*given), once=once))
+    answer = identify_touches(touches, no_paths(), [target])
+    assert answer.status == "insufficient"
+    assert ("36 % of the probability is in poses that the search met only once" in answer.message) == said
 
 
 def test_readings_that_scatter_more_than_stated_do_not_keep_the_search_going(target, counted):

@@ -28,6 +28,9 @@ LEAST = 3
 _NOTABLE = 0.05
 """So many strays are mentioned if they, or more, are not more probable than this."""
 
+_MAY_MISS = 0.05
+"""Probability of poses that the search met only once from which the answer says that others may fit."""
+
 
 def identify_touches(
     touches: Touches,
@@ -72,11 +75,11 @@ def identify_touches(
     targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
     clock.lap("prepare")
     log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
-    found, ratio = search_all(touches, free, targets, priors)
+    found = search_all(touches, free, targets, priors)
     clock.lap("search")
-    if ratio > 1:
-        touches = touches.widened(ratio)
-    modes, unknown = weigh(touches, free, found, log_unknown, len(parts), priors)
+    if found.ratio > 1:
+        touches = touches.widened(found.ratio)
+    modes, unknown = weigh(touches, free, found.maxima, log_unknown, len(parts), priors)
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
     worst = _worst(touches, modes[0]) if modes else ""
@@ -85,9 +88,7 @@ def identify_touches(
         message = _strays_message(hypotheses[0], unknown)
     if hypotheses and status == "recognized":
         message += what_limits(modes[0], shared) + _left_out(hypotheses[0], priors)
-    if ratio > 1:
-        message += f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
-        message += f" The worst is {worst} even so." if worst else ""
+    message += _missed(found.once, status) + _scattered(found.ratio, worst)
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
@@ -127,6 +128,21 @@ def _left_out(best: Hypothesis, priors: Priors) -> str:
     if so_many(strays, n, priors.clutter) > _NOTABLE:
         return ""
     return f" {strays} of {n} readings are not on it, more than expected: check them, and the order of their columns."
+
+
+def _missed(once: float, status: str) -> str:
+    """What the search may have missed, where that matters: others than the poses that are listed."""
+    if status not in ("ambiguous", "insufficient") or once <= _MAY_MISS:
+        return ""
+    return f" {100 * once:.0f} % of the probability is in poses that the search met only once: others may fit."
+
+
+def _scattered(ratio: float, worst: str) -> str:
+    """That the readings scatter more than stated, if they do, and the worst of them."""
+    if ratio <= 1:
+        return ""
+    says = f" The readings scatter {ratio:.1f} times as much as stated: covariances were widened by that."
+    return says + (f" The worst is {worst} even so." if worst else "")
 
 
 def _part(part: Part | PartModel | Target) -> Part:

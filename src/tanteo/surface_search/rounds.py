@@ -73,9 +73,23 @@ class Search:
         return Search(self.target, self.groups, distinct_maxima(self.maxima.join(found), self.target, round_))
 
 
-def search_all(
-    touches: Touches, free: FreePaths, targets: Sequence[Target], priors: Priors
-) -> tuple[list[tuple[Target, Polished]], float]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What a search found.
+
+    Attributes:
+        maxima: parts with their maxima.
+        ratio: how many times the stated noise the readings have.
+        once: of the probability of all poses, the share of those found only once, which is also about that of the poses
+            not found at all; 0 if too few readings fix no pose however long one searches.
+    """
+
+    maxima: list[tuple[Target, Polished]]
+    ratio: float
+    once: float
+
+
+def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], priors: Priors) -> Found:
     """The maxima of all parts; round by round, each part as long as poses may be missing that matter.
 
     If the first round explains every reading but for their scattering more than stated, the search goes on with the
@@ -86,9 +100,6 @@ def search_all(
         free: paths on which nothing was met.
         targets: the parts.
         priors: what is assumed beforehand.
-
-    Returns:
-        Parts with their maxima, and how many times the stated noise the readings have.
     """
     searches = [Search(target, tuple(groups_of(touches, target, _ROUNDS + 1))) for target in targets]
     determined = len(touches) >= _DETERMINES or touches.oriented.sum() >= LEAST_ORIENTED
@@ -104,7 +115,12 @@ def search_all(
         if not left:
             break
     touches, searches = _widened(touches, free, searches, priors, scatter(_found(searches)))
-    return _found(searches), float(touches.sd[0] / stated.sd[0])
+    return Found(_found(searches), float(touches.sd[0] / stated.sd[0]), _once(searches) if determined else 0.0)
+
+
+def _once(searches: Sequence[Search]) -> float:
+    total = logsumexp([-np.inf, *(s.log_mass for s in searches)])
+    return float(np.exp(logsumexp([-np.inf, *(s.log_once for s in searches)]) - total)) if np.isfinite(total) else 0.0
 
 
 def _round(touches: Touches, free: FreePaths, s: Search, priors: Priors, k: int) -> Polished:
