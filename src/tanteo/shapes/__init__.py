@@ -4,8 +4,9 @@ Wraps libigl (double precision) and Embree (single precision, hits refined in do
 frame of the mesh and in metres; points carry leading batch axes.
 """
 
-from tanteo.shapes.borders import SHARP, Borders, Junctions, borders
+from tanteo.shapes.borders import Borders, borders
 from tanteo.shapes.field import DistanceField, distance_field, signed_distance
+from tanteo.shapes.junctions import SHARP, Junctions
 from tanteo.shapes.near_planes import NearPlanes, near_planes, nearest
 from tanteo.shapes.surface import ClosestPoints, RayHits, Surface
 
