@@ -13,6 +13,8 @@ from scipy.stats import betabinom, multivariate_normal
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import rough
 from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
+from tanteo.active.importance import truncated
+from tanteo.active.maxima import Maxima, climbed, fresh, more
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import Priors
@@ -229,9 +231,9 @@ def test_sampled_masses_are_on_the_scale_of_laplace_with_shared_errors(targets, 
     seen = []
     old = weighing._as_modes
 
-    def kept(found, rows, masses, about, draws, posterior):
-        seen.append((draws.log_mass, float(masses[0])))
-        return old(found, rows, masses, about, draws, posterior)
+    def kept(maxima, draws):
+        seen.append((draws.log_mass, float(maxima.masses[0])))
+        return old(maxima, draws)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(weighing, "_as_modes", kept)
@@ -294,3 +296,29 @@ def test_a_part_that_was_not_looked_for_is_when_none_of_the_others_fits(targets)
     assert blind.unknown > 0.2
     again = update(replace(blind, start=even), touches, no_paths())
     assert again.of_parts()[2] > 0.99
+
+
+def test_one_draw_is_not_worth_all_others():
+    """A normal density drawn from one half as wide: the mass stays near, where the sum of plain weights may leap."""
+    rng, off = np.random.default_rng(7), []
+    for _ in range(200):
+        x = 0.5 * rng.normal(size=256)
+        log = -0.5 * x**2 + 0.5 * (x / 0.5) ** 2 + np.log(0.5)
+        off.append([np.log(np.mean(np.exp(w))) for w in (truncated(log), log)])
+    off = np.array(off)
+    assert np.abs(off[:, 0]).max() < 0.4 < np.abs(off[:, 1]).max()
+    even = rng.normal(size=300) / 3
+    np.testing.assert_array_equal(truncated(even), even)  # where draws carry the weight together, nothing changes
+
+
+def test_a_maximum_that_no_climb_found_is_found_by_its_draws(targets):
+    """Four readings; only a poor maximum is known, and a few draws with great weight near a better one."""
+    start, rng = rough(targets[2:], (0.01, 0.1)), np.random.default_rng(8)
+    touches = readings(targets[2], start.Ts[0], 4, rng)
+    Ts, rows = fresh(start, 0, touches, widely=True)
+    whole = climbed(start, 0, Ts, rows, touches, no_paths())
+    assert len(whole.masses) > 1
+    poor = Maxima(0, whole.found.take([-1]), whole.rows[-1:], whole.masses[-1:])
+    near = whole.found.Ts[:1] @ SE3.exp(1e-3 * rng.normal(size=(1, 6)))
+    found = more(start, poor, near, touches, no_paths())
+    assert found.masses[0] == pytest.approx(whole.masses[0], abs=0.05)

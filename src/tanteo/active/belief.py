@@ -8,50 +8,30 @@ each maximum is Laplace's, or that of weighted draws where the posterior is not 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
-from scipy.special import logsumexp
 
-from tanteo.active.importance import ENOUGH
+from tanteo.active.maxima import NEGLIGIBLE, Maxima, climbed, fresh
 from tanteo.active.start import Start
-from tanteo.active.weighing import ROUNDS, Maxima, PartModes, weigh_part
+from tanteo.active.weighing import MATTERS, PartModes, weigh_parts
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
-from tanteo.matching.belief import equivalent
-from tanteo.matching.prior import PosePrior, prior_rows
+from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
-from tanteo.surface_search.distinct import SAME_MAXIMUM
 from tanteo.surface_search.modes import Mode, log_none
-from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.recognition import unknown_log_density
-from tanteo.surface_search.search import Effort, first_poses
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
-NEGLIGIBLE = 12.0
-"""Log odds below the best explanation at which a pose is forgotten."""
-
-_MATTERS = 0.003
-"""Probability of a part from which its posterior is sampled until the weights can be believed."""
-
-_CLOSE = 3.0
-"""Log odds, by Laplace's approximation, below the best part within which another is sampled so from the first."""
-
-_CLIMB = 6
-"""Steps towards the maxima after every reading; those that stay alive go on at the next."""
-
-_DRAWS, _RAW, _EFFORT = 96, 1000, Effort(1000, 10, 24, 8)
-"""Poses kept from reading to reading; poses of a part looked at anew, and how many of them closely."""
+_DRAWS, _OF_NORMAL = 96, 1 / 8
+"""Poses kept from reading to reading; share of them that a normal mode keeps: nearly all climb back to it."""
 
 _DOUBT = 0.2
 """Probability of "none of these" from which all parts are looked at anew."""
 
 _SURE = 0.99
 """Probability of a part at which all others are looked at anew, once."""
-
-_REACH = 25.0
-"""Log odds, by Laplace's approximation, below the best part at which another is forgotten unweighed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,10 +116,23 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
         touches: all readings so far that met something, the old ones included.
         free: all paths so far on which nothing was met.
     """
-    after = _believe(before, touches, free, _searched(before))
-    # what was alive does not explain them, or a part gets certain among those that were: look at every part again
-    if after.unknown > _DOUBT or _settles(before, after):
-        after = _believe(after, touches, free, np.unique(before.start.part))
+    start, searched = before.start, np.flatnonzero(before.of_parts() > MATTERS)
+    found = _climbed(start, *_alive(before), touches, free, searched)
+    log_anywhere = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
+    log_anywhere += len(free.origins) * np.log1p(-start.priors.clutter)
+    weighed = weigh_parts(start, found, touches, free, log_anywhere)
+    after = _believe(start, touches, free, log_anywhere, weighed)
+    if after.unknown > _DOUBT:  # nothing that is known explains them
+        found = _climbed(start, *_alive(after), touches, free, np.unique(start.part), widely=True)
+        return _believe(start, touches, free, log_anywhere, weigh_parts(start, found, touches, free, log_anywhere))
+    rest = np.setdiff1d(start.part, searched)
+    if len(rest) and _settles(before, after):
+        others = [f for f in found if f.part in rest]
+        Ts = np.concatenate([np.zeros((0, 4, 4)), *(f.found.Ts for f in others)])
+        rows = np.concatenate([np.zeros(0, dtype=np.int64), *(f.rows for f in others)])
+        found = [f for f in found if f.part not in rest] + _climbed(start, Ts, rows, touches, free, rest)
+        again = weigh_parts(start, found, touches, free, log_anywhere, [p for p in weighed if p.part not in rest])
+        return _believe(start, touches, free, log_anywhere, again)
     return after
 
 
@@ -149,119 +142,61 @@ def _settles(before: Belief, after: Belief) -> bool:
     return bool(Q.max() > _SURE and (P.max() <= _SURE or P.argmax() != Q.argmax()))
 
 
-def _searched(before: Belief) -> IntArray:
-    """The parts that are alive."""
-    return np.flatnonzero(before.of_parts() > _MATTERS)
+def _climbed(
+    start: Start,
+    Ts: Transforms,
+    rows: IntArray,
+    touches: Touches,
+    free: FreePaths,
+    searched: IntArray,
+    widely: bool = False,
+) -> list[Maxima]:
+    """Maxima of every part that has a pose, or is searched: looked at anew."""
+    found = []
+    for k in range(len(start.targets)):
+        own = start.part[rows] == k
+        poses, at = Ts[own], rows[own]
+        if len(touches) and k in searched:
+            more, row = fresh(start, k, touches, widely)
+            poses, at = np.concatenate([poses, more]), np.concatenate([at, row])
+        if len(poses):
+            found.append(climbed(start, k, poses, at, touches, free, k in searched))
+    return found
 
 
-def _believe(before: Belief, touches: Touches, free: FreePaths, searched: IntArray) -> Belief:
-    start = before.start
-    Ts, rows = _alive(before)
-    if len(touches):
-        fresh = [_fresh(start, int(k), touches) for k in searched]
-        Ts = np.concatenate([Ts, *(T for T, _ in fresh)])
-        rows = np.concatenate([rows, *(row for _, row in fresh)])
-    found: list[Maxima] = []
-    for k, target in enumerate(start.targets):
-        some = np.flatnonzero(start.part[rows] == k)
-        if len(some):
-            priors = replace(start.priors, pose=start.prior(rows[some]))
-            maxima = polish(touches, free, Ts[some], target, priors, _CLIMB)
-            found.append(_distinct(start, k, maxima, rows[some]))
-    log_unknown = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
-    log_unknown += len(free.origins) * np.log1p(-start.priors.clutter)
-    return _weigh(start, touches, free, found, float(log_unknown))
-
-
-def _fresh(start: Start, part: int, touches: Touches) -> tuple[Transforms, IntArray]:
-    """Poses of a part found anew from what the start allows, whatever was alive, each with the likeliest rough pose."""
-    target, raw = start.targets[part], start.drawn(part, _RAW)
-    own = np.flatnonzero(start.part == part)
-    known = partial(prior_rows, PosePrior(start.Ts[own[0]], start.covariances[own[0]]), target.part)
-    Ts, _ = first_poses(touches, [raw], target, _EFFORT, known if len(own) == 1 else None)
-    xi = SE3.log(SE3.inverse(start.Ts[own])[:, None] @ Ts)
-    white = np.linalg.solve(np.linalg.cholesky(start.covariances[own])[:, None], xi[..., None])[..., 0]
-    log = np.log(np.maximum(start.weights[own], 1e-300)) - 0.5 * np.linalg.slogdet(start.covariances[own])[1]
-    return Ts, own[np.argmax(log[:, None] - 0.5 * np.sum(white * white, axis=-1), axis=0)]
-
-
-def _alive(before: Belief, draws: int = _DRAWS) -> tuple[Transforms, IntArray]:
+def _alive(before: Belief) -> tuple[Transforms, IntArray]:
     """The poses that were alive, and some drawn about them, more about the likelier; each with its rough pose."""
     rows = before.rows if before.touches is not None else np.arange(len(before.start))
-    rng = np.random.default_rng(1991)
     if before.draws is not None:
-        w = np.cumsum(before.draws.weights)
-        which = np.searchsorted(w, w[-1] * (np.arange(draws) + 0.5) / draws) if len(w) else np.zeros(0, dtype=np.int64)
-        some = np.unique(which)
+        bent = np.array([m.moments is not None for m in before.modes], dtype=bool)
+        w = np.cumsum(before.draws.weights * np.where(bent, 1.0, _OF_NORMAL)[before.draws.mode])
+        count = int(np.ceil(_DRAWS * w[-1] / before.draws.weights.sum())) if len(w) else 0
+        some = np.unique(np.searchsorted(w, w[-1:] * (np.arange(count) + 0.5) / max(count, 1)))
         Ts, mode = before.draws.Ts[some], before.draws.mode[some]
     else:
         share = before.weights / before.weights.sum()
-        mode = np.repeat(np.arange(len(rows)), np.ceil(draws * share).astype(np.int64))
-        xi = (np.linalg.cholesky(before.covariances)[mode] @ rng.normal(size=(len(mode), 6, 1)))[..., 0]
-        Ts = before.poses[mode] @ SE3.exp(xi)
+        mode = np.repeat(np.arange(len(rows)), np.ceil(_DRAWS * share).astype(np.int64))
+        xi = np.random.default_rng(1991).normal(size=(len(mode), 6, 1))
+        Ts = before.poses[mode] @ SE3.exp((np.linalg.cholesky(before.covariances)[mode] @ xi)[..., 0])
     return np.concatenate([before.poses, Ts]), np.concatenate([rows, rows[mode]])
 
 
-def _distinct(start: Start, part: int, found: Polished, rows: IntArray) -> Maxima:
-    """Each maximum once, with the mass of all rough poses that lead to it."""
-    target = start.targets[part]
-    log = found.log_evidence + np.log(start.weights[rows]) + _images(start, target, found.Ts, rows)
-    order = np.argsort(-log, kind="stable")
-    order = order[np.isfinite(log[order]) & (log[order] > log.max() - 2 * NEGLIGIBLE)]
-    information = pose_information(found.information)
-    kept, masses = [], []
-    while len(order):
-        first = order[0]
-        same = equivalent(target.part, found.Ts[first], found.Ts[order], information[order], SAME_MAXIMUM)
-        same[0] = True
-        own = order[same]
-        best = own[np.unique(rows[own], return_index=True)[1]]  # sorted by mass: the first of every rough pose
-        kept.append(first)
-        masses.append(logsumexp(log[best]))
-        order = order[~same]
-    index = np.array(kept, dtype=np.int64)
-    return Maxima(part, found.take(index), rows[index], np.array(masses))
-
-
-def _images(start: Start, target: Target, Ts: Transforms, rows: IntArray) -> FloatArray:
-    """Log of how many poses that symmetry makes equal the rough pose allows, each by its density ``(S,)``."""
-    images = target.part.symmetry.Ts
-    if len(images) < 2:
-        return np.zeros(len(Ts))
-    prior = start.prior(rows)
-    log = [-0.5 * np.sum(prior_rows(prior, target.part, Ts @ S)[0] ** 2, axis=1) for S in images]
-    return np.asarray(logsumexp(log, axis=0) - log[0])
-
-
-def _weigh(
-    start: Start,
-    touches: Touches,
-    free: FreePaths,
-    found: list[Maxima],
-    log_unknown: float,
+def _believe(
+    start: Start, touches: Touches, free: FreePaths, log_anywhere: float, parts: Sequence[PartModes]
 ) -> Belief:
+    """The belief of the weighed modes of all parts."""
     prior = np.log1p(-start.priors.unknown)
-    best = max((f.masses[0] for f in found if len(f.masses)), default=-np.inf)
-    alive = [f for f in found if len(f.masses) and f.masses[0] > best - _REACH]
-    parts = [weigh_part(start, f, touches, free, ROUNDS if f.masses[0] > best - _CLOSE else 1) for f in alive]
-    total = float(logsumexp([log_unknown - prior, *(logsumexp(p.log_mass) for p in parts)]))
-    parts = [
-        weigh_part(start, f, touches, free, ROUNDS)
-        if p.effective < ENOUGH and f.masses[0] <= best - _CLOSE and logsumexp(p.log_mass) > total + np.log(_MATTERS)
-        else p
-        for p, f in zip(parts, alive, strict=True)
-    ]
     log = np.concatenate([np.zeros(0), *(p.log_mass for p in parts)]) + prior
-    log_unknown = log_none(log_unknown, np.array([p.log_kin for p in parts]), start.priors)
-    total = float(logsumexp([log_unknown, *log]))
+    log_unknown = log_none(log_anywhere, np.array([p.log_kin for p in parts]), start.priors)
+    total = float(log_sum([log_unknown, *log]))
     modes = [
-        Mode(start.targets[f.part], p.found, int(p.k[m]), float(p.log_mass[m] + prior), p.moments[m])
-        for f, p in zip(alive, parts, strict=True)
+        Mode(start.targets[p.part], p.found, int(p.k[m]), float(p.log_mass[m] + prior), p.moments[m])
+        for p in parts
         for m in range(len(p.k))
     ]
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(p.rows for p in parts)])
     order = [k for k in np.argsort(-log, kind="stable") if log[k] > total - NEGLIGIBLE]
-    total = float(logsumexp([log_unknown, *log[order]]))
+    total = float(log_sum([log_unknown, *log[order]]))
     kept = tuple(replace(modes[k], probability=float(np.exp(log[k] - total))) for k in order)
     number = np.full(len(modes), -1)
     number[order] = np.arange(len(order))
@@ -269,7 +204,7 @@ def _weigh(
     return Belief(start, touches, free, kept, rows[order], float(np.exp(log_unknown - total)), draws)
 
 
-def _joined(parts: list[PartModes], number: IntArray, probabilities: FloatArray) -> Draws:
+def _joined(parts: Sequence[PartModes], number: IntArray, probabilities: FloatArray) -> Draws:
     """The draws of all parts, those of each mode weighing what it is worth."""
     first = np.cumsum([0, *(len(p.k) for p in parts)])
     numbers = (number[p.mode + k] for p, k in zip(parts, first, strict=False))

@@ -8,7 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from tanteo.active.belief import NEGLIGIBLE, Belief
+from tanteo.active.belief import Belief
+from tanteo.active.maxima import NEGLIGIBLE
 from tanteo.active.start import Start
 from tanteo.matching.verdict import corner_moves, corner_sd, motion_words, observed_covariance, spins
 from tanteo.parts import Part

@@ -7,16 +7,17 @@ whatever the rig.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln
 
 from tanteo.active.start import Start
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching import Priors
+from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.likelihood import (
     Explained,
@@ -54,6 +55,10 @@ class Density:
     kin: FloatArray
     z: FloatArray
     spreads: FloatArray
+
+    def first(self, n: int) -> Density:
+        """At the first of the poses."""
+        return Density(*(getattr(self, name)[:n] for name in self.__slots__))
 
     def join(self, other: Density) -> Density:
         """These and others."""
@@ -171,7 +176,7 @@ class Proposals:
 
     def adapted(self, x: Tangents, w: FloatArray, log: FloatArray) -> Proposals:
         """With moments and shares of the weighted draws that each is responsible for, by its log density ``(J, S)``."""
-        own = np.exp(log - logsumexp(log, axis=0)) * np.minimum(w, w.mean() * np.sqrt(len(w)))
+        own = np.exp(log - log_sum(log, axis=0)) * w
         mass = own.sum(axis=1)
         share = mass / mass.sum()
         weight = own / np.maximum(mass, 1e-300)[:, None]
@@ -196,54 +201,82 @@ def _chance(round_: int) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([normal, -normal])[order], np.concatenate([factor, factor])[order]
 
 
+def truncated(log: FloatArray) -> FloatArray:
+    """Log weights, none above the mean times the root of their number: one draw must not be worth all others together.
+
+    Where a proposal is thinner than the posterior, a draw in its tail may by chance weigh as much as all others; the
+    bias of leaving that out vanishes as their number grows (Ionides 2008).
+    """
+    return np.minimum(log, log_sum(log) - 0.5 * np.log(len(log)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighted:
-    """Draws with weights.
+    """Draws with weights, round after round; each weighs against the mixture of the proposals of all rounds.
 
     Attributes:
+        posterior: of one part.
+        proposals: of each round; the first are those about its maxima.
+        each: log density of the draws by each of them ``(rounds, J, S)``.
         Ts: poses ``(S, 4, 4)``.
         x: the same as perturbations from every maximum ``(J, S, 6)``.
         at: the posterior there.
+        tops: log density at the maxima ``(J,)``.
         log_weights: posterior over the mixture of all proposals ``(S,)``.
-        owner: the maximum that each is about ``(S,)``.
         effective: number of draws that carry the weight.
     """
 
+    posterior: Posterior
+    proposals: tuple[Proposals, ...]
+    each: FloatArray
     Ts: Transforms
     x: Tangents
     at: Density
-    log_weights: FloatArray
-    owner: IntArray
-    effective: float
+    tops: FloatArray
+    log_weights: FloatArray = field(init=False)
+    effective: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        log = self.at.log - (log_sum(self.each, axis=(0, 1)) - np.log(len(self.proposals)))
+        w = np.exp(log - log.max()) if np.isfinite(log.max()) else np.ones(len(log))
+        object.__setattr__(self, "log_weights", truncated(log))
+        object.__setattr__(self, "effective", float(w.sum() ** 2 / np.sum(w**2)))
+
+    @property
+    def owner(self) -> IntArray:
+        """The maximum that each draw is about ``(S,)``."""
+        return np.asarray(np.argmax(log_sum(self.each, axis=0), axis=0))
 
     @property
     def log_mass(self) -> float:
         """Log of the integral of the posterior."""
-        return float(logsumexp(self.log_weights) - np.log(len(self.log_weights)))
+        return float(log_sum(self.log_weights) - np.log(len(self.log_weights)))
 
 
-def sampled(posterior: Posterior, about: Proposals, rounds: int) -> Weighted:
-    """Rounds of draws until enough of them carry the weight; each weighs against the mixture of all proposals.
-
-    Args:
-        posterior: of one part.
-        about: densities about its maxima.
-        rounds: at most.
-    """
+def drawn(posterior: Posterior, about: Proposals) -> Weighted:
+    """The first round of draws, from densities about the maxima of the posterior of one part."""
     Ts, z = about.draw(0)
-    at, x, proposals = posterior(Ts, z), about.coordinates(Ts), [about]
-    each = about.log_density(x)[None]
-    while True:
-        log_w = at.log - (logsumexp(each, axis=(0, 1)) - np.log(len(proposals)))
-        w = np.exp(log_w - log_w.max()) if np.isfinite(log_w.max()) else np.ones(len(log_w))
-        effective = float(w.sum() ** 2 / np.sum(w**2))
-        if effective > ENOUGH or len(proposals) == rounds:
-            break
-        proposals.append(proposals[-1].adapted(x, w, each[-1]))
-        each = np.concatenate([each, proposals[-1].log_density(x)[None]])
-        more, z = proposals[-1].draw(len(proposals) - 1)
-        more_x = about.coordinates(more)
-        each = np.concatenate([each, np.stack([p.log_density(more_x) for p in proposals])], axis=-1)
-        Ts, at = np.concatenate([Ts, more]), at.join(posterior(more, z))
-        x = np.concatenate([x, more_x], axis=1)
-    return Weighted(Ts, x, at, log_w, np.argmax(logsumexp(each, axis=0), axis=0), effective)
+    both = posterior(np.concatenate([Ts, about.Ts]), np.concatenate([z, about.z]))
+    x = about.coordinates(Ts)
+    return Weighted(posterior, (about,), about.log_density(x)[None], Ts, x, both.first(len(Ts)), both.log[len(Ts) :])
+
+
+def sampled(draws: Weighted, rounds: int) -> Weighted:
+    """More rounds of draws, so many in all at most, until enough of them carry the weight."""
+    while draws.effective <= ENOUGH and len(draws.proposals) < rounds:
+        draws = _another(draws)
+    return draws
+
+
+def _another(draws: Weighted) -> Weighted:
+    """A round more, from proposals that are adapted to the draws so far."""
+    log = draws.log_weights
+    w = np.exp(log - log.max()) if np.isfinite(log.max()) else np.ones(len(log))
+    proposals = (*draws.proposals, draws.proposals[-1].adapted(draws.x, w, draws.each[-1]))
+    Ts, z = proposals[-1].draw(len(draws.proposals))
+    x = proposals[0].coordinates(Ts)
+    old = np.concatenate([draws.each, proposals[-1].log_density(draws.x)[None]])
+    each = np.concatenate([old, np.stack([p.log_density(x) for p in proposals])], axis=-1)
+    at = draws.at.join(draws.posterior(Ts, z))
+    both = np.concatenate([draws.Ts, Ts]), np.concatenate([draws.x, x], axis=1)
+    return Weighted(draws.posterior, proposals, each, *both, at, draws.tops)

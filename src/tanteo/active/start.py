@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances, check_transforms
 from tanteo.lie import SE3
 from tanteo.matching import Hypothesis, PosePrior, Priors
-from tanteo.matching.evidence import sized
+from tanteo.matching.evidence import log_sum, sized
 from tanteo.surface_search import Target
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
@@ -95,7 +94,7 @@ class Start:
         xi = SE3.log(SE3.inverse(self.Ts[rows])[:, None, None] @ images)
         white = np.linalg.solve(np.linalg.cholesky(self.covariances[rows])[:, None, None], xi[..., None])[..., 0]
         log = np.log(self.weights[rows]) - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.covariances[rows])[1]
-        return np.asarray(logsumexp(log[:, None, None] - 0.5 * np.sum(white * white, axis=-1), axis=(0, 1)))
+        return np.asarray(log_sum(log[:, None, None] - 0.5 * np.sum(white * white, axis=-1), axis=(0, 1)))
 
 
 def around(

@@ -15,8 +15,11 @@ from tanteo.active.probe import Probe
 from tanteo.active.samples import Predictions, Samples
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
-_BLOCK = 64
-"""Readings whose pairs of samples are compared at once."""
+_BLOCK = 16
+"""Readings whose pairs of samples are compared at once: as many as stay in the processor's cache."""
+
+_FAR = np.float32(-80.0)
+"""Log of an overlap that is none: what is less would be no normal number in single precision, which takes ages."""
 
 
 def expected_information(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
@@ -79,12 +82,17 @@ def _between(w: FloatArray, means: FloatArray, variances: FloatArray, member: Fl
     member = np.asarray(member[used], dtype=np.float32)
     scale = np.sqrt(variances.min(axis=1, initial=np.inf))[:, None]
     means, variances = means / scale, variances / scale**2
+    root = np.sqrt(np.sqrt(variances))[:, :, None]
+    # exp(-B) of two normal densities, exp(-gap^2 / 4 total) sqrt(2 / total) root root', without its roots; in place
     total = variances[:, :, None] + variances[:, None, :]
-    gap = means[:, :, None] - means[:, None, :]
-    root = np.sqrt(np.sqrt(variances))
-    # exp(-B) of two normal densities, from their ranges over their standard deviations
-    overlap = np.exp(-0.25 * gap * gap / total) * np.sqrt(2.0 / total) * root[:, :, None] * root[:, None, :]
-    each = np.maximum((overlap * w[:, None, :]) @ member, 1e-30)  # of every group (c, S, G)
+    overlap = means[:, :, None] - means[:, None, :]
+    overlap *= overlap
+    overlap /= total
+    overlap *= np.float32(-0.25)
+    np.exp(np.maximum(overlap, _FAR, out=overlap), out=overlap)
+    overlap /= np.sqrt(total, out=total)
+    each = np.sqrt(np.float32(2)) * root * (overlap @ (root * w[:, :, None] * member))
+    each = np.maximum(each, 1e-30)  # of every group (c, S, G)
     own = np.sum(each * member, axis=2)
     hit = np.maximum(w.sum(axis=1, keepdims=True), 1e-30)
     of_group = np.maximum((w @ member) @ member.T, 1e-30)

@@ -9,21 +9,32 @@ trusted whatever the shape. Where the posterior is normal about a maximum, its c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
-from tanteo.active.importance import Posterior, Proposals, Weighted, sampled
+from tanteo.active.importance import ENOUGH, Posterior, Proposals, Weighted, drawn, sampled
+from tanteo.active.maxima import Maxima, more
 from tanteo.active.start import Start
 from tanteo.lie import SE3
+from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Touches
 from tanteo.surface_search.moments import Moments
 from tanteo.surface_search.polish import Polished
 from tanteo.typing import FloatArray, IntArray, Transforms
 
-ROUNDS = 6
+MATTERS = 0.003
+"""Probability of a part from which its posterior is sampled until the weights can be believed."""
+
+_REACH = 25.0
+"""Log odds, by Laplace's approximation, below the best part at which another is forgotten unweighed."""
+
+_ROUNDS = 4
 """Rounds at most."""
+
+_FEW, _HEAVY = 50.0, 16
+"""Effective draws of the first round below which maxima may be missing; heavy draws from which they are looked for."""
 
 _MAXIMA, _HOPELESS = 16, 25.0
 """Maxima about which draws are made, and log odds below the best at which none are."""
@@ -39,27 +50,11 @@ _ONE = 9.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Maxima:
-    """Distinct maxima of the posterior of one part.
-
-    Attributes:
-        part: index of the part in the start.
-        found: the maxima, best first.
-        rows: rough pose of the start under which each was found ``(S,)``.
-        masses: Laplace's log mass of each ``(S,)``, of all rough poses that lead to it.
-    """
-
-    part: int
-    found: Polished
-    rows: IntArray
-    masses: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class PartModes:
     """The posterior of one part.
 
     Attributes:
+        part: index of the part in the start.
         found: the maxima.
         k: those that are modes, best first ``(M,)``.
         rows: rough pose of the start under which each was found ``(M,)``.
@@ -69,9 +64,9 @@ class PartModes:
         Ts: draws ``(N, 4, 4)``.
         mode: index into ``k`` of each draw ``(N,)``.
         weights: of the draws, summing to one ``(N,)``.
-        effective: number of draws that carry the weight.
     """
 
+    part: int
     found: Polished
     k: IntArray
     rows: IntArray
@@ -81,37 +76,64 @@ class PartModes:
     Ts: Transforms
     mode: IntArray
     weights: FloatArray
-    effective: float
 
 
-def weigh_part(start: Start, maxima: Maxima, touches: Touches, free: FreePaths, rounds: int = 1) -> PartModes:
-    """Modes of one part with masses, moments and draws.
+def weigh_parts(
+    start: Start,
+    found: Sequence[Maxima],
+    touches: Touches,
+    free: FreePaths,
+    log_anywhere: float,
+    known: Sequence[PartModes] = (),
+) -> list[PartModes]:
+    """Modes of all parts that are not hopeless, the more draws the more a part matters.
 
     Args:
         start: what was assumed beforehand.
-        maxima: of the part.
+        found: the maxima of each part.
         touches: all readings that met something.
         free: all paths on which nothing was met.
-        rounds: of draws, at most; fewer if enough of them carry the weight.
+        log_anywhere: log evidence of readings anywhere, the prior of "none of these" included.
+        known: parts of the same maxima and readings that are weighed already.
     """
+    best = max((f.masses[0] for f in found if len(f.masses)), default=-np.inf)
+    alive = [f for f in found if len(f.masses) and f.masses[0] > best - _REACH]
+    done = {p.part: p for p in known}
+    glances = [_glance(start, f, touches, free) for f in alive if f.part not in done]
+    none = log_anywhere - np.log1p(-start.priors.unknown)
+    total = float(log_sum([none, *(log_sum(p.log_mass) for p in known), *(draws.log_mass for _, draws in glances)]))
+    for maxima, draws in glances:
+        if draws.effective < ENOUGH and draws.log_mass > total + np.log(MATTERS):
+            maxima, draws = _closely(start, maxima, draws, touches, free)
+        done[maxima.part] = _as_modes(maxima, draws)
+    return [done[f.part] for f in alive]
+
+
+def _glance(start: Start, maxima: Maxima, touches: Touches, free: FreePaths) -> tuple[Maxima, Weighted]:
+    """The maxima of one part that are not hopeless, and a round of draws about them."""
     near = np.flatnonzero(maxima.masses > maxima.masses[0] - _HOPELESS)[:_MAXIMA]
-    found, rows, masses = maxima.found.take(near), maxima.rows[near], maxima.masses[near]
-    posterior = Posterior(start, maxima.part, touches, free)
-    about = Proposals.at(found, masses)
-    draws = sampled(posterior, about, rounds)
-    return _as_modes(found, rows, masses, about, draws, posterior)
+    maxima = Maxima(maxima.part, maxima.found.take(near), maxima.rows[near], maxima.masses[near])
+    return maxima, drawn(Posterior(start, maxima.part, touches, free), Proposals.at(maxima.found, maxima.masses))
 
 
-def _as_modes(
-    found: Polished, rows: IntArray, masses: FloatArray, about: Proposals, draws: Weighted, posterior: Posterior
-) -> PartModes:
-    log_total = draws.log_mass
-    w = np.exp(draws.log_weights - logsumexp(draws.log_weights))
-    share = np.bincount(draws.owner, weights=w, minlength=len(masses))
-    owner, kept, moments, log_mass = np.array(draws.owner), [], [], []
+def _closely(
+    start: Start, maxima: Maxima, draws: Weighted, touches: Touches, free: FreePaths
+) -> tuple[Maxima, Weighted]:
+    """As many draws as it takes; where few carry the weight, about those maxima too that no climb found till then."""
+    if draws.effective < _FEW:
+        heavy = np.argsort(-draws.log_weights, kind="stable")[:_HEAVY]
+        maxima, draws = _glance(start, more(start, maxima, draws.Ts[heavy], touches, free), touches, free)
+    return maxima, sampled(draws, _ROUNDS)
+
+
+def _as_modes(maxima: Maxima, draws: Weighted) -> PartModes:
+    log_total, about, owner, rows = draws.log_mass, draws.proposals[0], np.array(draws.owner), maxima.rows
+    all_ = log_sum(draws.log_weights)
+    w = np.exp(draws.log_weights - all_)
+    share = np.bincount(owner, weights=w, minlength=len(rows))
+    kept, moments, log_mass = [], [], []
     left = list(np.argsort(-share, kind="stable"))
-    tops = posterior(about.Ts, about.z).log
-    normal_mass = tops + 3 * np.log(2 * np.pi) + np.linalg.slogdet(about.roots)[1]
+    normal_mass = draws.tops + 3 * np.log(2 * np.pi) + np.linalg.slogdet(about.roots)[1]
     while left and share[left[0]] > 0:
         j = int(left.pop(0))
         C, mean = _second_moment(draws.x[j], w * (owner == j))
@@ -123,18 +145,18 @@ def _as_modes(
         if near:
             C, mean = _second_moment(draws.x[j], mine)
         kept.append(j)
-        normal = not near and _is_normal(draws, about, float(tops[j]), j, mine)
+        normal = not near and _is_normal(draws, about, j, mine)
         log_mass.append(float(normal_mass[j]) if normal else log_total + np.log(mine.sum()))
         moments.append(None if normal else _moments(draws, about, j, mine, C, mean))
-    number = np.full(len(masses), -1)
+    number = np.full(len(rows), -1)
     number[kept] = np.arange(len(kept))
     alive = w > 1e-6 * w.max()
     own = w[alive] / w[alive].sum()
     index = np.array(kept, dtype=np.int64)
-    log_kin = float(logsumexp(log_mass) + logsumexp(draws.at.kin, b=w))
+    log_kin = float(log_sum(log_mass) + log_sum(draws.at.kin + draws.log_weights) - all_)
     return PartModes(
-        found, index, rows[index], np.array(log_mass), log_kin, tuple(moments),
-        draws.Ts[alive], number[owner[alive]], own, draws.effective,
+        maxima.part, maxima.found, index, rows[index], np.array(log_mass), log_kin, tuple(moments),
+        draws.Ts[alive], number[owner[alive]], own,
     )  # fmt: skip
 
 
@@ -151,10 +173,10 @@ def _distances(about: Proposals, j: int, others: list[int], C: FloatArray) -> Fl
     return np.asarray(np.sum(x * np.linalg.lstsq(C / np.outer(s, s), x.T, rcond=1e-9)[0].T, axis=1))
 
 
-def _is_normal(draws: Weighted, about: Proposals, top: float, j: int, w: FloatArray) -> bool:
-    """Whether the draws about a maximum, whose log density is ``top``, have the density of its curvature."""
+def _is_normal(draws: Weighted, about: Proposals, j: int, w: FloatArray) -> bool:
+    """Whether the draws about a maximum have the density of its curvature."""
     white = np.linalg.solve(about.roots[j], draws.x[j].T)
-    off = np.clip(draws.at.log - top + 0.5 * np.sum(white * white, axis=0), -_OFF, _OFF)
+    off = np.clip(draws.at.log - draws.tops[j] + 0.5 * np.sum(white * white, axis=0), -_OFF, _OFF)
     used = w > 1e-3 * w.max()
     return bool(np.sqrt(np.average(off[used] ** 2, weights=w[used])) < _NORMAL)
 

@@ -9,11 +9,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.special import bernoulli, factorial
 
 from tanteo.lie import so3
 from tanteo.typing import Adjoints, FloatArray, Rotations, Tangents, Transforms, Vectors
 
 _SERIES_TERMS = 12
+
+_k = np.arange(1, 13)
+_BERNOULLI = bernoulli(24)[2::2] / factorial(2 * _k)
+_INVERSE = np.stack([(2 - _k) * _BERNOULLI, _k * np.append(_BERNOULLI[1:], 0.0)], axis=1)
+"""Power series of the two coefficients of the inverse right Jacobian, in minus the angle squared ``(12, 2)``."""
 
 
 def from_parts(R: Rotations, p: Vectors) -> Transforms:
@@ -115,8 +121,29 @@ def right_jacobian(xi: Tangents) -> Adjoints:
 
 
 def right_jacobian_inverse(xi: Tangents) -> Adjoints:
-    """Inverse of :func:`right_jacobian`: ``log(exp(xi) exp(d)) ~ xi + Jr^-1 d``; singular at a turn of 2 pi."""
-    return np.asarray(np.linalg.inv(right_jacobian(xi)), dtype=np.float64)
+    """Inverse of :func:`right_jacobian`: ``log(exp(xi) exp(d)) ~ xi + Jr^-1 d``; singular at a turn of 2 pi.
+
+    ``x / (1 - exp(-x))`` of ``x = ad(xi)``: by Cayley and Hamilton no powers but 1, 2 and 4 are needed.
+    """
+    xi = np.asarray(xi, dtype=np.float64)
+    A = ad(xi)
+    b, c = _inverse_coefficients(np.linalg.norm(xi[..., 3:], axis=-1)[..., None, None])
+    square = A @ A
+    return np.eye(6) + 0.5 * A + b * square + c * (square @ square)
+
+
+def _inverse_coefficients(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The coefficients of ``ad(xi)^2`` and ``ad(xi)^4`` in the inverse at rotation angle ``t``."""
+    small = t < 1.0
+    u = -(np.where(small, t, 0.0) ** 2)
+    b, c = np.zeros((2, *u.shape))
+    for of_b, of_c in _INVERSE[::-1]:
+        b, c = b * u + of_b, c * u + of_c
+    if small.all():
+        return b, c
+    s = np.where(small, 1.0, t)
+    sin, less = np.sin(s), 4 * s * (1 - np.cos(s))
+    return np.where(small, b, 2 / s**2 - (s + 3 * sin) / less), np.where(small, c, (s**-2 - (s + sin) / less) / s**2)
 
 
 def _jacobian_coefficients(t: FloatArray) -> list[FloatArray]:

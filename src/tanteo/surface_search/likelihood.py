@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo.lie import SO3
 from tanteo.matching.evidence import Priors
-from tanteo.matching.prior import prior_log_density, prior_rows
+from tanteo.matching.prior import prior_log_density, prior_residuals
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
 from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
@@ -128,7 +128,7 @@ def log_beside_readings(free: FreePaths, Ts: Transforms, z: FloatArray, target: 
     log = log_free_paths(free, Ts, target, priors) - 0.5 * np.sum(z * z, axis=1)
     if priors.pose is None:
         return np.asarray(log)
-    r = prior_rows(priors.pose, target.part, Ts)[0]
+    r = prior_residuals(priors.pose, target.part, Ts)
     return np.asarray(
         log + prior_log_density(priors.pose, target.part, Ts, priors.radius) - 0.5 * np.sum(r * r, axis=1)
     )

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, pose_information, weak_motions
 from tanteo.matching.belief import equivalent
-from tanteo.matching.evidence import Priors
+from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.prior import alike
 from tanteo.matching.verdict import spins, without_spins
 from tanteo.surface_search.likelihood import log_posterior
@@ -139,12 +138,12 @@ def log_none(log_anywhere: float, log_kin: FloatArray, priors: Priors) -> float:
         log_kin: log evidence of objects like the parts, at each mode.
         priors: what is assumed beforehand.
     """
-    kin = float(logsumexp(log_kin)) if len(log_kin) else -np.inf
+    kin = float(log_sum(log_kin)) if len(log_kin) else -np.inf
     return float(np.logaddexp(np.log1p(-priors.kin) + log_anywhere, np.log(priors.unknown) + np.log(priors.kin) + kin))
 
 
 def _total(modes: Sequence[Mode], log_unknown: float) -> float:
-    return float(logsumexp([log_unknown, *(mode.log_mass for mode in modes)]))
+    return float(log_sum([log_unknown, *(mode.log_mass for mode in modes)]))
 
 
 def _weighed(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> Mode:

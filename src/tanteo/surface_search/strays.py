@@ -9,8 +9,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.special import bdtrc, logsumexp, roots_genlaguerre, roots_jacobi, roots_legendre, softmax
+from scipy.special import bdtrc, roots_genlaguerre, roots_jacobi, roots_legendre
 
+from tanteo.matching.evidence import log_sum
 from tanteo.typing import FloatArray
 
 _SHAPE = 0.5
@@ -50,7 +51,7 @@ def log_density(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> Floa
         log_stray: if it is astray ``(S, n)``.
         mean: rate of strays that is stated.
     """
-    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *stray_rates(mean, log_hit.shape[1])), axis=0))
+    return log_sum(_log_by_rate(log_hit, log_stray, *stray_rates(mean, log_hit.shape[1])), axis=0)
 
 
 def log_density_of_kin(log_hit: FloatArray, log_stray: FloatArray) -> FloatArray:
@@ -61,13 +62,14 @@ def log_density_of_kin(log_hit: FloatArray, log_stray: FloatArray) -> FloatArray
         log_stray: if it is elsewhere ``(S, n)``.
     """
     nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_hit.shape[1]))))
-    return np.asarray(logsumexp(_log_by_rate(log_hit, log_stray, *_shares(nodes)), axis=0))
+    return log_sum(_log_by_rate(log_hit, log_stray, *_shares(nodes)), axis=0)
 
 
 def on_surface(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> FloatArray:
     """Probability that each reading is on the surface ``(S, n)``, given all; arguments of :func:`log_density`."""
     rates, weights = stray_rates(mean, log_hit.shape[1])
-    share = softmax(_log_by_rate(log_hit, log_stray, rates, weights), axis=0)
+    log = _log_by_rate(log_hit, log_stray, rates, weights)
+    share = np.exp(log - log_sum(log, axis=0))
     ratio = np.exp(np.clip(log_stray - log_hit, -700, 700))
     out = np.zeros(ratio.shape)
     for rate, of_pose in zip(rates, share, strict=True):
