@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import chi2, multivariate_normal, norm
 
-from bare_scenes import box_centred_pose, touches_of
+from bare_scenes import box_centred_pose, nees, no_paths, surface_points, touches_of
 from tanteo.lie import SE3
+from tanteo.matching import Priors
 from tanteo.surface_search import prepare_target
+from tanteo.surface_search.modes import weigh
 from tanteo.surface_search.near_edges import _covered, near_edges
+from tanteo.surface_search.polish import polish
 
 SD = 1e-3
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(120)
@@ -98,14 +101,18 @@ def test_a_beam_meets_only_faces_that_look_at_it(block):
 
 @pytest.mark.parametrize("corner", [False, True])
 @pytest.mark.parametrize("name", ["block", "bracket_left", "clamp"])
-def test_derivatives(parts, name, corner):
+@pytest.mark.parametrize("normal_sd", [0.0, 0.3])
+def test_derivatives(parts, name, corner, normal_sd):
     target, rng = prepare_target(parts[name]), np.random.default_rng(6)
     T = box_centred_pose(rng)
     n = 8
     points = SE3.apply(T, near_points(target, rng, n, corner))
     A = rng.normal(size=(n, 3, 3))
     gains = 1e-3 * rng.normal(size=(n, 3, 2))
-    touches = replace(touches_of(points, SD, gains=gains), covs=0.2 * SD**2 * (A @ np.swapaxes(A, 1, 2) + np.eye(3)))
+    sensed = {} if not normal_sd else {"normals": _mostly_known(rng, n), "normal_sd": normal_sd}
+    touches = replace(
+        touches_of(points, SD, gains=gains, **sensed), covs=0.2 * SD**2 * (A @ np.swapaxes(A, 1, 2) + np.eye(3))
+    )
 
     def at(xi):
         moved, shifted = T @ SE3.exp(xi[:6]), points + gains @ xi[6:]
@@ -122,17 +129,59 @@ def test_derivatives(parts, name, corner):
     assert np.linalg.eigvalsh(found.resistance).min() > -1e-9 * np.abs(found.resistance).max()
 
 
+def _mostly_known(rng, n):
+    """Normals of any direction; the first reading has none."""
+    m = rng.normal(size=(n, 3))
+    m /= np.linalg.norm(m, axis=1, keepdims=True)
+    m[0] = 0.0
+    return m
+
+
 def test_far_from_every_edge_nothing_is_looked_at(block):
     middle = np.array([block.part.box.mean(axis=0)])
     assert at_edges(touches_of(middle, SD), block, np.eye(3)[None], middle[None]) is None
 
 
-def test_balls_and_sensed_normals_are_not_concerned(block):
+def test_balls_are_not_concerned(block):
     p = near_points(block, np.random.default_rng(7), 3, corner=False)
-    ball = touches_of(p, SD, radii=5e-3)
-    oriented = touches_of(p, SD, normals=np.tile([0.0, 0.0, 1.0], (3, 1)), normal_sd=0.1)
-    for touches in (ball, oriented):
-        assert at_edges(touches, block, np.eye(3)[None], p[None]) is None
+    assert at_edges(touches_of(p, SD, radii=5e-3), block, np.eye(3)[None], p[None]) is None
+
+
+@pytest.mark.parametrize("sd", [0.05, 0.5])
+def test_a_sensed_normal_tells_the_faces_apart(block, sd):
+    """Each face's share of the integral counts as the tilt of the normal against the face's is likely."""
+    rng = np.random.default_rng(8)
+    p, m = near_points(block, rng, 6, corner=False), rng.normal(size=(6, 3))
+    faces = np.eye(3)[np.argmax(np.abs(m), axis=1)] * np.sign(m)
+    m = (faces + sd * m) / np.linalg.norm(faces + sd * m, axis=1, keepdims=True)
+    found = at_edges(touches_of(p, SD, normals=m, normal_sd=sd), block, np.eye(3)[None], p[None])
+    for k, x in enumerate(p):
+
+        def weight(n, k=k):
+            tilt = norm.pdf(np.linalg.norm(np.cross(n, m[k])), scale=sd) / np.sqrt(2 * np.pi) / sd
+            return tilt / block.part.area * (1.0 if n @ m[k] > 0 else np.exp(-50))
+
+        truth = integral(block, x, SD**2 * np.eye(3), weight)
+        assert found.log[k] == pytest.approx(np.log(max(truth, 1e-300)), abs=1e-3)
+
+
+def test_normals_near_edges_place_the_part_as_well_as_they_say(parts):
+    """Twelve readings within two deviations of edges, every other with a normal: NEES of the pose that they give."""
+    target, rng, values = prepare_target(parts["bracket_left"]), np.random.default_rng(9), []
+    for _ in range(30):
+        T = box_centred_pose(rng)
+        q, n = surface_points(target.surface, 3000, rng)
+        near = np.flatnonzero(target.borders.nearest(q, np.zeros(len(q)))[0] < 2 * SD)[:12]
+        m = n[near] + 0.1 * rng.normal(size=(12, 3))
+        m = (m / np.linalg.norm(m, axis=1, keepdims=True)) @ T[:3, :3].T
+        points = SE3.apply(T, q[near]) + SD * rng.normal(size=(12, 3))
+        m[::2] = 0.0
+        touches = touches_of(points, SD, normals=m, normal_sd=0.1)
+        found = polish(touches, no_paths(), T[None], target, Priors(radius=target.part.radius))
+        mode = weigh(touches, no_paths(), [(target, found)], -np.inf, 1, Priors(radius=target.part.radius))[0][0]
+        values.append(nees(target.part, found.Ts[0], mode.covariance, T)[0] / 6)
+    low, high = chi2.ppf([0.001, 0.999], 6 * 30) / (6 * 30)
+    assert low < np.mean(values) < high
 
 
 def test_a_strip_holds_what_is_between_both_its_sides():
@@ -163,3 +212,19 @@ def test_the_far_side_of_a_face_cuts_its_share(block):
     side = norm.pdf(0.5 * sd, scale=sd) * (norm.cdf(1.0) - norm.cdf(1.0 - 3.0))
     bottom = norm.pdf(sd, scale=sd) * norm.cdf(-0.5)
     assert np.exp(near.log[0]) * block.part.area == pytest.approx(side + bottom, rel=0.003)
+
+
+def test_a_sensed_normal_finds_the_other_side_of_a_wall(block):
+    """A wall three deviations thick: noise put the point next to one side, the normal is that of the other.
+
+    That one is not cut where it ends: another edge would have to be looked at for it.
+    """
+    low, high = block.part.box
+    thin = int(np.argmin(high - low))
+    sd, across = float((high - low)[thin]) / 3, (thin + 1) % 3
+    x = 0.5 * (low + high)
+    x[thin], x[across] = low[thin] + sd, high[across] - 0.5 * sd
+    touches = touches_of(x[None], sd, normals=np.eye(3)[thin][None], normal_sd=0.1)
+    near = at_edges(touches, block, np.eye(3)[None], x[None, None])
+    other = norm.logpdf(2 * sd, scale=sd) - np.log(2 * np.pi * 0.1**2)
+    assert near.log[0] + np.log(block.part.area) == pytest.approx(other, abs=1e-3)

@@ -15,7 +15,7 @@ from tanteo.lie import SO3
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import prior_log_density, prior_residuals
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
-from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
+from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges, tilt_log_density, tilt_rows
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
 from tanteo.surface_search.strays import log_density, log_density_of_kin, on_surface
 from tanteo.surface_search.target import Target
@@ -168,20 +168,18 @@ def _log_densities(
         log += np.where(directed, aimed, -np.log(target.part.area))
     else:
         log -= np.log(target.part.area)
+    ball = np.log(4 / 3 * np.pi * priors.radius**3)
+    stray = np.array(np.broadcast_to(np.where(directed, -np.log(2 * priors.radius), -ball), r.shape))
+    rows, gap = np.flatnonzero(touches.oriented), None
+    if len(rows):
+        m, u, sd = touches.normals[rows] @ at.R, at.g[:, rows], touches.normal_sds[rows]
+        gap = SO3.cross(u, m) / sd[:, None]
+        log[:, rows] += tilt_log_density(m, u, gap, sd)
+        stray[:, rows] -= np.log(4 * np.pi)
     if edges is not None:
         log[edges[0], edges[1]] = edges[2]
     if (touches.reach * directed).any():
         log[material_in_front(touches, Ts, z, target)] = -np.inf
-    ball = np.log(4 / 3 * np.pi * priors.radius**3)
-    stray = np.array(np.broadcast_to(np.where(directed, -np.log(2 * priors.radius), -ball), r.shape))
-    rows = np.flatnonzero(touches.oriented)
-    if not len(rows):
-        return log, stray, None
-    m, u, sd = touches.normals[rows] @ at.R, at.g[:, rows], touches.normal_sds[rows]
-    gap = SO3.cross(u, m) / sd[:, None]
-    same_side = np.where(np.sum(m * u, axis=-1) > 0, 0.0, -50.0)
-    log[:, rows] += -0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi * sd**2) + same_side
-    stray[:, rows] -= np.log(4 * np.pi)
     return log, stray, gap
 
 
@@ -191,7 +189,7 @@ def _with_normals(
     """Add the rows of sensed normals: their tilt against the surface's."""
     rows = np.flatnonzero(touches.oriented)
     m, u, sd = touches.normals[rows] @ at.R, at.g[:, rows], touches.normal_sds[rows]
-    W = (m[..., :, None] * u[..., None, :] - np.sum(m * u, axis=-1)[..., None, None] * np.eye(3)) / sd[:, None, None]
+    W = tilt_rows(m, u, sd)
     turn = np.zeros((*W.shape[:-1], J.shape[-1]))
     turn[..., 3:6] = W
     S, k = len(at.R), 3 * len(rows)

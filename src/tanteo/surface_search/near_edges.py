@@ -5,6 +5,7 @@ The density of a sensed point is the integral of its noise over the surface, ``p
 plane that reaches beyond the noise this is a normal density of the distance. Near an edge two faces have a share
 each, and each share is cut where its face ends: ``N(d; 0, s^2) Phi(b / t)``, ``d`` off the plane, ``b`` inside the
 line. The distance to the nearest surface point instead says too much within a few standard deviations of every edge.
+A sensed normal tells the faces apart: each share counts as the normal agrees with its face.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 REACH = 4.0
 """Edges farther off than this many standard deviations do not matter."""
 
+
+_BEHIND = -50.0
+"""Log density of a sensed normal that points into the part."""
 
 _BROAD = 2.0
 """Faces narrower than this many standard deviations are no faces to the noise: facets of a curve, rims of a sheet."""
@@ -63,13 +67,30 @@ class _Seen:
     t: FloatArray
     beta: FloatArray
     beyond: FloatArray
+    normals: _Tilt | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tilt:
+    """Sensed normals against those of the faces, of the readings that have one.
+
+    Attributes:
+        rows: which of the readings ``(m,)``.
+        sensed: in the part's frame ``(m, 3)``.
+        sd: of a tilt ``(m,)`` [rad].
+        gap: sines of the tilts, in standard deviations ``(m, F, 3)``.
+    """
+
+    rows: IntArray
+    sensed: Vectors
+    sd: FloatArray
+    gap: FloatArray
 
 
 def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: IntArray) -> NearEdges | None:
     """Look at the readings near edges; None if there are none.
 
-    Readings with a sensed normal, or of a ball that is large beside the noise, are not concerned: the first know their
-    face, and the second's surface is round where the part's is sharp.
+    Readings of a ball that is large beside the noise are not concerned: its surface is round where the part's is sharp.
 
     Args:
         touches: the readings.
@@ -94,7 +115,7 @@ def log_near_edges(
 
 
 def _seen(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: IntArray) -> _Seen | None:
-    concerned = ~touches.oriented & (touches.radii < touches.sd)
+    concerned = touches.radii < touches.sd
     if not concerned.any():
         return None
     reach = REACH * touches.sd
@@ -107,16 +128,36 @@ def _seen(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: 
         return None
     s, n, rows = s[concerns], n[concerns], rows[concerns]
     at, along = p[s, n], (touches.directions[n, None] @ R[s])[:, 0]
-    faces, past = _with_others(touches, target, target.borders.junctions.take(rows), at, along, n, nearest[s, n])
+    outward = np.where(touches.oriented[n, None], (touches.normals[n, None] @ R[s])[:, 0], -along)
+    faces, past = _with_others(touches, target, target.borders.junctions.take(rows), at, outward, n, nearest[s, n])
     log = _weights(touches, target, faces, along, n) - past
     used = int(np.flatnonzero(faces.valid.any(axis=0)).max()) + 1
-    return _cut(touches, R, s, n, at, faces.first(used), log[:, :used])
+    faces, log = faces.first(used), log[:, :used]
+    tilt = _tilt(touches, R, s, n, faces)
+    if tilt is not None:
+        log[tilt.rows] += tilt_log_density(tilt.sensed[:, None], faces.normals[tilt.rows], tilt.gap, tilt.sd[:, None])
+    return _cut(touches, R, s, n, at, faces, log, tilt)
+
+
+def _tilt(touches: Touches, R: Transforms, s: IntArray, n: IntArray, faces: Junctions) -> _Tilt | None:
+    rows = np.flatnonzero(touches.oriented[n])
+    if not len(rows):
+        return None
+    s, n = s[rows], n[rows]
+    sensed, sd = (touches.normals[n, None] @ R[s])[:, 0], touches.normal_sds[n]
+    return _Tilt(rows, sensed, sd, SO3.cross(faces.normals[rows], sensed[:, None]) / sd[:, None, None])
+
+
+def tilt_log_density(sensed: Vectors, normals: Vectors, gap: FloatArray, sd: FloatArray) -> FloatArray:
+    """Log density of sensed normals on faces with those normals; ``gap`` is their cross product over ``sd``."""
+    behind = np.where(np.sum(sensed * normals, axis=-1) > 0, 0.0, _BEHIND)
+    return np.asarray(behind - 0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi * sd**2))
 
 
 def _with_others(
-    touches: Touches, target: Target, faces: Junctions, at: Vectors, along: Vectors, n: IntArray, nearest: IntArray
+    touches: Touches, target: Target, faces: Junctions, at: Vectors, outward: Vectors, n: IntArray, nearest: IntArray
 ) -> tuple[Junctions, FloatArray]:
-    """The faces at the edge, the nearest one and the one a beam came through, if these are others; each once.
+    """The faces at the edge, the nearest one and the one that the beam or normal tells, if these are others; each once.
 
     Where noise is as large as walls are thick, the nearest edge need not be one of the face that was met.
 
@@ -125,9 +166,8 @@ def _with_others(
     """
     sd = touches.sd[n]
     triangles = nearest[:, None]
-    if touches.directed.any():
-        away = np.where(touches.directed[n], 2 * sd, 0.0)[:, None] * along
-        triangles = np.stack([nearest, target.surface.closest(at - away).triangles], axis=1)
+    if outward.any():
+        triangles = np.stack([nearest, target.surface.closest(at + 2 * sd[:, None] * outward).triangles], axis=1)
     normals = target.surface.normals[triangles]
     offsets = np.sum(normals * target.surface.vertices[target.surface.triangles[triangles, 0]], axis=-1)
     gaps = np.sum(normals * at[:, None], axis=-1) - offsets
@@ -158,7 +198,14 @@ def _weights(touches: Touches, target: Target, faces: Junctions, along: Vectors,
 
 
 def _cut(
-    touches: Touches, R: Transforms, s: IntArray, n: IntArray, at: Vectors, faces: Junctions, log: FloatArray
+    touches: Touches,
+    R: Transforms,
+    s: IntArray,
+    n: IntArray,
+    at: Vectors,
+    faces: Junctions,
+    log: FloatArray,
+    tilt: _Tilt | None,
 ) -> _Seen:
     """How far each reading is off each face, and inside its lines, with the spread of its noise both ways."""
     normals, m = faces.normals, faces.inward
@@ -179,7 +226,7 @@ def _cut(
         inside = inside - slant * d[..., None]
     beta = np.where(lines, inside / t, np.inf)
     beyond = np.where(lines & ~faces.reflex[..., None], (inside - faces.widths) / t, -np.inf)
-    return _Seen(s, n, at, faces, log - 0.5 * np.log(2 * np.pi * s2), d, s2, slant, t, beta, beyond)
+    return _Seen(s, n, at, faces, log - 0.5 * np.log(2 * np.pi * s2), d, s2, slant, t, beta, beyond, tilt)
 
 
 def _log_sum(log: FloatArray) -> FloatArray:
@@ -201,10 +248,22 @@ def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, 
     row_d = _rows(faces.normals, at, gains)
     row_b = (_rows(faces.inward, at, gains) - slant[..., None] * row_d[:, :, None]) / t[..., None]
     slopes = -(d / s2)[..., None] * row_d + np.sum(pull[..., None] * row_b, axis=2)
-    gradient = np.sum(share[..., None] * slopes, axis=1)
     rows = np.concatenate([row_d[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * row_b], axis=2)
+    if seen.normals is not None:
+        turns = tilt_rows(seen.normals.sensed[:, None], faces.normals[seen.normals.rows], seen.normals.sd[:, None])
+        slopes[seen.normals.rows, :, 3:6] -= np.sum(turns * seen.normals.gap[..., None], axis=-2)
+        more = np.zeros((*rows.shape[:2], 3, rows.shape[-1]))
+        more[seen.normals.rows, ..., 3:6] = turns
+        rows = np.concatenate([rows, more], axis=2)
+    gradient = np.sum(share[..., None] * slopes, axis=1)
     rows = (np.sqrt(share)[..., None, None] * rows).reshape(len(at), -1, rows.shape[-1])
     return total, gradient, np.swapaxes(rows, 1, 2) @ rows
+
+
+def tilt_rows(sensed: Vectors, normals: Vectors, sd: FloatArray) -> FloatArray:
+    """Derivative of ``normal x sensed / sd`` by the turn of the part ``(*batch, 3, 3)``."""
+    outer, along = sensed[..., :, None] * normals[..., None, :], np.sum(sensed * normals, axis=-1)
+    return np.asarray((outer - along[..., None, None] * np.eye(3)) / sd[..., None, None])
 
 
 def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:
