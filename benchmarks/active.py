@@ -1,12 +1,13 @@
 """How many readings does a session need? ``python benchmarks/active.py SUBJECT [scenes] [seed]``.
 
 Subjects: ``laser`` and ``flight`` (20 parts, every policy on the same scenes and seeds: readings to a part known with
-P > 0.99 and to a worst corner of 0.5 or 5 mm, and whether what was said then was true), ``stops`` (sessions that end by
-their own rule: are they right, are they inside), ``twins`` (one reading after locating), ``patch`` (six planned touches
-against six in a patch), ``panel`` (ten touches of a large panel), ``tells`` (random sequences of anything that can be
-told), ``times`` (ask and tell over hypotheses and candidates). The parts are eight of the examples and the twelve
-largest of the step_parts set, where that is at hand. ``--processes`` and ``--keep`` as in ``campaign.py``, for
-``laser``, ``flight``, ``stops`` and ``tells``.
+P > 0.99 and to a worst corner of 0.5 or 5 mm, and whether what was said then was true), ``names`` (the same parts,
+where only the part is asked for, and by one who knows the answers), ``stops`` (sessions that end by their own rule: are
+they right, are they inside), ``twins`` (one reading after locating), ``patch`` (six planned touches against six in a
+patch), ``panel`` (ten touches of a large panel), ``tells`` (random sequences of anything that can be told), ``times``
+(ask and tell over hypotheses and candidates). The parts are eight of the examples and the twelve largest of the
+step_parts set, where that is at hand. ``--processes`` and ``--keep`` as in ``campaign.py``, for
+``laser``, ``flight``, ``names``, ``stops`` and ``tells``.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from active_sessions import HERE, policies, stops, tells
+from active_sessions import HERE, known_parts, policies, stops, tells
 from campaign import options
 from common import Table
 
@@ -183,6 +184,7 @@ def main():
     many = scenes, seed, keep, processes
     subjects = {
         "laser": lambda: policies("laser", *many), "flight": lambda: policies("flight", *many),
+        "names": lambda: known_parts(*many),
         "stops": lambda: stops(*many), "tells": lambda: tells(*many), "twins": lambda: twins(scenes, seed),
         "patch": patch, "panel": lambda: panel(scenes, seed), "times": times,
     }  # fmt: skip

@@ -16,6 +16,8 @@ from common import Table
 
 import tanteo
 from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
+from tanteo.active import Choice, draw, predict
+from tanteo.active.samples import beams
 from tanteo.session import Action
 from tanteo.surface_search import prepare_target
 
@@ -98,6 +100,61 @@ def _policy_row(name, rows):
     ]
     right, spent = np.mean([row["right"] for row in rows]), np.median([row["spent"] for row in rows])
     return name, *cells, f"{sum(p > MOST for p in placed)}", f"{right:.3f}", f"{1e3 * spent:.0f} ms"
+
+
+class Clairvoyant:
+    """A policy that knows what each candidate would read, and takes the one after which the true part is likeliest."""
+
+    name = "clairvoyant"
+
+    def __init__(self, target, part, T):
+        self.target, self.part, self.T = target, part, T
+
+    def choose(self, situation):
+        """By samples of the belief, a reading without noise, and the session's rate of strays."""
+        s, c, priors = situation, situation.candidates, situation.belief.start.priors
+        samples = draw(s.belief, 600)
+        p = predict(samples, c.origins, c.directions)
+        true = beams(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
+        answers, met = p.met & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
+        own = s.probe.variance(np.where(answers, p.ranges, 1.0), np.where(answers, p.cosines, 1.0)) + p.variances
+        gaps = np.where(answers, p.ranges, 0.0) - np.where(met, true, 0.0)
+        hit = np.where(answers, np.exp(-0.5 * gaps**2 / own) / np.sqrt(2 * np.pi * own), 0.0)
+        read = (1 - priors.clutter) * hit + priors.clutter / (2 * priors.radius)
+        nothing = np.where(answers, priors.clutter, 1 - priors.clutter)
+        w = np.where(met, read, nothing) * samples.weights
+        P = w @ (samples.part == self.part) / np.maximum(w.sum(axis=1), 1e-300)
+        return Choice(int(np.argmax(P)), 1.0, "the true part is likeliest after it")
+
+
+def named(policy, seed, scene):
+    """Readings until a session knows the part that asks for nothing else, and whether it is the right one."""
+    (probe, _), targets = SENSORS["laser"], twenty()
+    start, rng = rough(targets, PLACE), np.random.default_rng((seed, scene))
+    k, T = drawn_truth(start, rng, scene % len(targets))
+    clairvoyant = policy == Clairvoyant.name
+    session = new_session(start, probe, "random" if clairvoyant else policy, scene, least_gain=0.0, most=MOST)
+    if clairvoyant:
+        session.policy = Clairvoyant(targets[k], k, T)
+    end = sense(session, targets[k], T, np.random.default_rng((seed, scene, 1)))
+    count = session.count if end.reached else MOST + 1
+    return {"known": count, "right": int(np.argmax(session.belief.of_parts())) == k}
+
+
+def known_parts(scenes, seed, keep, processes):
+    """Sessions that ask for the part alone, and how few readings are enough for one who knows the answers."""
+    asked = ("information", "random", Clairvoyant.name)
+    cases = [(policy, seed, scene) for scene in range(scenes) for policy in asked]
+    done = list(zip(cases, run_cases(named, cases, keep, processes), strict=True))
+    table = []
+    for policy in asked:
+        rows = [row for case, row in done if case[0] == policy]
+        known = [row["known"] for row in rows]
+        cells = f"{np.median(known):.1f} / {np.percentile(known, 90):.1f}", f"{np.mean(known):.1f}"
+        table.append((policy, *cells, f"{sum(row['right'] for row in rows)}/{scenes}"))
+    columns = "policy", "part known: median / 90 %", "mean", "right"
+    text = f"{len(twenty())} parts, {scenes} scenes, laser 0.3 mm, ends at P > 0.99 whatever the pose, seed {seed}."
+    return Table("Which part is it?", text, columns, table)
 
 
 def ended(seed, scene):

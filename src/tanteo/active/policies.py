@@ -10,16 +10,21 @@ from tanteo.active.baselines import LargestFace, Nearest, Random, Scripted321
 from tanteo.active.features import Feature, features, joint_information
 from tanteo.active.samples import draw, predict
 from tanteo.active.situation import Choice, Policy, Situation
-from tanteo.active.utility import expected_information
+from tanteo.active.utility import about_mode, expected_information
 from tanteo.errors import InputError
 
 _SAMPLES = 128
 """Poses on which every candidate is tried."""
 
+_ASIDE = 0.01
+"""Share of what is told about the pose that counts where only the part is asked for: it decides between equals."""
+
 
 @dataclass(frozen=True, slots=True)
 class Information:
     """The reading that tells most about part and pose; or most for its time, travelling included.
+
+    Where nobody asks for the pose, it is the part that counts.
 
     Attributes:
         per_second: divide by the time that it takes.
@@ -33,8 +38,12 @@ class Information:
         """The candidate with the largest expected information, or information a second."""
         s, c = situation, situation.candidates
         samples = draw(s.belief, _SAMPLES, s.tolerance)
-        gains = expected_information(samples, predict(samples, c.origins, c.directions), s.probe)
-        worth = gains / s.seconds() if self.per_second else gains
+        predicted = predict(samples, c.origins, c.directions)
+        gains = worth = expected_information(samples, predicted, s.probe)
+        if s.part_only:
+            worth = _ASIDE * gains + about_mode(samples, predicted, s.probe, samples.part)
+        if self.per_second:
+            worth = worth / s.seconds()
         k = int(np.argmax(worth))
         return Choice(k, float(gains[k]), f"it is expected to tell {gains[k]:.2f} nats about part and pose")
 

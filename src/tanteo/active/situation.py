@@ -25,6 +25,7 @@ class Situation:
         tolerance: of the corners, beyond which nothing more needs to be known [m]; None for none.
         count: readings made so far.
         seed: of policies that draw.
+        part_only: nobody asks where the part is, only which one.
     """
 
     belief: Belief
@@ -34,6 +35,7 @@ class Situation:
     tolerance: float | None
     count: int
     seed: int
+    part_only: bool = False
 
     def travel(self) -> FloatArray:
         """From where the probe is to the start of every candidate ``(C,)`` [m]; none before the first reading."""

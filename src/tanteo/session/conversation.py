@@ -128,8 +128,9 @@ class Session:
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
             return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
+        part_only = self.stop.tolerance is None and self.stop.probability is not None
         situation = Situation(
-            self._belief, candidates, self.probe, self._place(), self.stop.tolerance, self.count, self.seed
+            self._belief, candidates, self.probe, self._place(), self.stop.tolerance, self.count, self.seed, part_only
         )
         choice = self.policy.choose(situation)
         if choice.gain < self.stop.least_gain:

@@ -1,0 +1,67 @@
+"""Which reading a policy takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
+from tanteo.active import POLICIES, Situation, begin, draw, predict, propose
+from tanteo.active.utility import about_mode, expected_information
+from tanteo.parts import read_part
+from tanteo.surface_search import prepare_target
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.fixture(scope="module")
+def start():
+    names = "bracket_left", "bracket_right", "wedge"
+    return rough([prepare_target(read_part(PARTS / f"{name}.step")) for name in names])
+
+
+def test_where_only_the_part_is_asked_for_it_is_the_part_that_counts(start):
+    belief = begin(start)
+    candidates = propose(belief, LASER, 300)
+    samples = draw(belief, 128)
+    predicted = predict(samples, candidates.origins, candidates.directions)
+    of_part, of_both = (
+        about_mode(samples, predicted, LASER, samples.part),
+        expected_information(samples, predicted, LASER),
+    )
+    both, only = (
+        POLICIES["information"].choose(Situation(belief, candidates, LASER, None, None, 0, 0, part_only))
+        for part_only in (False, True)
+    )
+    assert both.index == np.argmax(of_both)
+    assert of_part[only.index] > of_part[both.index]
+    assert only.gain == of_both[only.index]  # what it tells in all, by which a session ends
+
+
+@pytest.mark.parametrize(
+    ("stop", "part_only"), [({}, True), ({"tolerance": 1e-3}, False), ({"probability": None}, False)]
+)
+def test_a_session_says_what_it_asks_for(start, stop, part_only):
+    seen = []
+
+    class Watched:
+        name = "watched"
+
+        def choose(self, situation):
+            seen.append(situation.part_only)
+            return POLICIES["random"].choose(situation)
+
+    session = new_session(start, **stop)
+    session.policy = Watched()
+    session.ask()
+    assert seen == [part_only]
+
+
+def test_one_part_alone_is_told_from_none_of_these(start):
+    """There is no other part to tell it from, and yet readings are worth making."""
+    alone = rough(start.targets[2:])
+    rng = np.random.default_rng(3)
+    _, T = drawn_truth(alone, rng)
+    assert sense(new_session(alone), alone.targets[0], T, rng).reached
