@@ -11,8 +11,8 @@ import pytest
 from cli.conftest import prism, stl
 from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo.active import Probe, Start, at_pose, distinguish, plan
+from tanteo.active.design import design_of
 from tanteo.active.distinguish import laid_on, located
-from tanteo.active.plans import _design
 from tanteo.active.samples import beams
 from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
@@ -54,7 +54,7 @@ def test_what_is_promised_after_a_plan_is_what_linear_least_squares_gives(bracke
     assert 0.9 <= found.readings[-1].within < 0.99
     within = [r.within for r in found.readings]
     assert within == sorted(within)
-    design = _design(start, TOUCH, 0)
+    design = design_of(start, TOUCH, 0)
     rows = [int(np.argmin(np.linalg.norm(design.points - r.point, axis=1))) for r in found.readings]
     G, R, rng = design.rows[rows], design.variances[rows], np.random.default_rng(1)
     xi = rng.normal(size=(4000, 6)) @ np.linalg.cholesky(C).T
@@ -79,7 +79,7 @@ def test_the_worst_corner_is_as_good_as_in_the_best_of_many_plans(name, n):
     """Thousands of sets drawn at random, the best of them improved by single exchanges of the worst corner itself."""
     target = prepare_target(read_part(PARTS / f"{name}.step"))
     start, rng = at_pose(target, np.eye(4), C), np.random.default_rng(3)
-    design = _design(start, TOUCH, 0)
+    design = design_of(start, TOUCH, 0)
     best = corner_errors(target, plan(start, TOUCH, 1e-5, most=n).readings[-1].covariance[None])[0]
 
     def worst(rows):

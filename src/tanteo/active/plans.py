@@ -12,34 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active.belief import begin
-from tanteo.active.candidates import Candidates, propose
+from tanteo.active.design import Design, design_of
 from tanteo.active.probe import Probe
-from tanteo.active.samples import beams, draw, even_normals, predict
 from tanteo.active.start import Start
 from tanteo.errors import InputError
-from tanteo.lie import SE3
-from tanteo.matching.verdict import corner_moves, corner_sd, observed_covariance
-from tanteo.surface_search import Target
+from tanteo.matching.verdict import corner_sd, observed_covariance
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
-
-_CANDIDATES = 800
-"""Readings among which the plan is chosen."""
-
-_STEADY, _LEAST = 0.9, 40
-"""Share of the possible poses at which a reading must meet its face; at least so many readings are kept."""
 
 _DOUBTFUL = 0.5
 """A plan with a reading that meets its face at a smaller share of them keeps nothing."""
 
-_TINY = 1e-9
-"""Share of the variances that is left where nothing needs to be known."""
-
 _SWEEPS, _STARTS = 6, 12
 """Rounds of exchanges, and sets drawn at random that are exchanged as well: one alone may end at a poor one."""
-
-_POSES = 2048
-"""Poses by which the chance to be within the tolerance is counted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +89,7 @@ def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95,
         raise InputError(f"plan: expected one part at one rough pose, got {len(start)}. Plan for each.")
     if not (np.isfinite(tolerance) and tolerance > 0 and 0 < confidence < 1 and most >= 1):
         raise InputError("plan: expected a positive tolerance, a confidence between 0 and 1 and a reading at least.")
-    design = _design(start, probe, seed)
+    design = design_of(start, probe, seed)
     if design is None:
         part = start.targets[0].part
         message = f"The probe reaches no place of {part.name}: give it more room, or another approach."
@@ -118,87 +102,7 @@ def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95,
     return _as_plan(start, design, chosen, tolerance, confidence)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Design:
-    """Candidates as rows of a linear problem: the pose's perturbation and, if there is one, the bias."""
-
-    target: Target
-    candidates: Candidates
-    faces: IntArray
-    points: Vectors
-    rows: FloatArray
-    variances: FloatArray
-    prior: Covariances
-    base: Covariances
-    corners: FloatArray
-    meets: FloatArray
-
-    def after(self, chosen: IntArray) -> Covariances:
-        """Covariance of pose and bias after some readings."""
-        G = self.rows[chosen]
-        return np.asarray(np.linalg.inv(np.linalg.inv(self.prior) + (G.T / self.variances[chosen]) @ G))
-
-    def pose(self, C: Covariances) -> Covariances:
-        """Of the pose in the world."""
-        return C[:6, :6] + self.base
-
-    def cost(self, squares: FloatArray) -> FloatArray:
-        """Of mean square errors of the corners ``(*batch, 8)``: the worst count most."""
-        return np.asarray(np.sum(squares**4, axis=-1) ** 0.25)
-
-    def squares(self, C: Covariances) -> FloatArray:
-        """Mean square error of every corner ``(8,)``."""
-        return np.einsum("cij,jk,cik->c", self.corners, self.pose(C), self.corners)
-
-    def cost_of(self, chosen: list[int]) -> float:
-        """Cost after some readings."""
-        return float(self.cost(self.squares(self.after(np.array(chosen)))))
-
-    def with_each(self, C: Covariances) -> FloatArray:
-        """Cost after each of the candidates is added ``(N,)``."""
-        c = self.rows @ C
-        s = np.sum(c * self.rows, axis=1) + self.variances
-        moved = np.einsum("cij,nj->nci", self.corners, c[:, :6])
-        return self.cost(self.squares(C) - np.sum(moved**2, axis=-1) / s[:, None])
-
-    def chance(self, C: Covariances, tolerance: float) -> float:
-        """That all corners are within a tolerance."""
-        values, vectors = np.linalg.eigh(self.pose(C))
-        xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
-        off = np.linalg.norm(np.einsum("cij,sj->sci", self.corners, xi), axis=-1).max(axis=1)
-        return float(np.mean(off <= tolerance))
-
-
-def _design(start: Start, probe: Probe, seed: int) -> _Design | None:
-    belief, target, T = begin(start), start.targets[0], start.Ts[0]
-    candidates = propose(belief, probe, _CANDIDATES, seed)
-    if not len(candidates):
-        return None
-    share = _steadiness(start, candidates)
-    kept = share >= min(_STEADY, np.sort(share)[::-1][min(_LEAST, len(share)) - 1])
-    candidates, share = candidates.take(kept), share[kept]
-    ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
-    ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
-    prior, biased = observed_covariance(target.part, start.covariances[0]), probe.shared_sd > 0
-    prior = prior + _TINY * np.diag(np.diag(start.covariances[0]))  # invertible, where a round part may spin
-    if biased:
-        g = np.concatenate([g, np.ones((len(g), 1))], axis=1)
-        prior = np.block([[prior, np.zeros((6, 1))], [np.zeros((1, 6)), np.full((1, 1), probe.shared_sd**2)]])
-    A = SE3.adjoint_inverse(T)
-    base = (A * np.repeat(np.square(probe.base_sds), 3)) @ A.T
-    points = candidates.origins + ranges[:, None] * candidates.directions
-    own = probe.own_variance(ranges, cosines)
-    return _Design(target, candidates, faces, points, g, own, prior, base, corner_moves(target.part), share)
-
-
-def _steadiness(start: Start, candidates: Candidates) -> FloatArray:
-    """Share of the poses that the part may have at which each candidate meets its face ``(N,)``."""
-    samples = draw(begin(start), 64)
-    faces = predict(samples, candidates.origins, candidates.directions).faces
-    return np.asarray((faces == candidates.face[:, None]) @ samples.weights)
-
-
-def _chosen(design: _Design, tolerance: float, confidence: float, most: int) -> IntArray:
+def _chosen(design: Design, tolerance: float, confidence: float, most: int) -> IntArray:
     """The fewest candidates that keep the tolerance, or the best of the most that are allowed."""
     chosen: list[int] = []
     while len(chosen) < min(most, len(design.rows)):
@@ -217,13 +121,13 @@ def _drawn(count: int, n: int) -> list[list[int]]:
     return [rng.choice(count, n, replace=False).tolist() for _ in range(_STARTS)]
 
 
-def _extended(design: _Design, chosen: list[int]) -> list[int]:
+def _extended(design: Design, chosen: list[int]) -> list[int]:
     cost = design.with_each(design.after(np.array(chosen, dtype=np.int64)))
     cost[chosen] = np.inf
     return [*chosen, int(np.argmin(cost))]
 
 
-def _exchanged(design: _Design, chosen: list[int]) -> list[int]:
+def _exchanged(design: Design, chosen: list[int]) -> list[int]:
     """No swap of one reading makes it better."""
     cost = design.cost_of(chosen)
     for _ in range(_SWEEPS):
@@ -240,7 +144,7 @@ def _exchanged(design: _Design, chosen: list[int]) -> list[int]:
     return chosen
 
 
-def _ordered(design: _Design, chosen: list[int]) -> IntArray:
+def _ordered(design: Design, chosen: list[int]) -> IntArray:
     """The reading that helps most first."""
     order: list[int] = []
     left = list(chosen)
@@ -251,7 +155,7 @@ def _ordered(design: _Design, chosen: list[int]) -> IntArray:
     return np.array(order, dtype=np.int64)
 
 
-def _as_plan(start: Start, design: _Design, chosen: IntArray, tolerance: float, confidence: float) -> Plan:
+def _as_plan(start: Start, design: Design, chosen: IntArray, tolerance: float, confidence: float) -> Plan:
     part, c = design.target.part, design.candidates
     readings = []
     for n, k in enumerate(chosen):
@@ -266,7 +170,7 @@ def _as_plan(start: Start, design: _Design, chosen: IntArray, tolerance: float, 
     return Plan(part.name, start.Ts[0], tuple(readings), before, reached, message)
 
 
-def _nothing_to_do(start: Start, design: _Design, tolerance: float, within: float) -> Plan:
+def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float) -> Plan:
     """The plan where enough is known before the first reading."""
     part = design.target.part
     message = f"No reading is needed: {_aim(design, tolerance)} from the beginning (P = {within:.3f})."
@@ -284,11 +188,11 @@ def _doubt(meets: FloatArray) -> str:
     )
 
 
-def _aim(design: _Design, tolerance: float) -> str:
+def _aim(design: Design, tolerance: float) -> str:
     return f"all corners of {design.target.part.name} within {1e3 * tolerance:.{3 if tolerance < 1 else 15}g} mm"
 
 
-def _message(design: _Design, readings: list[PlannedReading], tolerance: float, reached: bool) -> str:
+def _message(design: Design, readings: list[PlannedReading], tolerance: float, reached: bool) -> str:
     n, last, aim = len(readings), readings[-1], _aim(design, tolerance)
     if reached:
         worst = f"worst corner {1e3 * last.worst_corner_sd:.2g} mm, 1 sd"
