@@ -26,7 +26,7 @@ from campaign import options, run_cases
 
 from machined_parts import mixed_parts
 from tanteo.lie import SE3
-from tanteo.vision.belief import STRETCH, UNKNOWN, Weights, candidates_in, lie_down, log_weight, one_pose
+from tanteo.vision.belief import STRETCH, UNKNOWN, Weights, candidates_in, distinct_poses, lie_down, log_weight
 from tanteo.vision.edge_map import map_edges
 from tanteo.vision.edges import find_edges
 from tanteo.vision.fit import refine
@@ -105,11 +105,8 @@ def weighed(k):
     found, stretches = candidates_in(models, shot.camera, table, edges, region, TableErrors(), Weights())
     rows, right = [], []
     for c in found:
-        seen, e = [], c.evidence
-        for k in np.argsort(-log_weight(e, Weights()), kind="stable"):
-            if any(one_pose(c.model.part, c.T_camera_part[j], c.T_camera_part[k]) for j in seen):
-                continue
-            seen.append(k)
+        e = c.evidence
+        for k in distinct_poses(c.model.part, c.T_camera_part, log_weight(e, Weights())):
             rows.append([e.hits[k], e.misses[k], e.explained[k] / STRETCH, e.spilled[k] / STRETCH**2, c.priors[k]])
             right.append(c.model is shot.model and near(c.model, c.T_camera_part[k], truth))
     known = stranger is None

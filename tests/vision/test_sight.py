@@ -22,7 +22,7 @@ from tanteo.vision import (
     see_anywhere,
     see_table,
 )
-from tanteo.vision.belief import UNKNOWN, one_pose
+from tanteo.vision.belief import UNKNOWN, distinct_poses, one_pose
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.question import ask, heights
 from tanteo.vision.rendering import Look, Stage, render, thing
@@ -125,6 +125,9 @@ def test_a_pose_is_one_with_its_symmetric_images(models):
         assert one_pose(block, T, T @ S)
     assert not one_pose(block, T, T @ SE3.exp(np.array([0, 0, 0, 0, 0, 0.3])))
     assert not one_pose(block, T, T @ SE3.exp(np.array([0.02, 0, 0, 0, 0, 0])))
+    near, far = T @ SE3.exp(np.array([0, 0, 0, 0, 0, 0.038])), T @ SE3.exp(np.array([0, 0, 0, 0, 0, 0.042]))
+    assert one_pose(block, np.stack([T, far, near]), T).tolist() == [True, False, True]
+    assert distinct_poses(block, np.stack([T, far, near]), np.array([1.0, 2.0, 0.0])) == [1, 0]
 
 
 def test_the_offset_s_derivative_is_one(two, models):

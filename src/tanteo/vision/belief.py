@@ -16,7 +16,7 @@ from tanteo.vision.edge_map import EdgeMap
 from tanteo.vision.evidence import REACH, STRETCH, Evidence, chance_hits, weigh
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.models import VisionModel
-from tanteo.vision.propose import propose, small_distances
+from tanteo.vision.propose import propose, slides, small_distances
 from tanteo.vision.regions import Region
 from tanteo.vision.resting import lay
 from tanteo.vision.silhouettes import bare_share, bare_table, spilled
@@ -127,7 +127,8 @@ def candidates_in(
     used = own_edges(region, edges)
     chance = chance_hits(edges.points, used)
     distances, bare = small_distances(edges), bare_table(region.mask)
-    proposals = [propose(model, camera, T_camera_table, distances, region) for model in models]
+    places = slides(region, camera)
+    proposals = [propose(model, camera, T_camera_table, distances, places) for model in models]
     quick = []
     for model, proposal in zip(models, proposals, strict=True):
         prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
@@ -197,12 +198,8 @@ def believe(candidates: Sequence[Candidates], stretches: float, weights: Weights
     modes: list[Mode] = []
     for c in candidates:
         log = np.log((1 - UNKNOWN) / parts) + c.priors + log_weight(c.evidence, weights)
-        for k in np.argsort(-log, kind="stable"):
-            same = any(
-                m.model is c.model and one_pose(c.model.part, m.T_camera_part, c.T_camera_part[k]) for m in modes
-            )
-            if not same:
-                modes.append(Mode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])))
+        kept = distinct_poses(c.model.part, c.T_camera_part, log)
+        modes += [Mode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])) for k in kept]
     none = np.log(UNKNOWN) + weights.unknown * stretches + weights.base
     total = float(logsumexp([m.log for m in modes] + [none]))
     modes.sort(key=lambda m: -m.log)
@@ -216,21 +213,33 @@ def log_weight(evidence: Evidence, weights: Weights) -> FloatArray:
     return np.asarray(weights.hits * evidence.hits + weights.misses * evidence.misses + explained)
 
 
-def one_pose(part: Part, first: Transforms, second: Transforms) -> bool:
-    """Whether two poses are one, or one by the part's symmetry."""
+def distinct_poses(part: Part, Ts: Transforms, log: FloatArray) -> list[int]:
+    """Which of the poses ``(B, 4, 4)`` are not one with a more probable one: their numbers, the most probable first."""
+    kept: list[int] = []
+    for k in np.argsort(-log, kind="stable"):
+        if not np.any(one_pose(part, Ts[kept], Ts[k])):
+            kept.append(int(k))
+    return kept
+
+
+def one_pose(part: Part, first: Transforms, second: Transforms) -> BoolArray:
+    """Whether poses ``(*batch, 4, 4)`` and a second one are one, or one by the part's symmetry ``(*batch,)``."""
     gap = SE3.inverse(first) @ second
     if part.symmetry.spherical or part.symmetry.axis is not None:
         return _one_axis(part, gap)
-    between = part.symmetry.Ts @ SE3.inverse(gap)
-    turn = np.linalg.norm(SE3.log(between)[:, 3:], axis=1)
-    shift = np.linalg.norm(SE3.apply(between, part.centroid) - part.centroid, axis=1)
-    return bool(np.any((turn < _MERGE_TURN) & (shift < _MERGE_SHIFT * part.diagonal)))
+    between = part.symmetry.Ts @ SE3.inverse(gap)[..., None, :, :]
+    # the norm of R - 1 is 2 sqrt(2) times the sine of half the turn
+    turn = np.linalg.norm(between[..., :3, :3] - np.eye(3), axis=(-2, -1))
+    shift = np.linalg.norm(SE3.apply(between, part.centroid) - part.centroid, axis=-1)
+    near = (turn < np.sqrt(8) * np.sin(_MERGE_TURN / 2)) & (shift < _MERGE_SHIFT * part.diagonal)
+    return np.asarray(np.any(near, axis=-1))
 
 
-def _one_axis(part: Part, gap: Transforms) -> bool:
-    near = np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid) < _MERGE_SHIFT * part.diagonal
+def _one_axis(part: Part, gap: Transforms) -> BoolArray:
+    near = np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid, axis=-1) < _MERGE_SHIFT * part.diagonal
     if part.symmetry.axis is None:
-        return bool(near)
+        return np.asarray(near)
     axis = part.symmetry.axis[1]
     turned = np.einsum("kij,j->ki", part.symmetry.Ts[:, :3, :3], axis)
-    return bool(near and np.any(turned @ (gap[:3, :3] @ axis) > np.cos(_MERGE_TURN)))
+    along = turned @ (gap[..., :3, :3] @ axis)[..., None]
+    return np.asarray(near & np.any(along[..., 0] > np.cos(_MERGE_TURN), axis=-1))

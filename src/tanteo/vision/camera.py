@@ -102,13 +102,17 @@ def project_linearised(camera: Camera, points: Vectors) -> tuple[FloatArray, Flo
     """Pixels and their derivative by the point ``(*batch, 2, 3)`` [px/m]."""
     z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     x, y = points[..., 0] / z, points[..., 1] / z
-    zero = np.zeros_like(z)
-    D = np.stack([np.stack([1 / z, zero, -x / z], axis=-1), np.stack([zero, 1 / z, -y / z], axis=-1)], axis=-2)
+    rows: tuple[tuple[FloatArray, ...], ...] = (
+        (np.ones_like(z), np.zeros_like(z)),
+        (np.zeros_like(z), np.ones_like(z)),
+    )
+    seen = x, y
     if len(camera.distortion):
-        D = _distortion_jacobian(camera.distortion, x, y) @ D
-        x, y = _distort(camera.distortion, x, y)
-    pixels = np.stack([x, y], axis=-1) * camera.focal + camera.centre
-    return pixels, camera.focal[:, None] * D
+        rows, seen = _distortion_derivatives(camera.distortion, x, y), _distort(camera.distortion, x, y)
+    # derivative of x and y by the point: those of a central projection
+    D = np.stack([np.stack([by_x, by_y, -by_x * x - by_y * y], axis=-1) for by_x, by_y in rows], axis=-2)
+    pixels = np.stack(seen, axis=-1) * camera.focal + camera.centre
+    return pixels, D * (camera.focal[:, None] / z[..., None, None])
 
 
 def rays(camera: Camera, pixels: FloatArray) -> Vectors:
@@ -154,14 +158,14 @@ def _distort(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, F
     return x * radial + dx, y * radial + dy
 
 
-def _distortion_jacobian(k: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """``(*batch, 2, 2)``: derivative of the distorted point by the ideal one."""
+def _distortion_derivatives(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[tuple[FloatArray, ...], ...]:
+    """Of the distorted point by the ideal one: two rows of two, each ``(*batch,)``."""
     radial, slope, _, _ = _terms(k, x, y)
     p1, p2 = k[2], k[3]
     cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
     xx = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
     yy = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
-    return np.stack([np.stack([xx, cross], axis=-1), np.stack([cross, yy], axis=-1)], axis=-2)
+    return (xx, cross), (cross, yy)
 
 
 def _undistort(k: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -170,8 +174,8 @@ def _undistort(k: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray,
         radial, _, dx, dy = _terms(k, x, y)
         x, y = (u - dx) / radial, (v - dy) / radial
     for _ in range(_NEWTON):
-        J = _distortion_jacobian(k, x, y)
+        (xx, xy), (yx, yy) = _distortion_derivatives(k, x, y)
         a, b = _distort(k, x, y)
-        step = np.linalg.solve(J, np.stack([u - a, v - b], axis=-1)[..., None])[..., 0]
-        x, y = x + step[..., 0], y + step[..., 1]
+        a, b, det = u - a, v - b, xx * yy - xy * yx
+        x, y = x + (yy * a - xy * b) / det, y + (xx * b - yx * a) / det
     return x, y

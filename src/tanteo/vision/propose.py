@@ -68,12 +68,31 @@ def _coarse(mask: BoolArray) -> FloatArray:
     return np.pad(mask[::_CELL, ::_CELL].astype(np.float32), _MARGIN // _CELL)
 
 
-def slides(region: Region) -> FloatArray:
-    """Places of the region ``(S, 2)`` where a part's centre may be [px]: a grid over its pixels."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Slides:
+    """Places of a region where a part's centre may be: a grid over its pixels.
+
+    Attributes:
+        pixels: ``(S, 2)`` [px].
+        rays: through them ``(S, 3)``, camera frame, z = 1.
+        middle: which of them is nearest to the region's centre.
+        bare: where bare table is seen, on the grid of :func:`small_distances`.
+    """
+
+    pixels: FloatArray
+    rays: FloatArray
+    middle: int
+    bare: FloatArray
+
+
+def slides(region: Region, camera: Camera) -> Slides:
+    """Where to slide parts over a region."""
     x0, x1, y0, y1 = region.box
     x, y = np.meshgrid(np.arange(x0, x1 + 1, STEP), np.arange(y0, y1 + 1, STEP))
     on = region.mask[y, x]
-    return np.stack([x[on], y[on]], axis=-1).astype(np.float64)
+    pixels = np.stack([x[on], y[on]], axis=-1).astype(np.float64)
+    middle = int(np.argmin(np.linalg.norm(pixels - region.centre, axis=1))) if len(pixels) else 0
+    return Slides(pixels, rays(camera, pixels), middle, _coarse(bare_table(region.mask)))
 
 
 def propose(
@@ -81,7 +100,7 @@ def propose(
     camera: Camera,
     T_camera_table: Transforms,
     distances: FloatArray,
-    region: Region,
+    places: Slides,
     most: int = 20,
 ) -> Proposal:
     """First poses of a part in a region.
@@ -91,26 +110,24 @@ def propose(
         camera: that took the image.
         T_camera_table: the table, z = 0 of its frame.
         distances: of :func:`small_distances`.
-        region: where.
+        places: of :func:`slides`.
         most: how many poses to keep for each stable pose.
     """
-    places = slides(region)
-    directions, bare = rays(camera, places), _coarse(bare_table(region.mask))
     found = []
-    if not len(places):
+    if not len(places.pixels):
         return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
     for k, rest in enumerate(model.rests):
         turned = SO3.axis_rotation(2, 2 * np.pi * np.arange(YAWS) / YAWS)
         Ts = SE3.from_parts(turned, np.zeros(3)) @ rest.T_table_part
         lift = float((Ts[0, :3, :3] @ model.part.centroid + Ts[0, :3, 3])[2])
         plane = T_camera_table @ SE3.from_parts(np.eye(3), np.array([0.0, 0.0, lift]))
-        at = meet_plane(directions, plane)
-        middle = at[np.argmin(np.linalg.norm(places - region.centre, axis=1))]
+        at = meet_plane(places.rays, plane)
+        middle = at[places.middle]
         if not np.all(np.isfinite(at)):
             continue
         shifted = SE3.from_parts(np.eye(3), np.array([middle[0], middle[1], 0.0]))
-        costs = _costs(model, camera, T_camera_table @ shifted @ Ts, distances, bare, places)
-        yaw, place = _best(costs, places, most)
+        costs = _costs(model, camera, T_camera_table @ shifted @ Ts, distances, places)
+        yaw, place = _best(costs, places.pixels, most)
         move = SE3.from_parts(np.eye(3), np.concatenate([at[place, :2], np.zeros((len(place), 1))], axis=1))
         found.append((T_camera_table @ move @ Ts[yaw], np.full(len(yaw), k), costs[yaw, place]))
     if not found:
@@ -119,9 +136,7 @@ def propose(
     return Proposal(poses, which, cost)
 
 
-def _costs(
-    model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatArray, bare: FloatArray, places: FloatArray
-) -> FloatArray:
+def _costs(model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatArray, places: Slides) -> FloatArray:
     """Costs ``(yaws, places)`` of the part drawn at ``Ts`` and slid to the places."""
     frame = model.coarse
     seen = see_edges(frame, Ts)
@@ -136,12 +151,12 @@ def _costs(
     channel = channel_of(np.stack([-along[rows, chosen, 1], along[rows, chosen, 0]], axis=-1))
     drawn = _offsets(distances.shape, pixels[rows, chosen] - centre[:, None], channel)
     inner = _offsets(distances.shape, project(camera, in_camera(Ts, model.inner)) - centre[:, None])
-    cell = np.rint(places / _CELL).astype(np.int64)
+    cell = np.rint(places.pixels / _CELL).astype(np.int64)
     slide = cell[:, 1] * distances.shape[2] + cell[:, 0]
-    out = np.full((len(Ts), len(places)), np.inf)
+    out = np.full((len(Ts), len(places.pixels)), np.inf)
     # yaw by yaw, so that what is looked up stays in the processor's cache
     for k in range(len(Ts)):
-        share = bare.take(inner[k][:, None] + slide, mode="clip").mean(axis=0)
+        share = places.bare.take(inner[k][:, None] + slide, mode="clip").mean(axis=0)
         on = np.flatnonzero(share < SPILLED)
         far = distances.take(drawn[k][:, None] + slide[on], mode="clip").mean(axis=0)
         out[k, on] = far + SPILL * share[on]

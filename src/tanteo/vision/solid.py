@@ -18,7 +18,7 @@ from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
-from tanteo.vision.belief import UNKNOWN, Belief, Mode, Weights, log_weight, one_pose
+from tanteo.vision.belief import UNKNOWN, Belief, Mode, Weights, distinct_poses, log_weight
 from tanteo.vision.camera import Camera, project
 from tanteo.vision.chance import chance_map
 from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of, map_edges
@@ -102,9 +102,7 @@ def search(
         met = meet(model.frame, camera, edges, T, REACH)
         evidence = weigh(model.frame, met, chance.at(met.normals, met.pixels), None)
         log = log_weight(evidence, weights) + np.log((1 - UNKNOWN) / len(models))
-        for k in np.argsort(-log, kind="stable"):
-            if not any(m.model is model and one_pose(model.part, m.T_camera_part, T[k]) for m in modes):
-                modes.append(Mode(model, -1, T[k], float(log[k])))
+        modes += [Mode(model, -1, T[k], float(log[k])) for k in distinct_poses(model.part, T, log)]
     # the best of many tries is better than chance by about the logarithm of their number
     none = np.log(UNKNOWN) + np.log(tried)
     modes.sort(key=lambda mode: -mode.log)
