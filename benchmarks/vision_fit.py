@@ -47,7 +47,7 @@ HIDDEN = (0.0, 0.2, 0.3, 0.3, 0.4)
 STRANGERS = 0.25
 """Share of scenes whose part is not asked about; they are weighed down to the prior."""
 
-BEFOREHAND = np.array([1.0, 1.0, 1.0, 1.0, 3.0, 1.0])
+BEFOREHAND = np.array([1.0, 1.0, 1.0, 3.0, 1.0])
 """Standard deviations of the weights about zero beforehand: what no scene shows has no weight without end."""
 
 NEAR = 0.05
@@ -107,7 +107,7 @@ def weighed(k):
     for c in found:
         e = c.evidence
         for k in distinct_poses(c.model.part, c.T_camera_part, log_weight(e, Weights())):
-            rows.append([e.hits[k], e.misses[k], e.explained[k] / STRETCH, e.spilled[k] / STRETCH**2, c.priors[k]])
+            rows.append([e.hits[k], e.misses[k], e.spilled[k] / STRETCH**2, c.priors[k]])
             right.append(c.model is shot.model and near(c.model, c.T_camera_part[k], truth))
     known = stranger is None
     return {"rows": rows, "right": right, "stretches": stretches, "stranger": not known, "parts": len(models)}
@@ -136,8 +136,8 @@ def pose_scores(k):
 def log_posterior(scene, theta):
     """Log probabilities of the candidates and of none."""
     rows = scene["rows"]
-    log = rows[:, :3] @ theta[:3] + theta[5] * rows[:, 3] + rows[:, 4] + np.log((1 - UNKNOWN) / scene["parts"])
-    none = np.log(UNKNOWN) + theta[3] * scene["stretches"] + theta[4]
+    log = rows[:, :2] @ theta[:2] + theta[4] * rows[:, 2] + rows[:, 3] + np.log((1 - UNKNOWN) / scene["parts"])
+    none = np.log(UNKNOWN) + theta[2] * scene["stretches"] + theta[3]
     total = logsumexp(np.r_[log, none])
     return log - total, none - total
 

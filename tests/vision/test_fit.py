@@ -9,9 +9,21 @@ import numpy as np
 import pytest
 
 from tanteo.lie import SE3
-from tanteo.vision.belief import UNKNOWN, Candidates, Mode, Weights, believe
+from tanteo.vision.belief import MISSED, UNKNOWN, Candidates, Mode, Weights, believe
 from tanteo.vision.camera import project
-from tanteo.vision.evidence import CREASE_SEEN, REACH, RIM_SEEN, SHARES, SPREADS, STRETCH, Evidence, weigh
+from tanteo.vision.evidence import (
+    CREASE_SEEN,
+    REACH,
+    RIM_SEEN,
+    SHARES,
+    SPREADS,
+    STRETCH,
+    WHOLE,
+    Evidence,
+    foremost,
+    of_edges,
+    weigh,
+)
 from tanteo.vision.fit import Met, _normal_equations, meet, refine
 from tanteo.vision.settle import settle
 from tanteo.vision.sight import hypothesis
@@ -23,13 +35,26 @@ def met_of(**values):
     return Met(**{field.name: values.get(field.name) for field in fields(Met)})
 
 
+def edges_of(*groups):
+    """What evidence asks of a wireframe: which edge each sample belongs to."""
+    return SimpleNamespace(groups=np.array(groups))
+
+
 def test_evidence_is_the_log_ratio_against_chance():
     """A rim and a crease that are met, one of each that is missed, and one outside of the image."""
     rims, chance = np.array([True, False, True, False, True]), 0.1
     hits, inside = np.array([1, 1, 0, 0, 0], bool), np.array([1, 1, 1, 1, 0], bool)
     offsets, spans = np.array([0.3, -0.5, 0, 0, 0]), np.array([6.0, 12.0, 24.0, 12.0, 0.0])
-    met = met_of(seen=SimpleNamespace(rims=rims), inside=inside, spans=spans, hits=hits, offsets=offsets)
-    got = weigh(None, met, chance, np.ones(1000, bool))
+    pixels, normals = 100.0 * np.arange(5)[:, None] * np.ones(2), np.tile([1.0, 0.0], (5, 1))
+    met = met_of(
+        seen=SimpleNamespace(rims=rims),
+        inside=inside,
+        spans=spans,
+        hits=hits,
+        offsets=offsets,
+        pixels=pixels,
+        normals=normals,
+    )
 
     def own(d):
         return sum(
@@ -38,9 +63,50 @@ def test_evidence_is_the_log_ratio_against_chance():
 
     anywhere = chance / (2 * REACH)
     ratios = [np.log((p * own(d) + (1 - p) * anywhere) / anywhere) for p, d in ((RIM_SEEN, 0.3), (CREASE_SEEN, -0.5))]
-    assert got.hits == pytest.approx(spans[:2] @ ratios / STRETCH)
-    assert got.misses == pytest.approx((24 * np.log(1 - RIM_SEEN) + 12 * np.log(1 - CREASE_SEEN)) / STRETCH)
-    assert (got.explained, got.met, got.shown) == pytest.approx((18, 18, 54))
+    missed = np.log([1 - RIM_SEEN, 1 - CREASE_SEEN])
+    apart, one = weigh(edges_of(0, 1, 2, 3, 4), met, chance), weigh(edges_of(0, 0, 0, 0, 0), met, chance)
+    count = spans / (1 + spans / WHOLE) / STRETCH
+    assert apart.hits == pytest.approx(count[:2] @ ratios)
+    assert apart.misses == pytest.approx(count[2:4] @ missed)
+    # as one edge they tell less, what is met and what is missed each by its own length
+    assert one.hits == pytest.approx(spans[:2] @ ratios / STRETCH / (1 + 18 / WHOLE))
+    assert one.misses == pytest.approx(spans[2:4] @ missed / STRETCH / (1 + 36 / WHOLE))
+
+
+def test_of_a_longer_edge_less_and_less_is_told():
+    long = np.full((4, 600), [[0.1], [0.2], [0.4], [1.0]])
+    told = of_edges(np.zeros(600, dtype=int), long, long)
+    assert told == pytest.approx([60 / 2, 120 / 3, 240 / 5, 600 / 11])
+    halves = of_edges(np.arange(600) // 300, long, long)
+    assert np.all(halves > told)
+    assert np.all(halves <= long.sum(axis=1))
+
+
+def lines(*offsets, turn=0.0):
+    """Samples of lines up the image that meet its edge at 0 px from so far off, the last of them turned."""
+    along, off = np.arange(0.0, 120.0, 3.0), np.repeat(offsets, 40)
+    pixels = np.stack([-off, np.tile(along, len(offsets))], axis=-1)
+    normals = np.tile([1.0, 0.0], (len(off), 1))
+    normals[-40:] = np.cos(turn), np.sin(turn)
+    return met_of(
+        pixels=pixels, normals=normals, offsets=off, spans=np.full(len(off), 3.0), hits=np.ones(len(off), bool)
+    )
+
+
+def test_an_edge_of_the_image_is_explained_once():
+    """Of two lines that meet one edge the nearer explains it; one that crosses it, or met none, takes nothing."""
+    two, pair = np.repeat([0, 1], 40), lines(0.5, -1.0)
+    assert foremost(two, pair).tolist() == [True] * 40 + [False] * 40
+    assert foremost(two, lines(-1.0, 0.5)).tolist() == [False] * 40 + [True] * 40
+    assert foremost(np.zeros(80, dtype=int), pair).all()
+    assert foremost(two[:40], lines(0.5)).all()
+    assert foremost(two, lines(0.5, -1.0, turn=1.2))[:40].all()
+    missed = replace(pair, hits=np.arange(80) >= 40)
+    assert foremost(two, missed).tolist() == [False] * 40 + [True] * 40
+    # each pose for itself
+    fields_of = {f.name: getattr(pair, f.name) for f in fields(Met)}
+    both = met_of(**{n: None if v is None else np.stack([v, getattr(missed, n)]) for n, v in fields_of.items()})
+    assert foremost(two, both).tolist() == [foremost(two, pair).tolist(), foremost(two, missed).tolist()]
 
 
 @pytest.fixture(scope="module")
@@ -56,19 +122,20 @@ def seen(model):
 
 
 def test_probabilities_are_those_of_the_weighted_evidence(model):
-    weights, zero = Weights(spilled=-0.2), np.zeros(2)
+    weights = Weights(spilled=-0.2)
     Ts = np.stack([np.eye(4), SE3.exp(np.array([0.1, 0, 0, 0, 0, 0]))])
     area = np.array([0.0, 288.0])
-    evidence = Evidence(np.array([40.0, 30.0]), np.array([-3.0, -2.0]), np.array([120.0, 60.0]), zero, zero, area)
+    evidence = Evidence(np.array([40.0, 30.0]), np.array([-3.0, -2.0]), area)
     found = Candidates(model, Ts, np.array([0, 0]), np.log([0.5, 0.25]), evidence)
     belief = believe([found], 15.0, weights, 4)
-    assert sum(m.probability for m in belief.modes) + belief.unknown == pytest.approx(1)
+    # that none of the poses holds is shared by what is strange and what was missed, as often as they are beforehand
+    none = belief.unknown * (1 + (1 - UNKNOWN) * MISSED / UNKNOWN)
+    assert sum(m.probability for m in belief.modes) + none == pytest.approx(1)
     a, b = belief.modes
-    log = [weights.hits * h + weights.misses * m + weights.explained * e / STRETCH + more
-           for h, m, e, more in ((40, -3, 120, 0.0), (30, -2, 60, -0.2 * 2))]  # fmt: skip
+    log = [weights.hits * h + weights.misses * m + more for h, m, more in ((40, -3, 0.0), (30, -2, -0.2 * 2))]
     assert a.probability / b.probability == pytest.approx(2 * np.exp(log[0] - log[1]))
     odds = UNKNOWN / ((1 - UNKNOWN) / 4 * 0.5) * np.exp(weights.base + weights.unknown * 15.0 - log[0])
-    assert belief.unknown / a.probability == pytest.approx(odds)
+    assert none / a.probability == pytest.approx(odds)
 
 
 def test_edges_and_prior_balance_where_the_pose_comes_to_rest(model, seen):

@@ -46,8 +46,8 @@ def part_seen(sight: Sight, rough: Start | None = None) -> Sighting | None:
 def seen_start(seen: Sighting | None, targets: Sequence[Target], rough: Start | None = None) -> Start:
     """The start of a session from what an image shows.
 
-    The image's answers are rough poses with its probabilities. Where it is wrong, which is as probable as its "none of
-    these" and 2 % at least, the rough place holds; without one, the session may find that it is none of these.
+    The image's answers are rough poses with its probabilities. Where it is wrong, which is as probable as all else than
+    its answers and 2 % at least, the rough place holds; without one, the session may find that it is none of these.
 
     Args:
         seen: the object; None if nothing was seen.
@@ -65,7 +65,7 @@ def seen_start(seen: Sighting | None, targets: Sequence[Target], rough: Start | 
             )
         return rough
     assert seen is not None
-    wrong = float(np.clip(seen.recognition.unknown_probability, _LEAST, _HALF))
+    wrong = float(np.clip(1 - sum(h.probability for h in seen.recognition.hypotheses), _LEAST, _HALF))
     image = from_hypotheses(answers, targets, Priors(unknown=wrong))
     if rough is None:
         return image

@@ -1,8 +1,10 @@
 """How well a part at a pose explains the edges of an image, against chance.
 
 The part says where edges should be; some are missed (no contrast, something in the way), some meet an edge by chance.
-The image has edges; those that the part does not explain need another cause. Both are counted by length, a stretch of
-:data:`STRETCH` being one observation.
+Both are counted by length, a stretch of :data:`STRETCH` being one observation, under two laws of images. An edge of the
+image comes from one edge: of several edges of the part that meet it the nearest explains it, the others are not asked
+(:func:`foremost`). And edges are met and missed as wholes: those that are there by chance go on, too, so that more
+of an edge tells less and less (:func:`of_edges`).
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.typing import BoolArray, FloatArray
+from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.edges import EdgePoints
 from tanteo.vision.fit import Met
 from tanteo.vision.wireframe import Wireframe
@@ -28,8 +30,12 @@ REACH = 2.5
 SPREADS, SHARES = (0.15, 0.8), (0.7, 0.3)
 """Offsets of edges from where the refined pose puts them: most by noise and blur, some by shadows and rounding [px]."""
 
-UNEXPLAINED = 0.9
-"""What a stretch of the image's edges costs that the part does not explain [nats]."""
+WHOLE = 60.0
+"""Length from which more of the same edge of the part tells little more [px]."""
+
+_BESIDE, _ALONG = 4.0, 0.9
+"""Samples met the same edge of the image if it is the same place within this or what they stand for, and they run the
+same way [px, cosine]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,23 +45,12 @@ class Evidence:
     Attributes:
         hits: from the part's edges that meet edges of the image ``(*batch,)``.
         misses: from those that do not ``(*batch,)``.
-        explained: length of the image's edges that the part explains ``(*batch,)`` [px].
-        shown: length of edge that the part should show ``(*batch,)`` [px].
-        met: how much of that meets an edge ``(*batch,)`` [px].
         spilled: how much of the silhouette lies on bare table ``(*batch,)`` [px of area]; 0 where that is not asked.
     """
 
     hits: FloatArray
     misses: FloatArray
-    explained: FloatArray
-    shown: FloatArray
-    met: FloatArray
     spilled: FloatArray
-
-    @property
-    def log(self) -> FloatArray:
-        """Log evidence up to what all hypotheses about these edges have in common."""
-        return self.hits + self.misses + UNEXPLAINED * self.explained / STRETCH
 
 
 def chance_hits(points: EdgePoints, used: BoolArray) -> float:
@@ -71,14 +66,13 @@ def chance_hits(points: EdgePoints, used: BoolArray) -> float:
     return float(np.clip(density, 0.02, 0.4))
 
 
-def weigh(frame: Wireframe, met: Met, chance: FloatArray | float, used: BoolArray | None) -> Evidence:
+def weigh(frame: Wireframe, met: Met, chance: FloatArray | float) -> Evidence:
     """Evidence of poses.
 
     Args:
         frame: of the part.
         met: its edges at the poses, found within :data:`REACH`.
         chance: of :func:`chance_hits`, or for every sample ``(*batch, N)``.
-        used: edge points that count as the object's own ``(n,)``; None if that is not known.
     """
     stretch = met.spans / STRETCH
     seen = np.where(met.seen.rims, RIM_SEEN, CREASE_SEEN)
@@ -88,13 +82,39 @@ def weigh(frame: Wireframe, met: Met, chance: FloatArray | float, used: BoolArra
     )
     any_hit = chance / (2 * REACH)
     hit = np.log(seen * own + (1 - seen) * any_hit) - np.log(any_hit)
-    miss = np.log1p(-seen)
-    met_length = np.where(met.hits, met.spans, 0.0).sum(axis=-1)
-    return Evidence(
-        hits=np.where(met.hits, stretch * hit, 0.0).sum(axis=-1),
-        misses=np.where(met.inside & ~met.hits, stretch * miss, 0.0).sum(axis=-1),
-        explained=np.zeros_like(met_length) if used is None else np.minimum(met_length, float(used.sum())),
-        shown=met.spans.sum(axis=-1),
-        met=met_length,
-        spilled=np.zeros_like(met_length),
-    )
+    hits = of_edges(frame.groups, stretch * hit, np.where(foremost(frame.groups, met), met.spans, 0.0))
+    missed = np.where(met.inside & ~met.hits, met.spans, 0.0)
+    return Evidence(hits, of_edges(frame.groups, stretch * np.log1p(-seen), missed), np.zeros_like(hits))
+
+
+def foremost(groups: IntArray, met: Met) -> BoolArray:
+    """Which samples explain the edge of the image that they met ``(*batch, N)``: no other edge met it nearer.
+
+    Args:
+        groups: which edge of the part each sample belongs to ``(N,)``.
+        met: what they met.
+    """
+    out = np.array(met.hits)
+    flat, shape = out.reshape(-1, len(groups)), met.pixels.shape
+    places = (met.pixels + met.offsets[..., None] * met.normals).reshape(-1, *shape[-2:])
+    normals, spans, offsets = met.normals.reshape(places.shape), met.spans.reshape(flat.shape), np.abs(met.offsets)
+    for k, off in enumerate(offsets.reshape(flat.shape)):
+        some = np.flatnonzero(flat[k])
+        place, normal, off, span = places[k, some], normals[k, some], off[some], np.maximum(spans[k, some], _BESIDE)
+        x, y = np.subtract.outer(place[:, 0], place[:, 0]), np.subtract.outer(place[:, 1], place[:, 1])
+        beaten = (x * x + y * y < np.maximum.outer(span, span) ** 2) & (np.abs(normal @ normal.T) > _ALONG)
+        beaten &= np.not_equal.outer(groups[some], groups[some]) & np.greater.outer(off, off)
+        flat[k, some] = ~beaten.any(axis=1)
+    return out
+
+
+def of_edges(groups: IntArray, values: FloatArray, spans: FloatArray) -> FloatArray:
+    """Sum of what samples say ``(*batch,)``, edge by edge: an edge of length L counts as L / (1 + L / WHOLE).
+
+    Args:
+        groups: which edge of the part each sample belongs to ``(N,)``.
+        values: what each says ``(*batch, N)``.
+        spans: for what length ``(*batch, N)``; those with 0 are left out [px].
+    """
+    members = np.eye(groups.max(initial=-1) + 1)[groups]
+    return np.asarray((np.where(spans > 0, values, 0.0) @ members / (1 + spans @ members / WHOLE)).sum(axis=-1))

@@ -100,7 +100,7 @@ def search(
         score = coarse_scores(model.frame, camera, edges, T)
         T = refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:])
         met = meet(model.frame, camera, edges, T, REACH)
-        evidence = weigh(model.frame, met, chance.at(met.normals, met.pixels), None)
+        evidence = weigh(model.frame, met, chance.at(met.normals, met.pixels))
         log = log_weight(evidence, weights) + np.log((1 - UNKNOWN) / len(models))
         modes += [Mode(model, -1, T[k], float(log[k])) for k in distinct_poses(model.part, T, log)]
     # the best of many tries is better than chance by about the logarithm of their number
