@@ -40,6 +40,28 @@ def test_a_session_names_and_places_the_part(targets):
         assert session.count <= 15
 
 
+def test_a_part_that_is_known_but_for_others_like_it_is_confirmed_face_by_face(targets):
+    """Located to begin with, so that no reading tells much; a part like it still gets less probable with each."""
+    target, rng = targets[0], np.random.default_rng(4)
+    start = rough([target], (1e-5, 1e-4))
+    session, faces = new_session(start, probability=0.995), []
+    end = sense(session, target, start.Ts[0], rng, each=lambda s: faces.append(s.steps[-1].action.face))
+    assert end.reached
+    assert session.belief.of_parts()[0] > 0.995
+    assert len(set(faces)) >= 4
+    assert "a part that is only like this one would differ there" in session.steps[-1].action.why
+
+
+@pytest.mark.parametrize(("probability", "most"), [(0.9999, 100), (0.995, 2)])
+def test_what_no_number_of_readings_confirms_is_not_asked_for(targets, probability, most):
+    target, rng = targets[0], np.random.default_rng(4)
+    start = rough([target], (1e-5, 1e-4))
+    session = new_session(start, probability=probability, most=most)
+    end = sense(session, target, start.Ts[0], rng)
+    assert not end.reached
+    assert session.count <= 2
+
+
 def test_the_same_seed_and_readings_give_the_same_questions_and_answers(targets):
     start, runs = rough(targets), []
     for _ in range(2):

@@ -16,6 +16,9 @@ from tanteo.typing import FloatArray
 _SAMPLES = 2048
 """Poses by which the probability to be within a tolerance is counted."""
 
+_HALF = 0.5
+"""Probability of "none of these" above which no reading is made to confirm a part."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stop:
@@ -25,7 +28,8 @@ class Stop:
         probability: of one part, whatever its pose.
         tolerance: that all corners of the part's box are to be within [m].
         confidence: with which they are.
-        least_gain: information below which no reading is worth making [nats].
+        least_gain: information below which no reading is worth making [nats], but to confirm what is known but for
+            "none of these".
         most: number of readings at which to end in any case.
     """
 
@@ -66,6 +70,20 @@ class Stop:
                 f"({_short(inside)})"
             )
         return " and ".join(words)
+
+    def confirms(self, belief: Belief) -> bool:
+        """Whether more readings on the part are all that is missing: which it is among the parts, and where, is known.
+
+        Then only "none of these" is in the way. That it is a part like this one gets less probable by one over the
+        number of readings that are on it; no single one of them tells much.
+        """
+        if self.probability is None or not len(belief.weights) or belief.unknown > _HALF:
+            return False
+        rest, readings = 1 - belief.unknown, 0 if belief.touches is None else len(belief.touches)
+        allowed = 1 - self.probability * rest / belief.of_parts().max()
+        if allowed <= 0 or (readings + 1) * belief.unknown > allowed * self.most:
+            return False
+        return self.tolerance is None or chance_within(belief, self.tolerance) >= self.confidence * rest
 
 
 def _short(p: float) -> str:

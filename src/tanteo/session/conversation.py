@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -134,7 +134,9 @@ class Session:
         )
         choice = self.policy.choose(situation)
         if choice.gain < self.stop.least_gain:
-            return Done(False, f"No reading is worth its cost: the best would tell {choice.gain:.3f} nats.")
+            if not self.stop.confirms(self._belief):
+                return Done(False, f"No reading is worth its cost: the best would tell {choice.gain:.3f} nats.")
+            choice = _to_confirm(situation)
         self._questions += 1
         self._asked = self._action(situation, choice)
         return self._asked
@@ -245,3 +247,9 @@ class Session:
             sd = corner_sd(part_k, observed_covariance(part_k, C))
             inside = np.nan if self.stop.tolerance is None else chance_within(b, self.stop.tolerance)
         return Step(tuple(ids), self._asked, b.of_parts(), b.unknown, T, part, C, sd, float(inside), note)
+
+
+def _to_confirm(situation: Situation) -> Choice:
+    """A reading where a part that is only like the likeliest one may differ: on the face that was sensed least."""
+    choice = POLICIES["largest-face"].choose(situation)
+    return replace(choice, why=f"{choice.why}: a part that is only like this one would differ there")
