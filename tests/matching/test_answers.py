@@ -270,7 +270,15 @@ def test_misuse(models):
         identify_features([ring], [models["block"]])
 
 
-@pytest.mark.parametrize("name", ["unknown", "clutter", "right_angled", "common_sizes", "kin"])
+@pytest.mark.parametrize("name", ["right_angled", "common_sizes"])
+def test_what_parts_are_like_is_a_share(name):
+    assert getattr(Priors(**{name: 0.0}), name) == 0
+    for value in (1.0, -0.1, np.nan):
+        with pytest.raises(InputError, match=rf"priors, {name}: .* got {value}"):
+            Priors(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["unknown", "clutter", "kin"])
 def test_what_is_assumed_is_a_probability(name):
     for value in (0.0, 1.0, -0.1, np.nan):
         with pytest.raises(InputError, match=rf"priors, {name}: .* got {value}. A tiny"):

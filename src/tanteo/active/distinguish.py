@@ -16,6 +16,7 @@ from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.verdict import corner_moves
 from tanteo.surface_search import FreePaths, Target, Touches, identify_touches
+from tanteo.surface_search.refine import refine
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PLACES = 60
@@ -26,6 +27,9 @@ _AGREE = 0.02
 
 _TELLS = 0.3
 """Information from which a reading is said to tell two parts apart [nats]."""
+
+_FITTED = np.full(8, 3.0)
+"""Steps of the fit, and the scale beyond which a place loses its weight [deviations]."""
 
 _TWINS = 4
 """Ways of laying it on that are looked at."""
@@ -119,7 +123,8 @@ def laid_on(first: Target, second: Target) -> Transforms:
     answer = identify_touches(touches, FreePaths.none(), [second], priors=priors, top=_TWINS)
     if not answer.hypotheses:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]
-    return np.stack([h.T_world_part for h in answer.hypotheses])
+    Ts = np.stack([h.T_world_part for h in answer.hypotheses])
+    return refine(touches, Ts, second.distance, _FITTED)[0]  # the places are exact: no noise put one beside its face
 
 
 def located(target: Target, sd: float) -> Covariances:

@@ -40,8 +40,8 @@ class Priors:
         pose: what is known of the pose; used by the surface search.
 
     Raises:
-        InputError: a share that is not between 0 and 1, both excluded (what is impossible, no reading can teach),
-            clutter above 99 %, or a radius that is no length.
+        InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can
+            teach), clutter above 99 %, a share below 0 or not below 1, or a radius that is no length.
     """
 
     unknown: float = 0.05
@@ -53,12 +53,15 @@ class Priors:
     pose: PosePrior | None = None
 
     def __post_init__(self) -> None:
-        for name in ("unknown", "clutter", "right_angled", "common_sizes", "kin"):
+        for name in ("unknown", "clutter", "kin"):
             if not 0 < getattr(self, name) < 1:
                 raise InputError(
                     f"priors, {name}: expected a probability between 0 and 1, got {getattr(self, name)}. A tiny one is "
                     "enough."
                 )
+        for name in ("right_angled", "common_sizes"):
+            if not 0 <= getattr(self, name) < 1:
+                raise InputError(f"priors, {name}: expected a share from 0 to below 1, got {getattr(self, name)}.")
         if self.clutter > OFTEN:
             raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.clutter}. Say less.")
         if not (np.isfinite(self.radius) and self.radius >= 0):
