@@ -12,8 +12,9 @@ from bare_scenes import box_centred_pose, nees, no_paths, surface_points, touche
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.surface_search import prepare_target
+from tanteo.surface_search.cover import covered
 from tanteo.surface_search.modes import weigh
-from tanteo.surface_search.near_edges import _covered, near_edges
+from tanteo.surface_search.near_edges import near_edges
 from tanteo.surface_search.polish import polish
 
 SD = 1e-3
@@ -190,7 +191,7 @@ def test_a_strip_holds_what_is_between_both_its_sides():
     def cover(b):
         beta, beyond = np.full((len(b), 1, 2), np.inf), np.full((len(b), 1, 2), -np.inf)
         beta[:, 0, 0], beyond[:, 0, 0] = b, b - w
-        return [a.reshape(len(b), -1)[:, 0] for a in _covered(beta, beyond, np.zeros((len(b), 1), dtype=bool))]
+        return [a.reshape(len(b), -1)[:, 0] for a in covered(beta, beyond, np.zeros((len(b), 1), dtype=bool))]
 
     log, pull, hold = cover(b)
     np.testing.assert_allclose(np.exp(log), norm.cdf(b) - norm.cdf(b - w), rtol=1e-9)

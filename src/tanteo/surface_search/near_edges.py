@@ -13,14 +13,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from tanteo.lie import SO3
 from tanteo.shapes import SHARP, Junctions
+from tanteo.surface_search.cover import covered, log_cover
 from tanteo.surface_search.sensed_face import AWAY, GRAZING
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 REACH = 4.0
 """Edges farther off than this many standard deviations do not matter."""
@@ -110,7 +110,7 @@ def log_near_edges(
     seen = _seen(touches, target, R, p, nearest)
     if seen is None:
         return None
-    log = seen.log - 0.5 * seen.d * seen.d / seen.s2 + _log_cover(seen.beta, seen.beyond, seen.faces.reflex)[0]
+    log = seen.log - 0.5 * seen.d * seen.d / seen.s2 + log_cover(seen.beta, seen.beyond, seen.faces.reflex)[0]
     return seen.poses, seen.readings, _log_sum(log)
 
 
@@ -241,7 +241,7 @@ def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, 
     """Log density ``(k,)``, its gradient, and the information if the faces were known."""
     faces, at, d, s2, slant, t = seen.faces, seen.at, seen.d, seen.s2, seen.slant, seen.t
     gains = np.swapaxes(R[seen.poses], 1, 2) @ touches.gains[seen.readings]
-    cover, pull, hold = _covered(seen.beta, seen.beyond, faces.reflex)
+    cover, pull, hold = covered(seen.beta, seen.beyond, faces.reflex)
     log = seen.log - 0.5 * d * d / s2 + cover
     total = _log_sum(log)
     share = np.exp(log - total[:, None])
@@ -271,49 +271,3 @@ def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:
     at = at.reshape(len(at), *(1,) * (directions.ndim - 2), 3)
     shared = np.einsum("k...i,kid->k...d", directions, gains)
     return np.concatenate([-directions, SO3.cross(directions, np.broadcast_to(at, directions.shape)), shared], axis=-1)
-
-
-def _log_cover(beta: FloatArray, beyond: FloatArray, reflex: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log of the share of the noise that is on the face ``(k, F)``; that of each strip and of reflex corners alone."""
-    log = _log_between(beyond, beta)
-    cover = np.sum(log, axis=-1)
-    if not reflex.any():
-        return cover, log, cover
-    either = np.log(np.maximum(-np.expm1(np.sum(log_ndtr(-beta), axis=-1)), 1e-300))
-    return np.where(reflex, either, cover), log, either
-
-
-def _covered(beta: FloatArray, beyond: FloatArray, reflex: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log of the share of the noise that is on the face ``(k, F)``, and its first and negative second derivatives.
-
-    Between both lines and the far sides of the face from them, or at a reflex corner inside one of the two lines; exact
-    where all are at right angles.
-
-    Args:
-        beta: distance inside each line, in standard deviations ``(k, F, 2)``.
-        beyond: distance past the far side ``(k, F, 2)``.
-        reflex: whether one line is enough ``(k, F)``.
-    """
-    cover, log, either = _log_cover(beta, beyond, reflex)
-    near, far = _normal_density(beta), _normal_density(beyond)
-    share = np.exp(-np.maximum(log, -700.0))
-    pull = (near - far) * share
-    if reflex.any():
-        outside = np.exp(log_ndtr(-beta))[..., ::-1] * np.exp(-either)[..., None]
-        pull = np.where(reflex[..., None], near * outside, pull)
-    finite, past = np.where(np.isfinite(beta), beta, 0.0), np.where(np.isfinite(beyond), beyond, 0.0)
-    hold = pull**2 + (finite * near - past * far) * share
-    return cover, pull, np.where(reflex[..., None], 0.0, np.maximum(hold, 0.0))
-
-
-def _normal_density(x: FloatArray) -> FloatArray:
-    return np.asarray(np.exp(-0.5 * np.minimum(x * x, 1500.0)) / np.sqrt(2 * np.pi))
-
-
-def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Log of the normal probability between two limits, accurate in both tails."""
-    with np.errstate(invalid="ignore"):  # no line at all: between minus and plus infinity
-        mirrored = low + high > 0
-        a, b = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
-    top = log_ndtr(b)
-    return np.asarray(top + np.log1p(-np.exp(np.minimum(log_ndtr(a) - top, -1e-12))))
