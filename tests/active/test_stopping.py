@@ -10,7 +10,7 @@ import pytest
 
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import rough
-from tanteo.active import at_pose, begin, chance_within, corner_distances, update
+from tanteo.active import Stop, around, at_pose, begin, chance_within, corner_distances, update
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.surface_search import prepare_target
@@ -48,3 +48,25 @@ def test_poses_that_symmetry_makes_equal_are_no_way_apart():
     np.testing.assert_allclose(corner_distances(begin(start), 0, images), 0.0, atol=1e-9)
     moved = images @ SE3.exp(np.array([2e-3, 0, 0, 0, 0, 0]))
     np.testing.assert_allclose(corner_distances(begin(start), 0, moved), 2e-3, atol=1e-9)
+
+
+def test_only_what_is_known_but_for_none_of_these_is_confirmed():
+    """Before the first reading nothing but the start is known: a part at a pose, each axis to about a millimetre."""
+    target = prepare_target(read_part(PARTS / "wedge.step"))
+    known = begin(at_pose(target, np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2))
+    belief, most_likely_none = replace(known, unknown=0.4), replace(known, unknown=0.51)
+    assert Stop(0.9).confirms(belief)
+    assert not Stop(0.9).confirms(most_likely_none)
+    assert not Stop(probability=None, tolerance=0.02).confirms(belief)
+    assert Stop(0.9, tolerance=0.02).confirms(belief)
+    assert not Stop(0.9, tolerance=5e-4).confirms(belief)  # which part is known, where is not
+    assert Stop(0.9, most=5).confirms(belief)
+    assert not Stop(0.9, most=3).confirms(belief)  # a third of "none of these" would be left, and a quarter may be
+    twins = replace(begin(around([target, target], np.eye(4), np.eye(6))), unknown=0.4)
+    assert not Stop(0.9).confirms(twins)
+
+
+def test_a_part_is_nowhere_near_where_another_is_said_to_be():
+    target = prepare_target(read_part(PARTS / "wedge.step"))
+    twins = replace(begin(around([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
+    assert chance_within(twins, 0.1) == pytest.approx(0.45)

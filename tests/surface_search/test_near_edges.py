@@ -148,6 +148,33 @@ def test_balls_are_not_concerned(block):
     assert at_edges(touches_of(p, SD, radii=5e-3), block, np.eye(3)[None], p[None]) is None
 
 
+def test_where_one_face_explains_all_the_resistance_is_the_curvature(block):
+    """On a face, most of the noise inside its edge, normals as they are: that the face is not known takes nothing."""
+    rng, (low, high) = np.random.default_rng(10), block.part.box
+    T, gains = box_centred_pose(rng), 1e-3 * rng.normal(size=(3, 3, 2))
+    q, m = np.tile(0.5 * (low + high), (3, 1)), np.eye(3)
+    for k, across in enumerate((1, 2, 0)):
+        q[k, k], q[k, across] = high[k], high[across] - 3.5 * SD
+    m[0] = 0.0  # the first reading has no normal
+    points = SE3.apply(T, q)
+    touches = touches_of(points, SD, normals=m @ T[:3, :3].T, normal_sd=0.01, gains=gains)
+
+    def at(xi):
+        moved = T @ SE3.exp(xi[:6])
+        p = SE3.apply(SE3.inverse(moved), points + gains @ xi[6:])
+        return at_edges(touches, block, moved[None, :3, :3], p[None])
+
+    found, h = at(np.zeros(8)), 1e-7
+    curvature = -np.stack([(at(h * e).gradient - at(-h * e).gradient) / (2 * h) for e in np.eye(8)], axis=2)
+    unit = np.sqrt(np.einsum("kii->ki", curvature[1:]).max(axis=0))
+    gaps = (found.resistance - curvature)[1:] / np.outer(unit, unit)
+    np.testing.assert_allclose(gaps, 0.0, atol=0.01)
+    tilts = 1e4 * (np.eye(3) - m[1:, :, None] * m[1:, None, :])
+    plain = at_edges(replace(touches, normals=np.zeros((3, 3))), block, T[None, :3, :3], q[None])
+    np.testing.assert_allclose((found.resistance - plain.resistance)[1:, 3:6, 3:6], tilts, atol=100.0)
+    np.testing.assert_allclose(found.resistance[0], plain.resistance[0])
+
+
 @pytest.mark.parametrize("sd", [0.05, 0.5])
 def test_a_sensed_normal_tells_the_faces_apart(block, sd):
     """Each face's share of the integral counts as the tilt of the normal against the face's is likely."""
