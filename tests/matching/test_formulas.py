@@ -20,7 +20,8 @@ from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.prior import alike, prior_log_density, prior_residuals, prior_rows
 from tanteo.matching.sensed import sense
 from tanteo.matching.tree import interpret
-from tanteo.matching.unknown import _anywhere, _log_places
+from tanteo.matching.unknown import _log_places
+from tanteo.matching.unknown_pairs import _anywhere
 from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, without_spins
 from tanteo.matching.verify import within_extent
 from tanteo.parts import read_part

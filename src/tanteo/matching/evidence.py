@@ -15,9 +15,10 @@ from tanteo.errors import InputError
 from tanteo.localization.solve import assemble, pose_information
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.model import PartModel
+from tanteo.matching.pairings import decode, self_pairings
 from tanteo.matching.prior import PosePrior
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import Interpretations, decode, self_pairings
+from tanteo.matching.tree import Interpretations
 from tanteo.typing import BoolArray, FloatArray
 
 OFTEN = 0.99

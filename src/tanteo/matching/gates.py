@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.matching.model import Candidates, PairTable, PartModel
+from tanteo.matching.candidates import Candidates
+from tanteo.matching.model import PairTable, PartModel
 from tanteo.matching.sensed import Sensed
 from tanteo.typing import BoolArray, FloatArray
 

@@ -18,8 +18,9 @@ from tanteo.localization.start import first_pose
 from tanteo.matching.belief import Belief, Mode, equivalent
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import PartModel
+from tanteo.matching.pairings import build
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import MAX_PARTIAL, build
+from tanteo.matching.tree import MAX_PARTIAL
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 _PARALLEL = 1e-6

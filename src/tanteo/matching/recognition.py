@@ -17,10 +17,10 @@ from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.model import PartModel, prepare
+from tanteo.matching.pairings import decode
 from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
-from tanteo.matching.tree import decode
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 

@@ -8,8 +8,9 @@ from tanteo.lie import SE3
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.gates import GATE_SDS
 from tanteo.matching.model import PartModel
+from tanteo.matching.pairings import decode
 from tanteo.matching.sensed import Sensed
-from tanteo.matching.tree import Interpretations, decode
+from tanteo.matching.tree import Interpretations
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 _CHUNK_POINTS = 200_000
