@@ -92,6 +92,9 @@ def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
     session.put(None)
     assert session.asked is None
     assert session.ask().number == own.number + 2
+    session.put(replace(theirs, number=own.number + 6))  # of another session: no number comes twice
+    session.put(None)
+    assert session.ask().number == own.number + 7
 
 
 def test_extra_readings_are_taken_and_told_ones_left_out(targets):

@@ -15,6 +15,7 @@ from sensing_scenes import rough
 from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
 from tanteo.active.importance import truncated
 from tanteo.active.maxima import Maxima, climbed, fresh, more
+from tanteo.active.weighing import weigh_parts
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import Priors
@@ -322,3 +323,29 @@ def test_a_maximum_that_no_climb_found_is_found_by_its_draws(targets):
     near = whole.found.Ts[:1] @ SE3.exp(1e-3 * rng.normal(size=(1, 6)))
     found = more(start, poor, near, touches, no_paths())
     assert found.masses[0] == pytest.approx(whole.masses[0], abs=0.05)
+
+
+def test_a_maximum_that_no_climb_led_to_is_found_where_draws_weigh_much(targets):
+    """Six readings with two maxima that hold each other's mass; known is the lesser one, as if it were all there is."""
+    start, rng = rough(targets[2:]), np.random.default_rng((0, 6))
+    T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
+    touches, rest = readings(targets[2], T, 6, rng), no_paths()
+    both = climbed(start, 0, *fresh(start, 0, touches), touches, rest)
+    lesser = np.array([1])
+    one = Maxima(0, both.found.take(lesser), both.rows[lesser], both.masses[lesser])
+    (known,), (found,) = (weigh_parts(start, [maxima], touches, rest, -np.inf) for maxima in (both, one))
+    gaps = np.linalg.norm(SE3.log(SE3.inverse(found.found.Ts) @ both.found.Ts[0]), axis=1)
+    assert np.linalg.norm(SE3.log(SE3.inverse(one.found.Ts[0]) @ both.found.Ts[0])) > 0.01
+    assert gaps.min() < 1e-3
+    assert logsumexp(found.log_mass) == pytest.approx(logsumexp(known.log_mass), abs=0.15)
+
+
+def test_the_mass_of_a_maximum_is_that_of_all_poses_that_symmetry_makes_equal():
+    """A rough turn that allows all four images: Laplace's mass of the maximum against the exact density there."""
+    target = prepare_target(read_part(PARTS / "square_post.step"))
+    start = around([target], np.eye(4), np.diag(np.repeat([0.01, 1.2], 3)) ** 2)
+    touches = readings(target, start.Ts[0], 25, np.random.default_rng(0))
+    maxima = climbed(start, 0, *fresh(start, 0, touches), touches, no_paths())
+    (found,) = weigh_parts(start, [maxima], touches, no_paths(), -np.inf)
+    assert found.moments[0] is None
+    assert maxima.masses[0] == pytest.approx(found.log_mass[0], abs=1e-6)

@@ -70,3 +70,17 @@ def test_a_part_is_nowhere_near_where_another_is_said_to_be():
     target = prepare_target(read_part(PARTS / "wedge.step"))
     twins = replace(begin(around([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
     assert chance_within(twins, 0.1) == pytest.approx(0.45)
+
+
+def test_where_the_posterior_is_not_normal_the_draws_say_how_near():
+    """All draws are put on the best pose: what is not normal is there then, however wide its covariance."""
+    target, rng = prepare_target(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
+    start = rough([target], (0.01, 0.08))
+    touches = scene(target.surface, start.Ts[0], replace(SENSORS[1], sd=4e-3), 2, rng)[0]
+    belief = update(begin(start), touches, no_paths())
+    bent = np.array([mode.moments is not None for mode in belief.modes])
+    drawn = np.unique(belief.draws.mode)
+    here = replace(belief, draws=replace(belief.draws, Ts=np.tile(belief.poses[0], (len(belief.draws.Ts), 1, 1))))
+    assert bent[0]
+    assert chance_within(belief, 1e-6) == 0.0
+    assert chance_within(here, 1e-6) == pytest.approx(belief.weights[drawn][bent[drawn]].sum())

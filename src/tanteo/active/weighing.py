@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active.importance import ENOUGH, Posterior, Proposals, Weighted, drawn, sampled
+from tanteo.active.importance import ENOUGH, Posterior, Weighted, drawn, sampled
 from tanteo.active.maxima import Maxima, more
+from tanteo.active.proposals import Proposals
 from tanteo.active.start import Start
 from tanteo.lie import SE3
 from tanteo.matching.evidence import log_sum

@@ -23,11 +23,11 @@ from tanteo.active import (
     update,
 )
 from tanteo.matching import PosePrior, Recognition
-from tanteo.matching.verdict import corner_sd, observed_covariance, verdict
+from tanteo.matching.verdict import corner_sd, observed_covariance
 from tanteo.sensors import Readings, concatenate
+from tanteo.session.answer import answered
 from tanteo.session.names import new_readings
 from tanteo.session.values import Action, Done, Sensing, Step, Told
-from tanteo.surface_search.answer import as_hypothesis
 from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500
@@ -199,19 +199,7 @@ class Session:
             top: hypotheses to report.
             alpha: an answer whose joint test has a smaller p-value is not accepted.
         """
-        b = self._belief
-        if b.touches is None or not len(b.touches):
-            message = "Nothing was met yet: sense the place that is asked for."
-            return Recognition("insufficient", message, (), 1.0 - float(b.weights.sum()), {}, self.seed)
-        hypotheses = tuple(
-            as_hypothesis(b.touches, mode, PosePrior(self.start.Ts[row], self.start.covariances[row]))
-            for mode, row in zip(b.modes[:top], b.rows, strict=False)
-        )
-        status, message = verdict(hypotheses, b.unknown, alpha)
-        if status == "ambiguous" and self.stop.tolerance is not None and self.stop.reached(b):
-            within = f"less than the tolerance of {1e3 * self.stop.tolerance:.3g} mm"
-            status, message = "recognized", f"{hypotheses[0].part}; the poses that it may have differ by {within}."
-        return Recognition(status, message, hypotheses, b.unknown, {}, self.seed)
+        return answered(self._belief, self.stop, self.seed, top, alpha)
 
     def _open(self, candidates: Candidates) -> Candidates:
         """The candidates that can be made and are not like one that was refused."""
