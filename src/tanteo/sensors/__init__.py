@@ -9,7 +9,6 @@ This room has never heard of shapes: it knows rays, ranges and covariances.
 from tanteo.sensors.checks import KINDS, check_features
 from tanteo.sensors.cone import blend, cone_rays, draw_aims, edge_bias, edge_shift, edge_variance
 from tanteo.sensors.emission import (
-    ErrorModel,
     Status,
     UnitErrors,
     draw_base,
@@ -17,9 +16,9 @@ from tanteo.sensors.emission import (
     draw_units,
     emit,
     emit_touches,
-    error_model,
     reported_poses,
 )
+from tanteo.sensors.error_model import ErrorModel, error_model
 from tanteo.sensors.law import NoiseLaw
 from tanteo.sensors.measure import measure
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements

@@ -9,7 +9,7 @@ import igl
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.errors import InputError
+from tanteo.shapes.checks import checked_mesh, checked_points, checked_rays
 from tanteo.shapes.pseudonormals import Pseudonormals, pseudonormals
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
@@ -62,7 +62,7 @@ class Surface:
     _pseudonormals: list[Pseudonormals | None] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        vertices, triangles = _checked_mesh(self.vertices, self.triangles)
+        vertices, triangles = checked_mesh(self.vertices, self.triangles)
         a, b, c = (vertices[triangles[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -105,7 +105,7 @@ class Surface:
         Raises:
             InputError: the last axis is not 3 or a coordinate is not finite.
         """
-        queries, batch = _checked_points("points", points)
+        queries, batch = checked_points("points", points)
         if not len(queries):
             return ClosestPoints(np.zeros(batch), np.zeros((*batch, 3)), np.zeros(batch, dtype=np.int64))
         squared, triangles, found = self._tree.squared_distance(self.vertices, self.triangles, queries)
@@ -127,7 +127,7 @@ class Surface:
         Raises:
             InputError: the last axis is not 3 or a coordinate is not finite.
         """
-        queries, batch = _checked_points("points", points)
+        queries, batch = checked_points("points", points)
         if not len(queries):
             return np.zeros(batch, dtype=np.bool_)
         winding = igl.fast_winding_number(self.vertices, self.triangles, queries)
@@ -146,7 +146,7 @@ class Surface:
         Raises:
             InputError: the last axis is not 3, a value is not finite, or a direction has no length.
         """
-        starts, rays, batch = _checked_rays(origins, directions)
+        starts, rays, batch = checked_rays(origins, directions)
         if not len(starts):
             return RayHits(np.zeros(batch), np.zeros(batch, dtype=np.int64))
         scene, centre, radius = self._embree()
@@ -218,45 +218,3 @@ class Surface:
         distances[hit] = np.where(steep, np.maximum(exact, 0.0), np.inf)
         triangles[~np.isfinite(distances)] = -1
         return distances
-
-
-def _checked_mesh(vertices: npt.ArrayLike, triangles: npt.ArrayLike) -> tuple[FloatArray, IntArray]:
-    points = np.array(vertices, dtype=np.float64, order="C")
-    if points.ndim != 2 or points.shape[-1] != 3 or len(points) < 3:
-        raise InputError(f"vertices: expected shape (V, 3) with V >= 3, got {points.shape}. Pass metres.")
-    if not np.isfinite(points).all():
-        raise InputError("vertices: expected finite coordinates, got NaN or infinity. Repair the mesh first.")
-    given = np.asarray(triangles)
-    if given.ndim != 2 or given.shape[-1] != 3 or not len(given) or given.dtype.kind not in "iu":
-        got = f"shape {given.shape} of {given.dtype}"
-        raise InputError(f"triangles: expected integers of shape (T, 3) with T >= 1, got {got}.")
-    corners = np.array(given, dtype=np.int64, order="C")
-    if corners.min() < 0 or corners.max() >= len(points):
-        got = f"{corners.min()} to {corners.max()}"
-        raise InputError(f"triangles: expected indices from 0 to {len(points) - 1}, got {got}.")
-    return points, corners
-
-
-def _checked_points(name: str, values: npt.ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-    points = np.asarray(values, dtype=np.float64)
-    if points.ndim < 1 or points.shape[-1] != 3:
-        raise InputError(f"{name}: expected shape (*batch, 3), got {points.shape}. Put x, y, z on the last axis.")
-    if not np.isfinite(points).all():
-        raise InputError(f"{name}: expected finite coordinates, got NaN or infinity. Drop those rows first.")
-    return np.ascontiguousarray(points.reshape(-1, 3)), points.shape[:-1]
-
-
-def _checked_rays(origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
-    _checked_points("origins", origins)
-    _checked_points("directions", directions)
-    try:
-        starts, rays = np.broadcast_arrays(np.asarray(origins, float), np.asarray(directions, float))
-    except ValueError:
-        got = f"{np.shape(origins)} and {np.shape(directions)}"
-        raise InputError(f"directions: expected a shape that broadcasts with origins, got {got}.") from None
-    lengths = np.linalg.norm(rays, axis=-1, keepdims=True)
-    if (lengths <= 0.0).any():
-        raise InputError("directions: expected vectors with a length, got zero. Drop those rays first.")
-    batch = starts.shape[:-1]
-    unit = np.ascontiguousarray((rays / lengths).reshape(-1, 3))
-    return np.ascontiguousarray(starts.reshape(-1, 3)), unit, batch
