@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
-from tanteo.active import Candidates
+from tanteo.active import Candidates, Stop, begin, update
 from tanteo.errors import InputError
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
 from tanteo.session import Done
+from tanteo.session.answer import answered
 from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
@@ -155,6 +157,18 @@ def test_a_part_out_of_reach_is_said(targets):
     assert isinstance(end, Done)
     assert not end.reached
     assert "reaches no place" in end.why
+
+
+def test_poses_that_differ_by_less_than_the_tolerance_are_one_answer(targets):
+    start, rng = rough(targets[2:], (1e-3, 1e-2)), np.random.default_rng(2)
+    touches = scene(targets[2].surface, start.Ts[0], SENSORS[1], 12, rng)[0]
+    belief = update(begin(start), touches, no_paths())
+    modes = tuple(replace(belief.modes[0], probability=p) for p in (0.6, 0.39))
+    two = replace(belief, modes=modes, rows=np.zeros(2, dtype=int), unknown=0.01, draws=None)
+    assert answered(two, Stop(0.98), 0, 5, 0.01).status == "ambiguous"
+    one = answered(two, Stop(0.98, tolerance=0.02), 0, 5, 0.01)
+    assert one.status == "recognized"
+    assert one.message == "wedge; the poses that it may have differ by less than the tolerance of 20 mm."
 
 
 def test_a_reading_that_contradicts_everything_leaves_none_of_these(targets):

@@ -40,6 +40,30 @@ def test_where_only_the_part_is_asked_for_it_is_the_part_that_counts(start):
     assert only.gain == of_both[only.index]  # what it tells in all, by which a session ends
 
 
+def test_what_a_reading_tells_counts_by_the_time_it_takes_where_time_counts(start):
+    belief = begin(start)
+    candidates = propose(belief, LASER, 300)
+    situation = Situation(belief, candidates, LASER, candidates.origins[0], None, 0, 0)
+    told = expected_information(*_predicted(belief, candidates), LASER)
+    best, quick = (POLICIES[name].choose(situation) for name in ("information", "information-per-second"))
+    assert best.index == np.argmax(told)
+    assert quick.index == np.argmax(told / situation.seconds())
+    assert quick.index != best.index
+
+
+def test_a_part_that_is_known_leaves_its_pose_to_choose_by(start):
+    belief = begin(rough(start.targets[2:]))
+    candidates = propose(belief, LASER, 300)
+    told = expected_information(*_predicted(belief, candidates), LASER)
+    choice = POLICIES["information"].choose(Situation(belief, candidates, LASER, None, None, 0, 0, part_only=True))
+    assert choice.index == np.argmax(told) != 0
+
+
+def _predicted(belief, candidates):
+    samples = draw(belief, 128)
+    return samples, predict(samples, candidates.origins, candidates.directions)
+
+
 @pytest.mark.parametrize(
     ("stop", "part_only"), [({}, True), ({"tolerance": 1e-3}, False), ({"probability": None}, False)]
 )
