@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.parts.facets import SMOOTH_ANGLE, Draft
+from tanteo.parts.draft import Draft
+from tanteo.parts.mesh_faces import SMOOTH_ANGLE
 from tanteo.parts.part import Face, ModelEdges, ModelVertices
 from tanteo.parts.topology import MeshEdges, components, triangle_geometry
 from tanteo.typing import BoolArray, FloatArray, IntArray

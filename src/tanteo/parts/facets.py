@@ -1,64 +1,36 @@
-"""Triangles of a mesh file -> faces: real planes, and strips of curved surfaces joined to what they were cut from.
-
-A mesh holds no surfaces, so this is a rule, written down in ``docs/reading_cad.md``:
-
-1. Triangles in one plane that touch are one *facet*.
-2. Facets that meet at less than 30 degrees form a *run*. A facet four times as large as each facet it meets so
-   gently is *broad*: a plane that a rounding runs into, which ends the run.
-3. A run of three or more facets is a curved face. It is a cylinder, cone or sphere where all its corners lie on one,
-   else a free form; but a run of fewer than six large facets that fits nothing stays planes.
-4. Facets smaller than a millionth of the diagonal squared go to the curved face they touch.
-5. Thirty-two or more connected facets of one triangle each are a scan: one free form, whatever their angles.
-"""
+"""Facets of a mesh: triangles in one plane that touch, and how the planar patches that they make meet each other."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from tanteo.parts.fits import fit_curved
-from tanteo.parts.part import SurfaceKind
-from tanteo.parts.topology import MeshEdges, components, mesh_edges, triangle_geometry
+from tanteo.parts.topology import MeshEdges, components, triangle_geometry
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
-SMOOTH_ANGLE = np.deg2rad(30.0) - 1e-4
-"""Facets that meet at less than this belong to one curved surface [rad]."""
-
-SHORTEST_RUN, SHORTEST_PIECE, PIECE_SHARE = 3, 8, 0.2
-BROAD = 4.0
-FEW_FACETS, LARGE_FACET = 6, 0.01
-SCAN_FACETS = 32
-CRUMB = 1e-6
+FLOAT32 = 1.2e-7
+"""Rounding of a coordinate in single precision, relative to it."""
 
 _FLAT_ANGLE = 2e-3
-_FLOAT32 = 1.2e-7
+"""Triangles that meet at less than this lie in one plane [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Draft:
-    """A closed mesh whose triangles are sorted into faces, before features are taken from it.
+class Facets:
+    """Planar patches and how they meet: one link for each pair that shares mesh edges.
 
     Attributes:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, closed and outward.
-        triangle_face: ``(T,)``, index into ``kinds``.
-        kinds: kind of each face and the fields of :class:`Face` that describe it.
-        round_edges: ``(R, 2)``, mesh edges (lower vertex first) known to be chords of a curved edge; None where a
-            mesh file leaves that open.
+        of_triangle: the facet of each triangle ``(T,)``.
+        normals: outward ``(F, 3)``.
+        areas: ``(F,)`` [m2].
+        centres: ``(F, 3)`` [m].
+        counts: triangles of each ``(F,)``.
+        links: pairs of facets that touch, the lower number first ``(L, 2)``.
+        angles: between their normals ``(L,)`` [rad].
+        lengths: of the border that they share ``(L,)`` [m].
+        convex: whether the part is convex there ``(L,)``.
     """
-
-    vertices: FloatArray
-    triangles: IntArray
-    triangle_face: IntArray
-    kinds: tuple[tuple[SurfaceKind, dict[str, Any]], ...]
-    round_edges: IntArray | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Facets:
-    """Planar patches and how they meet: one link for each pair that shares mesh edges."""
 
     of_triangle: IntArray
     normals: FloatArray
@@ -71,24 +43,8 @@ class _Facets:
     convex: BoolArray
 
 
-def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
-    """Sort the triangles of a closed mesh into planes and curved faces.
-
-    Args:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, closed, consistently wound.
-
-    Returns:
-        The mesh with a face for each triangle; faces are numbered by their first triangle.
-    """
-    edges = mesh_edges(triangles)
-    facets = _facets(vertices, triangles, edges)
-    runs = _crumbs(facets, _scans(facets, _runs(facets)), float(np.linalg.norm(np.ptp(vertices, axis=0))))
-    faces, kinds = _named(vertices, triangles, facets, runs)
-    return Draft(vertices, triangles, faces[facets.of_triangle], kinds, None)
-
-
-def _facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> _Facets:
+def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> Facets:
+    """The facets of a closed mesh: vertices ``(V, 3)`` [m], triangles ``(T, 3)``, and the edges of these."""
     normals, areas = triangle_geometry(vertices, triangles)
     labels = _flat_components(vertices, triangles, edges, normals, areas)
     count = int(labels.max()) + 1
@@ -112,7 +68,7 @@ def _facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> _Fac
     ahead = facet_centres[links[:, 1]] - facet_centres[links[:, 0]]
     convex = np.einsum("ni,ni->n", first - second, ahead) < 0.0
     counts = np.bincount(labels, minlength=count)
-    return _Facets(labels, facet_normals, total, facet_centres, counts, links, angles, lengths, convex)
+    return Facets(labels, facet_normals, total, facet_centres, counts, links, angles, lengths, convex)
 
 
 def _flat_components(
@@ -122,7 +78,7 @@ def _flat_components(
     corners = vertices[triangles]
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     heights = 2.0 * areas / np.maximum(sides.max(axis=1), 1e-300)
-    noise = _FLOAT32 * np.abs(vertices).max()
+    noise = FLOAT32 * np.abs(vertices).max()
     blur = noise / np.maximum(heights, 1e-300)
     sliver = blur > 0.02
     cosines = np.einsum("ni,ni->n", normals[edges.left], normals[edges.right])
@@ -166,122 +122,3 @@ def _attach(
     labels[first] = labels[hosts[order][at]]
     waiting[first] = False
     return labels, waiting
-
-
-def _runs(facets: _Facets) -> IntArray:
-    """Label each facet with its run of gently joined facets; -1 for those that are planes."""
-    count = len(facets.areas)
-    smooth = facets.angles < SMOOTH_ANGLE
-    a, b = facets.links[smooth].T
-    lengths = facets.lengths[smooth]
-    largest = np.zeros(count)
-    np.maximum.at(largest, a, facets.areas[b])
-    np.maximum.at(largest, b, facets.areas[a])
-    gentle = np.bincount(a, lengths, count) + np.bincount(b, lengths, count)
-    around = sum(np.bincount(facets.links[:, k], facets.lengths, count) for k in range(2))
-    # One triangle that is gently joined nearly all around is a piece of a free form, however large.
-    patch = (facets.counts == 1) & (gentle > 0.67 * around)
-    broad = (facets.areas > BROAD * largest) & ~patch
-    inner = ~broad[a] & ~broad[b]
-    labels = components(count, a[inner], b[inner])
-    sizes = np.bincount(labels)
-    return np.where((sizes[labels] >= SHORTEST_RUN) & ~broad, labels, -1)
-
-
-def _scans(facets: _Facets, runs: IntArray) -> IntArray:
-    """Join regions of single triangles, which only a scan has, and the odd facets inside them, to one run."""
-    single = facets.counts == 1
-    a, b = facets.links.T
-    both = single[a] & single[b]
-    labels = components(len(runs), a[both], b[both])
-    scanned = (np.bincount(labels)[labels] >= SCAN_FACETS) & single & (runs < 0)
-    if not scanned.any():
-        return runs
-    loose = (facets.counts <= 3) & (runs < 0)
-    outside = np.zeros(len(runs), dtype=np.bool_)
-    inside = scanned | (runs >= 0)
-    np.logical_or.at(outside, a, ~inside[b])
-    np.logical_or.at(outside, b, ~inside[a])
-    scanned |= loose & ~outside
-    rough = scanned | (single & (runs >= 0))
-    joined = rough[a] & rough[b]
-    # Runs that the scan touches become part of it: their gentle angles were luck.
-    labels = components(len(runs), a[joined], b[joined])
-    touched = np.isin(labels, labels[scanned]) & rough
-    return np.where(touched, labels + runs.max() + 1, runs)
-
-
-def _crumbs(facets: _Facets, runs: IntArray, diagonal: float) -> IntArray:
-    """Give facets too small to be felt to the run that they share the longest border with."""
-    tiny = (facets.areas < CRUMB * diagonal**2) & (runs < 0)
-    first = np.concatenate([facets.links[:, 0], facets.links[:, 1]])
-    second = np.concatenate([facets.links[:, 1], facets.links[:, 0]])
-    lengths = np.concatenate([facets.lengths, facets.lengths])
-    usable = tiny[first] & (runs[second] >= 0)
-    order = np.lexsort((lengths[usable], first[usable]))
-    runs = runs.copy()
-    runs[first[usable][order]] = runs[second[usable][order]]
-    return runs
-
-
-def _named(
-    vertices: FloatArray, triangles: IntArray, facets: _Facets, runs: IntArray
-) -> tuple[IntArray, tuple[tuple[SurfaceKind, dict[str, Any]], ...]]:
-    """Fit each run, split it by its sign of curvature where that helps, and number the faces."""
-    groups = runs.copy()
-    fitted: dict[int, tuple[SurfaceKind, dict[str, Any]]] = {}
-    following = int(runs.max()) + 1
-    whole = float(facets.areas.sum())
-    for run in np.unique(runs[runs >= 0]):
-        members = np.flatnonzero(runs == run)
-        kind, fields = _fit(vertices, triangles, facets, members)
-        if kind != "freeform":
-            fitted[int(run)] = kind, fields
-            continue
-        if len(members) < FEW_FACETS and (facets.areas[members] > LARGE_FACET * whole).all():
-            groups[members] = -1
-            continue
-        fitted[int(run)] = "freeform", {}
-        for piece in _pieces(facets, members):
-            found = _fit(vertices, triangles, facets, piece)
-            # A ring of any free form fits a cone or a sphere: only bores and rods are worth taking out.
-            if found[0] == "cylinder":
-                groups[piece] = following
-                fitted[following] = found
-                following += 1
-    alone = groups < 0
-    groups[alone] = following + np.flatnonzero(alone)
-    first = np.full(len(groups), len(triangles))
-    np.minimum.at(first, facets.of_triangle, np.arange(len(triangles)))
-    names, index = np.unique(groups, return_inverse=True)
-    lowest = np.full(len(names), len(triangles))
-    np.minimum.at(lowest, index.reshape(-1), first)
-    order = np.argsort(lowest)
-    rank = np.empty(len(names), dtype=np.int64)
-    rank[order] = np.arange(len(names))
-    plane: tuple[SurfaceKind, dict[str, Any]] = ("plane", {})
-    return rank[index.reshape(-1)], tuple(fitted.get(int(names[i]), plane) for i in order)
-
-
-def _pieces(facets: _Facets, members: IntArray) -> list[IntArray]:
-    """Split a run into stretches of like facets: same sign of curvature, similar angle and width."""
-    inside = np.isin(facets.links, members).all(axis=1) & (facets.angles < SMOOTH_ANGLE)
-    pieces: list[IntArray] = []
-    for sign in (True, False):
-        links = facets.links[inside & (facets.convex == sign)]
-        ratio = facets.areas[links[:, 0]] / facets.areas[links[:, 1]]
-        links = links[(ratio > 0.25) & (ratio < 4.0)]
-        labels = components(len(facets.areas), links[:, 0], links[:, 1])
-        mine, sizes = np.unique(labels[members], return_counts=True)
-        enough = (sizes >= SHORTEST_PIECE) & (sizes >= PIECE_SHARE * len(members))
-        pieces.extend(members[labels[members] == label] for label in mine[enough])
-    return pieces
-
-
-def _fit(
-    vertices: FloatArray, triangles: IntArray, facets: _Facets, members: IntArray
-) -> tuple[SurfaceKind, dict[str, Any]]:
-    used = np.isin(facets.of_triangle, members)
-    corners = vertices[np.unique(triangles[used])]
-    precision = 4.0 * _FLOAT32 * float(np.abs(vertices).max())
-    return fit_curved(corners, facets.centres[members], facets.normals[members], facets.areas[members], precision)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.parts.facets import Draft
+from tanteo.parts.draft import Draft
 from tanteo.parts.part import Face, ModelPlanes
 from tanteo.parts.topology import MeshEdges, triangle_geometry
 from tanteo.typing import FloatArray, IntArray

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from tanteo.errors import PartError
+from tanteo.parts.draft import Draft
 from tanteo.parts.edges import build_edges
-from tanteo.parts.facets import Draft, sort_faces
 from tanteo.parts.files import MESH_SUFFIXES, load_mesh
+from tanteo.parts.mesh_faces import sort_faces
 from tanteo.parts.part import Part, SymmetryGroup
 from tanteo.parts.planes import build_faces, build_planes
 from tanteo.parts.repair import closed_mesh

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.errors import MissingExtraError, PartError, UnitError
+from tanteo.errors import PartError
 from tanteo.parts.analytic import surface_offsets
 from tanteo.parts.brep import brep_faces
-from tanteo.parts.facets import Draft
+from tanteo.parts.draft import Draft
 from tanteo.parts.merging import Kinds, merge_faces
 from tanteo.parts.planes import face_normals
 from tanteo.parts.repair import merge_vertices
+from tanteo.parts.step_solids import diagonal_of, healed, read_shape, solids_of
 from tanteo.parts.topology import edge_counts, volume_and_centroid
-from tanteo.parts.units import unit_name
 from tanteo.typing import FloatArray, IntArray
 
 LINEAR_DEFLECTION = 3e-4
@@ -62,7 +62,7 @@ def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
         MissingExtraError: the CAD kernel is not installed.
         PartError: not a STEP file, no solid in it, or a solid that cannot be closed.
     """
-    shape, unit = _read(path, label)
+    shape, unit = read_shape(path, label)
     from OCP.Standard import Standard_Failure
 
     try:
@@ -74,13 +74,13 @@ def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
 
 def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
     """Mesh every solid of a shape and sort the triangles into the faces of the B-rep."""
-    solids, repairs = _solids(shape, label)
-    diagonal = _diagonal(solids)
+    solids, repairs = solids_of(shape, label)
+    diagonal = diagonal_of(solids)
     meshes = []
     for solid in solids:
         mesh = _mesh(solid, diagonal)
         if mesh is None:
-            mesh = _mesh(_healed(solid, diagonal), diagonal)
+            mesh = _mesh(healed(solid, diagonal), diagonal)
             repairs.append("Sewed and healed the faces of a solid: they did not join.")
         if mesh is None:
             raise PartError(f"{label}: expected a closed solid, got faces that do not join. Export it again.")
@@ -123,94 +123,6 @@ def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
                 f"{label}: expected a {kind} where the file says so, got a face that leaves it by "
                 f"{worst * 1e3:.3g} mm. Export the part again."
             )
-
-
-def _read(path: Path, label: str) -> tuple[Any, str]:
-    """Read the file; OpenCASCADE turns every unit into millimetres."""
-    try:
-        from OCP.collections import Sequence_TCollection_AsciiString as Names
-        from OCP.IFSelect import IFSelect_RetDone
-        from OCP.Message import Message, Message_Gravity
-        from OCP.STEPControl import STEPControl_Reader
-    except ImportError as error:
-        raise MissingExtraError(
-            f"{label}: expected the CAD kernel to read STEP, got {error}. Run pip install 'tanteo[step]'."
-        ) from error
-    for printer in Message.DefaultMessenger_s().Printers():
-        printer.SetTraceLevel(Message_Gravity.Message_Fail)
-    with path.open("rb") as stream:
-        head = stream.read(4096)
-    if b"ISO-10303-21" not in head:
-        raise PartError(f"{label}: expected a STEP file, got one without ISO-10303-21 at its start. Check it.")
-    reader = STEPControl_Reader()
-    if reader.ReadFile(str(path)) != IFSelect_RetDone:
-        raise PartError(f"{label}: expected a STEP file, got one that the CAD kernel cannot parse. Export it again.")
-    lengths, angles, solid_angles = Names(), Names(), Names()
-    reader.FileUnits(lengths, angles, solid_angles)
-    reader.TransferRoots()
-    if not reader.NbShapes():
-        raise PartError(f"{label}: expected a solid, got a STEP file without shapes. Export the part as a solid.")
-    try:
-        unit = unit_name(lengths.Value(1).ToCString()) if lengths.Length() else "mm"
-    except UnitError:
-        unit = "mm"
-    return reader.OneShape(), unit
-
-
-def _solids(shape: Any, label: str) -> tuple[list[Any], list[str]]:
-    """Return the solids of a shape; closed shells without a solid become one."""
-    from OCP.ShapeFix import ShapeFix_Solid
-    from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
-    from OCP.TopoDS import TopoDS
-
-    solids = _explore(shape, TopAbs_SOLID)
-    if solids:
-        return solids, []
-    shells = [TopoDS.Shell(shell) for shell in _explore(shape, TopAbs_SHELL)]
-    closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if shell.Closed()]
-    if closed:
-        return closed, [f"Made solids of {len(closed)} closed shells."]
-    faces = len(_explore(shape, TopAbs_FACE))
-    got = f"{faces} faces that enclose nothing" if faces else "curves or points only"
-    raise PartError(f"{label}: expected a solid, got {got}. Export the part as a solid.")
-
-
-def _explore(shape: Any, kind: Any) -> list[Any]:
-    from OCP.TopExp import TopExp_Explorer
-
-    found = []
-    explorer = TopExp_Explorer(shape, kind)
-    while explorer.More():
-        found.append(explorer.Current())
-        explorer.Next()
-    return found
-
-
-def _diagonal(solids: list[Any]) -> float:
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-
-    box = Bnd_Box()
-    for solid in solids:
-        BRepBndLib.Add_s(solid, box)
-    return float(np.sqrt(box.SquareExtent()))
-
-
-def _healed(solid: Any, diagonal: float) -> Any:
-    """Sew the faces of a solid together and fix what ShapeFix knows to fix."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
-    from OCP.ShapeFix import ShapeFix_Shape, ShapeFix_Solid
-    from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
-    from OCP.TopoDS import TopoDS
-
-    sewing = BRepBuilderAPI_Sewing(1e-5 * diagonal)
-    for face in _explore(solid, TopAbs_FACE):
-        sewing.Add(face)
-    sewing.Perform()
-    fix = ShapeFix_Shape(sewing.SewedShape())
-    fix.Perform()
-    shells = _explore(fix.Shape(), TopAbs_SHELL)
-    return ShapeFix_Solid().SolidFromShell(TopoDS.Shell(shells[0])) if len(shells) == 1 else fix.Shape()
 
 
 def _mesh(solid: Any, diagonal: float) -> _SolidMesh | None:

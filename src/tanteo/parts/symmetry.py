@@ -12,20 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.parts.part import Part, SymmetryGroup
-from tanteo.shapes import Surface
+from tanteo.parts.symmetry_probe import TOLERANCE, Probe
 from tanteo.typing import FloatArray, IntArray
-
-TOLERANCE = 2e-4
-"""How far a mapped point may lie off the surface, relative to the diagonal of the part's box."""
 
 LOOSE = 5e-3
 """How far labels of equal vectors may differ, relative to the part's size."""
 
-FREEFORM_SLACK = 1e-3
-"""Most that the mesh of a free form may lie off the part it stands for, relative to the diagonal."""
-
 MOST_CANDIDATES = 4000
-PROBES = 4000
+"""Pairs of vectors that are tried at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +40,7 @@ def find_symmetry(part: Part) -> SymmetryGroup:
         The finite group, or the axis and what maps it onto itself for a solid of revolution. Rotations that fit to
         0.02 % of the part's diagonal (plus the sagitta of tessellated faces) count as symmetries.
     """
-    probe = _Probe.of(part)
+    probe = Probe.of(part)
     if _is_ball(part):
         return SymmetryGroup(np.eye(4)[None], spherical=True)
     axis = _revolution_axis(part, probe)
@@ -63,67 +57,6 @@ def find_symmetry(part: Part) -> SymmetryGroup:
         if probe.accepts(_about(part.centroid, R)):
             found.append(_refined(part, R))
     return SymmetryGroup(np.array([_about(part.centroid, R) for R in _ordered(found)]))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Probe:
-    """Points of the surface and what it takes for their images to count as points of the surface."""
-
-    part: Part
-    surface: Surface
-    points: FloatArray
-    slack: FloatArray
-    face_slack: FloatArray
-    base: float
-
-    @staticmethod
-    def of(part: Part) -> _Probe:
-        slacks = _slacks(part)
-        sagitta = slacks[part.triangle_face]
-        centres = part.vertices[part.triangles].mean(axis=1)
-        at_vertex = np.zeros(len(part.vertices))
-        np.maximum.at(at_vertex, part.triangles.reshape(-1), sagitta.repeat(3))
-        points = np.concatenate([part.vertices, centres])
-        slack = np.concatenate([at_vertex, sagitta])
-        if len(points) > PROBES:
-            chosen = np.random.default_rng(0).choice(len(points), PROBES, replace=False)
-            points, slack = points[chosen], slack[chosen]
-        surface = Surface(part.vertices, part.triangles)
-        return _Probe(part, surface, points, slack, slacks, TOLERANCE * part.diagonal)
-
-    def accepts(self, T: FloatArray) -> bool:
-        """Whether the motion maps planes to planes and the surface to itself."""
-        # A few points decide most refusals.
-        few, every = slice(None, None, 1 + len(self.points) // 64), slice(None)
-        return self._on_surface(T, few) and self._planes_match(T) and self._on_surface(T, every)
-
-    def _on_surface(self, T: FloatArray, chosen: slice) -> bool:
-        moved = self.points[chosen] @ T[:3, :3].T + T[:3, 3]
-        hits = self.surface.closest(moved)
-        there = self.face_slack[self.part.triangle_face[hits.triangles]]
-        return bool((hits.distances <= self.base + 2.0 * np.maximum(self.slack[chosen], there)).all())
-
-    def _planes_match(self, T: FloatArray) -> bool:
-        planes = self.part.planes
-        if not len(planes):
-            return True
-        size = self.part.diagonal
-        normals = planes.normals @ T[:3, :3].T
-        centroids = planes.centroids @ T[:3, :3].T + T[:3, 3]
-        sagitta = 2.0 * float(self.face_slack.max())
-        far = np.linalg.norm(centroids[:, None] - planes.centroids[None], axis=2)
-        offsets = np.abs(np.einsum("ijk,jk->ij", centroids[:, None] - planes.centroids[None], planes.normals))
-        aligned = normals @ planes.normals.T > 1.0 - 1e-5
-        spread = np.abs(planes.gyration[:, None] - planes.gyration[None]).max(axis=2)
-        near = (far < 10.0 * self.base + sagitta) & (offsets < self.base) & (spread < 3.0 * self.base + sagitta)
-        areas = np.abs(planes.areas[:, None] - planes.areas[None]) <= (3.0 * self.base + sagitta) * size
-        return bool((aligned & near & areas).any(axis=1).all())
-
-
-def _slacks(part: Part) -> FloatArray:
-    """How far the mesh of each face may lie off the true surface; a free form is taken at its mesh's word."""
-    most = np.array([np.inf if face.surface != "freeform" else FREEFORM_SLACK for face in part.faces])
-    return np.minimum([face.sagitta for face in part.faces], most * part.diagonal)
 
 
 def _about(centre: FloatArray, R: FloatArray) -> FloatArray:
@@ -144,7 +77,7 @@ def _is_ball(part: Part) -> bool:
     return bool(np.linalg.norm(centres - part.centroid, axis=1).max() < 10.0 * TOLERANCE * part.diagonal)
 
 
-def _revolution_axis(part: Part, probe: _Probe) -> tuple[FloatArray, FloatArray] | None:
+def _revolution_axis(part: Part, probe: Probe) -> tuple[FloatArray, FloatArray] | None:
     """Find the axis of a solid of revolution from its faces; None where it is not one."""
     slack = 10.0 * TOLERANCE * part.diagonal
     round_faces = [face for face in part.faces if face.surface in ("cylinder", "cone", "torus")]
