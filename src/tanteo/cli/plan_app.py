@@ -61,7 +61,8 @@ def plan(
 ) -> None:
     """Plan the fewest readings that place a part within a tolerance, or the one that tells two parts apart."""
     from tanteo.cli.options import misuse
-    from tanteo.cli.planning import PlanOptions, run_plan
+    from tanteo.cli.plan_options import PlanOptions
+    from tanteo.cli.planning import run_plan
     from tanteo.cli.running import guarded
 
     with guarded():

@@ -13,12 +13,11 @@ import numpy as np
 from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
 from tanteo.errors import InputError, PartError
 from tanteo.frames import UncertainFrame
-from tanteo.hand import ForbiddenBox, Hand, Workspace, gripper_body
+from tanteo.hand import ForbiddenBox, Hand, Workspace
 from tanteo.io.prior_text import rough_pose
-from tanteo.io.rig_toml import read_rig
+from tanteo.io.scene_hand import hand_of
 from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
 from tanteo.lie import SE3
-from tanteo.sensors import robot_preset
 from tanteo.simulator import Cell, Scene, Solid, box
 from tanteo.typing import FloatArray, IntArray, Transforms
 
@@ -26,10 +25,6 @@ MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
 """From a CAD file and the unit of files that carry none to vertices [m] and triangles."""
 
 _TABLES = ("seed", "table", "parts", "occluders", "hand", "workspace", "forbidden", "sense", "prior", "camera")
-_HAND = {
-    "front": "length", "looks": "plain", "pair": "plain", "rate": "rate", "latency": "time", "speed": "speed",
-    "turn": "turn", "cone_rays": "plain",
-}  # fmt: skip
 _SENSE = {"standoff": "length", "clearance": "length"}
 _BOX = {"low": "length", "high": "length", **POSE}
 _PLACE = {"point": "length", "normal": "plain", "direction": "plain", "arriving": "plain", "leaving": "plain"}
@@ -120,7 +115,7 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
         _occluder(name, entry, f"{path}, occluder '{name}'") for name, entry in _entries(document, "occluders", path)
     ]
     clamps = [solid for solid, _ in occluders]
-    hand, T_world_hand, cell = _hand(document.get("hand", {}), path)
+    hand, T_world_hand, cell = hand_of(document.get("hand", {}), path)
     return SceneFile(
         scene=Scene.of([*table, *parts, *clamps]),
         hand=hand,
@@ -188,38 +183,6 @@ def _camera(entry: Any, path: Path) -> CameraPaths:
     keys = Keys(entry, f"{path}, camera", {}, ("file", "marks"))
     marks = str(path.parent / keys.word("marks")) if "marks" in keys else None
     return CameraPaths(str(path.parent / keys.word("file")), marks)
-
-
-def _hand(entry: Any, path: Path) -> tuple[Hand, Transforms, Cell]:
-    keys = Keys(entry, f"{path}, hand", _HAND, ("rig", "robot"))
-    name = keys.word("rig", "paper-gripper")
-    rig = read_rig(path.parent / name if (path.parent / name).exists() else name)
-    hand = Hand(rig, gripper_body(rig))
-    z = _direction(keys, "looks", (0.0, 0.0, -1.0))
-    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
-    pair = _direction(keys, "pair", tuple(helper - (helper @ z) * z))
-    across = np.cross(z, pair)
-    if np.linalg.norm(across) < 0.1:
-        raise InputError(f"{keys.place}, pair: expected a direction across looks, got one along it. Turn it.")
-    y = across / np.linalg.norm(across)
-    own = np.stack([hand.pair, np.cross([0.0, 0.0, 1.0], hand.pair), [0.0, 0.0, 1.0]], axis=1)
-    R = np.stack([np.cross(y, z), y, z], axis=1) @ own.T
-    cell = Cell(
-        period=1 / keys.number("rate", 100.0, least=1.0),
-        latency=keys.number("latency", 0.03, least=0.0),
-        max_speed=keys.number("speed", 0.25, least=1e-3),
-        max_turn=keys.number("turn", 1.5, least=1e-2),
-        robot=robot_preset(keys.word("robot")) if "robot" in keys else None,
-        cone=int(keys.number("cone_rays", 0.0, least=0.0)),
-    )
-    return hand, SE3.from_parts(R, keys.vector("front") - R @ hand.front), cell
-
-
-def _direction(keys: Keys, name: str, default: tuple[float, ...]) -> FloatArray:
-    d = keys.vector(name, default)
-    if np.linalg.norm(d) < 1e-9:
-        raise InputError(f"{keys.place}, {name}: expected a direction that is not zero, got {d.tolist()}. Correct it.")
-    return np.asarray(d / np.linalg.norm(d))
 
 
 def _workspace(document: Mapping[str, Any], path: Path, top: float) -> Workspace:

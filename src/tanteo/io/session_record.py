@@ -10,29 +10,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tanteo import __version__
-from tanteo.active import POLICIES, Policy, Probe, Start, Stop
+from tanteo.active import Policy, Probe, Start, Stop
 from tanteo.errors import InputError
 from tanteo.io.part_files import PartFile, part_file, parts_of
-from tanteo.io.plain_values import as_plain, hints, made, refused, shown, table
+from tanteo.io.plain_values import as_plain, made, refused, shown, table
+from tanteo.io.record_values import (
+    policy_document,
+    policy_of,
+    readings_document,
+    sensing_document,
+    sensing_of,
+    told_of,
+)
 from tanteo.io.result_json import recognition_document
 from tanteo.matching import Priors
 from tanteo.parts import Part
-from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.session import Action, Sensing, Session, Told
 from tanteo.surface_search import Target, prepare_target
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 SCHEMA = "tanteo.session/1"
 
-_POLICIES = {type(policy).__name__: type(policy) for policy in POLICIES.values()}
 _AS_THEY_ARE = "version", "parts", "start", "probe", "stop", "seed", "asked", "refused", "answer"
-_SENSING: dict[str, Any] = {
-    "sensor": SensorPreset | None, "robot": RobotPreset | None, "sd": float | None, "tip_sd": FloatArray | None,
-    "rig": Rig | None, "tolerance": float,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,12 +109,12 @@ def session_document(session: Session) -> dict[str, Any]:
         "parts": [as_plain(part_file(target.part)) for target in start.targets],
         "start": as_plain(rough),
         "probe": as_plain(session.probe),
-        "sensing": _sensing_document(session.sensing),
-        "policy": _policy_document(session.policy),
+        "sensing": sensing_document(session.sensing),
+        "policy": policy_document(session.policy),
         "stop": as_plain(session.stop),
         "seed": int(session.seed),
         "told": [
-            {"asked": as_plain(t.action), "readings": _readings_document(t.readings), "note": t.note}
+            {"asked": as_plain(t.action), "readings": readings_document(t.readings), "note": t.note}
             for t in session.told
         ],
         "asked": as_plain(session.asked),
@@ -146,9 +146,9 @@ def load_record(path: str | Path) -> SessionRecord:
         raise InputError(f"{file}, seed: expected 0 or more, got {values['seed']}. Correct it.")
     return SessionRecord(
         source=str(file),
-        sensing=_sensing(values["sensing"], f"{file}, sensing"),
-        policy=_policy(values["policy"], f"{file}, policy"),
-        told=tuple(_told(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"])),
+        sensing=sensing_of(values["sensing"], f"{file}, sensing"),
+        policy=policy_of(values["policy"], f"{file}, policy"),
+        told=tuple(told_of(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"])),
         **{key: values[key] for key in _AS_THEY_ARE},
     )
 
@@ -215,63 +215,3 @@ def _document(file: Path) -> dict[str, Any]:
 
 def _no_constant(name: str) -> None:
     raise ValueError(f"{name}, which JSON does not have")
-
-
-def _sensing_document(sensing: Sensing) -> dict[str, Any]:
-    """The values of presets stand beside their names: a record outlives a change of them."""
-    sensor, robot = sensing.sensor, sensing.robot
-    return {name: as_plain(getattr(sensing, name)) for name in _SENSING} | {
-        "sensor": as_plain(sensor_preset(sensor) if isinstance(sensor, str) else sensor),
-        "robot": as_plain(robot_preset(robot) if isinstance(robot, str) else robot),
-        "tip_sd": None if sensing.tip_sd is None else as_plain(np.asarray(sensing.tip_sd, dtype=np.float64)),
-    }
-
-
-def _sensing(plain: Any, place: str) -> Sensing:
-    return Sensing(**table(plain, _SENSING, place))
-
-
-def _policy_document(policy: Policy) -> dict[str, Any]:
-    kind = type(policy).__name__
-    if type(policy) is not _POLICIES.get(kind):
-        raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got {kind}. A record can hold only these.")
-    return {"kind": kind, **as_plain(policy)}
-
-
-def _policy(plain: Any, place: str) -> Policy:
-    kind = _POLICIES.get(str(plain.get("kind"))) if isinstance(plain, dict) else None
-    if kind is None:
-        raise refused(place, f"'kind' to be one of {', '.join(_POLICIES)}", plain)
-    values = table(plain, {"kind": str, **hints(kind)}, place)
-    policy: Policy = kind(**{name: values[name] for name in hints(kind)})
-    return policy
-
-
-def _readings_document(readings: Readings | None) -> dict[str, Any] | None:
-    """The columns that say something."""
-    if readings is None:
-        return None
-    columns = {name: getattr(readings, name) for name in hints(Readings)}
-    return {name: as_plain(column) for name, column in columns.items() if name == "ids" or _says(column)}
-
-
-def _says(column: Any) -> bool:
-    if isinstance(column, np.ndarray):
-        return not np.isnan(column).all() if column.dtype == np.float64 else bool(column.any())
-    return bool(column) if isinstance(column, str) else any(column)
-
-
-def _told(plain: Any, place: str) -> Told:
-    values = table(plain, {"asked": Action | None, "readings": object, "note": str}, place)
-    readings = None if values["readings"] is None else _readings(values["readings"], f"{place}, readings")
-    return Told(values["asked"], readings, values["note"])
-
-
-def _readings(plain: Any, place: str) -> Readings:
-    kinds = hints(Readings)
-    given = {name: kind for name, kind in kinds.items() if name == "ids" or (isinstance(plain, dict) and name in plain)}
-    values = table(plain, given if set(plain) <= set(kinds) else kinds, place)
-    blank = made(Readings.from_columns, {"points": np.zeros((len(values["ids"]), 3))}, place)
-    values = {name: getattr(blank, name) for name in kinds} | {"points": np.full_like(blank.points, np.nan)} | values
-    readings: Readings = made(Readings, values, place)
-    return readings

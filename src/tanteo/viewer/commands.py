@@ -50,3 +50,20 @@ class Click:
 
 
 Command = Go | Pause | Advance | Restart | Quit | Choose | Click
+
+
+class Left(Exception):  # noqa: N818
+    """The run was left before its end: to begin again, or for good."""
+
+    def __init__(self, for_good: bool) -> None:
+        self.for_good = for_good
+
+
+def leave(command: Command) -> None:
+    """Leave the run, if that is what is wanted.
+
+    Raises:
+        Left: it is.
+    """
+    if isinstance(command, Restart | Quit):
+        raise Left(isinstance(command, Quit))

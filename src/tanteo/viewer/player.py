@@ -16,7 +16,8 @@ from tanteo.active import policy_named
 from tanteo.hand import Sensed
 from tanteo.session import Action, Done
 from tanteo.viewer import drawing, ending, panel
-from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Pause, Quit, Restart
+from tanteo.viewer.alone import places_alone
+from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Left, Pause, leave
 from tanteo.viewer.picking import picked
 from tanteo.viewer.primitives import Primitive
 from tanteo.viewer.shows import Show
@@ -38,13 +39,6 @@ class Page(Protocol):
     def say(self, place: str, html: str) -> None:
         """Put words in place of those that were there: ``status``, ``bars``, ``told``."""
         ...
-
-
-class _Left(Exception):  # noqa: N818
-    """The run was left before its end."""
-
-    def __init__(self, for_good: bool) -> None:
-        self.for_good = for_good
 
 
 @dataclass(slots=True, eq=False)
@@ -80,7 +74,7 @@ class Player:
         try:
             while True:
                 self._again()
-        except _Left:
+        except Left:
             return
 
     def _again(self) -> None:
@@ -88,7 +82,7 @@ class Player:
             self._begin()
             self._gate()
             self._over(self._show.run(self))
-        except _Left as left:
+        except Left as left:
             if left.for_good:
                 raise
 
@@ -154,8 +148,7 @@ class Player:
             return None
 
     def _take(self, command: Command, *, resting: bool) -> None:
-        if isinstance(command, Restart | Quit):
-            raise _Left(isinstance(command, Quit))
+        leave(command)
         if isinstance(command, Choose):
             self._choose(command, resting=resting)
         elif isinstance(command, Click):
@@ -205,11 +198,10 @@ class Player:
             command = self._next(0.0)
             if command is None:
                 continue
+            leave(command)
             if isinstance(command, Choose):
                 self.seed = self.seed if command.seed is None else command.seed
                 self.policy, self.speed = command.policy or self.policy, command.speed or self.speed
-            elif isinstance(command, Restart | Quit):
-                raise _Left(isinstance(command, Quit))
             else:
                 self._end([*words, "It is over: press Restart to begin again."])
 
@@ -217,9 +209,7 @@ class Player:
         """Places that the policy needs on the same scene without the person."""
         key = self._played, self.policy
         if key not in self._counted:
-            show = self.make(*key)
-            show.run(_Alone(self.commands))
-            self._counted[key] = len(show.session.steps)
+            self._counted[key] = places_alone(self.make(*key), self.commands)
         return self._counted[key]
 
     def _hand(self) -> None:
@@ -243,19 +233,3 @@ class Player:
 
     def _end(self, words: Sequence[str]) -> None:
         self.page.say("status", panel.verdict(Snapshot.of(self._show.session), words))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Alone:
-    """Watches a run that nobody sees, and leaves it when it is told to."""
-
-    commands: queue.SimpleQueue[Command]
-
-    def place(self, note: str) -> None:
-        while not self.commands.empty():
-            command = self.commands.get()
-            if isinstance(command, Restart | Quit):
-                raise _Left(isinstance(command, Quit))
-
-    def moved(self, sensed: Sensed) -> None:
-        pass
