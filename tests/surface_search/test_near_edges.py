@@ -256,3 +256,36 @@ def test_a_sensed_normal_finds_the_other_side_of_a_wall(block):
     near = at_edges(touches, block, np.eye(3)[None], x[None, None])
     other = norm.logpdf(2 * sd, scale=sd) - np.log(2 * np.pi * 0.1**2)
     assert near.log[0] + np.log(block.part.area) == pytest.approx(other, abs=1e-3)
+
+
+def test_a_face_that_is_nearest_and_told_by_the_normal_counts_once(parts):
+    """A normal as it is weighs its face by the peak of the tilt's density and others by less, so none gains more."""
+    target, rng, sd = prepare_target(parts["housing"]), np.random.default_rng(1), 2e-3
+    q, n = surface_points(target.surface, 1500, rng)
+    p = q + sd * rng.normal(size=q.shape)
+    nearest, told = (target.surface.closest(x).triangles for x in (p, p + 2 * sd * n))
+    v, m = target.surface.vertices[target.surface.triangles[:, 0]], target.surface.normals
+    level = np.abs(np.sum(m[nearest] * (v[nearest] - v[told]), axis=1)) < 1e-9
+    one = level & (np.sum(m[nearest] * m[told], axis=1) > 1 - 1e-9)  # both are one face: the same faces are looked at
+    p, n = p[one], n[one]
+    plain, sensed = (
+        at_edges(touches, target, np.eye(3)[None], p[None])
+        for touches in (touches_of(p, sd), touches_of(p, sd, normals=n, normal_sd=0.1))
+    )
+    assert len(plain.log) > 500
+    assert (sensed.log - plain.log).max() == pytest.approx(-np.log(2 * np.pi * 0.1**2), abs=1e-3)
+
+
+def test_a_face_that_a_normal_tells_costs_how_far_past_its_border_the_reading_is(block):
+    """Beside a wall three deviations thick, nearer its other side: of the face that the normal tells, 0.8 past it."""
+    low, high = block.part.box
+    thin = int(np.argmin(high - low))
+    sd, across = float((high - low)[thin]) / 3, (thin + 1) % 3
+    x, m = 0.5 * (low + high), np.zeros(3)
+    x[thin], x[across] = low[thin] + 1.4 * sd, high[across] + 0.8 * sd
+    m[thin], m[across] = 1.0, -0.8
+    m /= np.linalg.norm(m)
+    found = at_edges(touches_of(x[None], sd, normals=m[None], normal_sd=0.5), block, np.eye(3)[None], x[None, None])
+    tilt = -0.5 * (m[across] / 0.5) ** 2 - np.log(2 * np.pi * 0.5**2)
+    other = norm.logpdf(1.6 * sd, scale=sd) + tilt - 0.5 * 0.8**2
+    assert found.log[0] + np.log(block.part.area) == pytest.approx(other, abs=1e-3)

@@ -134,6 +134,19 @@ def test_what_was_found_only_once_asks_for_another_round(target, monkeypatch, ag
     assert result.once == pytest.approx(0.0 if again else 1.0)
 
 
+@pytest.mark.parametrize(("belongs", "expected"), [(1.0, 1), (0.3, 2)])
+def test_a_reading_left_aside_of_few_asks_for_a_wider_round(target, monkeypatch, belongs, expected):
+    """Every round finds the same pose from all groups: one is enough, but where it leaves one of ten readings aside."""
+    rng, calls = np.random.default_rng(6), []
+    touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 10, rng)
+    base = maxima_near(target, box_centred_pose(rng), touches)
+    base = replace(base, belongs=np.where(np.arange(10) == 3, belongs, 1.0)[None], groups=np.array([0b11]))
+    monkeypatch.setattr(rounds, "search", lambda *_: calls.append(1) or base)
+    monkeypatch.setattr(rounds, "explained", lambda *_: True)
+    search_all(touches, no_paths(), [target], Priors(radius=0.1))
+    assert len(calls) == expected
+
+
 @pytest.mark.parametrize(("once", "said"), [(0.36, True), (0.04, False)])
 def test_poses_that_the_search_met_only_once_are_mentioned(target, monkeypatch, once, said):
     rng = np.random.default_rng(9)

@@ -9,7 +9,7 @@ import pytest
 
 from bare_scenes import SENSORS, box_centred_pose, no_paths, scene
 from tanteo.lie import SE3
-from tanteo.matching import Priors
+from tanteo.matching import PosePrior, Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import prepare_target, search
 from tanteo.surface_search.search import Effort, groups_of
@@ -37,3 +37,15 @@ def test_poses_turned_over_that_meet_at_one_maximum_are_one(target, monkeypatch)
     again = run(alone.Ts[:1] @ SE3.exp(1e-6 * rng.normal(size=(3, 6))))
     assert len(again.Ts) == len(alone.Ts)
     assert again.groups[0] == alone.groups[0] | 8
+
+
+def test_a_rough_pose_leads_to_its_maximum_for_every_group(target, monkeypatch):
+    """No group of readings leads anywhere; what the rough pose alone leads to is no find of one group."""
+    rng = np.random.default_rng(2)
+    T = box_centred_pose(rng)
+    touches, _, _ = scene(target.surface, T, SENSORS[1], 12, rng)
+    priors = Priors(radius=0.1, pose=PosePrior(T, np.diag(np.repeat([2e-3, 0.02], 3)) ** 2))
+    monkeypatch.setattr(search, "first_poses", lambda *_: (np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64)))
+    groups = groups_of(touches, target, 3)
+    found = search.search(touches, no_paths(), target, priors, Effort(100, 8, 8, 3), groups, 2)
+    assert found.groups[0] == 0b11100

@@ -27,7 +27,6 @@ def new_readings(told: Sequence[Readings], readings: Readings) -> tuple[Readings
                 again.append(name)
                 continue
             new = next(f"{name} ({n})" for n in range(2, 10**6) if f"{name} ({n})" not in taken)
-            taken.add(new)
             renamed.append(new)
         keep.append(k)
         names.append(new)

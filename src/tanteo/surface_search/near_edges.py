@@ -225,7 +225,7 @@ def _cut(
         t = np.sqrt(np.where(lines, np.maximum(t2, 1e-6 * s2[..., None]), 1.0))
         inside = inside - slant * d[..., None]
     beta = np.where(lines, inside / t, np.inf)
-    beyond = np.where(lines & ~faces.reflex[..., None], (inside - faces.widths) / t, -np.inf)
+    beyond = np.where(lines, (inside - faces.widths) / t, -np.inf)
     return _Seen(s, n, at, faces, log - 0.5 * np.log(2 * np.pi * s2), d, s2, slant, t, beta, beyond, tilt)
 
 
