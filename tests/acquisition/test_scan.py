@@ -9,10 +9,9 @@ from felt_scenes import gripper, nees, roof
 from tanteo.acquisition import FaceIdea, sense_plane
 from tanteo.acquisition.scan import WIDTHS, scan
 from tanteo.acquisition.session import Session
-from tanteo.acquisition.ways import look_around
 from tanteo.hand import Workspace
 from tanteo.lie import SE3, SO3
-from tanteo.motion import Rules, go_to, retreat
+from tanteo.motion import Rules, go_to, look, retreat
 from tanteo.simulator import Scene, SimulatedHand, box, clearances
 
 STANDOFF = 0.027
@@ -72,7 +71,7 @@ def test_the_hand_turns_square_only_where_it_knows_that_it_has_room():
     assert (status, session.motions) == ("limit", [])
     assert "no known room to turn" in message
     assert retreat(robot, 0.05, RULES).reached
-    look_around(session, 0.3, 0.05)
+    session.does(look(robot, 0.3, RULES, spacing=0.05))
     assert session.does(go_to(robot, T, RULES)).reached
     status, message, _ = scan(session, "plane", WIDTHS[0])
     assert status == "acquired", message

@@ -15,8 +15,9 @@ from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 _MOST = 1500
 """Beams that are kept, evenly over the logs."""
 
-_OUT, _FORM = 3.0, 1e-3
-"""A point is out of a plane beyond so many standard deviations and this much more [m]."""
+_OUT, _FORM = 4.0, 1e-3
+"""A point is out of a plane beyond so many standard deviations and this much more [m]: of 1,500 on the plane hardly one
+is by chance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

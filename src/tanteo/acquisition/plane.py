@@ -124,9 +124,11 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
         if not patches:
             attempt = attempt if looked.reached or tried.places else failed(looked)
             continue
-        patch, width, attempt = _over_one(session, patches, wanted, idea.point, tried.places)
+        patch, width, ends = _over_one(session, patches, wanted, idea.point, tried.places)
         if patch is None:
+            attempt = attempt if tried.places else ends
             continue
+        attempt = ends
         tried.others.extend(p for p in patches if not p.is_of(patch))
         # the next look is from here: what it shows replaces what was seen before
         wanted, first = replace(idea, point=patch.point, normal=patch.normal), len(session.motions)

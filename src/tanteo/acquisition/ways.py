@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.acquisition.cloud import Cloud, room
+from tanteo.acquisition.known import GAP, Known
 from tanteo.acquisition.session import Session
 from tanteo.features import Feature
 from tanteo.hand import Hand, advance, gap
-from tanteo.lie import SE3, SO3
-from tanteo.motion import Motion, look
+from tanteo.lie import SE3
+from tanteo.motion import Motion, look, looked
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _SLACK = 2e-3
@@ -23,36 +24,45 @@ _BETWEEN = 5e-3
 _NEARLY = 0.97
 """So much of the fingers' skin is nearly all of it."""
 
+ROOM = 0.025
+"""From where it begins the hand may go so far to any side and keeps half the stand-off from everything [m]."""
+
+HALF = 0.5
+"""Share of the stand-off up to which nothing unseen may be beside a first look."""
+
 _LEAST_SWING = 0.08
 """A look with less tilt shows nothing new [rad]."""
 
 
 def look_around(session: Session, tilt: float, spacing: float) -> Motion:
-    """A look with as much tilt as there is room for; every second one goes between the turns of the one before."""
-    before = sum(motion.name == "look" for motion in session.motions)
-    begin = np.pi * (before % 2)
-    return session.does(look(session.robot, swing(session, tilt), session.rules, spacing=spacing, begin=begin))
+    """A look with as much tilt as there is room for; every second one goes between the turns of the one before.
+
+    Until it has gone somewhere after a look, the fingers swing only where all was seen or is near enough to the start.
+    """
+    names = [motion.name for motion in session.motions]
+    led = "look" in names and set(names[names.index("look") :]) != {"look"}
+    begin = np.pi * (names.count("look") % 2)
+    widest = swing(session, tilt, spacing, begin, None if led else _around_start(session))
+    return session.does(look(session.robot, widest, session.rules, spacing=spacing, begin=begin))
 
 
-def swing(session: Session, tilt: float) -> float:
-    """The tilt of a look, less where the workspace or what was met leaves no room for it."""
+def swing(session: Session, tilt: float, spacing: float, begin: float, known: Known | None) -> float:
+    """The tilt of a look, less where the workspace, what was met or what is not known leaves no room for it."""
     hand, T = session.hand, session.robot.sensed.T_world_hand
-    pivot = hand.body.centres[int(np.argmax(hand.body.radii))]
     cloud = session.seen() if session.motions else None
     while tilt > _LEAST_SWING:
-        ring = T @ _ring(tilt, pivot)
-        free = _allowed(session, ring).all() if cloud is None else fits(session, cloud, ring)
-        if free:
+        way = looked(hand, T, tilt, spacing=spacing, begin=begin)
+        free = _allowed(session, way).all() if cloud is None else fits(session, cloud, way)
+        if free and (known is None or _nearly(known, hand, way, HALF * session.standoff + GAP)):
             break
-        tilt *= 0.75
+        tilt *= 0.85
     return tilt
 
 
-def _ring(tilt: float, pivot: FloatArray) -> Transforms:
-    """Turns by a tilt to all sides through a point of the hand ``(12, 4, 4)``."""
-    turns = np.arange(12) * np.pi / 6
-    R = SO3.exp(tilt * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=-1))
-    return SE3.from_parts(R, pivot - R @ pivot)
+def _around_start(session: Session) -> Known:
+    """What was seen free, and the room around the hand's start."""
+    start = session.motions[0].log[0] if session.motions else session.robot.sensed
+    return Known(session.hand, [start], session.known(), room=ROOM + HALF * session.standoff + GAP)
 
 
 def _allowed(session: Session, way: Transforms) -> BoolArray:
@@ -80,7 +90,11 @@ def known(session: Session, way: Transforms) -> bool:
 
 def nearly_known(session: Session, way: Transforms) -> bool:
     """The same, but for gaps between single beams: beside places that are known."""
-    return all(share >= _NEARLY for share in session.known().shares(session.hand.body, way, 0.0))
+    return _nearly(session.known(), session.hand, way)
+
+
+def _nearly(known: Known, hand: Hand, way: Transforms, margin: float = 0.0) -> bool:
+    return all(share >= _NEARLY for share in known.shares(hand.body, way, margin))
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:

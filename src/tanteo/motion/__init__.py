@@ -10,7 +10,7 @@ from tanteo.motion.bending import Bend, how_far
 from tanteo.motion.control import Loop
 from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
 from tanteo.motion.following import follow, settle, settled
-from tanteo.motion.looking import look
+from tanteo.motion.looking import look, looked
 from tanteo.motion.result import Ending, Motion
 from tanteo.motion.steering import Rules, Steering
 from tanteo.motion.travelling import go_to
@@ -30,6 +30,7 @@ __all__ = [
     "go_to",
     "how_far",
     "look",
+    "looked",
     "retreat",
     "settle",
     "settled",

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from tanteo.hand import Robot, advance, turn
+from tanteo.hand import Hand, Robot, advance, turn
 from tanteo.motion.result import Motion
 from tanteo.motion.steering import Rules, Steering
 from tanteo.motion.travelling import towards
@@ -19,6 +19,9 @@ from tanteo.typing import FloatArray, Transforms
 _SPIN, _SPIN_OVER = 0.8, 2.8
 """Meanwhile the hand turns about its axis to both sides by so much [rad], slower than the spiral by so many times: four
 lateral beams a quarter apart then sweep all the way round."""
+
+_PACE = 0.4
+"""Along the spiral from pose to pose where all of it is asked for [rad]."""
 
 _LAG = 0.15
 """The spiral waits while the hand is this far behind it [rad]."""
@@ -40,7 +43,7 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, be
     run = Steering("look", robot, rules)
     start, seen, angle = run.sensed.T_world_hand, False, 0.0
     frontal = list(run.hand.frontal)
-    pivot = run.hand.body.centres[int(np.argmax(run.hand.body.radii))]
+    pivot = _pivot(run.hand)
     while (tilt := spacing * angle / (2 * math.pi)) < widest:
         target = _tilted(start, pivot, tilt, angle, begin)
         twist, _, behind = towards(run, target)
@@ -57,6 +60,21 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, be
         if ending := run.step(twist):
             return run.end(ending)
     return run.end("reached", "looked around") if seen else run.end("nothing", "nothing was within range")
+
+
+def looked(
+    hand: Hand, T_world_hand: Transforms, widest: float, *, spacing: float = 0.09, begin: float = 0.0
+) -> Transforms:
+    """The poses that a look from a pose takes, about a finger's breadth from one to the next ``(n, 4, 4)``."""
+    last = 2 * math.pi * widest / spacing
+    angles = np.linspace(0.0, last, 2 + int(last / _PACE))
+    poses = [_tilted(T_world_hand, _pivot(hand), spacing * a / (2 * math.pi), a, begin) for a in angles]
+    return np.stack(poses)
+
+
+def _pivot(hand: Hand) -> FloatArray:
+    """The middle of the hand's thickest part ``(3,)``, in its frame [m]."""
+    return np.asarray(hand.body.centres[int(np.argmax(hand.body.radii))])
 
 
 def _tilted(T: Transforms, pivot: FloatArray, tilt: float, angle: float, begin: float) -> Transforms:

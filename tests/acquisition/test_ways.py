@@ -1,0 +1,59 @@
+"""A first look swings the fingers only where the start is free or beams have been."""
+
+import numpy as np
+import pytest
+
+from felt_scenes import gripper
+from tanteo.acquisition.session import Session
+from tanteo.acquisition.ways import ROOM, look_around
+from tanteo.hand import Workspace
+from tanteo.lie import SE3
+from tanteo.motion import Rules, go_to
+from tanteo.simulator import Scene, SimulatedHand, box, clearances
+
+TILT, SPACING = 0.25, 0.09
+STANDOFF = 0.02
+OVER = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.18]))
+"""The front of the hand is 80 mm above the table."""
+TABLE = box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])
+
+
+def session_on(*solids):
+    scene = Scene.of([TABLE, *solids])
+    robot = SimulatedHand(scene, gripper(), OVER, rng=np.random.default_rng(0))
+    session = Session(robot, STANDOFF, Rules(clearance=0.012, workspace=Workspace.above(0.0)), None)
+    return session, scene
+
+
+def farthest(log):
+    """How far any sphere of the body went from where it was first [m]."""
+    centres = gripper().body.placed(np.array([s.T_world_hand for s in log]))
+    return float(np.linalg.norm(centres - centres[0], axis=-1).max())
+
+
+def test_looks_from_the_start_swing_as_far_as_it_is_free():
+    session, _ = session_on()
+    assert look_around(session, TILT, SPACING).reached
+    assert look_around(session, TILT, SPACING).reached
+    assert all(0.02 < farthest(motion.log) < ROOM + 3e-3 for motion in session.motions)
+
+
+def test_where_it_was_brought_without_a_look_it_looks_a_little_and_later_widely():
+    session, _ = session_on()
+    for aside, least, most in ((0.06, 0.0, 0.019), (0.061, 0.026, 0.03)):
+        T = SE3.from_parts(OVER[:3, :3], OVER[:3, 3] + [aside, 0.0, 0.0])
+        assert session.does(go_to(session.robot, T, session.rules)).reached
+        assert look_around(session, TILT, SPACING).reached
+        assert least < farthest(session.motions[-1].log) < most
+
+
+@pytest.mark.parametrize("angle", np.radians([20, 45, 70, 110]))
+def test_a_corner_that_no_beam_meets_is_not_swung_into(angle):
+    """A post beside the tips, as near as the start allows: its edge points at the hand, between the lateral beams."""
+    R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    away = np.array([0.028 + ROOM + STANDOFF / 2 + 0.006, 0.0]) @ R.T
+    session, scene = session_on(box("post", [*(away - 0.004), 0.0], [*(away + 0.004), 0.094]))
+    body = gripper().body
+    assert clearances(scene, body, OVER[None])[0] > ROOM + STANDOFF / 2
+    look_around(session, TILT, SPACING)
+    assert clearances(scene, body, np.array(session.robot.truth)).min() > STANDOFF / 2
