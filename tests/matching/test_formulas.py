@@ -21,7 +21,6 @@ from tanteo.matching.prior import alike, prior_log_density, prior_residuals, pri
 from tanteo.matching.sensed import sense
 from tanteo.matching.tree import interpret
 from tanteo.matching.unknown import _log_places
-from tanteo.matching.unknown_pairs import _anywhere
 from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, without_spins
 from tanteo.matching.verify import within_extent
 from tanteo.parts import read_part
@@ -187,16 +186,6 @@ def test_the_share_of_free_motions_is_the_face_s_area(models):
     areas = model.part.planes.areas[found.choices[:, 0]]
     turn = 2 * np.pi / (8 * np.pi**2) ** (1 / 3)
     np.testing.assert_allclose(np.exp(share), areas / (2 * RADIUS) ** 2 * turn, rtol=0.15)
-
-
-def test_distances_of_faces_anywhere_are_a_density(models):
-    model = models["block"]
-    d = np.linspace(-2, 2, 20_001) * model.radius
-    for same in (True, False):
-        values = np.array([_anywhere(model, same, x, 1e-4) for x in d]) - 1e-3 / model.radius
-        assert np.sum(values) * (d[1] - d[0]) == pytest.approx(1, abs=0.01)
-        # faces that look opposite ways have the material between them: the second is behind the first
-        assert np.sum(values * d) * (d[1] - d[0]) == pytest.approx(0 if same else -2 * model.sizes.height, abs=1e-3)
 
 
 def test_faces_that_look_outwards_are_likelier_than_such_that_look_at_each_other(models):
