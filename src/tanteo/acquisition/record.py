@@ -33,9 +33,13 @@ def features_of(
     Returns:
         Features by label, and notes on what could not be used.
     """
-    fitted = fit_labelled(measure(readings, rig=rig, robot=robot), tolerance)
-    notes = [*fitted.notes, *(f"reading {name} was left out" for name in fitted.rejected)]
-    features = {f.label: f for f in fitted.features if isinstance(f, Feature)}
+    features, notes = dict[str, Feature](), list[str]()
+    for label in dict.fromkeys(readings.features):
+        # each label by itself: beside others its sums may be rounded in another order
+        own = readings.take(np.flatnonzero(np.array(readings.features) == label))
+        fitted = fit_labelled(measure(own, rig=rig, robot=robot), tolerance)
+        notes += [*fitted.notes, *(f"reading {name} was left out" for name in fitted.rejected)]
+        features |= {f.label: f for f in fitted.features if isinstance(f, Feature)}
     return features, tuple(notes)
 
 
