@@ -1,8 +1,8 @@
 """Fit what images of tables are weighed with on rendered scenes: ``python benchmarks/vision_fit.py [scenes] [errors]``.
 
 The parts are random workpieces and random machined parts (``tests/machined_parts.py``), some with a mirror image or a
-near twin; none of them is measured anywhere. Two catalogues of twenty are strangers to each other; in each scene ten or
-eleven parts of one are asked about. Printed are the weights that make the truth most probable, and how well a fit to
+near twin; none of them is measured anywhere. Two catalogues of twenty are strangers to each other; in each scene all
+parts of one are asked about. Printed are the weights that make the truth most probable, and how well a fit to
 the first half of the scenes does on the second. With ``errors`` instead: the errors of edge points under which the true
 poses are most probable. ``--keep FILE`` and ``--processes N`` are for long ones (``campaign.py``).
 """
@@ -26,15 +26,17 @@ from campaign import options, run_cases
 
 from machined_parts import mixed_parts
 from tanteo.lie import SE3
-from tanteo.vision.belief import STRETCH, UNKNOWN, Weights, candidates_in, distinct_poses, lie_down, log_weight
+from tanteo.vision.belief import UNKNOWN, Mode, distinct_poses
+from tanteo.vision.candidates import candidates_in
+from tanteo.vision.choices import EdgeErrors
 from tanteo.vision.edge_map import map_edges
 from tanteo.vision.edges import find_edges
-from tanteo.vision.fit import refine
+from tanteo.vision.evidence import STRETCH, Weights, log_weight
+from tanteo.vision.lying import settle_lying
 from tanteo.vision.models import prepare_vision
 from tanteo.vision.regions import find_regions
-from tanteo.vision.settle import EdgeErrors, settle
 from tanteo.vision.silhouettes import silhouette
-from tanteo.vision.table import TableErrors, lying_information
+from tanteo.vision.table import TableErrors
 from vision import told_table
 from vision_scenes import random_shot
 
@@ -53,11 +55,8 @@ BEFOREHAND = np.array([1.0, 1.0, 1.0, 3.0, 1.0])
 NEAR = 0.05
 """A pose is right if no point of the part is farther off than this share of the part."""
 
-ERRORS = tuple(product((0.03, 0.04, 0.05, 0.07), (0.25, 0.4, 0.6), (0.05, 0.15, 0.3)))
+ERRORS = tuple(product((0.01, 0.02, 0.04), (0.12, 0.25, 0.4), (0.15, 0.3)))
 """Errors of edge points that are tried."""
-
-LAST = (2.5, 1.5, 1.0, 0.8, 0.8)
-"""How far the refinement looks, which starts at the truth [px]."""
 
 WORST = 60.0
 """Densities farther below the median than this count as this: gross failures do not decide [nats]."""
@@ -74,14 +73,12 @@ def catalogues():
 
 
 def scene(k):
-    """The parts asked about, the picture, the stranger if it shows one, and the table as it is told."""
+    """The parts, the picture, the stranger if it shows one, and the table as it is told."""
     rng = np.random.default_rng([SEED, k])
     known, others = catalogues()[k % 2], catalogues()[1 - k % 2]
     stranger = others[int(rng.integers(len(others)))] if rng.uniform() < STRANGERS else None
     shot = random_shot(known, rng, float(rng.choice(HIDDEN)), stranger)
-    asked = set(rng.permutation(len(known))[: len(known) // 2].tolist())
-    models = [m for i, m in enumerate(known) if i in asked or m is shot.model]
-    return models, shot, stranger, told_table(shot, stranger or shot.model, rng)
+    return known, shot, stranger, told_table(shot, stranger or shot.model, rng)
 
 
 def near(model, T, truth):
@@ -90,18 +87,22 @@ def near(model, T, truth):
     return bool(np.linalg.norm(gaps, axis=-1).max(axis=-1).min() < NEAR * model.part.diagonal)
 
 
+def looked_at(shot, model):
+    """Pose of the part in the camera, edges of the picture, and the region that shows it; None where none does."""
+    truth = SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
+    points = find_edges(shot.image)
+    there = silhouette(model.frame.surface, shot.camera, truth)
+    regions = find_regions(shot.image, points)
+    return truth, map_edges(points), max(regions, key=lambda r: (r.mask & there).sum(), default=None)
+
+
 def weighed(k):
     """Evidence of the candidates of one scene, which of them are right, and the stretches of edge; None unseen."""
     models, shot, stranger, T_world_table = scene(k)
-    T_camera_world = SE3.inverse(shot.camera.T_world_camera)
-    truth = T_camera_world @ shot.T_world_part
-    points = find_edges(shot.image)
-    edges, regions = map_edges(points), find_regions(shot.image, points)
-    if not regions:
+    truth, edges, region = looked_at(shot, stranger or shot.model)
+    if region is None:
         return None
-    there = silhouette((stranger or shot.model).frame.surface, shot.camera, truth)
-    region = max(regions, key=lambda region: (region.mask & there).sum())
-    table = T_camera_world @ T_world_table
+    table = SE3.inverse(shot.camera.T_world_camera) @ T_world_table
     found, stretches = candidates_in(models, shot.camera, table, edges, region, TableErrors(), Weights())
     rows, right = [], []
     for c in found:
@@ -118,15 +119,15 @@ def pose_scores(k):
     _, shot, stranger, T_world_table = scene(k)
     if stranger is not None or shot.model.part.symmetry.continuous:
         return None
-    model, camera, table, edges = shot.model, shot.camera, TableErrors(), map_edges(find_edges(shot.image))
-    T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
-    truth = SE3.inverse(camera.T_world_camera) @ shot.T_world_part
-    start = lie_down(model, np.array([shot.rest]), truth[None], T_camera_table)
-    prior = lying_information(SE3.inverse(T_camera_table) @ start, model.part.centroid, table)
-    T = refine(model.frame, camera, edges, start, prior=prior, reaches=LAST)[0]
+    truth, edges, region = looked_at(shot, shot.model)
+    if region is None:
+        return None
+    mode = Mode(shot.model, shot.rest, truth, 0.0, 1.0)
+    T_camera_table = SE3.inverse(shot.camera.T_world_camera) @ T_world_table
     out = []
-    for errors in ERRORS:
-        settled = settle(model, camera, edges, T, start=start[0], prior=prior[0], errors=EdgeErrors(*errors))
+    for values in ERRORS:
+        seen, errors = (shot.camera, edges, region, T_camera_table), EdgeErrors(*values)
+        settled = settle_lying(mode, *seen, TableErrors(), Weights(), errors=errors)
         e = SE3.log(SE3.inverse(settled.T_camera_part) @ truth)
         sign, log = np.linalg.slogdet(settled.information)
         out.append(0.5 * (log - e @ settled.information @ e) if sign > 0 else -np.inf)

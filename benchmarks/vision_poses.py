@@ -8,6 +8,7 @@ Printed is the normalised squared error of position and yaw. ``--keep FILE`` and
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 from campaign import options, run_cases
@@ -15,20 +16,19 @@ from common import Table
 from scipy.stats import chi2
 
 from tanteo.lie import SE3
-from tanteo.vision import find_edges, map_edges
-from tanteo.vision.belief import Mode, lie_down
-from tanteo.vision.fit import refine
-from tanteo.vision.settle import settle
+from tanteo.vision import TableErrors, find_edges, map_edges
+from tanteo.vision.belief import Mode
+from tanteo.vision.evidence import Weights
+from tanteo.vision.lying import settle_lying
+from tanteo.vision.regions import find_regions
 from tanteo.vision.sight import hypothesis
-from tanteo.vision.table import TableErrors, lying_information
-from vision import models_of, pose_errors, told_table
+from tanteo.vision.silhouettes import silhouette
+from vision import in_camera, models_of, pose_errors, told_table
 from vision_scenes import random_shot
 
 SEED = 2024
 WAYS = {"30 % hidden": (0.3, 1.0), "nothing hidden": (0.0, 1.0), "nothing hidden, no noise": (0.0, 0.0)}
 """Share that is hidden, and what the noise is multiplied with."""
-
-LAST = (2.5, 1.5, 1.0, 0.8, 0.8)
 
 
 def pose(image, hidden, noise):
@@ -36,14 +36,14 @@ def pose(image, hidden, noise):
     models = [m for m in models_of(20)[0] if not m.part.symmetry.continuous]
     model, rng = models[image % len(models)], np.random.default_rng([SEED, image])
     shot = random_shot([model], rng, hidden, noise=noise)
-    camera, edges = shot.camera, map_edges(find_edges(shot.image))
-    T_camera_world = SE3.inverse(camera.T_world_camera)
-    T_camera_table = T_camera_world @ told_table(shot, model, np.random.default_rng([SEED, image, 1]))
-    start = lie_down(model, np.array([shot.rest]), T_camera_world @ shot.T_world_part[None], T_camera_table)
-    prior = lying_information(SE3.inverse(T_camera_table) @ start, model.part.centroid, TableErrors())
-    T = refine(model.frame, camera, edges, start, prior=prior, reaches=LAST)[0]
-    settled = settle(model, camera, edges, T, start=start[0], prior=prior[0])
-    mode = Mode(model, shot.rest, settled.T_camera_part, 0.0, 1.0)
+    camera, points = shot.camera, find_edges(shot.image)
+    table = told_table(shot, model, np.random.default_rng([SEED, image, 1]))
+    T_camera_table = SE3.inverse(camera.T_world_camera) @ table
+    mode = Mode(model, shot.rest, in_camera(shot), 0.0, 1.0)
+    there = silhouette(model.frame.surface, camera, mode.T_camera_part)
+    region = max(find_regions(shot.image, points), key=lambda region: (region.mask & there).sum())
+    settled = settle_lying(mode, camera, map_edges(points), region, T_camera_table, TableErrors(), Weights())
+    mode = replace(mode, T_camera_part=settled.T_camera_part)
     answer = hypothesis(mode, camera.T_world_camera, camera, settled, lying=True)
     return None if answer.unobserved else pose_errors(model, answer, shot.T_world_part)
 

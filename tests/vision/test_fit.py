@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tanteo.lie import SE3
-from tanteo.vision.belief import MISSED, UNKNOWN, Candidates, Mode, Weights, believe
+from tanteo.vision.belief import MISSED, UNKNOWN, Mode, believe
 from tanteo.vision.camera import project
+from tanteo.vision.candidates import Candidates
 from tanteo.vision.evidence import (
     CREASE_SEEN,
     REACH,
@@ -20,6 +21,7 @@ from tanteo.vision.evidence import (
     STRETCH,
     WHOLE,
     Evidence,
+    Weights,
     foremost,
     of_edges,
     weigh,

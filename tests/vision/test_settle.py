@@ -14,11 +14,12 @@ from rendered import table_camera
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import prepare_vision
+from tanteo.vision.choices import FAR, ROUGH, EdgeErrors, mixture, terms_of
 from tanteo.vision.edge_map import map_edges
 from tanteo.vision.edges import CORRELATION, FLOOR, find_edges
 from tanteo.vision.fit import Met, meet
 from tanteo.vision.rendering import Stage, render, thing
-from tanteo.vision.settle import FAR, ROUGH, EdgeErrors, clear_edges, mixture, settle, terms_of
+from tanteo.vision.settle import clear_edges, settle
 from tanteo.vision.table import TableErrors, lying_information
 
 WRONG = 0.15

@@ -118,3 +118,31 @@ def of_edges(groups: IntArray, values: FloatArray, spans: FloatArray) -> FloatAr
     """
     members = np.eye(groups.max(initial=-1) + 1)[groups]
     return np.asarray((np.where(spans > 0, values, 0.0) @ members / (1 + spans @ members / WHOLE)).sum(axis=-1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """How much each kind of evidence counts, fitted on rendered scenes of random parts (``benchmarks/vision_fit.py``).
+
+    Edges are not independent of each other, shadows and occluders make edges of their own: what that does to the sums
+    of :class:`Evidence` is measured, not derived.
+
+    Attributes:
+        hits: of edges of the part that meet edges of the image.
+        misses: of those that do not.
+        unknown: for each stretch of the image's edges, if none of the poses holds.
+        base: log odds of that without edges, besides the prior.
+        spilled: for each square of a stretch that the silhouette covers where bare table is seen.
+    """
+
+    hits: float = 0.409
+    misses: float = 0.103
+    unknown: float = 0.151
+    base: float = 1.065
+    spilled: float = -0.624
+
+
+def log_weight(evidence: Evidence, weights: Weights) -> FloatArray:
+    """Log weight of poses, without prior."""
+    spilled = weights.spilled * evidence.spilled / STRETCH**2
+    return np.asarray(weights.hits * evidence.hits + weights.misses * evidence.misses + spilled)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SE3, SO3
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, project_linearised
 from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of
 from tanteo.vision.edges import CORRELATION
@@ -22,6 +22,9 @@ BIAS = 0.1
 
 REACHES = (12.0, 9.0, 7.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.2, 1.0)
 """How far off an edge point may be to be taken for the sample's own, round by round [px]."""
+
+BESIDE, WAYS = 1.5, 8
+"""How far beside a pose others are started [px], and in how many directions of the table."""
 
 _ASKED = (0, 3, 6)
 """Rounds in which the part is asked again what of it is hidden."""
@@ -109,6 +112,7 @@ def refine(
     T_camera_part: Transforms,
     *,
     prior: FloatArray | None = None,
+    start: Transforms | None = None,
     reaches: tuple[float, ...] = REACHES,
 ) -> Transforms:
     """Better poses, by robust Gauss-Newton on the offsets.
@@ -118,10 +122,12 @@ def refine(
         camera: that took the image.
         edges: of the image.
         T_camera_part: first poses ``(B, 4, 4)``.
-        prior: information on ``Log(T_first^-1 T)`` ``(B, 6, 6)``; none if not given.
+        prior: information on ``Log(T_start^-1 T)`` ``(B, 6, 6)``; none if not given.
+        start: where the prior puts the part ``(B, 4, 4)``; the first poses if not given.
         reaches: how far to look, round by round [px].
     """
     T = np.array(T_camera_part)
+    start = T if start is None else start
     scale = np.r_[np.full(3, frame.diagonal), np.ones(3)]
     seen = None
     for k, reach in enumerate(reaches):
@@ -131,7 +137,7 @@ def refine(
         A, g = _normal_equations(met, reach)
         if prior is not None:
             A = A + prior
-            g = g - (prior @ SE3.log(SE3.inverse(T_camera_part) @ T)[..., None])[..., 0]
+            g = g - (prior @ SE3.log(SE3.inverse(start) @ T)[..., None])[..., 0]
         scaled = A * np.outer(scale, scale)
         # directions that nothing resists stay where they are
         hold = 1e-6 * np.trace(scaled, axis1=-2, axis2=-1)[..., None, None] + 1e-9
@@ -139,6 +145,19 @@ def refine(
         step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step / scale, axis=-1), 1e-12))[..., None]
         T = T @ SE3.exp(step)
     return np.asarray(T)
+
+
+def beside(camera: Camera, T_camera_part: Transforms, T_camera_table: Transforms, centre: Vectors) -> Transforms:
+    """A pose and :data:`WAYS` of the same part moved over the table by :data:`BESIDE` ``(1 + WAYS, 4, 4)``."""
+    ways = 2 * np.pi * np.arange(WAYS) / WAYS
+    flat = np.stack([np.cos(ways), np.sin(ways), np.zeros(WAYS)], axis=-1) @ T_camera_table[:3, :3].T
+    moves = np.concatenate([np.zeros((1, 3)), flat * BESIDE * pixel_length(camera, T_camera_part, centre)])
+    return np.asarray(SE3.from_parts(np.eye(3), moves) @ T_camera_part)
+
+
+def pixel_length(camera: Camera, T_camera_part: Transforms, centre: Vectors) -> float:
+    """What a pixel is long at a part's ``centre`` [m]."""
+    return float(SE3.apply(T_camera_part, centre)[2] / camera.focal.mean())
 
 
 def _normal_equations(met: Met, reach: float) -> tuple[FloatArray, FloatArray]:

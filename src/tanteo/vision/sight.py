@@ -16,23 +16,21 @@ from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.verdict import spins, verdict, without_spins
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Transforms
-from tanteo.vision.belief import Belief, Mode, Weights, believe, candidates_in, lie_down
+from tanteo.vision.belief import Belief, Mode, believe
 from tanteo.vision.camera import Camera, on_plane
+from tanteo.vision.candidates import candidates_in
 from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edge_map import EdgeMap, map_edges
 from tanteo.vision.edges import EdgePoints, find_edges
-from tanteo.vision.fit import BIAS, Met, refine
+from tanteo.vision.evidence import Weights
+from tanteo.vision.fit import BIAS, Met
+from tanteo.vision.lying import POSSIBLE, settle_lying
 from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import like_outline
 from tanteo.vision.question import Question, ask
 from tanteo.vision.regions import Region, find_regions
-from tanteo.vision.settle import Settled, settle
-from tanteo.vision.table import TableErrors, lying_information, seen_table
-
-POSSIBLE = 0.01
-"""Answers less probable than this raise no question."""
-
-_LAST = (2.5, 1.5, 1.0, 0.8, 0.8)
+from tanteo.vision.settle import Settled
+from tanteo.vision.table import TableErrors, seen_table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,10 +115,10 @@ def see_table(
             continue
         found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights)
         belief = believe(found, stretches, weights, len(models))
-        seen = _sighting(belief, camera, edges, T_world_table, table, top)
+        seen = _sighting(belief, camera, edges, region, T_world_table, table, weights, top)
         outline = outline_on_table(camera, region, T_camera_table)
         order = [] if outline is None else [model.part.name for model, _, _ in like_outline(outline, models)]
-        objects.append(replace(seen, region=region, outline=outline, alike=tuple(dict.fromkeys(order))))
+        objects.append(replace(seen, outline=outline, alike=tuple(dict.fromkeys(order))))
     seconds = {"total": time.perf_counter() - start}
     timed = [replace(o, recognition=replace(o.recognition, elapsed=seconds)) for o in objects]
     return Sight(tuple(timed), points, camera.T_world_camera)
@@ -154,16 +152,20 @@ def check_sight(image: FloatArray, camera: Camera, parts: Sequence[Part] | Seque
 
 
 def _sighting(
-    belief: Belief, camera: Camera, edges: EdgeMap, T_world_table: Transforms, table: TableErrors, top: int
+    belief: Belief,
+    camera: Camera,
+    edges: EdgeMap,
+    region: Region,
+    T_world_table: Transforms,
+    table: TableErrors,
+    weights: Weights,
+    top: int,
 ) -> Sighting:
     assert camera.T_world_camera is not None
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
     modes, hypotheses = [], []
     for mode in belief.modes[:top]:
-        start = lie_down(mode.model, np.array([mode.rest]), mode.T_camera_part[None], T_camera_table)
-        prior = lying_information(SE3.inverse(T_camera_table) @ start, mode.model.part.centroid, table)
-        T = refine(mode.model.frame, camera, edges, start, prior=prior, reaches=_LAST)[0]
-        settled = settle(mode.model, camera, edges, T, start=start[0], prior=prior[0])
+        settled = settle_lying(mode, camera, edges, region, T_camera_table, table, weights)
         modes.append(replace(mode, T_camera_part=settled.T_camera_part))
         hypotheses.append(hypothesis(modes[-1], camera.T_world_camera, camera, settled, lying=True))
     status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
@@ -171,7 +173,7 @@ def _sighting(
     if status == "ambiguous" and question is not None:
         message = f"The image leaves {_both(question)}: {question.words}."
     recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
-    return Sighting(recognition, tuple(modes), question, None)
+    return Sighting(recognition, tuple(modes), question, region)
 
 
 def _both(question: Question) -> str:

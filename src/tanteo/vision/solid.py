@@ -18,12 +18,12 @@ from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
-from tanteo.vision.belief import UNKNOWN, Belief, Mode, Weights, distinct_poses, log_weight
+from tanteo.vision.belief import UNKNOWN, Belief, Mode, distinct_poses
 from tanteo.vision.camera import Camera, project
 from tanteo.vision.chance import chance_map
 from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of, map_edges
 from tanteo.vision.edges import find_edges
-from tanteo.vision.evidence import REACH, weigh
+from tanteo.vision.evidence import REACH, Weights, log_weight, weigh
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.models import VisionModel
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths

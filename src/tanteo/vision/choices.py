@@ -1,0 +1,147 @@
+"""What each edge of a part says about its pose if it met its own edge or another's, and the mixture over which did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from tanteo.typing import BoolArray, FloatArray, IntArray
+from tanteo.vision.edges import CORRELATION, FLOOR
+from tanteo.vision.fit import Met
+
+FAR, ROUGH = 1.0, 0.2
+"""An edge that is another's: standard deviation of its distance, and of its points about that [px]."""
+
+_PAIRED = 24
+"""Edges about which one may be mistaken together with another: those whose own mistake costs least."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeErrors:
+    """What misplaces edge points besides noise, fitted on rendered scenes of random parts.
+
+    The fit is in ``benchmarks/vision_fit.py``; within a factor of two others do about as well.
+
+    Attributes:
+        own: standard deviation of a point that stands alone [px].
+        pulled: what is added to that for each pixel that the point drifts. Half of the variance of both is common to
+            the edge, half the point's own.
+        wrong: probability that what an edge of the part meets is another's.
+        shared: what moves a whole edge besides [px].
+    """
+
+    own: float = 0.01
+    pulled: float = 0.25
+    wrong: float = 0.3
+    shared: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Terms:
+    """What each edge says about the pose, if it is the part's own (first) and if it is another's (second).
+
+    Attributes:
+        A: information ``(G, 2, 6, 6)``.
+        g: its gradient ``(G, 2, 6)``.
+        chi2: of the offsets ``(G, 2)``.
+        log: log density of the offsets at the present pose ``(G, 2)``, with the probability of the case.
+    """
+
+    A: FloatArray
+    g: FloatArray
+    chi2: FloatArray
+    log: FloatArray
+
+
+def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, errors: EdgeErrors) -> Terms:
+    """What each edge says.
+
+    Noise is one draw over a correlation length; with independent variances ``W^-1`` and a common error of deviations
+    ``b`` the inverse of ``W^-1 + b b'`` is by Woodbury.
+
+    Args:
+        met: at one pose, no batch axes.
+        groups: which edge each sample belongs to ``(N,)``.
+        misplaced: standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px].
+        errors: what is common to whole edges, and how often they are another's.
+    """
+    names, which = np.unique(groups[met.hits], return_inverse=True)
+    J, d = met.jacobian[met.hits], met.offsets[met.hits]
+    share = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
+    half = 0.5 * misplaced[met.hits] ** 2
+    noise = met.sds[met.hits] ** 2 + FLOOR**2 + half
+    rows = np.concatenate([J, d[:, None]], axis=1)
+    cases, whole = [], half + errors.shared**2
+    for common, more, probability in ((whole, 0.0, 1 - errors.wrong), (whole + FAR**2, ROUGH**2, errors.wrong)):
+        variance, b = (noise + more) / share, np.sqrt(common)
+        w = 1 / variance
+        outer = np.zeros((len(names), 7, 7))
+        np.add.at(outer, which, w[:, None, None] * rows[:, :, None] * rows[:, None, :])
+        along = np.zeros((len(names), 7))
+        np.add.at(along, which, (w * b)[:, None] * rows)
+        total = 1 + np.bincount(which, weights=w * b * b, minlength=len(names))
+        outer -= along[:, :, None] * along[:, None, :] / total[:, None, None]
+        spread = np.bincount(which, weights=np.log(variance), minlength=len(names)) + np.log(total)
+        log = np.log(probability) - 0.5 * (outer[:, 6, 6] + spread)
+        cases.append((outer[:, :6, :6], outer[:, :6, 6], outer[:, 6, 6], log))
+    return Terms(*(np.stack(column, axis=1) for column in zip(*cases, strict=True)))
+
+
+def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Mean and covariance of a step ``xi`` over the choices of edges that are another's.
+
+    The most probable choice is climbed to edge by edge; it and those that differ in one or two edges are summed.
+
+    Args:
+        terms: of the edges.
+        A: information beforehand ``(6, 6)``, of full rank.
+        g: its gradient ``(6,)``.
+
+    Returns:
+        Mean ``(6,)``, covariance ``(6, 6)``, and which edges are another's in the most probable choice ``(G,)``.
+    """
+    log, means, covariances, wrong = _choices(terms, A, g)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    mean = weight @ means
+    off = means - mean
+    spread = np.einsum("m,mi,mj->ij", weight, off, off)
+    return mean, np.einsum("m,mij->ij", weight, covariances) + spread, wrong
+
+
+def log_evidence(terms: Terms, A: FloatArray, g: FloatArray) -> float:
+    """Log density of the offsets over the same choices, up to what does not depend on the errors."""
+    return float(logsumexp(_choices(terms, A, g)[0]))
+
+
+def _choices(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Log weights, means and covariances of the choices that are summed, and the most probable one."""
+    one = np.eye(len(terms.log), dtype=np.bool_)
+    wrong = np.zeros((1, len(one)), dtype=np.bool_)
+    while True:
+        near = np.concatenate([wrong, wrong ^ one])
+        log = _weighed(terms, A, g, near)[0]
+        best = int(np.argmax(log))
+        if best == 0:
+            break
+        wrong = near[best : best + 1]
+    doubtful = one[np.argsort(-log[1:], kind="stable")[:_PAIRED]]
+    first, second = np.triu_indices(len(doubtful), 1)
+    two = wrong ^ doubtful[first] ^ doubtful[second]
+    return *_weighed(terms, A, g, np.concatenate([near, two])), wrong[0]
+
+
+def _weighed(terms: Terms, A: FloatArray, g: FloatArray, wrong: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log weights ``(m,)``, means ``(m, 6)`` and covariances ``(m, 6, 6)`` of choices ``(m, G)``."""
+    chosen = np.stack([~wrong, wrong], axis=-1).astype(np.float64)
+    A = A + np.einsum("mgc,gcij->mij", chosen, terms.A)
+    g = g + np.einsum("mgc,gci->mi", chosen, terms.g)
+    scale = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    scaled = A / (scale[:, :, None] * scale[:, None, :])
+    covariance = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
+    mean = (covariance @ g[..., None])[..., 0]
+    volume = np.linalg.slogdet(scaled)[1] + 2 * np.log(scale).sum(axis=-1)
+    log = np.einsum("mgc,gc->m", chosen, terms.log) - 0.5 * volume + 0.5 * np.sum(g * mean, axis=-1)
+    return log, mean, covariance
