@@ -31,6 +31,17 @@ def test_two_touches_are_of_one_face_as_often_as_two_of_the_surface_are(models, 
     assert more / (ratio + more) == pytest.approx(np.sum(share**2), rel=1e-9)
 
 
+def test_one_plane_alone_is_as_likely_as_anywhere(models):
+    """Whether it belongs to an axis of the part or to none; a second one that is level with it is more likely."""
+    model, rng = models["block"], np.random.default_rng(10)
+    sensed = sense([touch(p, model.part.planes.normals[0], rng) for p in points_on_plane(model.part, 0, 2, rng)])
+    pairs = pairs_of(sensed, [model], Priors(radius=model.radius))
+    family = right_angled_family(model.radius)
+    alone = replace(sensed, kinds=("plane", "point"))
+    assert pair_gains(alone, family, np.full((1, 2), NOTHING), pairs)[0] == 0.0
+    assert pair_gains(sensed, family, np.full((1, 2), NOTHING), pairs)[0] > 1
+
+
 def test_distances_of_faces_anywhere_are_a_density(models):
     model = models["block"]
     d = np.linspace(-2, 2, 20_001) * model.radius

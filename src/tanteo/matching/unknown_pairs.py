@@ -83,7 +83,7 @@ def pair_gains(sensed: Sensed, family: PartModel, choices: IntArray, pairs: Pair
     for k, i in enumerate(planes):
         stray = sides[:, i] == NOTHING
         level, other = np.zeros(len(choices)), np.zeros(len(choices))
-        met, beside, alike, before = (np.zeros(len(choices), dtype=np.int64) for _ in range(4))
+        met, beside, alike, before, strays = (np.zeros(len(choices), dtype=np.int64) for _ in range(5))
         for j in planes[:k]:
             pair = rows[:, j], rows[:, i]
             both = stray == (sides[:, j] == NOTHING)
@@ -95,8 +95,9 @@ def pair_gains(sensed: Sensed, family: PartModel, choices: IntArray, pairs: Pair
             beside += axis & ~stray
             alike += axis & ~stray & (sides[:, i] == sides[:, j])
             before += both & ~stray
+            strays += both & stray
         same = np.where(stray | (alike > 0), pairs.again[np.minimum(met, len(pairs.again) - 1)], 0.0)
-        same = np.where(stray, same * pairs.alike, same)
+        same = np.where(stray, np.where(strays > 0, same * pairs.alike, 0.0), same)
         gain = same * level + (1 - same) * np.where(beside > 0, other / np.maximum(beside, 1), 1.0)
         uneven = 6 * (pairs.spread + alike) / (6 * pairs.spread + before)
         total += np.log(np.maximum(gain, 1e-300)) + np.where(stray, 0.0, np.log(uneven))
