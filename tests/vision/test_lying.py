@@ -11,8 +11,8 @@ from scipy.stats import chi2
 from tanteo.lie import SE3
 from tanteo.vision import TableErrors, find_regions, map_edges
 from tanteo.vision.belief import Mode
-from tanteo.vision.candidates import evidence_at, own_edges, poses_beside
-from tanteo.vision.evidence import Weights, chance_hits, log_weight
+from tanteo.vision.candidates import Candidates, _with_best, evidence_at, own_edges, poses_beside
+from tanteo.vision.evidence import Evidence, Weights, chance_hits, log_weight
 from tanteo.vision.fit import beside, pixel_length, refine
 from tanteo.vision.lying import mixed, settle_lying
 from tanteo.vision.settle import Settled, settle
@@ -85,6 +85,17 @@ def test_a_better_pose_beside_is_found(scene):
     gaps = np.linalg.norm(Ts[:, None, :3, 3] - Ts[:, :3, 3], axis=-1)[np.triu_indices(len(Ts), 1)]
     assert len(Ts) < 9
     assert np.all(gaps > 0)
+
+
+@pytest.mark.parametrize(("hits", "taken"), [((4.0, 6.0), None), ((4.0, 9.0), 1)])
+def test_a_pose_beside_is_taken_only_if_it_weighs_more(scene, hits, taken):
+    own = Evidence(np.array([1.0, 7.0]), np.zeros(2), np.zeros(2))
+    here = Candidates(scene[0], np.stack([np.eye(4)] * 2), np.zeros(2, dtype=np.int64), np.zeros(2), own)
+    Ts = np.stack([SE3.exp(np.r_[x, np.zeros(5)]) for x in (0.1, 0.2)])
+    found = _with_best(here, 1, Ts, Evidence(np.array(hits), np.zeros(2), np.zeros(2)), Weights())
+    assert found.evidence.hits.tolist() == [1.0, 7.0 if taken is None else hits[taken]]
+    np.testing.assert_array_equal(found.T_camera_part[1], np.eye(4) if taken is None else Ts[taken])
+    np.testing.assert_array_equal(found.T_camera_part[0], np.eye(4))
 
 
 def settled_at(model, move, sds):
