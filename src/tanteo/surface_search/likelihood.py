@@ -15,8 +15,9 @@ from tanteo.lie import SO3
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import prior_log_density, prior_residuals
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
-from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges, tilt_log_density, tilt_rows
+from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
+from tanteo.surface_search.sensed_normals import tilt_log_density, tilt_rows
 from tanteo.surface_search.strays import log_density, log_density_of_kin, on_surface
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches

@@ -18,16 +18,13 @@ from tanteo.lie import SO3
 from tanteo.shapes import SHARP, Junctions
 from tanteo.surface_search.cover import covered, log_cover
 from tanteo.surface_search.sensed_face import AWAY, GRAZING
+from tanteo.surface_search.sensed_normals import Tilt, tilt_log_density, tilt_of, tilt_rows
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 REACH = 4.0
 """Edges farther off than this many standard deviations do not matter."""
-
-
-_BEHIND = -50.0
-"""Log density of a sensed normal that points into the part."""
 
 _BROAD = 2.0
 """Faces narrower than this many standard deviations are no faces to the noise: facets of a curve, rims of a sheet."""
@@ -67,24 +64,7 @@ class _Seen:
     t: FloatArray
     beta: FloatArray
     beyond: FloatArray
-    normals: _Tilt | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Tilt:
-    """Sensed normals against those of the faces, of the readings that have one.
-
-    Attributes:
-        rows: which of the readings ``(m,)``.
-        sensed: in the part's frame ``(m, 3)``.
-        sd: of a tilt ``(m,)`` [rad].
-        gap: sines of the tilts, in standard deviations ``(m, F, 3)``.
-    """
-
-    rows: IntArray
-    sensed: Vectors
-    sd: FloatArray
-    gap: FloatArray
+    normals: Tilt | None
 
 
 def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: IntArray) -> NearEdges | None:
@@ -133,25 +113,10 @@ def _seen(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: 
     log = _weights(touches, target, faces, along, n) - past
     used = int(np.flatnonzero(faces.valid.any(axis=0)).max()) + 1
     faces, log = faces.first(used), log[:, :used]
-    tilt = _tilt(touches, R, s, n, faces)
+    tilt = tilt_of(touches, R, s, n, faces)
     if tilt is not None:
         log[tilt.rows] += tilt_log_density(tilt.sensed[:, None], faces.normals[tilt.rows], tilt.gap, tilt.sd[:, None])
     return _cut(touches, R, s, n, at, faces, log, tilt)
-
-
-def _tilt(touches: Touches, R: Transforms, s: IntArray, n: IntArray, faces: Junctions) -> _Tilt | None:
-    rows = np.flatnonzero(touches.oriented[n])
-    if not len(rows):
-        return None
-    s, n = s[rows], n[rows]
-    sensed, sd = (touches.normals[n, None] @ R[s])[:, 0], touches.normal_sds[n]
-    return _Tilt(rows, sensed, sd, SO3.cross(faces.normals[rows], sensed[:, None]) / sd[:, None, None])
-
-
-def tilt_log_density(sensed: Vectors, normals: Vectors, gap: FloatArray, sd: FloatArray) -> FloatArray:
-    """Log density of sensed normals on faces with those normals; ``gap`` is their cross product over ``sd``."""
-    behind = np.where(np.sum(sensed * normals, axis=-1) > 0, 0.0, _BEHIND)
-    return np.asarray(behind - 0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi * sd**2))
 
 
 def _with_others(
@@ -205,7 +170,7 @@ def _cut(
     at: Vectors,
     faces: Junctions,
     log: FloatArray,
-    tilt: _Tilt | None,
+    tilt: Tilt | None,
 ) -> _Seen:
     """How far each reading is off each face, and inside its lines, with the spread of its noise both ways."""
     normals, m = faces.normals, faces.inward
@@ -258,12 +223,6 @@ def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, 
     gradient = np.sum(share[..., None] * slopes, axis=1)
     rows = (np.sqrt(share)[..., None, None] * rows).reshape(len(at), -1, rows.shape[-1])
     return total, gradient, np.swapaxes(rows, 1, 2) @ rows
-
-
-def tilt_rows(sensed: Vectors, normals: Vectors, sd: FloatArray) -> FloatArray:
-    """Derivative of ``normal x sensed / sd`` by the turn of the part ``(*batch, 3, 3)``."""
-    outer, along = sensed[..., :, None] * normals[..., None, :], np.sum(sensed * normals, axis=-1)
-    return np.asarray((outer - along[..., None, None] * np.eye(3)) / sd[..., None, None])
 
 
 def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:
