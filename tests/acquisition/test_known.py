@@ -62,16 +62,6 @@ def test_where_the_hand_was_is_known():
         assert known.has(centres + np.array([0.007, 0.0, 0.0])).all() == there
 
 
-def test_what_is_said_to_be_free_around_the_start_is_known():
-    robot = robot_on(TABLE, over())
-    known = Known(gripper(), [robot.sensed], room=0.02)
-    assert known.holds(gripper().body, over(x=0.019)[None], 0.0)
-    assert not known.holds(gripper().body, over(x=0.03)[None], 0.0)
-    later = Known(gripper(), [robot_on(TABLE, over(y=0.1)).sensed], known)
-    assert later.holds(gripper().body, over(x=0.019)[None], 0.0)
-    assert not later.holds(gripper().body, over(x=0.01, y=0.1)[None], 0.0)
-
-
 def test_after_a_look_there_is_room_to_move_in_but_not_beyond():
     robot = robot_on(TABLE, over())
     before = Known(gripper(), [robot.sensed])

@@ -1,4 +1,4 @@
-"""A first look swings the fingers only where the start is free or beams have been."""
+"""A first look swings the fingers no farther than the start is free."""
 
 import numpy as np
 import pytest
@@ -31,20 +31,15 @@ def farthest(log):
     return float(np.linalg.norm(centres - centres[0], axis=-1).max())
 
 
-def test_looks_from_the_start_swing_as_far_as_it_is_free():
+def test_looks_from_the_start_swing_as_far_as_it_is_free_and_later_ones_farther():
     session, _ = session_on()
     assert look_around(session, TILT, SPACING).reached
     assert look_around(session, TILT, SPACING).reached
-    assert all(0.02 < farthest(motion.log) < ROOM + 3e-3 for motion in session.motions)
-
-
-def test_where_it_was_brought_without_a_look_it_looks_a_little_and_later_widely():
-    session, _ = session_on()
-    for aside, least, most in ((0.06, 0.0, 0.019), (0.061, 0.026, 0.03)):
-        T = SE3.from_parts(OVER[:3, :3], OVER[:3, 3] + [aside, 0.0, 0.0])
-        assert session.does(go_to(session.robot, T, session.rules)).reached
-        assert look_around(session, TILT, SPACING).reached
-        assert least < farthest(session.motions[-1].log) < most
+    assert all(0.015 < farthest(motion.log) < ROOM for motion in session.motions)
+    aside = SE3.from_parts(OVER[:3, :3], OVER[:3, 3] + [0.001, 0.0, 0.0])
+    assert session.does(go_to(session.robot, aside, session.rules)).reached
+    assert look_around(session, TILT, SPACING).reached
+    assert farthest(session.motions[-1].log) > 0.026
 
 
 @pytest.mark.parametrize("angle", np.radians([20, 45, 70, 110]))

@@ -13,6 +13,9 @@ from tanteo.sensors import error_model
 _FAR, _NEAR = 0.8, 0.5
 """Shares of the frontal sensors' range: beyond the first the hand comes nearer, to the second."""
 
+_WORTH = 0.025
+"""It stays where it begins, with free space around it, if it would come nearer by no more than this [m]."""
+
 
 def come_near(session: Session, idea: FaceIdea) -> Motion | None:
     """Bring the hand before a face that its frontal beams would hardly reach; None where they do.
@@ -30,14 +33,15 @@ def come_near(session: Session, idea: FaceIdea) -> Motion | None:
     front = T[:3, :3] @ hand.front + T[:3, 3]
     away = float(np.linalg.norm(idea.point - front))
     reach = float(error_model(hand.rig).max_range[list(hand.frontal)].min())
-    if not np.isfinite(reach) or away < _FAR * reach:
+    least = max(_NEAR * reach, 2 * session.standoff)
+    if not np.isfinite(reach) or away < max(_FAR * reach, least + _WORTH):
         return None
     along = T[:3, :3] @ hand.pair
     along = along - (along @ idea.normal) * idea.normal
     if np.linalg.norm(along) < 1e-6:
         along = np.cross(idea.normal, T[:3, 2])
     along = along / np.linalg.norm(along)
-    for height in (away, max(_NEAR * reach, 2 * session.standoff)):
+    for height in (away, least):
         pose = facing(hand, idea.point, idea.normal, along, height, T)
         motion = session.does(go_to(session.robot, pose, session.rules))
         if not motion.reached:

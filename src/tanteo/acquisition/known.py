@@ -38,10 +38,9 @@ class Known:
         hand: The hand.
         log: What it sensed.
         before: What was known before; it stays known.
-        room: So much is free around the hand at the first instant [m].
     """
 
-    def __init__(self, hand: Hand, log: Sequence[Sensed], before: Known | None = None, *, room: float = 0.0) -> None:
+    def __init__(self, hand: Hand, log: Sequence[Sensed], before: Known | None = None) -> None:
         from scipy.spatial import cKDTree
 
         kept = log[::_EVERY]
@@ -50,10 +49,9 @@ class Known:
         # between two instants that are kept the hand was nearly as far out
         places = {GAP: _along_beams(hand, kept, T)}
         places |= {float(r) + _CELL: centres[:, radii == r].reshape(-1, 3) for r in np.unique(radii)}
-        places |= {float(r) + room: centres[0, radii == r] for r in np.unique(radii) if room > _CELL}
         self._cells = {reach: _cells(points) for reach, points in places.items()}
         for reach, cells in before._cells.items() if before is not None else ():
-            self._cells[reach] = np.union1d(cells, self._cells.get(reach, cells))
+            self._cells[reach] = np.union1d(cells, self._cells[reach])
         self._trees = [(reach, cKDTree(_middles(cells))) for reach, cells in self._cells.items() if len(cells)]
 
     def has(self, points: Vectors) -> BoolArray:

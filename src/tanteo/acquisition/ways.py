@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.acquisition.cloud import Cloud, room
-from tanteo.acquisition.known import GAP, Known
 from tanteo.acquisition.session import Session
 from tanteo.features import Feature
 from tanteo.hand import Hand, advance, gap
@@ -25,10 +24,7 @@ _NEARLY = 0.97
 """So much of the fingers' skin is nearly all of it."""
 
 ROOM = 0.025
-"""From where it begins the hand may go so far to any side and keeps half the stand-off from everything [m]."""
-
-HALF = 0.5
-"""Share of the stand-off up to which nothing unseen may be beside a first look."""
+"""Where it looks for the first time the hand swings no part of it farther to any side [m]."""
 
 _LEAST_SWING = 0.08
 """A look with less tilt shows nothing new [rad]."""
@@ -37,32 +33,27 @@ _LEAST_SWING = 0.08
 def look_around(session: Session, tilt: float, spacing: float) -> Motion:
     """A look with as much tilt as there is room for; every second one goes between the turns of the one before.
 
-    Until it has gone somewhere after a look, the fingers swing only where all was seen or is near enough to the start.
+    Until it has gone somewhere after a look, no part of it goes farther than the free space around its start allows.
     """
     names = [motion.name for motion in session.motions]
     led = "look" in names and set(names[names.index("look") :]) != {"look"}
     begin = np.pi * (names.count("look") % 2)
-    widest = swing(session, tilt, spacing, begin, None if led else _around_start(session))
+    widest = swing(session, tilt, spacing, begin, np.inf if led else ROOM)
     return session.does(look(session.robot, widest, session.rules, spacing=spacing, begin=begin))
 
 
-def swing(session: Session, tilt: float, spacing: float, begin: float, known: Known | None) -> float:
-    """The tilt of a look, less where the workspace, what was met or what is not known leaves no room for it."""
+def swing(session: Session, tilt: float, spacing: float, begin: float, most: float) -> float:
+    """The tilt of a look, less where the workspace or what was met leaves no room, or a finger would go too far [m]."""
     hand, T = session.hand, session.robot.sensed.T_world_hand
     cloud = session.seen() if session.motions else None
     while tilt > _LEAST_SWING:
         way = looked(hand, T, tilt, spacing=spacing, begin=begin)
+        gone = np.linalg.norm(hand.body.placed(way) - hand.body.placed(T), axis=-1).max()
         free = _allowed(session, way).all() if cloud is None else fits(session, cloud, way)
-        if free and (known is None or _nearly(known, hand, way, HALF * session.standoff + GAP)):
+        if free and gone <= most:
             break
         tilt *= 0.85
     return tilt
-
-
-def _around_start(session: Session) -> Known:
-    """What was seen free, and the room around the hand's start."""
-    start = session.motions[0].log[0] if session.motions else session.robot.sensed
-    return Known(session.hand, [start], session.known(), room=ROOM + HALF * session.standoff + GAP)
 
 
 def _allowed(session: Session, way: Transforms) -> BoolArray:
@@ -90,11 +81,7 @@ def known(session: Session, way: Transforms) -> bool:
 
 def nearly_known(session: Session, way: Transforms) -> bool:
     """The same, but for gaps between single beams: beside places that are known."""
-    return _nearly(session.known(), session.hand, way)
-
-
-def _nearly(known: Known, hand: Hand, way: Transforms, margin: float = 0.0) -> bool:
-    return all(share >= _NEARLY for share in known.shares(hand.body, way, margin))
+    return all(share >= _NEARLY for share in session.known().shares(session.hand.body, way, 0.0))
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:
