@@ -14,7 +14,7 @@ _FAR, _NEAR = 0.8, 0.5
 """Shares of the frontal sensors' range: beyond the first the hand comes nearer, to the second."""
 
 _WORTH = 0.025
-"""It stays where it begins, with free space around it, if it would come nearer by no more than this [m]."""
+"""Within range it stays where it begins, with free space around it, if it would win no more than this [m]."""
 
 
 def come_near(session: Session, idea: FaceIdea) -> Motion | None:
@@ -34,7 +34,7 @@ def come_near(session: Session, idea: FaceIdea) -> Motion | None:
     away = float(np.linalg.norm(idea.point - front))
     reach = float(error_model(hand.rig).max_range[list(hand.frontal)].min())
     least = max(_NEAR * reach, 2 * session.standoff)
-    if not np.isfinite(reach) or away < max(_FAR * reach, least + _WORTH):
+    if not np.isfinite(reach) or away < _FAR * reach or away < min(reach, least + _WORTH):
         return None
     along = T[:3, :3] @ hand.pair
     along = along - (along @ idea.normal) * idea.normal
