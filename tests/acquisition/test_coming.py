@@ -17,11 +17,11 @@ TABLE = Scene.of([box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])])
 @pytest.mark.parametrize(
     ("height", "standoff", "comes_to"),
     [
-        (0.07, 0.02, None),  # well within the range of 100 mm
-        (0.095, 0.04, None),  # nearly out of range, but 80 mm is as near as it would come
-        (0.095, 0.02, 0.05),
-        (0.11, 0.045, 0.09),  # out of range
-        (0.2, 0.02, 0.05),
+        (0.09, 0.02, None),  # well within the range of 120 mm
+        (0.1, 0.04, None),  # near its end, but 80 mm is as near as it would come
+        (0.1, 0.02, 0.06),
+        (0.125, 0.055, 0.11),  # out of range
+        (0.2, 0.02, 0.06),
     ],
 )
 def test_it_comes_nearer_where_that_shows_more(height, standoff, comes_to):
