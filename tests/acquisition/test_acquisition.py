@@ -26,7 +26,7 @@ from tanteo.hand import Workspace
 from tanteo.io import read_readings, write_readings
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, look
-from tanteo.simulator import Scene, SimulatedHand, box, clearances
+from tanteo.simulator import Cell, Scene, SimulatedHand, box, clearances
 
 SENSE = {"plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex}
 BLOCK = Scene.of([box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0]), box("block", [0, 0, 0], [0.12, 0.08, 0.05])])
@@ -200,3 +200,17 @@ def test_scenes_at_random(kind, n):
     assert acquired >= 0.7 * n
     low, high = chi2.ppf([0.001, 0.999], dof)
     assert low < total < high
+
+
+@pytest.mark.parametrize(("seed", "k", "what"), [(20261201, 622, "a first look"), (20261204, 333, "a way down")])
+def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
+    """Two scenes of ``benchmarks/motions.py`` in which it came nearer than half the stand-off, or touched."""
+    rng = np.random.default_rng((seed, 1, k))
+    task = make_task(rng, "edge", PARTS[k % len(PARTS)])
+    cell = Cell(latency=rng.uniform(0, 0.06))
+    robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=cell)
+    rules = Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
+    got = sense_edge(robot, task.idea, standoff=task.standoff, rules=rules)
+    assert got.acquired, got.message
+    least = clearances(task.scene, gripper().body, np.array(robot.truth)).min()
+    assert least > 0.5 * task.standoff, what

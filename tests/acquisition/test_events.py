@@ -92,6 +92,15 @@ def test_more_is_not_left_out():
         assert kept == events
 
 
+def test_most_of_what_was_met_has_to_be_of_the_one_edge():
+    """Of fourteen events of several edges five are on one line by chance sooner or later."""
+    events = edge([-0.02, 0.0, 0.02], [0, 0, 0])
+    assert agreeing(gripper(), events, ALONG, OUTWARDS, 12) == (events, "")
+    assert "met 13 times, and only 6 times" in agreeing(gripper(), events, ALONG, OUTWARDS, 13)[1]
+    doubtful = edge([0, 0.003], [0, 0])
+    assert "too few places" in agreeing(gripper(), doubtful, ALONG, OUTWARDS, 13)[1]
+
+
 def test_three_places_control_each_other():
     """There and back meet the same corner: the number of events does not help, the middle place does."""
     xs = np.array([-0.01, 0.0, 0.01])

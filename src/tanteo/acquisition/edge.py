@@ -115,14 +115,15 @@ def _cross_again(
     needed = np.stack([pose_over(session, face, place, along) for place in places[:ENOUGH]])
     if not nearly_known(session, needed):
         look_over(session, face, needed)
-    why = ""
+    why, met = "", len(events)
     for number, place in enumerate(places):
-        if number >= ENOUGH and not agreeing(session.hand, kept, along, outwards)[1]:
+        if number >= ENOUGH and not agreeing(session.hand, kept, along, outwards, met)[1]:
             break
         crossing = cross_at(session, face, place, along, outwards, search)
         kept += on_line(session.hand, crossing.events, line)
+        met += len(crossing.events)
         why = "" if crossing.motion.reached else f": {crossing.motion.message}"
-    kept, doubts = agreeing(session.hand, kept, along, outwards)
+    kept, doubts = agreeing(session.hand, kept, along, outwards, met)
     if doubts:
         return "unclear", f"{doubts}{why}", None
     readings = edge_readings(session.hand, kept, label)

@@ -65,12 +65,20 @@ def on_line(hand: Hand, events: Sequence[EdgeEvent], line: Line) -> list[EdgeEve
 
 
 def agreeing(
-    hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray
+    hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray, met: int = 0
 ) -> tuple[list[EdgeEvent], str]:
     """Events without the one place, of five or more, that is of another edge, if the others then are of one.
 
     Beside the end of an edge a crossing meets the next one. Where enough places control each other, the one whose
-    residual is beyond the gate is known to be the wrong one (data snooping; Baarda 1968).
+    residual is beyond the gate is known to be the wrong one (data snooping; Baarda 1968). Of many events of several
+    edges a few are on one line by chance: most of what was met has to be of the one edge.
+
+    Args:
+        hand: That met them.
+        events: Near the line of the edge.
+        along: Direction of the edge ``(3,)``.
+        outwards: Across it ``(3,)``.
+        met: How many there were, with those that are not near the line.
 
     Returns:
         The events, and what speaks against all of them being of one straight edge; empty if nothing does.
@@ -82,8 +90,12 @@ def agreeing(
         or len(np.unique(_places(hand, rest, along))) < _MANY - 1
         or doubt(hand, rest, along, outwards)[0]
     ):
-        return list(events), why
-    return rest, ""
+        rest = list(events)
+    else:
+        why = ""
+    if not why and 2 * len(rest) < met:
+        why = f"an edge was met {met} times, and only {len(rest)} times this one"
+    return rest, why
 
 
 def _places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> IntArray:

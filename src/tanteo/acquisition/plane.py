@@ -27,6 +27,9 @@ _HIGHER, _IN_REACH = 0.075, 0.8
 """It looks from this much higher, where it does not know yet what is beside it: what its fingers swing through there,
 it sees from there farther down; but no farther from the face than this share of the frontal sensors' range [m]."""
 
+_BELOW = 0.3
+"""It comes down so many stand-offs farther than to where it should meet the face: what is below was not seen."""
+
 LOOKS = ((0.25, 0.09), *(((0.22, 0.05),) * 9))
 """Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
 
@@ -134,9 +137,8 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
         wanted, first = replace(idea, point=patch.point, normal=patch.normal), len(session.motions)
         if not width:
             continue
-        down = session.does(
-            approach(session.robot, session.standoff, session.rules, reach=2 * HOVER + session.standoff)
-        )
+        reach = HOVER + _BELOW * session.standoff
+        down = session.does(approach(session.robot, session.standoff, session.rules, reach=reach))
         attempt = meant(idea, scan(session, label, width)) if down.reached else failed(down)
         if attempt[0] in ("acquired", "timeout"):
             return attempt
