@@ -10,7 +10,8 @@ from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.edge_bend import acquire_bend
 from tanteo.acquisition.edge_places import Search, cross_at, look_over, pose_over
 from tanteo.acquisition.edge_search import Found, cross_beside, find_edge
-from tanteo.acquisition.events import Line, agreeing, line_through, on_line
+from tanteo.acquisition.edge_sides import against
+from tanteo.acquisition.events import Line, agreeing, line_through, on_line, place_of
 from tanteo.acquisition.ideas import EdgeIdea
 from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
@@ -132,6 +133,9 @@ def _cross_again(
         return "unclear", off, None
     if feature is None or why:
         return "unclear", f"what was crossed is not one edge: {why}", None
+    spots = np.array([place_of(session.hand, e) for e in kept])
+    if other := against(session, face, feature, spots, outwards):
+        return "unclear", other, None
     session.readings.append(readings)
     return "acquired", f"{len(kept)} crossings", feature
 

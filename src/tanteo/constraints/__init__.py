@@ -33,7 +33,7 @@ from tanteo.constraints.gates import (
     sidak,
 )
 from tanteo.constraints.intersection import gap_edges, intersect
-from tanteo.constraints.joint import JointTest, joint_test, joint_update, laplace_log_evidence
+from tanteo.constraints.joint import JointTest, joint_test, joint_update, laplace_log_evidence, whitened_test
 from tanteo.constraints.parallel import ParallelEstimate, collinearity, parallel_edges, parallel_planes
 from tanteo.constraints.point import DistanceEstimate, point_distance, point_edge_distance, point_plane_distance
 from tanteo.constraints.relate import relate, relate_all, relate_length
@@ -85,4 +85,5 @@ __all__ = [
     "relative",
     "sidak",
     "signed_angle",
+    "whitened_test",
 ]

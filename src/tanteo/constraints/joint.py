@@ -49,7 +49,15 @@ def joint_test(f: FloatArray, H: FloatArray, S: Covariances) -> JointTest:
         CovarianceError: if ``S`` is not positive definite.
     """
     whiten = _whitening(S)
-    g, G = whiten @ f, whiten @ H
+    return whitened_test(whiten @ f, whiten @ H)
+
+
+def whitened_test(g: FloatArray, G: FloatArray) -> JointTest:
+    """:func:`joint_test` of standardised residuals ``(m,)`` and their derivatives ``(m, k)``.
+
+    Errors that residuals share may be unknowns beside the pose, with rows that say what is known of them: the same
+    statistic without a covariance of all residuals.
+    """
     scale = np.linalg.norm(G, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     U, s, Vt = np.linalg.svd(G / scale, full_matrices=False)

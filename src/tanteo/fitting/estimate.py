@@ -53,6 +53,7 @@ class FitReport:
         rms: root mean square distance of the points from the feature [m].
         worst: id (or number from 1) of the reading that agrees least.
         worst_sds: its residual in standard deviations.
+        p_worst: probability, at most, that the worst one of so many readings is farther off if all are right.
     """
 
     chi2: float
@@ -61,6 +62,7 @@ class FitReport:
     rms: float
     worst: str
     worst_sds: float
+    p_worst: float
 
 
 def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
@@ -74,7 +76,16 @@ def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
         float(np.sqrt(np.mean(np.sum(estimate.residuals**2, axis=-1)))),
         readings[k] if readings else str(k + 1),
         float(np.abs(estimate.standardised[k])),
+        p_of_worst(estimate.standardised, estimate.residuals.shape[-1]) if dof else 1.0,
     )
+
+
+def p_of_worst(standardised: FloatArray, size: int) -> float:
+    """Bonferroni's bound of the probability that the largest of some residuals of that size is larger by chance.
+
+    The fit takes over a share of every residual, so that they are smaller than this bound expects.
+    """
+    return float(min(len(standardised) * special.chdtrc(size, np.max(np.abs(standardised)) ** 2), 1.0))
 
 
 def check_points(points: Vectors, covs: Covariances, least: int, what: str) -> tuple[Vectors, Covariances]:

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.constraints import joint_test
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import PLANE, Feature, SharedTerm
+from tanteo.fitting.agreement import bending, jointly
 from tanteo.fitting.edge import fit_edge
 from tanteo.fitting.estimate import FitReport, SharedReadings
 from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.vertex import fit_vertex
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import Covariances, IntArray, Vectors
+from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 SUSPECT = 1e-3
-"""Fits with a smaller p-value hold a wrong reading, or their standard deviation is too small."""
+"""Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
 
 Sides = Feature | tuple[Feature, Feature]
 """A feature, or both readings of a plane whose outward side is unknown."""
@@ -90,23 +90,49 @@ def _fit_group(
     if len(rows) < least:
         raise DegenerateError(f"{kind} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
     feature, report = _fit(measured, kind, label, rows, tolerance)
-    if report.p_value >= SUSPECT:
-        return feature, {}, []
+    if _agrees(report):
+        feature, notes = _unless_bent(measured, label, rows, tolerance, feature)
+        return feature, {}, notes
     kept, dropped, better = list(rows), list[str](), report
-    while better.p_value < SUSPECT and len(kept) > least + 1 and len(dropped) < len(rows) // 4:
+    while not _agrees(better) and len(kept) > least + 1 and len(dropped) < len(rows) // 4:
         worst = next(row for row in kept if measured.ids[row] == better.worst)
         dropped.append(better.worst)
         kept.remove(worst)
         cleaned, better = _fit(measured, kind, label, kept, tolerance)
-    if dropped and better.p_value >= SUSPECT:
-        return cleaned, {name: _off(cleaned, measured, name) for name in dropped}, []
-    ratio = report.chi2 / report.dof
+    if dropped and _agrees(better):
+        cleaned, notes = _unless_bent(measured, label, kept, tolerance, cleaned)
+        return cleaned, {name: _off(cleaned, measured, name) for name in dropped}, notes
+    ratio = max(report.chi2 / report.dof, 1.0)
     note = (
         f"the readings of {label!r} scatter {_figure(np.sqrt(ratio))} times as much as stated: "
         f"its covariance was widened by that; check reading {report.worst}, {_figure(report.worst_sds)} sd off, "
         "and the standard deviation"
     )
     return _widened(feature, ratio), {}, [note]
+
+
+def _agrees(report: FitReport) -> bool:
+    """Whether neither all readings together nor the worst of them speak against the fit."""
+    return min(report.p_value, report.p_worst) >= SUSPECT
+
+
+def _unless_bent(
+    measured: PointMeasurements, label: str, rows: Sequence[int], tolerance: float, feature: Sides
+) -> tuple[Sides, list[str]]:
+    """The feature; widened if it is a plane and what was sensed bends, which the test of all readings may not see."""
+    plane = feature[0] if isinstance(feature, tuple) else feature
+    if plane.kind is not PLANE:
+        return feature, []
+    points, covs, shared, radii = _sensed(measured, rows, tolerance)
+    bend = bending(plane, points, covs, shared, float(radii[0]))
+    if bend.p_value >= SUSPECT:
+        return feature, []
+    ratio = bend.gain / bend.dof
+    note = (
+        f"the readings of {label!r} are on a surface that bends: its covariance was widened by "
+        f"{_figure(np.sqrt(ratio))}; sense less of it, or give what is beyond the bend a label of its own"
+    )
+    return _widened(feature, ratio), [note]
 
 
 def _figure(value: float) -> str:
@@ -116,14 +142,8 @@ def _figure(value: float) -> str:
 def _fit(
     measured: PointMeasurements, kind: str, label: str, rows: Sequence[int], tolerance: float
 ) -> tuple[Sides, FitReport]:
-    index = np.array(rows)
-    points, covs = measured.points[index], measured.covs[index] + tolerance**2 * np.eye(3)
-    ids = [measured.ids[row] for row in rows]
-    # what other sensors share is no error of these readings
-    shared: SharedReadings = [
-        (e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()
-    ]
-    radii = measured.radii[index]
+    points, covs, shared, radii = _sensed(measured, rows, tolerance)
+    index, ids = np.array(rows), [measured.ids[row] for row in rows]
     if kind in ("edge", "vertex"):
         if radii.any():
             raise InputError(
@@ -132,7 +152,7 @@ def _fit(
             )
         fit = fit_edge if kind == "edge" else fit_vertex
         one, report = fit(points, covs, label=label, readings=ids, shared=shared)
-        return one, _jointly(report, one, points, covs, shared)
+        return one, jointly(report, one, points, covs, shared, ids)
     if np.ptp(radii) > 1e-9:
         raise InputError(
             f"plane {label!r}: expected one tip radius, got {1e3 * radii.min():g} to {1e3 * radii.max():g} mm."
@@ -149,45 +169,24 @@ def _fit(
             shared=shared,
             **sides,
         )
-        return replace(feature, tip_radius=radius), _jointly(report, feature, points, covs, shared, radius)
+        return replace(feature, tip_radius=radius), jointly(report, feature, points, covs, shared, ids, radius)
     normal = plane_ml(points, covs).T[:3, 2]
     both = [
         fit_plane(points, covs, outward=s * normal, radius=radius, label=label, readings=ids, shared=shared)
         for s in (1, -1)
     ]
-    report = _jointly(both[0][1], both[0][0], points, covs, shared, radius)
+    report = jointly(both[0][1], both[0][0], points, covs, shared, ids, radius)
     return (replace(both[0][0], tip_radius=radius), replace(both[1][0], tip_radius=radius)), report
 
 
-def _jointly(
-    report: FitReport,
-    feature: Feature,
-    points: Vectors,
-    covs: Covariances,
-    shared: SharedReadings,
-    radius: float = 0.0,
-) -> FitReport:
-    """The report with the test of all points together, errors that they share included.
-
-    A shared error that is not one rigid motion of the points (a tip whose hand turns between touches) makes them
-    scatter; that is not a wrong reading.
-    """
-    if not shared:
-        return report
-    R = feature.T_world_feature[:3, :3]
-    across = [i for i in feature.kind.rows if i < 3]
-    local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
-    move = np.concatenate([np.broadcast_to(-np.eye(3), (len(points), 3, 3)), SO3.hat(local)], axis=-1)
-    f = local[:, across] - (radius if feature.kind is PLANE else 0.0)
-    S = np.zeros((len(points), len(across), len(points), len(across)))
-    each = np.arange(len(points))
-    S[each, :, each, :] = (R.T @ covs @ R)[:, across][:, :, across]
-    for error, J in shared:
-        rows = (R.T @ J)[:, across]
-        S += np.einsum("iad,de,jbe->iajb", rows, error.covariance, rows)
-    m = f.size
-    test = joint_test(f.reshape(m), (move[:, across] @ feature.kind.B.T).reshape(m, -1), S.reshape(m, m))
-    return replace(report, chi2=test.D2, dof=test.dof, p_value=test.p_value)
+def _sensed(
+    measured: PointMeasurements, rows: Sequence[int], tolerance: float
+) -> tuple[Vectors, Covariances, SharedReadings, FloatArray]:
+    """Points of these rows, their covariances, the errors that they share, and the radii of their tips."""
+    index = np.array(rows)
+    # what other sensors share is no error of these readings
+    shared = [(e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()]
+    return measured.points[index], measured.covs[index] + tolerance**2 * np.eye(3), shared, measured.radii[index]
 
 
 def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:

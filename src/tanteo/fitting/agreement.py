@@ -1,0 +1,108 @@
+"""Whether all points of a feature agree with it, and whether those of a plane bend.
+
+The joint test of a feature has as many degrees of freedom as points; a surface that bends a little, or a bend between
+two rows of points, is lost in them. Asked for alone it is not: a surface of the second degree fits better by more than
+three more parameters explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.constraints import chi2_p_value, whitened_test
+from tanteo.features import Feature
+from tanteo.fitting.estimate import FitReport, SharedReadings, p_of_worst
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Covariances, FloatArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bending:
+    """What a surface of the second degree explains better than a plane.
+
+    Attributes:
+        gain: of the weighted sum of squares.
+        dof: parameters that it has more, as far as the points tell them apart.
+        p_value: probability of a larger gain if the surface is a plane; 1 without further parameters.
+    """
+
+    gain: float
+    dof: int
+    p_value: float
+
+
+def jointly(
+    report: FitReport,
+    feature: Feature,
+    points: Vectors,
+    covs: Covariances,
+    shared: SharedReadings,
+    readings: Sequence[str],
+    radius: float = 0.0,
+) -> FitReport:
+    """The report with the tests of all points together and of the worst one, errors that they share included.
+
+    A shared error that is not one rigid motion of the points (a tip whose hand turns between touches) makes them
+    scatter; that is not a wrong reading.
+    """
+    if not shared:
+        return report
+    g, G = _rows(feature, points, covs, shared, radius)
+    test = whitened_test(g, G)
+    size = sum(i < 3 for i in feature.kind.rows)
+    left = np.linalg.norm((g + G @ test.xi)[: size * len(points)].reshape(-1, size), axis=1)
+    worst = int(np.argmax(left))
+    return replace(
+        report,
+        chi2=test.D2,
+        dof=test.dof,
+        p_value=test.p_value,
+        worst=readings[worst],
+        worst_sds=float(left[worst]),
+        p_worst=p_of_worst(left, size) if test.dof else 1.0,
+    )
+
+
+def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedReadings, radius: float = 0.0) -> Bending:
+    """How much better the points of a plane ``(n, 3)`` fit a surface of the second degree."""
+    g, G = _rows(plane, points, covs, shared, radius)
+    x, y = SE3.apply(SE3.inverse(plane.T_world_feature), points)[:, :2].T
+    second = np.zeros((len(g), 3))
+    second[: len(points)] = np.stack([x * x, x * y, y * y], axis=1) / _sds(plane, covs)[:, None]
+    flat, bent = whitened_test(g, G), whitened_test(g, np.hstack([G, second]))
+    gain, dof = flat.D2 - bent.D2, flat.dof - bent.dof
+    return Bending(gain, dof, float(chi2_p_value(np.asarray(gain), dof)) if dof else 1.0)
+
+
+def _rows(
+    feature: Feature, points: Vectors, covs: Covariances, shared: SharedReadings, radius: float
+) -> tuple[FloatArray, FloatArray]:
+    """Standardised residuals across the feature and their derivatives by its perturbation and the shared errors.
+
+    The last rows say that the shared errors are what is stated: of the points alone they would be unknown.
+    """
+    R, across = feature.T_world_feature[:3, :3], [i for i in feature.kind.rows if i < 3]
+    local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
+    move = np.concatenate([np.broadcast_to(-np.eye(3), (len(points), 3, 3)), SO3.hat(local)], axis=-1)
+    f = local[:, across] - radius
+    gains = [(R.T @ J)[:, across] @ _root(error.covariance) for error, J in shared]
+    H = np.concatenate([move[:, across] @ feature.kind.B.T, *gains], axis=-1)
+    L = np.linalg.cholesky((R.T @ covs @ R)[:, across][:, :, across])
+    white = np.linalg.solve(L, np.concatenate([f[..., None], H], axis=-1)).reshape(f.size, -1)
+    own, count = len(feature.kind.rows), white.shape[1] - 1
+    stated = np.eye(count)[own:]
+    return np.r_[white[:, 0], np.zeros(count - own)], np.concatenate([white[:, 1:], stated])
+
+
+def _sds(plane: Feature, covs: Covariances) -> FloatArray:
+    n = plane.T_world_feature[:3, 2]
+    return np.sqrt(np.einsum("i,nij,j->n", n, covs, n))
+
+
+def _root(C: Covariances) -> FloatArray:
+    """A root of a covariance that may be singular."""
+    values, vectors = np.linalg.eigh(C)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
