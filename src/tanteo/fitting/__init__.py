@@ -12,7 +12,8 @@ from tanteo.fitting.derived import (
 )
 from tanteo.fitting.edge import edge_ml, fit_edge
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
-from tanteo.fitting.labelled import SUSPECT, LabelledFeatures, Sides, fit_labelled
+from tanteo.fitting.group import SUSPECT, Sides
+from tanteo.fitting.labelled import LabelledFeatures, fit_labelled
 from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.spread import (
     edge_direction_covariance,

@@ -18,6 +18,9 @@ from tanteo.fitting.estimate import FitReport, SharedReadings, p_of_worst
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
+_OWN = 1e-3
+"""Share of a curvature that no plane explains, from which on the points tell it: less is only their noise."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bending:
@@ -72,8 +75,14 @@ def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedRe
     x, y = SE3.apply(SE3.inverse(plane.T_world_feature), points)[:, :2].T
     second = np.zeros((len(g), 3))
     second[: len(points)] = np.stack([x * x, x * y, y * y], axis=1) / _sds(plane, covs)[:, None]
-    flat, bent = whitened_test(g, G), whitened_test(g, np.hstack([G, second]))
-    gain, dof = flat.D2 - bent.D2, flat.dof - bent.dof
+    whole = np.linalg.norm(second, axis=0)
+    second /= np.where(whole > 0, whole, 1.0)
+    G = G / np.maximum(np.linalg.norm(G, axis=0), 1e-300)
+    both = np.column_stack([g, second])
+    left = both - G @ np.linalg.lstsq(G, both, rcond=1e-10)[0]  # what no plane explains
+    U, s, _ = np.linalg.svd(left[:, 1:], full_matrices=False)
+    U = U[:, s > _OWN]
+    gain, dof = float(np.sum((U.T @ left[:, 0]) ** 2)), U.shape[1]
     return Bending(gain, dof, float(chi2_p_value(np.asarray(gain), dof)) if dof else 1.0)
 
 

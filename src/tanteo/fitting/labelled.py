@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import PLANE, Feature, SharedTerm
-from tanteo.fitting.agreement import bending, jointly
-from tanteo.fitting.edge import fit_edge
-from tanteo.fitting.estimate import FitReport, SharedReadings
-from tanteo.fitting.plane import fit_plane, plane_ml
-from tanteo.fitting.vertex import fit_vertex
+from tanteo.fitting.group import Sides, fit_group
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
-
-SUSPECT = 1e-3
-"""Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
-
-Sides = Feature | tuple[Feature, Feature]
-"""A feature, or both readings of a plane whose outward side is unknown."""
+from tanteo.typing import IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +59,7 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
             bare.append(row)
     for label, rows in groups.items():
         try:
-            feature, dropped, note = _fit_group(measured, label, rows, tolerance)
+            feature, dropped, note = fit_group(measured, label, rows, tolerance)
         except DegenerateError as error:
             notes.append(f"{label!r} was left out: {error}")
             continue
@@ -79,138 +68,6 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
         notes += note
     index = np.array(bare, dtype=np.int64)
     return LabelledFeatures(tuple(features), index, tuple(rejected), tuple(rejected.values()), tuple(notes))
-
-
-def _fit_group(
-    measured: PointMeasurements, label: str, rows: list[int], tolerance: float
-) -> tuple[Sides, dict[str, float], list[str]]:
-    """Fit one label; drop readings that spoil the fit, or widen it if all of them scatter too much."""
-    kind = measured.kinds[rows[0]]
-    least = {"edge": 2, "vertex": 1}.get(kind, 3)
-    if len(rows) < least:
-        raise DegenerateError(f"{kind} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
-    feature, report = _fit(measured, kind, label, rows, tolerance)
-    if _agrees(report):
-        feature, notes = _unless_bent(measured, label, rows, tolerance, feature)
-        return feature, {}, notes
-    kept, dropped, better = list(rows), list[str](), report
-    while not _agrees(better) and len(kept) > least + 1 and len(dropped) < len(rows) // 4:
-        worst = next(row for row in kept if measured.ids[row] == better.worst)
-        dropped.append(better.worst)
-        kept.remove(worst)
-        cleaned, better = _fit(measured, kind, label, kept, tolerance)
-    if dropped and _agrees(better):
-        cleaned, notes = _unless_bent(measured, label, kept, tolerance, cleaned)
-        return cleaned, {name: _off(cleaned, measured, name) for name in dropped}, notes
-    ratio = max(report.chi2 / report.dof, 1.0)
-    note = (
-        f"the readings of {label!r} scatter {_figure(np.sqrt(ratio))} times as much as stated: "
-        f"its covariance was widened by that; check reading {report.worst}, {_figure(report.worst_sds)} sd off, "
-        "and the standard deviation"
-    )
-    return _widened(feature, ratio), {}, [note]
-
-
-def _agrees(report: FitReport) -> bool:
-    """Whether neither all readings together nor the worst of them speak against the fit."""
-    return min(report.p_value, report.p_worst) >= SUSPECT
-
-
-def _unless_bent(
-    measured: PointMeasurements, label: str, rows: Sequence[int], tolerance: float, feature: Sides
-) -> tuple[Sides, list[str]]:
-    """The feature; widened if it is a plane and what was sensed bends, which the test of all readings may not see."""
-    plane = feature[0] if isinstance(feature, tuple) else feature
-    if plane.kind is not PLANE:
-        return feature, []
-    points, covs, shared, radii = _sensed(measured, rows, tolerance)
-    bend = bending(plane, points, covs, shared, float(radii[0]))
-    if bend.p_value >= SUSPECT:
-        return feature, []
-    ratio = bend.gain / bend.dof
-    note = (
-        f"the readings of {label!r} are on a surface that bends: its covariance was widened by "
-        f"{_figure(np.sqrt(ratio))}; sense less of it, or give what is beyond the bend a label of its own"
-    )
-    return _widened(feature, ratio), [note]
-
-
-def _figure(value: float) -> str:
-    return f"{value:.1f}" if value < 10 else f"{value:.0f}"
-
-
-def _fit(
-    measured: PointMeasurements, kind: str, label: str, rows: Sequence[int], tolerance: float
-) -> tuple[Sides, FitReport]:
-    points, covs, shared, radii = _sensed(measured, rows, tolerance)
-    index, ids = np.array(rows), [measured.ids[row] for row in rows]
-    if kind in ("edge", "vertex"):
-        if radii.any():
-            raise InputError(
-                f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radii.max():g} mm, whose "
-                f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
-            )
-        fit = fit_edge if kind == "edge" else fit_vertex
-        one, report = fit(points, covs, label=label, readings=ids, shared=shared)
-        return one, jointly(report, one, points, covs, shared, ids)
-    if np.ptp(radii) > 1e-9:
-        raise InputError(
-            f"plane {label!r}: expected one tip radius, got {1e3 * radii.min():g} to {1e3 * radii.max():g} mm."
-        )
-    radius = float(radii[0])
-    sides = _known_side(measured, index)
-    if sides:
-        feature, report = fit_plane(
-            points,
-            covs,
-            radius=radius,
-            label=label,
-            readings=ids,
-            shared=shared,
-            **sides,
-        )
-        return replace(feature, tip_radius=radius), jointly(report, feature, points, covs, shared, ids, radius)
-    normal = plane_ml(points, covs).T[:3, 2]
-    both = [
-        fit_plane(points, covs, outward=s * normal, radius=radius, label=label, readings=ids, shared=shared)
-        for s in (1, -1)
-    ]
-    report = jointly(both[0][1], both[0][0], points, covs, shared, ids, radius)
-    return (replace(both[0][0], tip_radius=radius), replace(both[1][0], tip_radius=radius)), report
-
-
-def _sensed(
-    measured: PointMeasurements, rows: Sequence[int], tolerance: float
-) -> tuple[Vectors, Covariances, SharedReadings, FloatArray]:
-    """Points of these rows, their covariances, the errors that they share, and the radii of their tips."""
-    index = np.array(rows)
-    # what other sensors share is no error of these readings
-    shared = [(e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()]
-    return measured.points[index], measured.covs[index] + tolerance**2 * np.eye(3), shared, measured.radii[index]
-
-
-def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:
-    """Distance of a reading from a feature, across it [m]."""
-    one = feature[0] if isinstance(feature, tuple) else feature
-    row = measured.ids.index(name)
-    local = SE3.apply(SE3.inverse(one.T_world_feature), measured.points[row])
-    across = local[[i for i in one.kind.rows if i < 3]]
-    return abs(float(np.linalg.norm(across)) - float(measured.radii[row]))
-
-
-def _known_side(measured: PointMeasurements, index: IntArray) -> dict[str, np.ndarray]:
-    """What tells the outward side of these rows: sensed normals, or the directions of approach."""
-    for name, vectors in (("normals", measured.normals[index]), ("directions", measured.directions[index])):
-        if np.isfinite(vectors).all(axis=1).any():
-            return {name: vectors}
-    return {}
-
-
-def _widened(feature: Sides, ratio: float) -> Sides:
-    """Covariance times ``ratio``: what the scatter of the readings says (Birge)."""
-    if isinstance(feature, tuple):
-        return replace(feature[0], P=ratio * feature[0].P), replace(feature[1], P=ratio * feature[1].P)
-    return replace(feature, P=ratio * feature.P)
 
 
 def _plane_at_point(measured: PointMeasurements, row: int, tolerance: float) -> Feature:

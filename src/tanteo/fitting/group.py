@@ -1,0 +1,200 @@
+"""The readings of one label: their feature, wrong ones named; widened where they scatter, or the surface bends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.constraints import chi2_p_value
+from tanteo.errors import DegenerateError, InputError
+from tanteo.features import PLANE, Feature
+from tanteo.fitting.agreement import Bending, bending, jointly
+from tanteo.fitting.edge import fit_edge
+from tanteo.fitting.estimate import FitReport, SharedReadings
+from tanteo.fitting.plane import fit_plane, plane_ml
+from tanteo.fitting.vertex import fit_vertex
+from tanteo.lie import SE3
+from tanteo.sensors import PointMeasurements
+from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
+
+SUSPECT = 1e-3
+"""Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
+
+Sides = Feature | tuple[Feature, Feature]
+"""A feature, or both readings of a plane whose outward side is unknown."""
+
+
+def fit_group(
+    measured: PointMeasurements, label: str, rows: list[int], tolerance: float
+) -> tuple[Sides, dict[str, float], list[str]]:
+    """Fit one label; drop readings that spoil the fit, or widen it if the surface bends, or all scatter too much.
+
+    Args:
+        measured: points in the world.
+        label: of these.
+        rows: which of them they are.
+        tolerance: sd of the made surface against its CAD [m].
+
+    Returns:
+        The feature, how far each dropped reading is from it [m], and what had to be widened and why.
+
+    Raises:
+        DegenerateError: if the points do not determine the feature.
+        InputError: for a ball tip on an edge or a vertex, or different tips.
+    """
+    kind = measured.kinds[rows[0]]
+    least = {"edge": 2, "vertex": 1}.get(kind, 3)
+    if len(rows) < least:
+        raise DegenerateError(f"{kind} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
+    feature, report = _fit(measured, kind, label, rows, tolerance)
+    bend = _bending(measured, rows, tolerance, feature)
+    if _agrees(report):
+        return _unless_bent(label, feature, bend, {})
+    kept, dropped, better, cleaned = list(rows), list[str](), report, feature
+    while not _agrees(better) and len(kept) > least + 1 and len(dropped) < len(rows) // 4:
+        dropped.append(better.worst)
+        kept.remove(next(row for row in kept if measured.ids[row] == better.worst))
+        cleaned, better = _fit(measured, kind, label, kept, tolerance)
+    curved = _curved(report, bend)
+    if dropped and _agrees(better) and not (curved and _rather_bent(report, better, bend, len(dropped), len(rows))):
+        off = {name: _off(cleaned, measured, name) for name in dropped}
+        return _unless_bent(label, cleaned, _bending(measured, kept, tolerance, cleaned), off)
+    if curved:
+        return _unless_bent(label, feature, bend, {})
+    return _scattered(label, feature, report, bend)
+
+
+def _rather_bent(report: FitReport, cleaned: FitReport, bend: Bending, dropped: int, count: int) -> bool:
+    """Whether a surface that bends explains readings more simply than so many wrong ones of all.
+
+    Each parameter costs what it may be over what it is known to; a wrong reading has one, and is one of all.
+    """
+    size, choice = 2 * np.log(max(report.worst_sds, np.e)), 2 * np.log(count)
+    return bool(report.chi2 - bend.gain + bend.dof * size <= cleaned.chi2 + dropped * (size + choice))
+
+
+def _scattered(
+    label: str, feature: Sides, report: FitReport, bend: Bending
+) -> tuple[Sides, dict[str, float], list[str]]:
+    """The feature, widened by what the readings scatter."""
+    ratio = max(report.chi2 / report.dof, bend.gain / max(bend.dof, 1), 1.0)
+    note = (
+        f"the readings of {label!r} scatter {_figure(np.sqrt(ratio))} times as much as stated: "
+        f"its covariance was widened by that; check reading {report.worst}, {_figure(report.worst_sds)} sd off, "
+        "and the standard deviation"
+    )
+    return _widened(feature, ratio), {}, [note]
+
+
+def _agrees(report: FitReport) -> bool:
+    """Whether neither all readings together nor the worst of them speak against the fit."""
+    return min(report.p_value, report.p_worst) >= SUSPECT
+
+
+def _curved(report: FitReport, bend: Bending) -> bool:
+    """Whether a surface that bends explains all that a plane does not, and does not only go through all points."""
+    left = report.dof - bend.dof
+    return bool(bend.p_value < SUSPECT and left and chi2_p_value(np.asarray(report.chi2 - bend.gain), left) >= SUSPECT)
+
+
+def _bending(measured: PointMeasurements, rows: Sequence[int], tolerance: float, feature: Sides) -> Bending:
+    """How much better these rows fit a surface that bends; not at all if they are of no plane."""
+    plane = feature[0] if isinstance(feature, tuple) else feature
+    if plane.kind is not PLANE:
+        return Bending(0.0, 0, 1.0)
+    points, covs, shared, radii = _sensed(measured, rows, tolerance)
+    return bending(plane, points, covs, shared, float(radii[0]))
+
+
+def _unless_bent(
+    label: str, feature: Sides, bend: Bending, dropped: dict[str, float]
+) -> tuple[Sides, dict[str, float], list[str]]:
+    """The feature; widened if what was sensed bends."""
+    if bend.p_value >= SUSPECT:
+        return feature, dropped, []
+    ratio = bend.gain / bend.dof
+    note = (
+        f"the readings of {label!r} are on a surface that bends: its covariance was widened by "
+        f"{_figure(np.sqrt(ratio))}; sense less of it, or give what is beyond the bend a label of its own"
+    )
+    return _widened(feature, ratio), dropped, [note]
+
+
+def _figure(value: float) -> str:
+    return f"{value:.1f}" if value < 10 else f"{value:.0f}"
+
+
+def _fit(
+    measured: PointMeasurements, kind: str, label: str, rows: Sequence[int], tolerance: float
+) -> tuple[Sides, FitReport]:
+    points, covs, shared, radii = _sensed(measured, rows, tolerance)
+    index, ids = np.array(rows), [measured.ids[row] for row in rows]
+    if kind in ("edge", "vertex"):
+        if radii.any():
+            raise InputError(
+                f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radii.max():g} mm, whose "
+                f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
+            )
+        fit = fit_edge if kind == "edge" else fit_vertex
+        one, report = fit(points, covs, label=label, readings=ids, shared=shared)
+        return one, jointly(report, one, points, covs, shared, ids)
+    if np.ptp(radii) > 1e-9:
+        raise InputError(
+            f"plane {label!r}: expected one tip radius, got {1e3 * radii.min():g} to {1e3 * radii.max():g} mm."
+        )
+    radius = float(radii[0])
+    sides = _known_side(measured, index)
+    if sides:
+        feature, report = fit_plane(
+            points,
+            covs,
+            radius=radius,
+            label=label,
+            readings=ids,
+            shared=shared,
+            **sides,
+        )
+        return replace(feature, tip_radius=radius), jointly(report, feature, points, covs, shared, ids, radius)
+    normal = plane_ml(points, covs).T[:3, 2]
+    both = [
+        fit_plane(points, covs, outward=s * normal, radius=radius, label=label, readings=ids, shared=shared)
+        for s in (1, -1)
+    ]
+    report = jointly(both[0][1], both[0][0], points, covs, shared, ids, radius)
+    return (replace(both[0][0], tip_radius=radius), replace(both[1][0], tip_radius=radius)), report
+
+
+def _sensed(
+    measured: PointMeasurements, rows: Sequence[int], tolerance: float
+) -> tuple[Vectors, Covariances, SharedReadings, FloatArray]:
+    """Points of these rows, their covariances, the errors that they share, and the radii of their tips."""
+    index = np.array(rows)
+    # what other sensors share is no error of these readings
+    shared = [(e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()]
+    return measured.points[index], measured.covs[index] + tolerance**2 * np.eye(3), shared, measured.radii[index]
+
+
+def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:
+    """Distance of a reading from a feature, across it [m]."""
+    one = feature[0] if isinstance(feature, tuple) else feature
+    row = measured.ids.index(name)
+    local = SE3.apply(SE3.inverse(one.T_world_feature), measured.points[row])
+    across = local[[i for i in one.kind.rows if i < 3]]
+    return abs(float(np.linalg.norm(across)) - float(measured.radii[row]))
+
+
+def _known_side(measured: PointMeasurements, index: IntArray) -> dict[str, np.ndarray]:
+    """What tells the outward side of these rows: sensed normals, or the directions of approach."""
+    for name, vectors in (("normals", measured.normals[index]), ("directions", measured.directions[index])):
+        if np.isfinite(vectors).all(axis=1).any():
+            return {name: vectors}
+    return {}
+
+
+def _widened(feature: Sides, ratio: float) -> Sides:
+    """Covariance times ``ratio``: what the scatter of the readings says (Birge)."""
+    if isinstance(feature, tuple):
+        return replace(feature[0], P=ratio * feature[0].P), replace(feature[1], P=ratio * feature[1].P)
+    return replace(feature, P=ratio * feature.P)
