@@ -214,3 +214,15 @@ def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
     assert got.acquired, got.message
     least = clearances(task.scene, gripper().body, np.array(robot.truth)).min()
     assert least > 0.5 * task.standoff, what
+
+
+def test_three_places_on_one_line_of_three_edges_are_no_edge():
+    """A scene of ``benchmarks/motions.py`` in which they were stated as one, half a radian askew."""
+    rng = np.random.default_rng((20261206, 1, 918))
+    task = make_task(rng, "edge", PARTS[918 % len(PARTS)])
+    cell = Cell(latency=rng.uniform(0, 0.06))
+    robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=cell)
+    got = sense_edge(
+        robot, task.idea, standoff=task.standoff, rules=Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
+    )
+    assert not got.acquired or nees(task.scene, got.feature)[0] < 20

@@ -144,13 +144,16 @@ def test_a_curved_face_is_said_and_its_covariance_covers_what_a_plane_leaves_out
     assert np.mean(off) < 1.5
 
 
-def test_a_wrong_reading_is_no_bend_and_a_bend_no_wrong_readings():
+@pytest.mark.parametrize(("n", "least"), [(12, 95), (8, 80), (7, 80)])
+def test_a_wrong_reading_is_no_bend(n, least):
+    """Of a hundred planes with one reading ten standard deviations off, in so many it is named and nothing else."""
     rng, named = np.random.default_rng(5), 0
-    for _ in range(60):
-        points = np.column_stack([rng.uniform(-0.05, 0.05, (12, 2)), SD * rng.normal(size=12)])
+    for _ in range(100):
+        points = np.column_stack([rng.uniform(-0.05, 0.05, (n, 2)), SD * rng.normal(size=n)])
         points[4, 2] += 10 * SD
-        named += labelled(points).rejected == ("5",)
-    assert named >= 57
+        found = labelled(points)
+        named += found.rejected == ("5",) and not found.notes
+    assert named >= least
 
 
 def test_a_plane_is_rarely_said_to_bend():
