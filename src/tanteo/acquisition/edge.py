@@ -11,7 +11,7 @@ from tanteo.acquisition.edge_bend import acquire_bend
 from tanteo.acquisition.edge_places import Search, cross_at, look_over, pose_over
 from tanteo.acquisition.edge_search import Found, cross_beside, find_edge
 from tanteo.acquisition.edge_sides import against
-from tanteo.acquisition.events import Line, agreeing, line_through, on_line, place_of
+from tanteo.acquisition.events import Line, agreeing, count_places, line_through, on_line, place_of
 from tanteo.acquisition.ideas import EdgeIdea
 from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
@@ -27,11 +27,12 @@ from tanteo.typing import FloatArray
 INSET = 0.02
 """The face of an edge is looked for this far inside of where the edge should be [m]."""
 
-OFFSETS = (0.0, 0.012, -0.012, 0.024, -0.024)
+OFFSETS = (0.0, 0.012, -0.012, 0.024, -0.024, 0.006, -0.006)
 """Where along the edge it is crossed, from where it was met first [m]."""
 
-ENOUGH = 3
-"""Places are enough, unless there is no room at one of them or they do not control each other."""
+ENOUGH, MET = 3, 5
+"""So many crossings are enough if they met the edge at so many places that control each other, two a crossing where both
+sensors meet it: of fewer places one that is on another edge, just past the corner, may pass."""
 
 _MOST_ASKEW = math.radians(15.0)
 """Crossings at a greater angle to the edge's normal only serve to find its direction."""
@@ -118,7 +119,8 @@ def _cross_again(
         look_over(session, face, needed)
     why, met = "", len(events)
     for number, place in enumerate(places):
-        if number >= ENOUGH and not agreeing(session.hand, kept, along, outwards, met)[1]:
+        known = number >= ENOUGH and count_places(session.hand, kept, along) >= MET
+        if known and not agreeing(session.hand, kept, along, outwards, met)[1]:
             break
         crossing = cross_at(session, face, place, along, outwards, search)
         kept += on_line(session.hand, crossing.events, line)

@@ -85,17 +85,18 @@ def agreeing(
     """
     why, worst = doubt(hand, events, along, outwards)
     rest = [e for e, out in zip(events, worst, strict=True) if not out]
-    if (
-        not worst.any()
-        or len(np.unique(_places(hand, rest, along))) < _MANY - 1
-        or doubt(hand, rest, along, outwards)[0]
-    ):
+    if not worst.any() or count_places(hand, rest, along) < _MANY - 1 or doubt(hand, rest, along, outwards)[0]:
         rest = list(events)
     else:
         why = ""
     if not why and 2 * len(rest) < met:
         why = f"an edge was met {met} times, and only {len(rest)} times this one"
     return rest, why
+
+
+def count_places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> int:
+    """At how many places along an edge events are."""
+    return len(np.unique(_places(hand, events, along)))
 
 
 def _places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> IntArray:
