@@ -31,8 +31,8 @@ OFFSETS = (0.0, 0.012, -0.012, 0.024, -0.024, 0.006, -0.006)
 """Where along the edge it is crossed, from where it was met first [m]."""
 
 ENOUGH, MET = 3, 5
-"""So many crossings are enough if they met the edge at so many places that control each other, two a crossing where both
-sensors meet it: of fewer places one that is on another edge, just past the corner, may pass."""
+"""So many crossings are enough if they met the edge at so many places that control each other, two a crossing where
+both sensors meet it: of fewer places one that is on another edge, just past the corner, may pass."""
 
 _MOST_ASKEW = math.radians(15.0)
 """Crossings at a greater angle to the edge's normal only serve to find its direction."""
