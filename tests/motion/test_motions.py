@@ -142,6 +142,20 @@ def test_following_over_a_bend(bend, latency):
     assert math.degrees(math.asin(-robot.truth[-1][2, 0])) == pytest.approx(bend, abs=3)
 
 
+@pytest.mark.parametrize("bend", [60, 25])
+def test_following_a_flat_face_ends_where_it_bends_away(bend):
+    """A scan keeps farther from a ridge than following over it would."""
+    slope = SE3.from_parts(SO3.axis_rotation(1, math.radians(bend)), np.zeros(3))
+    plates = [box("flat", [-0.1, -0.1, -0.02], [0, 0.1, 0]), box("slope", [0, -0.1, -0.02], [0.2, 0.1, 0], slope)]
+    scene = Scene.of(plates)
+    robot = robot_on(scene, over(x=-0.05, height=STANDOFF))
+    motion = follow(robot, [1, 0, 0], 0.13, STANDOFF, RULES, most=math.radians(6))
+    assert motion.status == "lost"
+    assert "bent away after" in motion.message
+    assert least(scene, robot) > 0.65 * STANDOFF
+    assert 0.03 - 0.02 < 0.05 + front_of(robot)[0] < 0.05
+
+
 def test_settling_does_not_turn_into_a_step():
     """One sensor over a face, the other over the floor of a slot beside it: the hand stays out of it."""
     solids = [box("floor", [-0.2, -0.2, -0.09], [0.2, 0.2, -0.05]), box("block", [-0.1, -0.1, -0.05], [0.005, 0.1, 0])]

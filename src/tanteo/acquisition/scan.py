@@ -40,6 +40,10 @@ _LITTLE = np.radians(6.0)
 _SQUARE = np.radians(1.5)
 """A hand that is more askew than this to what it scanned turns square and scans again [rad]."""
 
+_FLAT = np.radians(6.0)
+"""A scan along which the hand has to turn by more than this has left the face: over a ridge its fingers would come near
+to it [rad]."""
+
 _SURE = np.radians(3.0)
 """A plane whose tilt is known no better than this is not acquired [rad]."""
 
@@ -89,7 +93,7 @@ def _scan_once(session: Session, width: float, label: str) -> tuple[Readings | N
     for direction, distance in ((np.cross([0.0, 0.0, 1.0], hand.pair), width), (hand.pair, ALONG)):
         line = list[Sensed]()
         for way in (direction, -direction):
-            part = session.does(follow(robot, way, distance, standoff, rules))
+            part = session.does(follow(robot, way, distance, standoff, rules, most=_FLAT))
             if part.status in ("limit", "timeout"):
                 return None, failed(part), ""
             line += _on_surface(part.log, hand, standoff)

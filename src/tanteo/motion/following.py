@@ -88,7 +88,9 @@ def settled(hand: Hand, sensed: Sensed, standoff: float) -> Transforms | None:
     return advance(turned, shift(np.array([0.0, 0.0, height - standoff])), 1.0)
 
 
-def follow(robot: Robot, direction: Vectors, distance: float, standoff: float, rules: Rules) -> Motion:
+def follow(
+    robot: Robot, direction: Vectors, distance: float, standoff: float, rules: Rules, *, most: float = math.inf
+) -> Motion:
     """Go along a surface in a direction of the hand, held at the stand-off and square to it by the frontal sensors.
 
     Args:
@@ -97,12 +99,14 @@ def follow(robot: Robot, direction: Vectors, distance: float, standoff: float, r
         distance: How far [m].
         standoff: Height to hold [m].
         rules: What to keep to.
+        most: A surface that turns the hand by more than this has bent away [rad].
 
     Returns:
-        ``reached`` after the distance; ``lost`` where the surface ends under a sensor; ``limit``; ``timeout``.
+        ``reached`` after the distance; ``lost`` where the surface ends or bends away; ``limit``; ``timeout``.
     """
     heading = level(direction)
     run = Steering("follow", robot, rules)
+    ahead = run.sensed.T_world_hand[:3, 2]
     speed = min(rules.speed, SLOWEST_ANSWER * standoff * run.loop.gain)
     gone, astray, last = 0.0, 0, frontal(run)[0]
     if not np.isfinite(last).all():
@@ -114,6 +118,8 @@ def follow(robot: Robot, direction: Vectors, distance: float, standoff: float, r
         astray, last = (astray + 1, last) if jumped else (0, ranges)
         if astray >= _ASTRAY:
             return run.end("lost", f"the surface ended after {1e3 * gone:.3g} mm")
+        if math.acos(min(float(ahead @ run.sensed.T_world_hand[:3, 2]), 1.0)) > most:
+            return run.end("lost", f"the surface bent away after {1e3 * gone:.3g} mm")
         correction = hold(run, standoff, height, tilt) if not jumped else np.zeros(6)
         before = run.sensed.T_world_hand
         slower = max(_CREEP, 1.0 - abs(tilt) / _BENT)
