@@ -23,6 +23,7 @@ from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.surface_search import identify_touches, prepare_target
+from tanteo.surface_search.answer import as_hypothesis
 from tanteo.surface_search.modes import weigh
 from tanteo.surface_search.polish import polish
 
@@ -41,7 +42,13 @@ def covariance_at(target, touches, T):
     """Of the posterior about the maximum next to a pose ``(6, 6)``, as an answer would state it if told where it is."""
     priors = Priors(radius=target.part.radius)
     found = polish(touches, no_paths(), T[None], target, priors)
-    return weigh(touches, no_paths(), [(target, found)], -np.inf, 1, priors)[0][0].covariance
+    mode = weigh(touches, no_paths(), [(target, found)], -np.inf, 1, priors)[0][0]
+    return as_hypothesis(touches, mode).covariance
+
+
+def mm(lengths):
+    """Least and most of some lengths."""
+    return f"{1e3 * min(lengths):.1f} to {1e3 * max(lengths):.1f} mm"
 
 
 def main():
@@ -71,15 +78,16 @@ def main():
                 sds += [h.worst_corner_sd for h in answer.hypotheses[:1]]
                 hoped += [h.probability * share_right(target.part, h.covariance, rng) for h in answer.hypotheses[:1]]
             rows.append((
-                f"{frame}", f"{n}", f"{1e3 * pixels.sd:.2f} mm", f"{100 * best / draws:.0f} %",
-                f"{100 * np.mean(hoped):.0f} %", f"{100 * np.mean(bounds):.0f} %",
+                f"{frame}", f"{n}", f"{1e3 * pixels.sd:.2f} mm ({mm(pixels.sd_of_face.values())})",
+                f"{1e3 * pixels.tolerance:.2f} mm",
+                f"{100 * best / draws:.0f} %", f"{100 * np.mean(hoped):.0f} %", f"{100 * np.mean(bounds):.0f} %",
                 f"{100 * near / draws:.0f} %", f"{100 * region / draws:.0f} %", f"{np.mean(values) / 6:.2f}",
                 f"{1e3 * np.median(sds):.1f} mm",
                 ", ".join(f"{v} {k}" for k, v in statuses.most_common()),
                 f"{1e3 * (time.process_time() - start) / draws:.0f} ms",
             ))  # fmt: skip
     columns = (
-        "frame", "pixels", "noise", "best right", "as its covariance predicts",
+        "frame", "pixels", "noise (by face)", "shared by a face", "best right", "as its covariance predicts",
         "as that at the truth allows", "a mode right", "truth in some mode", "NEES / dof of the right",
         "worst corner", "answers", "time",
     )  # fmt: skip

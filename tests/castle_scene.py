@@ -23,6 +23,9 @@ _THICK, _GAP = 5e-4, 2e-4
 _STEEP = 0.25
 """Cosine of incidence below which a pixel is not used."""
 
+_IN_VIEW = 150
+"""A face with fewer pixels is not well in view."""
+
 
 def polygons():
     """The model's faces, counter-clockwise seen from outside [m]."""
@@ -119,23 +122,43 @@ def dense_fit(surface, frame, T, steps=25):
 
 @dataclass(frozen=True)
 class Pixels:
-    """Pixels of one frame that see the object: those to draw from, and the noise of the others."""
+    """Pixels of one frame that see the object: those to draw from, and the noise of the others.
+
+    Attributes:
+        points: in the depth camera [m].
+        directions: of their beams.
+        ranges: along them [m].
+        faces: face of the part that each is on at the dense fit.
+        sd_of_face: rms distance from the plane of each face that is well in view [m].
+        tolerance: sd of what all pixels of a face share: the wood is not where the model has it [m].
+    """
 
     points: np.ndarray
     directions: np.ndarray
     ranges: np.ndarray
     faces: np.ndarray
-    sd: float
+    sd_of_face: dict[int, float]
+    tolerance: float
+
+    @property
+    def sd(self):
+        """Noise of a pixel that is drawn: all faces count alike, as they do in a draw."""
+        return float(np.sqrt(np.mean(np.square(list(self.sd_of_face.values())))))
+
+    def choose(self, n, rng):
+        """Rows of ``n`` pixels spread over the faces that are well in view."""
+        each = -(-n // len(self.sd_of_face))
+        rows = [rng.choice(np.flatnonzero(self.faces == f), each, replace=False) for f in self.sd_of_face]
+        return rng.permutation(np.concatenate(rows))[:n]
+
+    def beams(self, rows):
+        """Those pixels as readings."""
+        touches = touches_of(self.points[rows], self.sd, directions=self.directions[rows])
+        return replace(touches, reach=self.ranges[rows] - 0.02, tolerance=self.tolerance)
 
     def draw(self, n, rng):
-        """``n`` beams spread over the faces that are well in view."""
-        ids, counts = np.unique(self.faces, return_counts=True)
-        ids = ids[counts > 150]
-        each = -(-n // len(ids))
-        rows = np.concatenate([rng.choice(np.flatnonzero(self.faces == f), each, replace=False) for f in ids])
-        rows = rng.permutation(rows)[:n]
-        touches = touches_of(self.points[rows], self.sd, directions=self.directions[rows])
-        return replace(touches, reach=self.ranges[rows] - 0.02)
+        """``n`` pixels spread over the faces, as readings."""
+        return self.beams(self.choose(n, rng))
 
 
 def pixels_of(part, surface, frame, T):
@@ -143,6 +166,10 @@ def pixels_of(part, surface, frame, T):
     points, directions, ranges = beams_of(frame)
     gap, cosine, triangles = against(surface, T, directions, ranges)
     seen = np.flatnonzero(np.isfinite(gap) & (np.abs(gap) < 0.01) & (cosine > _STEEP))
-    fitted, kept = seen[::2], seen[1::2]
-    sd = float(np.sqrt(np.mean((gap[fitted] * cosine[fitted]) ** 2)))
-    return Pixels(points[kept], directions[kept], ranges[kept], part.triangle_face[triangles[kept]], sd)
+    off, faces = (gap * cosine)[seen], part.triangle_face[triangles[seen]]
+    ids, counts = np.unique(faces[1::2], return_counts=True)
+    of_face = {int(f): off[::2][faces[::2] == f] for f in ids[counts > _IN_VIEW]}
+    sds = {f: float(np.sqrt(np.mean(gaps**2))) for f, gaps in of_face.items()}
+    shared = float(np.std([np.mean(gaps) for gaps in of_face.values()], ddof=1))
+    kept = seen[1::2]
+    return Pixels(points[kept], directions[kept], ranges[kept], faces[1::2], sds, shared)
