@@ -23,6 +23,7 @@ from tanteo.vision.settle import clear_edges, settle
 from tanteo.vision.table import TableErrors, lying_information
 
 WRONG = 0.15
+ERRORS = EdgeErrors(wrong=WRONG, straight=0.0)
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
@@ -44,31 +45,45 @@ def drawn(rng, sizes):
     return met, np.repeat(np.arange(len(sizes)), sizes), rng.uniform(0.05, 0.3, n)
 
 
-def covariance_of(met, groups, misplaced, wrong):
-    """Of all offsets, with a common part for each edge."""
+def covariance_of(met, groups, misplaced, wrong, straight=False):
+    """Of all offsets, with a common part for each edge; those of others are rough, or straight."""
     share = np.minimum(met.spans / CORRELATION, 1.0)
     case = wrong[groups]
     half = 0.5 * misplaced**2
-    own = (met.sds**2 + FLOOR**2 + half + case * ROUGH**2) / share
+    own = (met.sds**2 + FLOOR**2 + half + (0 if straight else case * ROUGH**2)) / share
     b = np.sqrt(half + case * FAR**2)
     return np.diag(own) + np.outer(b, b) * (groups[:, None] == groups)
 
 
-@pytest.mark.parametrize("case", [0, 1])
-def test_an_edge_says_what_errors_with_a_common_part_leave(case):
+@pytest.mark.parametrize(("case", "straight"), [(0, False), (1, False), (1, True)])
+def test_an_edge_says_what_errors_with_a_common_part_leave(case, straight):
     rng = np.random.default_rng(1)
     met, groups, misplaced = drawn(rng, (5, 5, 4))
     met = replace(met, offsets=rng.normal(0, 0.2, 14), hits=np.arange(14) != 7)
-    terms = terms_of(met, groups, misplaced, EdgeErrors(wrong=WRONG))
+    terms = terms_of(met, groups, misplaced, EdgeErrors(wrong=WRONG, straight=float(straight)))
     for k in range(3):
         own = met.hits & (groups == k)
-        C = covariance_of(met, groups, misplaced, np.full(3, bool(case)))[np.ix_(own, own)]
+        C = covariance_of(met, groups, misplaced, np.full(3, bool(case)), straight)[np.ix_(own, own)]
         J, d = met.jacobian[own], met.offsets[own]
         np.testing.assert_allclose(terms.A[k, case], J.T @ np.linalg.solve(C, J), rtol=1e-8)
         np.testing.assert_allclose(terms.g[k, case], J.T @ np.linalg.solve(C, d), rtol=1e-8)
         assert terms.chi2[k, case] == pytest.approx(d @ np.linalg.solve(C, d))
         density = multivariate_normal(cov=C).logpdf(d) + 0.5 * own.sum() * np.log(2 * np.pi)
         assert terms.log[k, case] == pytest.approx(density + np.log(WRONG if case else 1 - WRONG))
+
+
+def test_an_edge_of_another_is_rough_or_straight_as_is_likelier():
+    rng = np.random.default_rng(6)
+    met, groups, misplaced = drawn(rng, (30, 30))
+    noise = np.sqrt(met.sds**2 + 0.5 * misplaced**2)
+    off = 0.7 + noise * rng.normal(size=60)
+    met = replace(met, offsets=off + np.where(groups == 1, 0.6 * rng.normal(size=60), 0.0))
+    rough, straight, either = (
+        terms_of(met, groups, misplaced, EdgeErrors(wrong=WRONG, straight=share)) for share in (0.0, 1.0, 0.4)
+    )
+    np.testing.assert_allclose(either.log[0, 1], straight.log[0, 1] + np.log(0.4))
+    np.testing.assert_allclose(either.log[1, 1], rough.log[1, 1] + np.log(0.6))
+    np.testing.assert_allclose(either.A[:, 1], np.stack([straight.A[0, 1], rough.A[1, 1]]))
 
 
 def test_the_mixture_is_the_sum_over_all_choices():
@@ -88,7 +103,7 @@ def test_the_mixture_is_the_sum_over_all_choices():
     w = np.array(weights) / sum(weights)
     mean = w @ np.array(means)
     expected = sum(p * (C + np.outer(m - mean, m - mean)) for p, m, C in zip(w, means, covariances, strict=True))
-    got, covariance, wrong = mixture(terms_of(met, groups, misplaced, EdgeErrors(wrong=WRONG)), A0, np.zeros(6))
+    got, covariance, wrong = mixture(terms_of(met, groups, misplaced, ERRORS), A0, np.zeros(6))
     np.testing.assert_allclose(got, mean, rtol=1e-7)
     np.testing.assert_allclose(covariance, expected, rtol=1e-7)
     assert tuple(wrong) == list(product([False, True], repeat=2))[int(np.argmax(w))]
@@ -104,7 +119,7 @@ def test_poses_are_as_far_off_as_the_mixture_says():
         xi = rng.multivariate_normal(np.zeros(6), np.linalg.inv(A0))
         errors = rng.multivariate_normal(np.zeros(20), covariance_of(met, groups, misplaced, wrong))
         met = replace(met, offsets=met.jacobian @ xi + errors)
-        mean, covariance, _ = mixture(terms_of(met, groups, misplaced, EdgeErrors(wrong=WRONG)), A0, np.zeros(6))
+        mean, covariance, _ = mixture(terms_of(met, groups, misplaced, ERRORS), A0, np.zeros(6))
         squares.append((xi - mean) @ np.linalg.solve(covariance, xi - mean))
     spread = np.std(squares) / np.sqrt(len(squares))
     print(np.mean(squares), spread)
@@ -115,9 +130,7 @@ def test_poses_are_as_far_off_as_the_mixture_says():
 def test_without_edges_only_the_prior_speaks():
     met, groups, misplaced = drawn(np.random.default_rng(4), (3,))
     nothing = replace(met, hits=np.zeros(3, dtype=bool))
-    mean, covariance, wrong = mixture(
-        terms_of(nothing, groups, misplaced, EdgeErrors(wrong=WRONG)), 4 * np.eye(6), np.full(6, 2.0)
-    )
+    mean, covariance, wrong = mixture(terms_of(nothing, groups, misplaced, ERRORS), 4 * np.eye(6), np.full(6, 2.0))
     np.testing.assert_allclose(mean, 0.5)
     np.testing.assert_allclose(covariance, 0.25 * np.eye(6))
     assert len(wrong) == 0

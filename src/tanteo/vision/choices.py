@@ -12,7 +12,8 @@ from tanteo.vision.edges import CORRELATION, FLOOR
 from tanteo.vision.fit import Met
 
 FAR, ROUGH = 1.0, 0.2
-"""An edge that is another's: standard deviation of its distance, and of its points about that [px]."""
+"""An edge that is another's: standard deviation of its distance, and of its points about that if it is not as straight
+as the part's own [px]."""
 
 _PAIRED = 24
 """Edges about which one may be mistaken together with another: those whose own mistake costs least."""
@@ -29,12 +30,15 @@ class EdgeErrors:
         pulled: what is added to that for each pixel that the point drifts. Half of the variance of both is common to
             the edge, half the point's own.
         wrong: probability that what an edge of the part meets is another's.
+        straight: how often such an edge runs as straight along the part's as its own would: the border of a thing in
+            the way or of its shadow, another edge of the part.
         shared: what moves a whole edge besides [px].
     """
 
     own: float = 0.01
     pulled: float = 0.25
     wrong: float = 0.3
+    straight: float = 0.3
     shared: float = 0.0
 
 
@@ -68,25 +72,47 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, errors: EdgeErro
         errors: what is common to whole edges, and how often they are another's.
     """
     names, which = np.unique(groups[met.hits], return_inverse=True)
-    J, d = met.jacobian[met.hits], met.offsets[met.hits]
+    rows = np.concatenate([met.jacobian[met.hits], met.offsets[met.hits, None]], axis=1)
     share = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
     half = 0.5 * misplaced[met.hits] ** 2
-    noise = met.sds[met.hits] ** 2 + FLOOR**2 + half
-    rows = np.concatenate([J, d[:, None]], axis=1)
-    cases, whole = [], half + errors.shared**2
-    for common, more, probability in ((whole, 0.0, 1 - errors.wrong), (whole + FAR**2, ROUGH**2, errors.wrong)):
-        variance, b = (noise + more) / share, np.sqrt(common)
-        w = 1 / variance
-        outer = np.zeros((len(names), 7, 7))
-        np.add.at(outer, which, w[:, None, None] * rows[:, :, None] * rows[:, None, :])
-        along = np.zeros((len(names), 7))
-        np.add.at(along, which, (w * b)[:, None] * rows)
-        total = 1 + np.bincount(which, weights=w * b * b, minlength=len(names))
-        outer -= along[:, :, None] * along[:, None, :] / total[:, None, None]
-        spread = np.bincount(which, weights=np.log(variance), minlength=len(names)) + np.log(total)
-        log = np.log(probability) - 0.5 * (outer[:, 6, 6] + spread)
-        cases.append((outer[:, :6, :6], outer[:, :6, 6], outer[:, 6, 6], log))
-    return Terms(*(np.stack(column, axis=1) for column in zip(*cases, strict=True)))
+    alone, whole = met.sds[met.hits] ** 2 + FLOOR**2 + half, half + errors.shared**2
+    own, rough, straight = (
+        _as_one(rows, which, len(names), (alone + more) / share, np.sqrt(common), probability)
+        for common, more, probability in (
+            (whole, 0.0, 1 - errors.wrong),
+            (whole + FAR**2, ROUGH**2, errors.wrong * (1 - errors.straight)),
+            (whole + FAR**2, 0.0, errors.wrong * errors.straight),
+        )
+    )
+    other = [  # rough or straight, whichever is likelier
+        np.where((straight[3] > rough[3]).reshape(-1, *(1,) * (a.ndim - 1)), b, a)
+        for a, b in zip(rough, straight, strict=True)
+    ]
+    return Terms(*(np.stack(pair, axis=1) for pair in zip(own, other, strict=True)))
+
+
+def _as_one(
+    rows: FloatArray, which: IntArray, count: int, variance: FloatArray, common: FloatArray, probability: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Information, gradient, chi-square and log density of each edge under one case.
+
+    Args:
+        rows: derivatives and offset of each sample ``(N, 7)``.
+        which: edge of each ``(N,)``.
+        count: of edges.
+        variance: of each sample's own error ``(N,)`` [px^2].
+        common: deviation of each by what moves its whole edge ``(N,)`` [px].
+        probability: of the case.
+    """
+    w = 1 / variance
+    outer, along = np.zeros((count, 7, 7)), np.zeros((count, 7))
+    np.add.at(outer, which, w[:, None, None] * rows[:, :, None] * rows[:, None, :])
+    np.add.at(along, which, (w * common)[:, None] * rows)
+    total = 1 + np.bincount(which, weights=w * common * common, minlength=count)
+    outer -= along[:, :, None] * along[:, None, :] / total[:, None, None]
+    spread = np.bincount(which, weights=np.log(variance), minlength=count) + np.log(total)
+    log = np.log(max(probability, 1e-300)) - 0.5 * (outer[:, 6, 6] + spread)
+    return outer[:, :6, :6], outer[:, :6, 6], outer[:, 6, 6], log
 
 
 def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:

@@ -7,6 +7,8 @@ are weighed; what is told is the mean and the covariance of them all.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import softmax
 
@@ -21,7 +23,7 @@ from tanteo.vision.evidence import Weights, chance_hits, log_weight
 from tanteo.vision.fit import BESIDE, pixel_length, refine
 from tanteo.vision.models import VisionModel
 from tanteo.vision.regions import Region
-from tanteo.vision.settle import Settled, covariance_of, information_of, settle
+from tanteo.vision.settle import Settled, as_one, covariance_of, information_of, settle
 from tanteo.vision.table import TableErrors, lying_information
 
 _LAST = (2.5, 1.5, 1.0, 0.8, 0.8)
@@ -77,9 +79,9 @@ def settle_lying(
 def mixed(model: VisionModel, found: list[Settled], log: FloatArray, width: float) -> Settled:
     """The mixture of settled poses as one.
 
-    Each counts with the weight at its mean times the volume of its covariance (Laplace); of those that are one the
-    most probable stands for all. A pose beside the best stands for what is about it: what its edges leave open is open
-    no farther than ``width``.
+    Each counts with the weight at its mean, as poses of different parts do; of those that are one the most probable
+    stands for all. A pose beside the best stands for what is about it: what its edges leave open is open no farther
+    than ``width``.
 
     Args:
         model: of the part.
@@ -90,19 +92,13 @@ def mixed(model: VisionModel, found: list[Settled], log: FloatArray, width: floa
     size = 0.5 * model.part.diagonal
     about = np.diag(np.r_[np.full(3, width**-2), np.full(3, (size / width) ** 2)])
     covariances = np.stack([covariance_of(model, each.information + about) for each in found])
-    log = log + 0.5 * np.linalg.slogdet(covariances)[1]
     order = np.argsort(-log, kind="stable")
     best = found[order[0]]
     covariances[order[0]] = covariance_of(model, best.information)
     off = SE3.log(SE3.inverse(best.T_camera_part) @ np.stack([each.T_camera_part for each in found]))
     kept = _apart(order, off, covariances)
-    share, off = softmax(log[kept]), off[kept]
-    mean = share @ off
-    spread = np.einsum("m,mi,mj->ij", share, off - mean, off - mean)
-    # poses differ by so little that their covariances are told in one frame
-    covariance = np.einsum("m,mij->ij", share, covariances[kept]) + spread
-    T = best.T_camera_part @ SE3.exp(mean)
-    return Settled(T, information_of(model, covariance), best.chi2, best.equations, best.met)
+    some = [replace(found[k], information=information_of(model, covariances[k])) for k in kept]
+    return as_one(model, some, softmax(log[kept]))
 
 
 def _apart(order: IntArray, off: FloatArray, covariances: FloatArray) -> list[int]:

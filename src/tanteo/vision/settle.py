@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
@@ -26,9 +27,12 @@ from tanteo.vision.wireframe import see_edges
 REACH = 1.0
 """An edge point farther off than this is not looked at [px]."""
 
-SHARED = (0.0, 0.15, 0.4, 0.8)
-"""What may move whole edges besides [px]: lenses, models and places of cameras are less exact than rendered ones. The
-one is taken under which the offsets are most probable."""
+SHARED, BEFOREHAND = (0.0, 0.15, 0.4, 0.8), (1 / 2, 1 / 6, 1 / 6, 1 / 6)
+"""What may move whole edges besides [px], and how likely that is beforehand: lenses, models and places of cameras are
+less exact than rendered ones."""
+
+_COUNTS = 0.003
+"""Those that are less probable than this, given the image, are left out."""
 
 _TOGETHER = 0.1
 """Points of one edge are within four standard deviations of their median, of these and their own errors [px]."""
@@ -81,17 +85,31 @@ def settle(
     errors = errors or EdgeErrors()
     frame, T = model.frame, np.asarray(T_camera_part)
     start = T if start is None else start
-    prior = np.zeros((6, 6)) if prior is None else prior
-    scale, hold = _scale(model), np.diag(_HOLD / _scale(model) ** 2)
-    seen = see_edges(frame, T)
-    met = clear_edges(model, meet(frame, camera, edges, T, REACH, seen))
+    prior, hold = np.zeros((6, 6)) if prior is None else prior, np.diag(_HOLD / _scale(model) ** 2)
+    met = clear_edges(model, meet(frame, camera, edges, T, REACH))
     pull = -prior @ SE3.log(SE3.inverse(start) @ T)
     cases = [replace(errors, shared=sd) for sd in SHARED]
     evidence = [
         log_evidence(terms_of(met, frame.groups, _misplaced(met, edges, case), case), prior + hold, pull)
         for case in cases
     ]
-    errors = cases[int(np.argmax(evidence))]
+    share = softmax(np.array(evidence) + np.log(BEFOREHAND))
+    found = [_settled(model, camera, edges, T, start, prior, cases[k]) for k in np.flatnonzero(share > _COUNTS)]
+    return as_one(model, found, share[share > _COUNTS])
+
+
+def _settled(
+    model: VisionModel,
+    camera: Camera,
+    edges: EdgeMap,
+    T: Transforms,
+    start: Transforms,
+    prior: FloatArray,
+    errors: EdgeErrors,
+) -> Settled:
+    """The same under one choice of what moves whole edges."""
+    frame, seen = model.frame, see_edges(model.frame, T)
+    scale, hold = _scale(model), np.diag(_HOLD / _scale(model) ** 2)
     for _ in range(_ROUNDS):
         met = clear_edges(model, meet(frame, camera, edges, T, REACH, seen))
         met = own_points(met, frame.groups, _misplaced(met, edges, errors))
@@ -102,6 +120,27 @@ def settle(
     chi2 = float(terms.chi2[np.arange(len(wrong)), wrong.astype(np.int64)].sum())
     shares = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
     return Settled(T, information_of(model, covariance), chi2, float(shares.sum()), met)
+
+
+def as_one(model: VisionModel, found: list[Settled], share: FloatArray) -> Settled:
+    """Poses of some probabilities, told as one normal: the mean, and the covariance of them all.
+
+    They differ by so little that their covariances are told in one frame.
+
+    Args:
+        model: of the part.
+        found: poses.
+        share: their probabilities, up to a factor ``(B,)``.
+    """
+    best, share = found[int(np.argmax(share))], share / share.sum()
+    if len(found) == 1:
+        return best
+    off = SE3.log(SE3.inverse(best.T_camera_part) @ np.stack([each.T_camera_part for each in found]))
+    mean = share @ off
+    covariances = np.stack([covariance_of(model, each.information) for each in found])
+    spread = np.einsum("m,mi,mj->ij", share, off - mean, off - mean)
+    information = information_of(model, np.einsum("m,mij->ij", share, covariances) + spread)
+    return replace(best, T_camera_part=best.T_camera_part @ SE3.exp(mean), information=information)
 
 
 def information_of(model: VisionModel, covariance: FloatArray) -> FloatArray:
