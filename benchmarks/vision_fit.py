@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logsumexp
+from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -55,8 +56,8 @@ BEFOREHAND = np.array([1.0, 1.0, 1.0, 3.0, 1.0])
 NEAR = 0.05
 """A pose is right if no point of the part is farther off than this share of the part."""
 
-ERRORS = tuple(product((0.01, 0.02, 0.04), (0.12, 0.25, 0.4), (0.15, 0.3)))
-"""Errors of edge points that are tried."""
+ERRORS = tuple(product((0.01, 0.02), (0.12, 0.25), (0.15, 0.3), (0.0, 0.15, 0.3, 0.5)))
+"""Errors of edge points that are tried: the first fields of ``EdgeErrors``."""
 
 WORST = 60.0
 """Densities farther below the median than this count as this: gross failures do not decide [nats]."""
@@ -115,7 +116,7 @@ def weighed(k):
 
 
 def pose_scores(k):
-    """Log density of the true pose for each choice of :data:`ERRORS`; None where the edges leave a direction free."""
+    """Log density of the true pose and its squared error for each of :data:`ERRORS`; None of strangers and round parts."""
     _, shot, stranger, T_world_table = scene(k)
     if stranger is not None or shot.model.part.symmetry.continuous:
         return None
@@ -130,7 +131,8 @@ def pose_scores(k):
         settled = settle_lying(mode, *seen, TableErrors(), Weights(), errors=errors)
         e = SE3.log(SE3.inverse(settled.T_camera_part) @ truth)
         sign, log = np.linalg.slogdet(settled.information)
-        out.append(0.5 * (log - e @ settled.information @ e) if sign > 0 else -np.inf)
+        square = e @ settled.information @ e
+        out.append((0.5 * (log - square) if sign > 0 else -np.inf, square))
     return out
 
 
@@ -188,11 +190,14 @@ def fit_weights(cases, keep, processes):
 
 
 def fit_errors(cases, keep, processes):
-    """Print the errors of edge points under which true poses are most probable."""
-    scores = np.array([row for row in run_cases(pose_scores, cases, keep, processes) if row])
+    """Print the errors of edge points under which true poses are most probable, and the coverage of those in use."""
+    scores, squares = np.moveaxis([row for row in run_cases(pose_scores, cases, keep, processes) if row], -1, 0)
     mean = np.maximum(scores, np.median(scores) - WORST).mean(axis=0)
     order = np.argsort(-mean)[:5]
     print("; ".join(f"{EdgeErrors(*ERRORS[k])}: {mean[k]:.2f}" for k in order), f"log density of {len(scores)} poses")
+    own = squares[:, [EdgeErrors(*values) for values in ERRORS].index(EdgeErrors())]
+    shares = ", ".join(f"{np.mean(own < chi2.ppf(p, 6)):.3f} in the {p:.1%} region" for p in (0.95, 0.999))
+    print(f"{EdgeErrors()}: {shares}, NEES / dof {own.mean() / 6:.2f}, farthest {own.max():.0f}")
 
 
 def main():
