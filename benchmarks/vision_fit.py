@@ -116,7 +116,7 @@ def weighed(k):
 
 
 def pose_scores(k):
-    """Log density of the true pose and its squared error for each of :data:`ERRORS`; None of strangers and round parts."""
+    """Log density of the true pose and its squared error for each of :data:`ERRORS`; None without a pose to know."""
     _, shot, stranger, T_world_table = scene(k)
     if stranger is not None or shot.model.part.symmetry.continuous:
         return None

@@ -91,6 +91,7 @@ def random_shot(models, rng, hidden=0.0, stranger=None, noise=1.0):
     """A picture of one of the models, or of a stranger, ``hidden`` of it covered, with so much of the noise."""
     model = stranger or models[int(rng.integers(len(models)))]
     camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
+    camera = replace(camera, edge_sd=0.0)  # a rendered image is as the camera is told to be
     rest, T = lying(model, rng)
     look = random_look(rng)
     look = replace(look, noise=noise * look.noise)

@@ -107,6 +107,13 @@ def test_the_camera_s_place_is_read_in_metres(tmp_path):
     assert read_camera(path).T_world_camera[:3, 3] == pytest.approx([0.1, 0.2, 0.7])
 
 
+@pytest.mark.parametrize(("line", "sd"), [("", None), ("edge_sd_px: 0\n", 0.0), ("edge_sd_px: 0.15\n", 0.15)])
+def test_how_exact_the_camera_is_may_be_said(tmp_path, line, sd):
+    path = tmp_path / "camera.yaml"
+    path.write_text(ROS_YAML + line)
+    assert read_camera(path).edge_sd == sd
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -117,6 +124,8 @@ def test_the_camera_s_place_is_read_in_metres(tmp_path):
         (ROS_YAML.replace("-0.12", "minus"), ("distortion_coefficients", "minus")),
         (ROS_YAML.replace("-0.12", ".nan"), ("finite",)),
         (ROS_YAML + "T_world_camera: [1, 2]\n", ("T_world_camera", "16")),
+        (ROS_YAML + "edge_sd_px: -1\n", ("edge_sd", "0 or more")),
+        (ROS_YAML + "edge_sd_px: about one\n", ("edge_sd_px", "about one")),
         (ROS_YAML + "T_world_camera: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n", ("rigid",)),
         ("{", ("JSON",)),
         ("a: [", ("YAML",)),

@@ -84,6 +84,8 @@ def test_a_ray_that_leaves_the_plane_behind_has_no_point():
         ({"distortion": np.array([np.nan] * 4)}, "distortion"),
         ({"size": (0, 480)}, "size"),
         ({"T_world_camera": 2 * np.eye(4)}, "T_world_camera"),
+        ({"edge_sd": -0.1}, "edge_sd"),
+        ({"edge_sd": np.nan}, "edge_sd"),
     ],
 )
 def test_what_is_no_camera_is_refused(change, word):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -72,6 +74,21 @@ def test_the_plane_s_covariance_is_the_segment_s():
             stats.append(f @ np.linalg.solve(G @ sensed.P @ G.T, f))
     low, high = chi2.ppf([0.001, 0.999], 2 * len(stats)) / len(stats)
     assert low < np.mean(stats) < high
+
+
+def test_what_lens_and_calibration_add_is_in_the_covariances():
+    lens, pixels = replace(CAMERA, edge_sd=0.4), project(CAMERA, SE3.apply(T_CAMERA_PART, VERTICES))
+    segments = segments_of(pixels)
+    wider = replace(segments, covariances=segments.covariances + np.diag([0.4, 0.0]) ** 2)
+    for k in range(len(EDGES)):
+        ours, same = image_edge(lens, segments, k, T_WORLD_CAMERA), image_edge(CAMERA, wider, k, T_WORLD_CAMERA)
+        np.testing.assert_array_equal(ours.P, same.P)
+    none = np.zeros((8, 2), dtype=int)
+    ours, same = (
+        image_corner(camera, Corners(pixels, np.tile(P, (8, 1, 1)), none, none), 0, T_WORLD_CAMERA)
+        for camera, P in ((lens, np.diag([0.09, 0.16])), (CAMERA, np.diag([0.25, 0.32])))
+    )
+    np.testing.assert_allclose(ours.P, same.P, rtol=1e-12)
 
 
 def test_edges_of_an_image_give_a_pose_with_an_honest_covariance():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -172,10 +172,12 @@ def test_whichever_edge_is_another_s_the_pose_stays_within_what_is_stated(seen):
     assert max(found) < chi2.ppf(0.999, 6)
 
 
+@pytest.mark.parametrize("stated", [None, 0.35])
 @pytest.mark.parametrize("seed", range(40))
-def test_edges_that_are_all_off_by_more_than_rendered_ones_are_taken_as_such(seen, seed):
-    """As with a lens or a model that is not as stated: every edge is shifted by some tenths of a pixel."""
+def test_edges_that_are_all_off_by_more_than_rendered_ones_are_taken_as_such(seen, seed, stated):
+    """As with a lens or a model that is not exact, said or not: every edge is shifted by some tenths of a pixel."""
     model, camera, points, T, prior = seen
+    camera = replace(camera, edge_sd=stated)
     met = clear_edges(model, meet(model.frame, camera, map_edges(points), T, 1.5))
     rng, shift = np.random.default_rng([5, seed]), np.zeros(len(points))
     for k in np.unique(model.frame.groups[met.hits]):
@@ -184,6 +186,15 @@ def test_edges_that_are_all_off_by_more_than_rendered_ones_are_taken_as_such(see
         shift[near & (np.abs(points.normals @ np.mean(points.normals[own], axis=0)) > 0.95)] = rng.normal(0, 0.35)
     edges = map_edges(replace(points, pixels=points.pixels + shift[:, None] * points.normals))
     assert squared_error(settle(model, camera, edges, T, prior=prior), T) < chi2.ppf(0.999, 6)
+
+
+def test_what_is_said_of_the_camera_is_in_the_covariance(seen):
+    model, camera, points, T, prior = seen
+    edges, said = map_edges(points), (None, 0.0, 0.1, 0.35, 1.0)
+    settled = [settle(model, replace(camera, edge_sd=sd), edges, T, prior=prior) for sd in said]
+    unknown, *sure = (np.linalg.slogdet(each.information)[1] for each in settled)
+    assert unknown == pytest.approx(sure[0], abs=0.1)  # no edge is off, and they show it
+    assert all(more > less + 0.5 for more, less in pairwise(sure))
 
 
 def test_a_pose_that_is_off_comes_back(seen):

@@ -18,15 +18,16 @@ _MATRIX = ("camera_matrix", "cameraMatrix", "K", "k", "M1")
 _DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "d", "D1")
 _WIDTH, _HEIGHT = ("image_width", "width", "imageWidth"), ("image_height", "height", "imageHeight")
 _MODELS = ("plumb_bob", "rational_polynomial", "")
-_POSE = "T_world_camera"
+_POSE, _EXACT = "T_world_camera", "edge_sd_px"
 
 
 def read_camera(path: str | Path) -> Camera:
     """Read a calibration file.
 
     Known are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``), ROS
-    ``camera_info`` (the file of ``camera_calibration``, or one message as text), and besides theirs one key
-    ``T_world_camera``: where the camera stands, 4 x 4, metres.
+    ``camera_info`` (the file of ``camera_calibration``, or one message as text), and besides theirs two keys:
+    ``T_world_camera``, where the camera stands, 4 x 4, metres, and ``edge_sd_px``, by how much lens and calibration
+    move a whole edge.
 
     Args:
         path: The file, YAML or JSON.
@@ -48,8 +49,10 @@ def read_camera(path: str | Path) -> Camera:
     distortion = _distortion(document, path)
     pose = _array(document, (_POSE,), path, 16)
     T = None if pose is None else pose.reshape(4, 4)
+    edge_sd = _array(document, (_EXACT,), path, 1)
     try:
-        return Camera(K.reshape(3, 3), _size(document, path), distortion, T)
+        size = _size(document, path)
+        return Camera(K.reshape(3, 3), size, distortion, T, edge_sd=None if edge_sd is None else float(edge_sd[0]))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -27,9 +27,11 @@ from tanteo.vision.wireframe import see_edges
 REACH = 1.0
 """An edge point farther off than this is not looked at [px]."""
 
-SHARED, BEFOREHAND = (0.0, 0.15, 0.4, 0.8), (1 / 2, 1 / 6, 1 / 6, 1 / 6)
-"""What may move whole edges besides [px], and how likely that is beforehand: lenses, models and places of cameras are
-less exact than rendered ones."""
+SHARED = (0.0, 0.15, 0.4, 0.8)
+"""What may move whole edges besides what is stated of the camera [px]: lenses, models and places of cameras."""
+
+UNKNOWN, STATED = (1 / 2, 1 / 6, 1 / 6, 1 / 6), (0.95, 1 / 60, 1 / 60, 1 / 60)
+"""How likely these are beforehand: nobody knows how exact the camera is, or it is stated (``Camera.edge_sd``)."""
 
 _COUNTS = 0.003
 """Those that are less probable than this, given the image, are left out."""
@@ -88,12 +90,13 @@ def settle(
     prior, hold = np.zeros((6, 6)) if prior is None else prior, np.diag(_HOLD / _scale(model) ** 2)
     met = clear_edges(model, meet(frame, camera, edges, T, REACH))
     pull = -prior @ SE3.log(SE3.inverse(start) @ T)
-    cases = [replace(errors, shared=sd) for sd in SHARED]
+    cases = [replace(errors, shared=float(np.hypot(camera.edge_sd or 0.0, sd))) for sd in SHARED]
+    beforehand = UNKNOWN if camera.edge_sd is None else STATED
     evidence = [
         log_evidence(terms_of(met, frame.groups, _misplaced(met, edges, case), case), prior + hold, pull)
         for case in cases
     ]
-    share = softmax(np.array(evidence) + np.log(BEFOREHAND))
+    share = softmax(np.array(evidence) + np.log(beforehand))
     found = [_settled(model, camera, edges, T, start, prior, cases[k]) for k in np.flatnonzero(share > _COUNTS)]
     return as_one(model, found, share[share > _COUNTS])
 
