@@ -2,7 +2,8 @@
 
 What recognition does is left out: the part is known and the search starts at the truth. The same scenes are rendered
 with 30 % of the part hidden, with nothing hidden, and without noise as well; the table is told with errors as stated.
-Printed is the normalised squared error of position and yaw. ``--keep FILE`` and ``--processes N``: ``campaign.py``.
+Of the lens it is told how exact it is, or nothing; it is as told, or its distortion is wrong. Printed is the normalised
+squared error of position and yaw. ``--keep FILE`` and ``--processes N``: ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.stats import chi2
 from tanteo.lie import SE3
 from tanteo.vision import TableErrors, find_edges, map_edges
 from tanteo.vision.belief import Mode
+from tanteo.vision.camera import USUAL, project
 from tanteo.vision.evidence import Weights
 from tanteo.vision.lying import settle_lying
 from tanteo.vision.regions import find_regions
@@ -27,16 +29,45 @@ from vision import in_camera, models_of, pose_errors, told_table
 from vision_scenes import random_shot
 
 SEED = 2024
-WAYS = {"30 % hidden": (0.3, 1.0), "nothing hidden": (0.0, 1.0), "nothing hidden, no noise": (0.0, 0.0)}
-"""Share that is hidden, and what the noise is multiplied with."""
+WAYS = {
+    "30 % hidden": (0.3, 1.0, 0.0, 0.0),
+    "nothing hidden": (0.0, 1.0, 0.0, 0.0),
+    "nothing hidden, no noise": (0.0, 0.0, 0.0, 0.0),
+    "30 % hidden, nothing is said of the lens": (0.3, 1.0, 0.0, USUAL),
+    "lens wrong by 0.1 px, nothing is said": (0.3, 1.0, 0.1, USUAL),
+    "lens wrong by 0.1 px, and that is said": (0.3, 1.0, 0.1, 0.1),
+    "lens wrong by 0.3 px, nothing is said": (0.3, 1.0, 0.3, USUAL),
+    "lens wrong by 0.3 px, and that is said": (0.3, 1.0, 0.3, 0.3),
+}
+"""Share that is hidden, what the noise is multiplied with, by how much the lens is wrong and is said to be [px]."""
 
 
-def pose(image, hidden, noise):
+def told_camera(camera, wrong, rng):
+    """The camera with distortion of its own: pixels are off by so much along each axis, rms, and not on the average."""
+    size = np.array(camera.size)
+    rays = np.stack(np.meshgrid(*(np.linspace(0, n, 20) for n in size)), axis=-1).reshape(-1, 2)
+    rays = np.c_[(rays - camera.centre) / camera.focal, np.ones(len(rays))]
+    told, before = camera, project(camera, rays)
+    for k, weight in enumerate(rng.normal(size=4)):
+        one = 1e-4 * (np.arange(len(camera.distortion)) == k)
+        moved = project(replace(camera, distortion=camera.distortion + one), rays) - before
+        told = replace(told, distortion=told.distortion + weight * one / np.std(moved, axis=0).max())
+    moved = project(told, rays) - before
+    share = wrong / np.sqrt(np.mean((moved - moved.mean(axis=0)) ** 2))
+    told = replace(told, distortion=camera.distortion + share * (told.distortion - camera.distortion))
+    K = camera.K.copy()
+    K[:2, 2] -= (project(told, rays) - before).mean(axis=0)
+    return replace(told, K=K)
+
+
+def pose(image, hidden, noise, wrong, said):
     """Squared error over its covariance and error in mm; None where a direction is free."""
     models = [m for m in models_of(20)[0] if not m.part.symmetry.continuous]
     model, rng = models[image % len(models)], np.random.default_rng([SEED, image])
     shot = random_shot([model], rng, hidden, noise=noise)
-    camera, points = shot.camera, find_edges(shot.image)
+    camera, points = replace(shot.camera, edge_sd=said), find_edges(shot.image)
+    if wrong:
+        camera = told_camera(camera, wrong, np.random.default_rng([SEED, image, 2]))
     table = told_table(shot, model, np.random.default_rng([SEED, image, 1]))
     T_camera_table = SE3.inverse(camera.T_world_camera) @ table
     mode = Mode(model, shot.rest, in_camera(shot), 0.0, 1.0)

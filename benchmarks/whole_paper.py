@@ -65,7 +65,7 @@ def looked_at(unknown, models, number, rng):
     middle = SE3.apply(unknown.T_world_part, models[number].part.centroid) * [1, 1, 0]
     at = np.array(camera.T_world_camera)
     at[:3, 3] += middle
-    camera = replace(camera, T_world_camera=at, edge_sd=0.0)
+    camera = replace(camera, T_world_camera=at)
     clamp = next(s for s in unknown.scene.solids if s.name == "clamp")
     things = [thing(models[number].part, unknown.T_world_part, rng.uniform(70, 150))]
     things.append(Thing.of_mesh(clamp.vertices, clamp.triangles, rng.uniform(70, 150)))

@@ -16,7 +16,7 @@ from tanteo.vision.camera import Camera, project
 from tanteo.vision.features import image_corner, image_edge
 from tanteo.vision.segments import Corners, Segments
 
-CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480))
+CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480), edge_sd=0.0)
 T_WORLD_CAMERA = SE3.exp(np.array([0.3, -0.1, 0.8, 2.6, 0.2, -0.4]))
 T_CAMERA_PART = SE3.from_parts(SO3.exp(np.array([0.7, -0.5, 0.3])), np.array([0.03, -0.02, 0.55]))
 A, B, C = 0.08, 0.06, 0.04

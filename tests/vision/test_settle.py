@@ -172,10 +172,10 @@ def test_whichever_edge_is_another_s_the_pose_stays_within_what_is_stated(seen):
     assert max(found) < chi2.ppf(0.999, 6)
 
 
-@pytest.mark.parametrize("stated", [None, 0.35])
+@pytest.mark.parametrize("stated", [0.15, 0.35])
 @pytest.mark.parametrize("seed", range(40))
 def test_edges_that_are_all_off_by_more_than_rendered_ones_are_taken_as_such(seen, seed, stated):
-    """As with a lens or a model that is not exact, said or not: every edge is shifted by some tenths of a pixel."""
+    """As with a lens or a model that is not exact: every edge is shifted, as is said or by more."""
     model, camera, points, T, prior = seen
     camera = replace(camera, edge_sd=stated)
     met = clear_edges(model, meet(model.frame, camera, map_edges(points), T, 1.5))
@@ -190,11 +190,9 @@ def test_edges_that_are_all_off_by_more_than_rendered_ones_are_taken_as_such(see
 
 def test_what_is_said_of_the_camera_is_in_the_covariance(seen):
     model, camera, points, T, prior = seen
-    edges, said = map_edges(points), (None, 0.0, 0.1, 0.35, 1.0)
+    edges, said = map_edges(points), (0.0, 0.1, 0.35, 1.0)
     settled = [settle(model, replace(camera, edge_sd=sd), edges, T, prior=prior) for sd in said]
-    unknown, *sure = (np.linalg.slogdet(each.information)[1] for each in settled)
-    assert unknown == pytest.approx(sure[0], abs=0.1)  # no edge is off, and they show it
-    assert all(more > less + 0.5 for more, less in pairwise(sure))
+    assert all(more > less + 0.5 for more, less in pairwise(np.linalg.slogdet(s.information)[1] for s in settled))
 
 
 def test_a_pose_that_is_off_comes_back(seen):

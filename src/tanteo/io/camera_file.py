@@ -12,7 +12,7 @@ import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.typing import FloatArray
-from tanteo.vision.camera import COEFFICIENTS, Camera
+from tanteo.vision.camera import COEFFICIENTS, USUAL, Camera
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "K", "k", "M1")
 _DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "d", "D1")
@@ -27,7 +27,7 @@ def read_camera(path: str | Path) -> Camera:
     Known are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``), ROS
     ``camera_info`` (the file of ``camera_calibration``, or one message as text), and besides theirs two keys:
     ``T_world_camera``, where the camera stands, 4 x 4, metres, and ``edge_sd_px``, by how much lens and calibration
-    move a whole edge.
+    move a whole edge in the image.
 
     Args:
         path: The file, YAML or JSON.
@@ -49,10 +49,10 @@ def read_camera(path: str | Path) -> Camera:
     distortion = _distortion(document, path)
     pose = _array(document, (_POSE,), path, 16)
     T = None if pose is None else pose.reshape(4, 4)
-    edge_sd = _array(document, (_EXACT,), path, 1)
+    said = _array(document, (_EXACT,), path, 1)
     try:
         size = _size(document, path)
-        return Camera(K.reshape(3, 3), size, distortion, T, edge_sd=None if edge_sd is None else float(edge_sd[0]))
+        return Camera(K.reshape(3, 3), size, distortion, T, edge_sd=USUAL if said is None else float(said[0]))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -18,6 +18,9 @@ from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 _ROUNDS, _NEWTON = 8, 4
 """Fixed-point rounds, then Newton's, that take a distorted point back."""
 
+USUAL = 0.15
+"""By how much a usual calibration leaves whole edges misplaced [px]."""
+
 COEFFICIENTS = (0, 4, 5, 8)
 """How many distortion coefficients there may be: k1 k2 p1 p2, then k3, then k4 k5 k6."""
 
@@ -32,8 +35,7 @@ class Camera:
         distortion: ``k1 k2 p1 p2 [k3 [k4 k5 k6]]``; none for a camera without.
         T_world_camera: where the camera stands ``(4, 4)``; None where that is not known.
         covariance: of that ``(6, 6)``, camera frame, right [m, rad]; None where it is taken as exact.
-        edge_sd: by how much lens and calibration move a whole edge, standard deviation [px]; None where nobody
-            knows: then the edges of the image itself are asked.
+        edge_sd: by how much lens and calibration move a whole edge in the image, standard deviation [px].
 
     Raises:
         InputError: for a matrix that is no camera's, a number of coefficients that no model has, or a deviation
@@ -45,7 +47,7 @@ class Camera:
     distortion: FloatArray = field(default_factory=lambda: np.zeros(0))
     T_world_camera: Transforms | None = None
     covariance: Covariances | None = None
-    edge_sd: float | None = None
+    edge_sd: float = USUAL
 
     def __post_init__(self) -> None:
         K, distortion = frozen_array(self.K), frozen_array(self.distortion).reshape(-1)
@@ -61,10 +63,10 @@ class Camera:
             )
         if min(self.size) < 1:
             raise InputError(f"size: expected width and height in pixels, got {self.size}. Give the image's own.")
-        if self.edge_sd is not None and not 0 <= self.edge_sd < np.inf:
+        if not 0 <= self.edge_sd < np.inf:
             raise InputError(
                 f"edge_sd: expected a standard deviation in pixels, 0 or more, got {self.edge_sd}. "
-                "Leave it out if it is not known."
+                f"Leave it out if it is not known: {USUAL} px is taken."
             )
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "distortion", distortion)

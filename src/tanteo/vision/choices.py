@@ -44,11 +44,11 @@ class EdgeErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terms:
-    """What each edge says about the pose, if it is the part's own (first) and if it is another's (second).
+    """What each edge says about ``n`` unknowns, if it is the part's own (first) and if it is another's (second).
 
     Attributes:
-        A: information ``(G, 2, 6, 6)``.
-        g: its gradient ``(G, 2, 6)``.
+        A: information ``(G, 2, n, n)``.
+        g: its gradient ``(G, 2, n)``.
         chi2: of the offsets ``(G, 2)``.
         log: log density of the offsets at the present pose ``(G, 2)``, with the probability of the case.
     """
@@ -66,7 +66,7 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, errors: EdgeErro
     ``b`` the inverse of ``W^-1 + b b'`` is by Woodbury.
 
     Args:
-        met: at one pose, no batch axes.
+        met: at one pose, no batch axes; derivatives by ``n`` unknowns.
         groups: which edge each sample belongs to ``(N,)``.
         misplaced: standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px].
         errors: what is common to whole edges, and how often they are another's.
@@ -97,7 +97,7 @@ def _as_one(
     """Information, gradient, chi-square and log density of each edge under one case.
 
     Args:
-        rows: derivatives and offset of each sample ``(N, 7)``.
+        rows: derivatives and offset of each sample ``(N, n + 1)``.
         which: edge of each ``(N,)``.
         count: of edges.
         variance: of each sample's own error ``(N,)`` [px^2].
@@ -105,28 +105,29 @@ def _as_one(
         probability: of the case.
     """
     w = 1 / variance
-    outer, along = np.zeros((count, 7, 7)), np.zeros((count, 7))
+    columns = rows.shape[1]
+    outer, along = np.zeros((count, columns, columns)), np.zeros((count, columns))
     np.add.at(outer, which, w[:, None, None] * rows[:, :, None] * rows[:, None, :])
     np.add.at(along, which, (w * common)[:, None] * rows)
     total = 1 + np.bincount(which, weights=w * common * common, minlength=count)
     outer -= along[:, :, None] * along[:, None, :] / total[:, None, None]
     spread = np.bincount(which, weights=np.log(variance), minlength=count) + np.log(total)
-    log = np.log(max(probability, 1e-300)) - 0.5 * (outer[:, 6, 6] + spread)
-    return outer[:, :6, :6], outer[:, :6, 6], outer[:, 6, 6], log
+    log = np.log(max(probability, 1e-300)) - 0.5 * (outer[:, -1, -1] + spread)
+    return outer[:, :-1, :-1], outer[:, :-1, -1], outer[:, -1, -1], log
 
 
 def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Mean and covariance of a step ``xi`` over the choices of edges that are another's.
+    """Mean and covariance of the unknowns over the choices of edges that are another's.
 
     The most probable choice is climbed to edge by edge; it and those that differ in one or two edges are summed.
 
     Args:
         terms: of the edges.
-        A: information beforehand ``(6, 6)``, of full rank.
-        g: its gradient ``(6,)``.
+        A: information beforehand ``(n, n)``, of full rank.
+        g: its gradient ``(n,)``.
 
     Returns:
-        Mean ``(6,)``, covariance ``(6, 6)``, and which edges are another's in the most probable choice ``(G,)``.
+        Mean ``(n,)``, covariance ``(n, n)``, and which edges are another's in the most probable choice ``(G,)``.
     """
     log, means, covariances, wrong = _choices(terms, A, g)
     weight = np.exp(log - log.max())
@@ -160,7 +161,7 @@ def _choices(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _weighed(terms: Terms, A: FloatArray, g: FloatArray, wrong: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log weights ``(m,)``, means ``(m, 6)`` and covariances ``(m, 6, 6)`` of choices ``(m, G)``."""
+    """Log weights ``(m,)``, means ``(m, n)`` and covariances ``(m, n, n)`` of choices ``(m, G)``."""
     chosen = np.stack([~wrong, wrong], axis=-1).astype(np.float64)
     A = A + np.einsum("mgc,gcij->mij", chosen, terms.A)
     g = g + np.einsum("mgc,gci->mi", chosen, terms.g)

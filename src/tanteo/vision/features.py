@@ -2,8 +2,8 @@
 
 An edge in the image is a plane through the camera's centre that holds the model edge (relation ``plane_has_edge``, two
 equations); a corner is a line through the centre that holds the model vertex (``edge_has_vertex``, two equations).
-How far away they are, the camera does not say: neither fixes a pose alone. What lens and calibration add is
-``Camera.edge_sd``; where that is not known, they are taken as exact.
+How far away they are, the camera does not say: neither fixes a pose alone. What lens and calibration add to
+each is ``Camera.edge_sd``.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def image_edge(camera: Camera, segments: Segments, index: int, T_world_camera: T
     G = np.array([[0.0, turn_angle], [turn_offset, 0.0]])
     P = np.zeros((3, 3))
     P[0, 0] = CENTRE_SD**2
-    lens = np.diag([camera.edge_sd or 0.0, 0.0]) ** 2
+    lens = np.diag([camera.edge_sd, 0.0]) ** 2
     P[1:, 1:] = G @ (segments.covariances[index] + lens) @ G.T
     return Feature(PLANE, T @ SE3.from_parts(R, np.zeros(3)), P, label=f"image edge {index}")
 
@@ -70,7 +70,7 @@ def image_corner(camera: Camera, corners: Corners, index: int, T_world_camera: T
         InputError: the camera's place is not known.
     """
     T = _standing(camera, T_world_camera)
-    covariance = corners.covariances[index] + (camera.edge_sd or 0.0) ** 2 * np.eye(2)
+    covariance = corners.covariances[index] + camera.edge_sd**2 * np.eye(2)
     return _ray_feature(camera, corners.pixels[index], covariance, T, f"image corner {index}")
 
 

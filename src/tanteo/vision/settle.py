@@ -1,10 +1,11 @@
 """The pose that a part's edges agree on, when any of them may have met an edge that is another's.
 
-Three errors of an edge point are told apart. Noise is its own. Neighbours in the image (a shadow's border, a second
-edge of the part) pull it aside; how much is seen by how far it moves when the image is smoothed more
-(``EdgePoints.drifts``). And all that an edge of the part met may belong to something else: to the border of the
-shadow that runs beside it, to a thing in the way. Which did is not known, so the pose is the mean of a mixture over the
-possible choices, with the covariance of the whole (Gaussian sum, Alspach and Sorenson 1972).
+Errors of an edge point are told apart. Noise is its own. Neighbours in the image (a shadow's border, a second edge of
+the part) pull it aside; how much is seen by how far it moves when the image is smoothed more (``EdgePoints.drifts``). A
+lens that is not exact shifts all edges alike, which is a state with a prior, and each one besides. And all
+that an edge of the part met may belong to something else: to the border of the shadow that runs beside it, to a thing
+in the way. Which did is not known, so the pose is the mean of a mixture over the possible choices, with the covariance
+of the whole (Gaussian sum, Alspach and Sorenson 1972).
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ from tanteo.vision.wireframe import see_edges
 REACH = 1.0
 """An edge point farther off than this is not looked at [px]."""
 
-SHARED = (0.0, 0.15, 0.4, 0.8)
-"""What may move whole edges besides what is stated of the camera [px]: lenses, models and places of cameras."""
+SHARED, BEFOREHAND = (0.0, 0.15, 0.4, 0.8), (0.95, 1 / 60, 1 / 60, 1 / 60)
+"""What may move whole edges besides what is stated of the camera [px], and how likely that is beforehand: one part in
+twenty, or its lens, is not as it is said to be."""
 
-UNKNOWN, STATED = (1 / 2, 1 / 6, 1 / 6, 1 / 6), (0.95, 1 / 60, 1 / 60, 1 / 60)
-"""How likely these are beforehand: nobody knows how exact the camera is, or it is stated (``Camera.edge_sd``)."""
+_HALF, _EXACT = np.sqrt(0.5), 1e-4
+"""Of a lens's error, half of the variance shifts all edges alike, half each by itself. Below the other: none [px]."""
 
 _COUNTS = 0.003
 """Those that are less probable than this, given the image, are left out."""
@@ -87,16 +89,14 @@ def settle(
     errors = errors or EdgeErrors()
     frame, T = model.frame, np.asarray(T_camera_part)
     start = T if start is None else start
-    prior, hold = np.zeros((6, 6)) if prior is None else prior, np.diag(_HOLD / _scale(model) ** 2)
-    met = clear_edges(model, meet(frame, camera, edges, T, REACH))
-    pull = -prior @ SE3.log(SE3.inverse(start) @ T)
-    cases = [replace(errors, shared=float(np.hypot(camera.edge_sd or 0.0, sd))) for sd in SHARED]
-    beforehand = UNKNOWN if camera.edge_sd is None else STATED
+    prior = np.zeros((6, 6)) if prior is None else prior
+    met = _shifting(clear_edges(model, meet(frame, camera, edges, T, REACH)))
+    before = _beforehand(model, camera, prior, start, T)
+    cases = [replace(errors, shared=float(np.hypot(_HALF * camera.edge_sd, sd))) for sd in SHARED]
     evidence = [
-        log_evidence(terms_of(met, frame.groups, _misplaced(met, edges, case), case), prior + hold, pull)
-        for case in cases
+        log_evidence(terms_of(met, frame.groups, _misplaced(met, edges, case), case), *before) for case in cases
     ]
-    share = softmax(np.array(evidence) + np.log(beforehand))
+    share = softmax(np.array(evidence) + np.log(BEFOREHAND))
     found = [_settled(model, camera, edges, T, start, prior, cases[k]) for k in np.flatnonzero(share > _COUNTS)]
     return as_one(model, found, share[share > _COUNTS])
 
@@ -112,17 +112,33 @@ def _settled(
 ) -> Settled:
     """The same under one choice of what moves whole edges."""
     frame, seen = model.frame, see_edges(model.frame, T)
-    scale, hold = _scale(model), np.diag(_HOLD / _scale(model) ** 2)
+    scale = _scale(model)
     for _ in range(_ROUNDS):
         met = clear_edges(model, meet(frame, camera, edges, T, REACH, seen))
         met = own_points(met, frame.groups, _misplaced(met, edges, errors))
-        terms = terms_of(met, frame.groups, _misplaced(met, edges, errors), errors)
-        pull = -prior @ SE3.log(SE3.inverse(start) @ T)
-        mean, covariance, wrong = mixture(terms, prior + hold, pull)
+        terms = terms_of(_shifting(met), frame.groups, _misplaced(met, edges, errors), errors)
+        mean, covariance, wrong = mixture(terms, *_beforehand(model, camera, prior, start, T))
+        mean, covariance = mean[:6], covariance[:6, :6]
         T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(mean / scale)), 1e-12)))
     chi2 = float(terms.chi2[np.arange(len(wrong)), wrong.astype(np.int64)].sum())
     shares = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
     return Settled(T, information_of(model, covariance), chi2, float(shares.sum()), met)
+
+
+def _shifting(met: Met) -> Met:
+    """The same, with two more unknowns: a shift of all edges in the image."""
+    return replace(met, jacobian=np.concatenate([met.jacobian, np.nan_to_num(met.normals)], axis=-1))
+
+
+def _beforehand(
+    model: VisionModel, camera: Camera, prior: FloatArray, start: Transforms, T: Transforms
+) -> tuple[FloatArray, FloatArray]:
+    """Information on step and shift, and its gradient: of the prior, of what keeps steps small, of the lens."""
+    A, g = np.zeros((8, 8)), np.zeros(8)
+    A[:6, :6] = prior + np.diag(_HOLD / _scale(model) ** 2)
+    A[6:, 6:] = np.eye(2) / (_HALF * max(camera.edge_sd, _EXACT)) ** 2
+    g[:6] = -prior @ SE3.log(SE3.inverse(start) @ T)
+    return A, g
 
 
 def as_one(model: VisionModel, found: list[Settled], share: FloatArray) -> Settled:
