@@ -35,9 +35,9 @@ WAYS = {
     "nothing hidden, no noise": (0.0, 0.0, 0.0, 0.0),
     "30 % hidden, nothing is said of the lens": (0.3, 1.0, 0.0, USUAL),
     "lens wrong by 0.1 px, nothing is said": (0.3, 1.0, 0.1, USUAL),
-    "lens wrong by 0.1 px, and that is said": (0.3, 1.0, 0.1, 0.1),
     "lens wrong by 0.3 px, nothing is said": (0.3, 1.0, 0.3, USUAL),
     "lens wrong by 0.3 px, and that is said": (0.3, 1.0, 0.3, 0.3),
+    "lens wrong by 0.1 px, said to be exact": (0.3, 1.0, 0.1, 0.0),
 }
 """Share that is hidden, what the noise is multiplied with, by how much the lens is wrong and is said to be [px]."""
 
