@@ -51,6 +51,9 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     from tanteo.io.sight_json import sight_json
 
     camera = placed_camera(read_camera(options.camera), options.marks, quiet=as_json)
+    if not as_json:
+        words = f"Edges within {camera.edge_sd:g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."
+        emit([words], sys.stderr)
     image = read_image(options.image)
     parts = read_all_parts(options.parts, options.units, quiet=as_json)
     from tanteo.vision import draw_sight, see_anywhere, see_table
