@@ -18,12 +18,12 @@ from scipy.stats import chi2
 
 from tanteo.lie import SE3
 from tanteo.vision import TableErrors, find_edges, map_edges
+from tanteo.vision.answers import hypothesis
 from tanteo.vision.belief import Mode
 from tanteo.vision.camera import USUAL, project
 from tanteo.vision.evidence import Weights
 from tanteo.vision.lying import settle_lying
 from tanteo.vision.regions import find_regions
-from tanteo.vision.sight import hypothesis
 from tanteo.vision.silhouettes import silhouette
 from vision import in_camera, models_of, pose_errors, told_table
 from vision_scenes import random_shot

@@ -74,6 +74,7 @@ def test_two_parts_are_told_apart(run, tmp_path):
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "0mm"), "--sd"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "nothing"), "sensor"),
         (("--distinguish", BRACKET, "--sd", "1mm"), "two CAD files"),
+        (("--distinguish", BRACKET, "--distinguish", BRACKET, "--sd", "1mm"), "twice"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--most", "0"), "--most"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--report", "plan.pdf"), "--report"),
     ],

@@ -78,6 +78,24 @@ def test_what_cannot_be_meant_is_refused(run, parts, arguments, code, word):
     assert result.out == ""
 
 
+def test_without_a_place_of_the_camera_poses_are_in_its_frame(run, tmp_path):
+    part = EXAMPLES / "parts" / "flange.step"
+    result = run("see", IMAGES / "three_parts.png", "--camera", CAMERA, "--parts", part)
+    assert "in the camera;" in result.out
+    assert "No place of the camera" in result.err
+    result = run("see", IMAGES / "three_parts.png", "--camera", CAMERA, "--parts", part, "--json")
+    assert {h["pose"]["frame"] for h in json.loads(result.out)["hypotheses"]} == {"camera"}
+
+
+def test_marks_with_x_and_y_exchanged_are_refused(run, tmp_path):
+    marks = tmp_path / "marks.csv"
+    marks.write_text((IMAGES / "marks.csv").read_text().replace("x_mm,y_mm", "y_mm,x_mm"))
+    result = run("see", IMAGES / "twins.png", "--camera", CAMERA, "--marks", marks, "--parts", EXAMPLES / "parts")
+    assert result.code == 1
+    assert "exchanged" in result.err
+    assert result.out == ""
+
+
 def test_an_image_may_come_after_the_parts(run, parts):
     result = run("see", "--parts", parts, IMAGES / "none.png", *PLACED, "--units", "mm")
     assert result.code == 1

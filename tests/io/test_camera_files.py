@@ -125,6 +125,14 @@ def test_how_exact_the_camera_is_may_be_said(tmp_path, line, sd):
         (ROS_YAML.replace("-0.12", "minus"), ("distortion_coefficients", "minus")),
         (ROS_YAML.replace("-0.12", ".nan"), ("finite",)),
         (ROS_YAML + "T_world_camera: [1, 2]\n", ("T_world_camera", "16")),
+        (
+            ROS_YAML + "T_camera_world: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n",
+            ("T_camera_",),
+        ),
+        (ROS_YAML + "T_world_camera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0, 0.5, 1]\n", ("0 0 0 1",)),
+        (ROS_YAML + "edge_sd_mm: 1\n", ("edge_sd_px", "edge_sd_mm")),
+        (ROS_YAML + "fisheye_model: 1\n", ("fisheye_model", "Rectify")),
+        (ROS_YAML + "camera_model: fisheye\n", ("camera_model", "Rectify")),
         (ROS_YAML + "edge_sd_px: -1\n", ("edge_sd", "0 or more")),
         (ROS_YAML + "edge_sd_px: about one\n", ("edge_sd_px", "about one")),
         (ROS_YAML + "T_world_camera: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n", ("rigid",)),
@@ -194,6 +202,9 @@ def test_what_is_no_image_is_refused(tmp_path):
     for name in ("words.png", "empty.png", "none.png"):
         with pytest.raises(InputError, match=name):
             read_image(tmp_path / name)
+    cv2.imwrite(str(tmp_path / "float.tiff"), np.full((40, 50), 0.5, dtype=np.float32))
+    with pytest.raises(InputError, match="16 bits"):
+        read_image(tmp_path / "float.tiff")
     with pytest.raises(InputError, match="suffix"):
         write_image(tmp_path / "picture.xyz", np.zeros((40, 40)))
     with pytest.raises(InputError, match="place to write"):

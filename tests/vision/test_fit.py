@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tanteo.lie import SE3
+from tanteo.vision.answers import hypothesis
 from tanteo.vision.belief import MISSED, UNKNOWN, Mode, believe
 from tanteo.vision.camera import project
 from tanteo.vision.candidates import Candidates
@@ -28,7 +29,6 @@ from tanteo.vision.evidence import (
 )
 from tanteo.vision.fit import Met, _normal_equations, meet, refine
 from tanteo.vision.settle import settle
-from tanteo.vision.sight import hypothesis
 from vision_scenes import bracket, seen_alone
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -22,7 +23,8 @@ from tanteo.vision import (
     see_anywhere,
     see_table,
 )
-from tanteo.vision.belief import UNKNOWN, distinct_poses, one_pose
+from tanteo.vision.answers import judged
+from tanteo.vision.belief import UNKNOWN, Belief, distinct_poses, one_pose
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.question import ask, heights
 from tanteo.vision.rendering import Look, Stage, render, thing
@@ -198,6 +200,35 @@ def test_what_does_not_fit_together_is_refused(two, models):
         see_table(image[:-1], camera, models[:1])
     with pytest.raises(InputError, match="where it stands"):
         see_table(image, Camera(camera.K, camera.size), models[:1])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda T: np.diag([1.0, 1, -1, 1]) @ T @ np.diag([1.0, 1, -1, 1]), "below"),
+        (lambda T: np.block([[T[:3, :3], 1e3 * T[:3, 3:]], [np.zeros((1, 3)), 1]]), "another unit"),
+        (lambda T: T @ SE3.from_parts(SO3.exp(np.array([np.pi, 0, 0])), np.zeros(3)), "looks away"),
+    ],
+)
+def test_a_camera_that_cannot_stand_there_is_refused(two, models, change, words):
+    image, camera, _, _ = two
+    with pytest.raises(InputError, match=words):
+        see_table(image, replace(camera, T_world_camera=change(camera.T_world_camera)), models[:1])
+
+
+def test_poses_are_in_the_camera_s_frame_where_nobody_says_where_it_stands(two, models):
+    image, camera, _, _ = two
+    assert see_table(image, camera, models[:1]).frame == "world"
+    assert see_anywhere(image, camera, models[:1]).frame == "world"
+    assert see_anywhere(image, Camera(camera.K, camera.size), models[:1]).frame == "camera"
+
+
+@pytest.mark.parametrize(("p_value", "said"), [(0.5, False), (1e-9, True)])
+def test_edges_that_fit_badly_are_said_to(two, models, p_value, said):
+    image, camera, _, _ = two
+    best = see_anywhere(image, camera, models[:1]).objects[0].recognition.hypotheses[0]
+    message = judged([replace(best, p_value=p_value, probability=0.99)], Belief((), 0.01))[1]
+    assert ("fit badly" in message) == said
 
 
 def test_without_opencv_the_message_says_what_to_install(monkeypatch):

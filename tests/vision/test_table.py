@@ -70,6 +70,19 @@ def test_marks_on_a_line_or_too_few_are_refused():
         fit_camera(CAMERA, seen_from(standing(0.3, 0.0))[:3], MARKS[:3])
 
 
+def test_marks_that_contradict_each_other_are_refused_by_number():
+    pixels = seen_from(standing(0.3, 0.0))
+    pixels[4] += 60.0
+    with pytest.raises(InputError, match="number 5"):
+        fit_camera(CAMERA, pixels, MARKS)
+
+
+def test_a_mark_that_is_told_twice_counts_once():
+    twice = np.concatenate([MARKS[:3], MARKS[:1]])
+    with pytest.raises(InputError, match="different points"):
+        fit_camera(CAMERA, seen_from(standing(0.3, 0.0), twice), twice)
+
+
 def test_the_table_resists_height_and_tilt_only():
     rng, errors = np.random.default_rng(4), TableErrors(3e-4, 4e-3)
     T = SE3.exp(rng.normal(size=6))

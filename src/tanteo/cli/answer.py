@@ -16,15 +16,18 @@ if TYPE_CHECKING:
 _MOST_NAMES = 12
 
 
-def answer_lines(recognition: Recognition, known: str = "", *, verbose: bool = False) -> list[str]:
+def answer_lines(
+    recognition: Recognition, known: str = "", *, frame: str = "world", verbose: bool = False
+) -> list[str]:
     """The lines for a person.
 
     Args:
         recognition: What was found.
         known: What was taken as known of the pose, in words.
+        frame: Name of the frame that poses are in.
         verbose: Also the matrix, the pairings and the time each stage took.
     """
-    lines = [bold(printable(_headline(recognition)))]
+    lines = [bold(printable(_headline(recognition, frame)))]
     lines += [f"  known       {printable(known)}"] if known else []
     best = recognition.hypotheses[0] if recognition.hypotheses else None
     if best is not None:
@@ -44,13 +47,13 @@ def answer_lines(recognition: Recognition, known: str = "", *, verbose: bool = F
     return [*lines, "", printable(recognition.message)]
 
 
-def _headline(recognition: Recognition) -> str:
+def _headline(recognition: Recognition, frame: str) -> str:
     if not recognition.hypotheses:
         reason = "too little was sensed" if recognition.status == "insufficient" else "no part fits these readings"
         return f"{recognition.status}: {reason}"
     best = recognition.hypotheses[0]
     where = (
-        f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the world; "
+        f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the {frame}; "
         f"probability {_percent(best.probability)}, worst corner sd {_millimetres(best.worst_corner_sd)}"
     )
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,6 +75,11 @@ class PlanOptions:
             raise InputError("plan: expected --part FILE, or --distinguish A B, got neither or both. Say one.")
         if distinguish and len(distinguish) != 2:
             raise InputError(f"--distinguish: expected two CAD files, got {len(distinguish)}. Name both.")
+        if distinguish and Path(distinguish[0]).resolve() == Path(distinguish[1]).resolve():
+            raise InputError(
+                f"--distinguish: expected two parts, got {distinguish[0]} twice. Poses of one part are told apart by a "
+                "session (tanteo sense part --image)."
+            )
         if part is not None and tolerance is None:
             raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
         if not 0 < confidence < 1:

@@ -14,9 +14,14 @@ from tanteo.cli.answer import answer_lines
 from tanteo.cli.printing import emit, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
 from tanteo.cli.targets import check_target
+from tanteo.errors import DegenerateError, InputError
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, Sight, Sighting
+
+
+_DARK, _ROUGH = 32.0, 1.0
+"""Below this level an image is dark; from this on marks are rough [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +57,11 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
 
     camera = placed_camera(read_camera(options.camera), options.marks, quiet=as_json)
     if not as_json:
-        words = f"Edges within {camera.edge_sd:g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."
-        emit([words], sys.stderr)
+        emit(_taken(camera), sys.stderr)
     image = read_image(options.image)
+    if image.max() < _DARK and not as_json:
+        words = f"a dark image, its largest level is {image.max():.0f} of 255. Of 12 bits in 16? Scale them."
+        emit([printable(f"{options.image}: {words}")], sys.stderr)
     parts = read_all_parts(options.parts, options.units, quiet=as_json)
     from tanteo.vision import draw_sight, see_anywhere, see_table
 
@@ -81,10 +88,27 @@ def placed_camera(camera: Camera, marks: str | None, *, quiet: bool) -> Camera:
     from tanteo.vision import fit_camera
 
     pixels, points = read_marks(marks)
-    fit = fit_camera(camera, pixels, points)
+    try:
+        fit = fit_camera(camera, pixels, points)
+    except (InputError, DegenerateError) as error:
+        raise type(error)(f"{marks}, {error}") from None
     if not quiet:
-        emit([f"Camera fitted to {len(points)} marks, {fit.rms:.2f} px rms."], sys.stderr)
+        worst = int(fit.offs.argmax())
+        words = f"Camera fitted to {len(points)} marks, {fit.rms:.2f} px rms"
+        words += f"; number {worst + 1} is {fit.offs[worst]:.1f} px off." if fit.rms > _ROUGH else "."
+        emit([words], sys.stderr)
     return replace(camera, T_world_camera=fit.T_world_camera, covariance=fit.covariance)
+
+
+def _taken(camera: Camera) -> list[str]:
+    """What is taken of the camera."""
+    lines = [f"Edges within {camera.edge_sd:g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."]
+    if camera.T_world_camera is None:
+        lines.append(
+            "No place of the camera (T_world_camera in its file, or --marks), so no table: one part in any pose is "
+            "looked for, in the frame of the camera (x right, y down, z ahead)."
+        )
+    return lines
 
 
 def _timed(sight: Sight, load: float, total: float) -> Sight:
@@ -105,7 +129,7 @@ def sight_lines(sight: Sight, *, verbose: bool = False) -> list[str]:
     for k, seen in enumerate(sight.objects, start=1):
         lines += [""] if lines else []
         lines.append(_heading(k, len(sight.objects), seen))
-        lines += answer_lines(seen.recognition, verbose=verbose)
+        lines += answer_lines(seen.recognition, frame=sight.frame, verbose=verbose)
         if verbose and seen.alike:
             lines.append(f"By the outline alone: {printable(', '.join(seen.alike[:3]))}.")
         if seen.question is not None and seen.recognition.status != "ambiguous":

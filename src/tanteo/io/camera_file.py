@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
@@ -18,6 +20,8 @@ _MATRIX = ("camera_matrix", "cameraMatrix", "K", "k", "M1")
 _DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "d", "D1")
 _WIDTH, _HEIGHT = ("image_width", "width", "imageWidth"), ("image_height", "height", "imageHeight")
 _MODELS = ("plumb_bob", "rational_polynomial", "")
+_FISHEYE, _RECTIFY = re.compile("fisheye|equidistant|kannala"), "Rectify the image first."
+_ALIKE = 0.85
 _POSE, _EXACT = "T_world_camera", "edge_sd_px"
 
 
@@ -43,18 +47,37 @@ def read_camera(path: str | Path) -> Camera:
         why = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{path}: expected a calibration file, got: {why}. Check the path.") from None
     document = _parse(text, path)
+    _check_keys(document, path)
     K = _array(document, _MATRIX, path, 9)
     if K is None:
         raise InputError(f"{path}: expected a key camera_matrix (OpenCV, ROS) or k, got none. Give a calibration file.")
     distortion = _distortion(document, path)
     pose = _array(document, (_POSE,), path, 16)
     T = None if pose is None else pose.reshape(4, 4)
-    said = _array(document, (_EXACT,), path, 1)
+    said, size = _array(document, (_EXACT,), path, 1), _size(document, path)
     try:
-        size = _size(document, path)
         return Camera(K.reshape(3, 3), size, distortion, T, edge_sd=USUAL if said is None else float(said[0]))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _check_keys(document: Mapping[str, Any], path: Path) -> None:
+    """Other programs' keys are theirs; one that is nearly ours was meant to be, and a fisheye's says so by its own."""
+    for key, value in document.items():
+        name = str(key)
+        meant = next((k for k in (_POSE, _EXACT) if name != k and _near(name, k)), None)
+        if meant is not None:
+            raise InputError(f"{path}: expected a key {meant}, got '{name}'. Correct its name.")
+        kind = f"{name} {value}".lower() if "model" in name.lower() else ""
+        if _FISHEYE.search(kind) and value not in (0, False, None):
+            raise InputError(f"{path}, {name}: expected a lens that is no fisheye, got {value!r}. {_RECTIFY}")
+
+
+def _near(name: str, key: str) -> bool:
+    """Whether a name has the same words in another order, other letters, or another unit."""
+    words = (sorted(re.findall("[a-z0-9]+", text.lower())) for text in (name, key))
+    one, other = (" ".join(w for w in some if w not in ("px", "mm", "m", "pixels")) for some in words)
+    return difflib.SequenceMatcher(None, one, other).ratio() > _ALIKE
 
 
 def _parse(text: str, path: Path) -> Mapping[str, Any]:
@@ -119,13 +142,13 @@ def _distortion(document: Mapping[str, Any], path: Path) -> FloatArray:
     model = str(document.get("distortion_model", ""))
     if model not in _MODELS:
         raise InputError(
-            f"{path}, distortion_model: expected plumb_bob or rational_polynomial, got {model!r}. "
-            "Rectify the image first."
+            f"{path}, distortion_model: expected plumb_bob or rational_polynomial, got {model!r}. {_RECTIFY}"
         )
     found = _array(document, _DISTORTION, path, None)
     k = np.zeros(0) if found is None else found
-    if len(k) > max(COEFFICIENTS) and not k[max(COEFFICIENTS) :].any():
-        k = k[: max(COEFFICIENTS)]  # thin prism and tilt, unused
+    k, more = k[: max(COEFFICIENTS)], k[max(COEFFICIENTS) :]
+    if more.any():
+        raise InputError(f"{path}: expected no thin prism and no tilt (k9 to k14), got {more.tolist()}. {_RECTIFY}")
     return k if k.any() else np.zeros(0)
 
 

@@ -18,7 +18,7 @@ def read_image(path: str | Path) -> FloatArray:
         path: PNG, JPEG, TIFF, BMP or what else OpenCV reads.
 
     Raises:
-        InputError: The file is not there, or no image.
+        InputError: The file is not there, no image, or has other than 8 or 16 bits.
         MissingExtraError: OpenCV is not installed.
     """
     cv2 = opencv()
@@ -32,6 +32,8 @@ def read_image(path: str | Path) -> FloatArray:
     image = cv2.imdecode(data, flags) if len(data) else None
     if image is None:
         raise InputError(f"{path}: expected an image (PNG, JPEG, TIFF), got other content. Save it as PNG.")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: expected 8 or 16 bits a pixel, got {image.dtype}. Save it with one of these.")
     scale = 255.0 / 65535.0 if image.dtype == np.uint16 else 1.0
     return np.asarray(image, dtype=np.float64) * scale
 

@@ -19,10 +19,14 @@ if TYPE_CHECKING:
 SCHEMA = "tanteo.recognition/1"
 
 
-def recognition_document(recognition: Recognition) -> dict[str, Any]:
+def recognition_document(recognition: Recognition, frame: str = "world") -> dict[str, Any]:
     """The result as plain dictionaries, lists, strings and numbers.
 
     JSON has no infinity: a number that is not finite (a direction that nothing observes) becomes ``null``.
+
+    Args:
+        recognition: the answer.
+        frame: name of the frame that its poses are in.
     """
     return {
         "schema": SCHEMA,
@@ -30,7 +34,7 @@ def recognition_document(recognition: Recognition) -> dict[str, Any]:
         "seed": int(recognition.seed),
         "status": recognition.status,
         "message": recognition.message,
-        "hypotheses": [_hypothesis(h) for h in recognition.hypotheses],
+        "hypotheses": [_hypothesis(h, frame) for h in recognition.hypotheses],
         "unknown_probability": _number(recognition.unknown_probability),
         "elapsed_s": {stage: _number(seconds) for stage, seconds in recognition.elapsed.items()},
     }
@@ -80,14 +84,14 @@ def _visit(visit: Visit) -> dict[str, Any]:
     }
 
 
-def _hypothesis(h: Hypothesis) -> dict[str, Any]:
+def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
     T = np.asarray(h.T_world_part)
     return {
         "part": h.part,
         "file": h.file,
         "probability": _number(h.probability),
         "pose": {
-            "frame": "world",
+            "frame": frame,
             "position_m": numbers(T[:3, 3]),
             "quaternion_wxyz": numbers(SO3.as_quaternion(T[:3, :3])),
             "matrix": numbers(T),
@@ -98,7 +102,7 @@ def _hypothesis(h: Hypothesis) -> dict[str, Any]:
         "symmetry": {
             "order": int(h.symmetry_order),
             "poses": [{"matrix": numbers(pose)} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
-            "axis": None if h.symmetry_axis is None else _axis(h.symmetry_axis),
+            "axis": None if h.symmetry_axis is None else _axis(h.symmetry_axis, frame),
         },
         "fit": {
             "chi2": _number(h.chi2),
@@ -126,8 +130,8 @@ def covariance_document(matrix: FloatArray) -> dict[str, Any]:
     }
 
 
-def _axis(axis: FloatArray) -> dict[str, Any]:
-    return {"frame": "world", "point_m": numbers(axis[0]), "direction": numbers(axis[1])}
+def _axis(axis: FloatArray, frame: str) -> dict[str, Any]:
+    return {"frame": frame, "point_m": numbers(axis[0]), "direction": numbers(axis[1])}
 
 
 def _number(value: float) -> float | None:

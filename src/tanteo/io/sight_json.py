@@ -18,7 +18,8 @@ EMPTY = Recognition("unknown", "Nothing was seen that could be a part: check lig
 def sight_document(sight: Sight) -> dict[str, Any]:
     """The document ``tanteo.recognition/1`` of the largest object, with ``objects`` for every one, itself included."""
     first = sight.objects[0].recognition if sight.objects else EMPTY
-    return {**recognition_document(first), "objects": [_object(seen) for seen in sight.objects]}
+    objects = [_object(seen, sight.frame) for seen in sight.objects]
+    return {**recognition_document(first, sight.frame), "objects": objects}
 
 
 def sight_json(sight: Sight) -> str:
@@ -26,8 +27,8 @@ def sight_json(sight: Sight) -> str:
     return json.dumps(sight_document(sight), indent=2, allow_nan=False) + "\n"
 
 
-def _object(seen: Sighting) -> dict[str, Any]:
-    answer = recognition_document(seen.recognition)
+def _object(seen: Sighting, frame: str) -> dict[str, Any]:
+    answer = recognition_document(seen.recognition, frame)
     kept = {key: answer[key] for key in ("status", "message", "hypotheses", "unknown_probability")}
     region = None
     if seen.region is not None:

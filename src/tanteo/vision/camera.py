@@ -65,7 +65,7 @@ class Camera:
             raise InputError(f"size: expected width and height in pixels, got {self.size}. Give the image's own.")
         if not 0 <= self.edge_sd < np.inf:
             raise InputError(
-                f"edge_sd: expected a standard deviation in pixels, 0 or more, got {self.edge_sd}. "
+                f"edge_sd (edge_sd_px): expected a standard deviation in pixels, 0 or more, got {self.edge_sd}. "
                 f"Leave it out if it is not known: {USUAL} px is taken."
             )
         object.__setattr__(self, "K", K)
@@ -94,8 +94,12 @@ def rigid(name: str, T: Transforms) -> Transforms:
     """
     out = frozen_array(T)
     R = out[:3, :3] if out.shape == (4, 4) else np.zeros((3, 3))
-    if not (np.all(np.isfinite(out)) and np.allclose(R.T @ R, np.eye(3), atol=1e-4) and np.linalg.det(R) > 0):
-        raise InputError(f"{name}: expected a rigid motion (4 x 4, metres), got {out.tolist()}. Check its rows.")
+    turns = np.all(np.isfinite(out)) and np.allclose(R.T @ R, np.eye(3), atol=1e-4) and np.linalg.det(R) > 0
+    if not (turns and np.allclose(out[3], [0, 0, 0, 1], atol=1e-9)):
+        raise InputError(
+            f"{name}: expected a rigid motion, 4 x 4, metres, row by row, its last row 0 0 0 1, its rotation with five "
+            f"digits, got {out.tolist()}. Check its rows."
+        )
     return out
 
 

@@ -10,26 +10,24 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.localization import covariance_with_free, weak_motions
-from tanteo.matching.hypothesis import hypothesis_at
-from tanteo.matching.results import Hypothesis, Recognition
-from tanteo.matching.verdict import spins, verdict, without_spins
+from tanteo.matching.results import Recognition
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Transforms
+from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.belief import Belief, Mode, believe
 from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in
+from tanteo.vision.checks import check_place, check_sight
 from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edge_map import EdgeMap, map_edges
 from tanteo.vision.edges import EdgePoints, find_edges
 from tanteo.vision.evidence import Weights
-from tanteo.vision.fit import BIAS, Met
+from tanteo.vision.fit import BIAS
 from tanteo.vision.lying import POSSIBLE, settle_lying
-from tanteo.vision.models import VisionModel, prepare_vision
+from tanteo.vision.models import VisionModel
 from tanteo.vision.outlines import like_outline
 from tanteo.vision.question import Question, ask
 from tanteo.vision.regions import Region, find_regions
-from tanteo.vision.settle import Settled
 from tanteo.vision.table import TableErrors, seen_table
 
 
@@ -63,11 +61,13 @@ class Sight:
         objects: largest first.
         edges: the edge points.
         T_world_camera: where the camera stands; the world is the camera's frame where that is not known.
+        frame: of poses, ``"world"``, or ``"camera"`` where its place is not known.
     """
 
     objects: tuple[Sighting, ...]
     edges: EdgePoints
     T_world_camera: Transforms
+    frame: str = "world"
 
 
 def see_table(
@@ -97,7 +97,7 @@ def see_table(
         One sighting for each region that is not the table; none if nothing lies there.
 
     Raises:
-        InputError: no parts, an image of another size, or a camera whose place is not known.
+        InputError: no parts, an image of another size, or a camera whose place is not known or cannot be.
         MissingExtraError: without OpenCV.
     """
     models = check_sight(image, camera, parts)
@@ -106,6 +106,7 @@ def see_table(
     start = time.perf_counter()
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
+    check_place(camera, T_camera_table, models)
     table, weights = seen_table(table or TableErrors(), camera, T_world_table), weights or Weights()
     points = find_edges(image)
     edges = map_edges(points)
@@ -135,22 +136,6 @@ def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms)
     return describe(points, (beside - points) / scale[:, None], region.sds * scale, BIAS * float(scale.mean()))
 
 
-def check_sight(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel]) -> list[VisionModel]:
-    """The parts prepared, if all fits together.
-
-    Raises:
-        InputError: it does not.
-    """
-    if not parts:
-        raise InputError("parts: expected at least one part, got none.")
-    if np.shape(image) != (camera.size[1], camera.size[0]):
-        raise InputError(
-            f"image: expected {camera.size[1]} rows x {camera.size[0]} columns as the camera has, got "
-            f"{np.shape(image)}. Give the calibration of this camera at this resolution."
-        )
-    return [part if isinstance(part, VisionModel) else prepare_vision(part) for part in parts]
-
-
 def _sighting(
     belief: Belief,
     camera: Camera,
@@ -168,7 +153,7 @@ def _sighting(
         settled = settle_lying(mode, camera, edges, region, T_camera_table, table, weights)
         modes.append(replace(mode, T_camera_part=settled.T_camera_part))
         hypotheses.append(hypothesis(modes[-1], camera.T_world_camera, camera, settled, lying=True))
-    status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
+    status, message = judged(hypotheses, belief)
     question = _question(modes, T_world_table, camera.T_world_camera)
     if status == "ambiguous" and question is not None:
         message = f"The image leaves {_both(question)}: {question.words}."
@@ -179,47 +164,6 @@ def _sighting(
 def _both(question: Question) -> str:
     a, b = question.answers
     return f"two poses of {a}" if a == b else f"{a} and {b}"
-
-
-def hypothesis(
-    mode: Mode, T_world_camera: Transforms, camera: Camera, settled: Settled, *, lying: bool = False
-) -> Hypothesis:
-    """The answer that a mode is: pose and covariance in the world, what stays free, how well its edges fit.
-
-    Args:
-        mode: at the pose that its edges agree on.
-        T_world_camera: where the camera stands.
-        camera: that took the image.
-        settled: what the edges say there.
-        lying: whether the table has a say in that: three equations more.
-    """
-    part = mode.model.part
-    A = without_spins(part, settled.information)
-    dof = max(round(settled.equations) - (3 if lying else 6), 1)
-    weak = weak_motions(A, part.diagonal, fixed=spins(part))
-    T = T_world_camera @ mode.T_camera_part
-    covariance = covariance_with_free(A, weak, part.diagonal) * max(1.0, settled.chi2 / dof)
-    if camera.covariance is not None:
-        Ad = SE3.adjoint_inverse(mode.T_camera_part)
-        covariance = covariance + Ad @ camera.covariance @ Ad.T
-    return hypothesis_at(
-        part,
-        T,
-        covariance,
-        free=weak,
-        probability=mode.probability,
-        chi2=settled.chi2,
-        dof=dof,
-        rms=_rms(settled.met, camera, mode.T_camera_part, part),
-    )
-
-
-def _rms(met: Met, camera: Camera, T_camera_part: Transforms, part: Part) -> float:
-    """Root mean square of the offsets, as a length at the part's distance [m]."""
-    if not met.hits.any():
-        return 0.0
-    distance = float(SE3.apply(T_camera_part, part.centroid)[2])
-    return float(np.sqrt(np.mean(met.offsets[met.hits] ** 2))) * distance / float(camera.focal.mean())
 
 
 def _question(modes: Sequence[Mode], T_world_table: Transforms, T_world_camera: Transforms) -> Question | None:

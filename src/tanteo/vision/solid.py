@@ -15,12 +15,13 @@ from scipy.special import logsumexp
 
 from tanteo.lie import SE3
 from tanteo.matching.results import Recognition
-from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
+from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.belief import UNKNOWN, Belief, Mode, distinct_poses
 from tanteo.vision.camera import Camera, project
 from tanteo.vision.chance import chance_map
+from tanteo.vision.checks import check_sight
 from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of, map_edges
 from tanteo.vision.edges import find_edges
 from tanteo.vision.evidence import REACH, Weights, log_weight, weigh
@@ -29,7 +30,7 @@ from tanteo.vision.models import VisionModel
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
 from tanteo.vision.segments import find_corners, find_segments
 from tanteo.vision.settle import settle
-from tanteo.vision.sight import Sight, Sighting, check_sight, hypothesis
+from tanteo.vision.sight import Sight, Sighting
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
 TRIED, KEPT = 240, 48
@@ -75,10 +76,17 @@ def see_anywhere(
         settled = settle(mode.model, camera, edges, T)
         modes.append(replace(mode, T_camera_part=T))
         hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
-    status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
+    status, message = judged(hypotheses, belief)
     recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
     objects = (Sighting(recognition, tuple(modes), None, None),) if modes else ()
-    return Sight(objects, points, T_world_camera)
+    return Sight(objects, points, T_world_camera, "camera" if camera.T_world_camera is None else "world")
+
+
+def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
+    """Those poses that have the whole part in front of the camera."""
+    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(-1, 3)
+    depths = T_camera_part[:, 2, :3] @ corners.T + T_camera_part[:, 2, 3:]
+    return T_camera_part[np.all(depths > 0, axis=1)]
 
 
 def search(
@@ -91,14 +99,16 @@ def search(
     modes: list[Mode] = []
     tried = 1
     for model in models:
-        first = poses_from_paths(camera, paths, model_paths(model.part))
+        first = _ahead(model.part, poses_from_paths(camera, paths, model_paths(model.part)))
         tried += len(first)
         if not len(first):
             continue
         score = coarse_scores(model.coarse, camera, edges, first)
-        T = refine(model.coarse, camera, edges, first[np.argsort(-score)[:TRIED]], reaches=_QUICK)
+        T = _ahead(model.part, refine(model.coarse, camera, edges, first[np.argsort(-score)[:TRIED]], reaches=_QUICK))
         score = coarse_scores(model.frame, camera, edges, T)
-        T = refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:])
+        T = _ahead(model.part, refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:]))
+        if not len(T):
+            continue
         met = meet(model.frame, camera, edges, T, REACH)
         evidence = weigh(model.frame, met, chance.at(met.normals, met.pixels))
         log = log_weight(evidence, weights) + np.log((1 - UNKNOWN) / len(models))

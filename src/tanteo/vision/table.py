@@ -9,8 +9,11 @@ import numpy as np
 from tanteo.errors import DegenerateError, InputError
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
-from tanteo.vision.camera import Camera, project_linearised, rays
+from tanteo.vision.camera import Camera, project, project_linearised, rays
 from tanteo.vision.opencv import opencv
+
+_CONTRADICT = 0.01
+"""Points that are farther off than this share of the image's width (rms) are not those of one camera."""
 
 _TRUST = 2.0
 """How many residuals the stated deviation of a pixel counts for."""
@@ -80,12 +83,17 @@ class CameraPose:
     Attributes:
         T_world_camera: its pose ``(4, 4)``.
         covariance: ``(6, 6)``, camera frame, right [m, rad].
-        rms: of the points in the image [px].
+        offs: how far each point is from where it is seen ``(n,)`` [px].
     """
 
     T_world_camera: Transforms
     covariance: Covariances
-    rms: float
+    offs: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """Of the points in the image [px]."""
+        return float(np.sqrt(np.mean(self.offs**2)))
 
 
 def fit_camera(camera: Camera, pixels: FloatArray, points: Vectors, sd: float = 0.5) -> CameraPose:
@@ -98,14 +106,15 @@ def fit_camera(camera: Camera, pixels: FloatArray, points: Vectors, sd: float = 
         sd: of a pixel, as far as known beforehand: it counts as much as one mark's residuals.
 
     Raises:
-        InputError: too few points.
+        InputError: too few points, or points that contradict each other.
         DegenerateError: points on a line, or none that a camera in front of them could see so.
         MissingExtraError: without OpenCV.
     """
     pixels, points = np.asarray(pixels, dtype=np.float64), np.asarray(points, dtype=np.float64)
-    if len(points) < 4 or pixels.shape != (len(points), 2) or points.shape[1:] != (3,):
+    apart = len(np.unique(points, axis=0)) if points.ndim == 2 else 0
+    if apart < 4 or pixels.shape != (len(points), 2) or points.shape[1:] != (3,):
         raise InputError(
-            f"points: expected four or more points with pixels, got {len(points)} and {len(pixels)}. Mark more of them."
+            f"points: expected four or more different points with pixels, got {apart} and {len(pixels)}. Mark more."
         )
     centred = points - points.mean(axis=0)
     spread = np.linalg.svd(centred, compute_uv=False)
@@ -119,12 +128,18 @@ def fit_camera(camera: Camera, pixels: FloatArray, points: Vectors, sd: float = 
     if best is None:
         raise DegenerateError("points: expected places in front of a camera, got none that are. Check their order.")
     chi2, T, information = best
-    rms = float(np.sqrt(chi2 / len(points)))
+    offs = np.linalg.norm(pixels - project(camera, SE3.apply(T, points)), axis=1)
+    if chi2 > len(points) * (_CONTRADICT * camera.size[0]) ** 2:
+        far = int(np.argmax(offs))
+        raise InputError(
+            f"points: expected places that agree, got {np.sqrt(chi2 / len(points)):.1f} px rms; farthest off is number "
+            f"{far + 1}, by {offs[far]:.0f} px. Check it, the order of the others, and the camera."
+        )
     dof = 2 * len(points) - 6
     covariance = np.linalg.inv(information) * (_TRUST * sd**2 + chi2) / (_TRUST + dof)
     # the errors are of T_camera_world, right, in the world: those of the inverse are minus these, in the camera
     Ad = SE3.adjoint(T)
-    return CameraPose(SE3.inverse(T), Ad @ covariance @ Ad.T, rms)
+    return CameraPose(SE3.inverse(T), Ad @ covariance @ Ad.T, offs)
 
 
 def _starts(directions: Vectors, points: Vectors) -> list[Transforms]:
