@@ -43,6 +43,23 @@ def test_an_image_from_a_file_and_a_camera_of_its_own(sense):
     assert "of step_1" in err.splitlines()[1]
 
 
+@pytest.mark.parametrize("json_too", [(), ("--json",)])
+def test_an_image_that_shows_nothing_is_an_answer(sense, tmp_path, json_too):
+    """A table without a part is no failure of the program: the answer is unknown, and no hand is sent."""
+    import cv2
+
+    image = tmp_path / "table.png"
+    cv2.imwrite(str(image), np.full((480, 640), 120, dtype=np.uint8))
+    code, out, err = sense("--image", str(image), *json_too)
+    assert code == 3
+    assert "The image shows no part." in err
+    if json_too:
+        document = json.loads(out)
+        assert (document["status"], document["hypotheses"], document["unknown_probability"]) == ("unknown", [], 1.0)
+    else:
+        assert out.startswith("unknown: the image shows no part on the table")
+
+
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [

@@ -89,20 +89,18 @@ def view_of(scene: SceneFile, options: ImageOptions) -> View:
     return View(image, camera, T_world_table, _furniture(scene, camera))
 
 
-def start_from_view(view: View, targets: tuple[Target, ...], rough: Start | None) -> Start:
-    """What the image leaves open; said on standard error.
+def start_from_view(view: View, targets: tuple[Target, ...], rough: Start | None) -> Start | None:
+    """What the image leaves open, said on standard error; None if it shows nothing and there is no rough place.
 
     Args:
         view: the image and its camera.
         targets: the parts.
         rough: where they may be without the image.
-
-    Raises:
-        InputError: nothing was seen, and there is no rough place.
     """
     from tanteo.execution import seen_start
 
-    return seen_start(seen_in(view, [target.part for target in targets], rough), targets, rough)
+    seen = seen_in(view, [target.part for target in targets], rough)
+    return rough if seen is None else seen_start(seen, targets, rough)
 
 
 def seen_in(view: View, parts: Sequence[Part], rough: Start | None = None) -> Sighting | None:

@@ -15,7 +15,7 @@ from tanteo.cli.running import UNDECIDED, read_all_parts, require_file
 from tanteo.cli.targets import check_target, writing
 
 if TYPE_CHECKING:
-    from tanteo.active import Distinction, Plan
+    from tanteo.active import Distinction, Plan, Probe
     from tanteo.matching import PosePrior
     from tanteo.parts import Part
     from tanteo.typing import Vectors
@@ -87,6 +87,7 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
     lines = [
         bold(printable(plan.message)),
         f"  sensor      {options.probe.name}",
+        f"  from        {_allowed(options.probe)}",
         f"  part        {printable(plan.part)}, {before}: worst corner {1e3 * plan.before:.3g} mm, 1 sd",
         "",
     ]
@@ -108,6 +109,13 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
         if rows
         else lines
     )
+
+
+def _allowed(probe: Probe) -> str:
+    """From where it may look or move."""
+    if probe.approach is None:
+        return "any side, from below too (say --approach 0,0,-1,60deg if the part lies on a table)"
+    return f"within {np.degrees(probe.cone):g} deg of the direction ({_three(probe.approach, 3).replace(' ', ', ')})"
 
 
 def _three(values: Vectors, digits: int) -> str:

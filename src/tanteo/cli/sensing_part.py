@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
@@ -113,7 +113,10 @@ def sense_unknown(
         scene = replace(scene, seed=options.seed)
     view = None if image is None else view_of(scene, image)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
-    session, robot, rules = prepare_run(scene, seen_or_rough(scene, parts, known, view), options)
+    start = seen_or_rough(scene, parts, known, view)
+    if start is None:
+        nothing_seen(as_json=as_json)
+    session, robot, rules = prepare_run(scene, start, options)
     with kept(session, record), shown_live(verbose=verbose) as watch:
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
@@ -172,8 +175,8 @@ def rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None
     return around(targets, scene.prior.T, scene.prior.C)
 
 
-def seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start:
-    """What an image leaves open, or what is roughly known; the latter also where the image is wrong."""
+def seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start | None:
+    """What an image leaves open, or what is roughly known; the latter also where the image is wrong, None without."""
     from tanteo.cli.image_start import start_from_view
     from tanteo.surface_search import prepare_target
 
@@ -181,6 +184,20 @@ def seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | No
         return start_from_view(view, tuple(prepare_target(part) for part in parts), None)
     rough = rough_start(scene, parts, known)
     return rough if view is None else start_from_view(view, rough.targets, rough)
+
+
+def nothing_seen(*, as_json: bool) -> NoReturn:
+    """The answer where no hand is sent."""
+    from tanteo.io import recognition_json
+    from tanteo.matching import Recognition
+
+    message = (
+        "the image shows no part on the table, and no rough place is known. Say --near, or check image and camera."
+    )
+    if as_json:
+        put(recognition_json(Recognition("unknown", message, (), 1.0)))
+    emit([f"unknown: {message}"], sys.stderr if as_json else sys.stdout)
+    raise typer.Exit(UNDECIDED)
 
 
 def _executed(

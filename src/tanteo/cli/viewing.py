@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from tanteo.cli.printing import emit, progress
 from tanteo.cli.running import read_all_parts
-from tanteo.cli.sensing_part import PartOptions, prepare_run, seen_or_rough
+from tanteo.cli.sensing_part import PartOptions, nothing_seen, prepare_run, seen_or_rough
 from tanteo.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ def view_scene(
         parts = read_all_parts(folders, chosen.units, quiet=False)
     scene = replace(scene, standoff=chosen.standoff or scene.standoff)
     start = seen_or_rough(scene, parts, known, seen)
+    if start is None:
+        nothing_seen(as_json=False)
     make = _maker(scene, start, chosen, bare=bare)
     seed = scene.seed if chosen.seed is None else chosen.seed
     with suppress(KeyboardInterrupt):

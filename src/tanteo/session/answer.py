@@ -20,7 +20,7 @@ def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> R
     """
     touches, start = belief.touches, belief.start
     if touches is None or not len(touches):
-        message = "Nothing was met yet: sense the place that is asked for."
+        message = "No reading has met a part yet."
         return Recognition("insufficient", message, (), 1.0 - float(belief.weights.sum()), {}, seed)
     hypotheses = tuple(
         as_hypothesis(touches, mode, PosePrior(start.Ts[row], start.covariances[row]))
