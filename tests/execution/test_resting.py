@@ -107,3 +107,20 @@ def test_beams_to_furniture_are_free_as_far_as_it():
     none = furniture.met(as_readings(HAND, log([np.nan] * 3, [0.02] * 3), "2"), HAND.rig, None)
     assert not none.any()
     assert beyond_furniture(readings, np.zeros(2, dtype=bool), HAND.rig) is readings
+
+
+@pytest.mark.parametrize("tilt", [0.0, 40.0, 65.0])
+def test_any_ray_of_a_flat_cone_may_have_met_the_furniture(tilt):
+    """The ray nearest to the table gives the shortest range; a reading shorter by a few millimetres is of something."""
+    furniture = Furniture(Scene.of([box("table", [-1, -1, -0.05], [1, 1, 0])]).surface)
+    model, angle = error_model(HAND.rig), np.radians(tilt)
+    turn = SE3.exp(np.r_[np.zeros(3), 0.0, angle, 0.0])
+    axis = (turn @ ABOVE)[:3, :3] @ HAND.axes[FIRST]
+    T = turn @ ABOVE
+    T[2, 3] += 0.08 * -axis[2] - (SE3.apply(T, HAND.origins[FIRST])[2])  # the axis meets the table at 80 mm
+    slope = np.arccos(-axis[2])
+    half = model.beam_half_angle[FIRST]
+    nearest = 0.08 * np.cos(slope) / np.cos(slope - half) * np.cos(half)  # as far along the axis
+    for sooner, of_it in ((0.0, True), (0.008 / np.cos(slope), False)):
+        readings = as_readings(HAND, log([nearest - sooner] * 10, [-1] * 10, T), "1")
+        assert furniture.met(readings, HAND.rig, None).tolist() == [of_it]

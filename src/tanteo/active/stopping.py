@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import entr
 
 from tanteo.active.belief import Belief
 from tanteo.active.samples import even_normals
@@ -15,6 +16,9 @@ from tanteo.typing import FloatArray
 
 _SAMPLES = 2048
 """Poses by which the probability to be within a tolerance is counted."""
+
+_FAINT = 0.1
+"""Share of the least gain below which a reading is no longer expected to tell anything: so exact are expectations."""
 
 _HALF = 0.5
 """Probability of "none of these" above which no reading is made to confirm a part."""
@@ -29,7 +33,7 @@ class Stop:
         tolerance: that all corners of the part's box are to be within [m].
         confidence: with which they are.
         least_gain: information below which no reading is worth making [nats], but to confirm what is known but for
-            "none of these".
+            "none of these", and where the readings that may still be made tell what little is left to know.
         most: number of readings at which to end in any case.
     """
 
@@ -84,6 +88,26 @@ class Stop:
         if allowed <= 0 or (readings + 1) * belief.unknown > allowed * self.most:
             return False
         return self.tolerance is None or chance_within(belief, self.tolerance) >= self.confidence * rest
+
+    def settles(self, belief: Belief, gain: float, left: int) -> bool:
+        """Whether so many readings, each of which tells little, would tell what is not known yet: part and place.
+
+        What is left to know of a part at 0.98, where 0.99 is asked for, is little too. Where the tolerance is not kept
+        even if it is what it most probably is, more is missing than that.
+
+        Args:
+            belief: what is known.
+            gain: what the next reading is expected to tell [nats].
+            left: readings that may still be made.
+        """
+        if not len(belief.weights) or gain < _FAINT * self.least_gain:
+            return False
+        known = belief.of_parts() if self.tolerance is None else belief.weights
+        if gain * left < entr(np.append(known, belief.unknown)).sum():
+            return False
+        return self.tolerance is None or (
+            chance_within(belief, self.tolerance) >= self.confidence * float(belief.weights.max())
+        )
 
 
 def _short(p: float) -> str:

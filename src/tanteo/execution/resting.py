@@ -40,16 +40,24 @@ class Furniture:
     surface: Surface
 
     def met(self, readings: Readings, rig: Rig, robot: RobotPreset | None) -> BoolArray:
-        """Which readings are of it rather than of a part ``(n,)``: those that lie on it or in it."""
+        """Which readings are of it rather than of a part ``(n,)``: those that lie on it or in it.
+
+        The point is taken on the beam's axis; any ray of its cone may have met it, so where the beam comes in flat the
+        point may lie before the furniture by as much as the cone's spot reaches.
+        """
         measured = measure(readings, rig=rig, robot=robot)
-        J, C = measured.stacked()
-        covs = measured.covs + J @ C @ np.swapaxes(J, 1, 2)
         out = np.zeros(len(readings), dtype=bool)
         if len(measured):
-            sds = np.sqrt(np.einsum("ni,nij,nj->n", measured.directions, covs, measured.directions))
-            away = self.surface.closest(measured.points).distances
-            inside = self.surface.inside(measured.points)
-            out[measured.rows] = inside | (away <= _NEAR * sds + _FORM)
+            points = measured.points
+            closest = self.surface.closest(points)
+            across = (points - closest.points) / np.maximum(closest.distances, 1e-12)[:, None]
+            along = np.sum(across * measured.directions, axis=1) ** 2
+            model, sensor = error_model(rig), rig.numbers(readings.sensors)[measured.rows]
+            spot = readings.ranges[measured.rows] * np.tan(model.beam_half_angle[sensor])
+            # of a point even over a disc the variance is a quarter of the radius squared, in every direction across
+            own = np.einsum("ni,nij,nj->n", across, measured.total_covs(), across) - 0.25 * spot**2 * (1 - along)
+            off = _NEAR * np.sqrt(own.clip(0.0)) + spot * np.sqrt((1 - along).clip(0.0)) + _FORM
+            out[measured.rows] = self.surface.inside(points) | (closest.distances <= off)
         return out
 
 

@@ -133,7 +133,8 @@ class Session:
             self._belief, candidates, self.probe, self._place(), self.stop.tolerance, self.count, self.seed, part_only
         )
         choice = self.policy.choose(situation)
-        if choice.gain < self.stop.least_gain:
+        left = self.stop.most - self.count
+        if choice.gain < self.stop.least_gain and not self.stop.settles(self._belief, choice.gain, left):
             if not self.stop.confirms(self._belief):
                 return Done(False, f"No reading is worth its cost: the best would tell {choice.gain:.3f} nats.")
             choice = _to_confirm(situation)
