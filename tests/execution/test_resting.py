@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from felt_scenes import gripper
+from tanteo.active import at_pose, begin
 from tanteo.execution import Furniture, Possible
-from tanteo.execution.resting import as_readings, beyond_furniture, of_parts
+from tanteo.execution.furniture import beyond_furniture
+from tanteo.execution.resting import as_readings, of_parts
 from tanteo.hand import FREE, LOST, MET, Sensed
 from tanteo.lie import SE3
 from tanteo.sensors import error_model, measure
@@ -109,18 +113,41 @@ def test_beams_to_furniture_are_free_as_far_as_it():
     assert beyond_furniture(readings, np.zeros(2, dtype=bool), HAND.rig) is readings
 
 
+TABLE = Furniture(Scene.of([box("table", [-1, -1, -0.05], [1, 1, 0])]).surface)
+
+
+def flat_look(tilt):
+    """A hand whose first frontal sensor meets the table at 80 mm, so far from above [deg]; the way its beam goes."""
+    turn = SE3.exp(np.r_[np.zeros(3), 0.0, np.radians(tilt), 0.0])
+    T = turn @ ABOVE
+    axis = T[:3, :3] @ HAND.axes[FIRST]
+    T[2, 3] += 0.08 * -axis[2] - SE3.apply(T, HAND.origins[FIRST])[2]
+    return T, axis
+
+
+def nearest(axis):
+    """What the ray of the cone that meets the table first reads, as far along the axis."""
+    slope, half = np.arccos(-axis[2]), error_model(HAND.rig).beam_half_angle[FIRST]
+    return 0.08 * np.cos(slope) / np.cos(slope - half) * np.cos(half)
+
+
 @pytest.mark.parametrize("tilt", [0.0, 40.0, 65.0])
 def test_any_ray_of_a_flat_cone_may_have_met_the_furniture(tilt):
-    """The ray nearest to the table gives the shortest range; a reading shorter by a few millimetres is of something."""
-    furniture = Furniture(Scene.of([box("table", [-1, -1, -0.05], [1, 1, 0])]).surface)
-    model, angle = error_model(HAND.rig), np.radians(tilt)
-    turn = SE3.exp(np.r_[np.zeros(3), 0.0, angle, 0.0])
-    axis = (turn @ ABOVE)[:3, :3] @ HAND.axes[FIRST]
-    T = turn @ ABOVE
-    T[2, 3] += 0.08 * -axis[2] - (SE3.apply(T, HAND.origins[FIRST])[2])  # the axis meets the table at 80 mm
-    slope = np.arccos(-axis[2])
-    half = model.beam_half_angle[FIRST]
-    nearest = 0.08 * np.cos(slope) / np.cos(slope - half) * np.cos(half)  # as far along the axis
-    for sooner, of_it in ((0.0, True), (0.008 / np.cos(slope), False)):
-        readings = as_readings(HAND, log([nearest - sooner] * 10, [-1] * 10, T), "1")
-        assert furniture.met(readings, HAND.rig, None).tolist() == [of_it]
+    """The ray nearest to the table gives the shortest range; a point 8 mm higher is of something else."""
+    T, axis = flat_look(tilt)
+    for sooner, of_it in ((0.0, True), (0.008 / -axis[2], False)):
+        readings = as_readings(HAND, log([nearest(axis) - sooner] * 10, [-1] * 10, T), "1")
+        assert TABLE.met(readings, HAND.rig, None).tolist() == [of_it]
+
+
+@pytest.mark.parametrize(("aside", "unknown", "of_it"), [(0.0, 0.02, False), (0.2, 0.02, True), (0.0, 0.95, True)])
+def test_a_reading_near_the_table_is_of_a_part_that_is_expected_there(targets, aside, unknown, of_it):
+    """And of the table where the part is elsewhere, or where it is most probably another one."""
+    T, axis = flat_look(65.0)
+    readings = as_readings(HAND, log([nearest(axis)] * 10, [-1] * 10, T), "1")
+    origin, part = SE3.apply(T, HAND.origins[FIRST]), targets[2].part
+    place = origin + nearest(axis) * axis - part.centroid
+    sooner = targets[2].surface.cast(origin - place, axis).distances
+    T_world_part = SE3.from_parts(np.eye(3), place + (nearest(axis) - sooner) * axis + np.array([0.0, aside, 0.0]))
+    belief = begin(at_pose(targets[2], T_world_part, np.diag(np.repeat([1e-6, 1e-4], 3))))
+    assert TABLE.met(readings, HAND.rig, None, replace(belief, unknown=unknown)).tolist() == [of_it]

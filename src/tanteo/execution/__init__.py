@@ -4,10 +4,10 @@ The hand touches nothing: it keeps clear of every pose that the belief still all
 by its sensors, of what it meets on the way. This room knows no simulator.
 """
 
+from tanteo.execution.furniture import Furniture
 from tanteo.execution.loop import Executed, Visit, reachable, sense_part
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.probes import hand_probe
-from tanteo.execution.resting import Furniture
 from tanteo.execution.seen import HYPOTHESES, part_seen, seen_start
 from tanteo.execution.stances import stances
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.active import Belief, Candidates
+from tanteo.execution.furniture import Furniture, beyond_furniture
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.probes import REPEATS
-from tanteo.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
+from tanteo.execution.resting import as_readings, of_parts, rest
 from tanteo.execution.routes import route
 from tanteo.execution.stances import feasible, ranked, stances
 from tanteo.hand import Hand, Robot
@@ -182,7 +183,7 @@ class _Run:
             return None, "no echo"
         note = ""
         if self.furniture is not None:
-            of_it = self.furniture.met(readings, hand.rig, self.errors)
+            of_it = self.furniture.met(readings, hand.rig, self.errors, self.session.belief)
             readings = beyond_furniture(readings, of_it, hand.rig)
             note = f"{int(of_it.sum())} met furniture" if of_it.any() else ""
         if readings.is_free.all():

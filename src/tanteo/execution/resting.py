@@ -1,9 +1,8 @@
-"""What the sensors read while the hand rests, as readings for the belief; and what is known to stand there."""
+"""What the sensors read while the hand rests, as readings for the belief."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,9 +10,8 @@ from tanteo.execution.allowed import OFF
 from tanteo.execution.possible import Possible
 from tanteo.hand import FREE, MET, Hand, Robot, Sensed
 from tanteo.lie import SE3, SO3
-from tanteo.sensors import Readings, Rig, RobotPreset, error_model, measure
-from tanteo.shapes import Surface
-from tanteo.typing import BoolArray, Transforms
+from tanteo.sensors import Readings, error_model
+from tanteo.typing import Transforms
 
 _SCATTER = 6.0
 """Readings that lie farther apart than so many standard deviations of their noise met a slope or more than one thing:
@@ -24,41 +22,6 @@ _ALONE = 4
 
 _ALONG, _FARTHEST = 24, 0.3
 """Places along a beam at which is asked what may be there, and how far out [m]."""
-
-_NEAR, _FORM = 4.0, 1e-3
-"""A reading within so many standard deviations and this much more [m] of furniture is of the furniture."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Furniture:
-    """Solids that are known to stand in the cell: a table, clamps, a fixture.
-
-    Attributes:
-        surface: of all of them, in the world.
-    """
-
-    surface: Surface
-
-    def met(self, readings: Readings, rig: Rig, robot: RobotPreset | None) -> BoolArray:
-        """Which readings are of it rather than of a part ``(n,)``: those that lie on it or in it.
-
-        The point is taken on the beam's axis; any ray of its cone may have met it, so where the beam comes in flat the
-        point may lie before the furniture by as much as the cone's spot reaches.
-        """
-        measured = measure(readings, rig=rig, robot=robot)
-        out = np.zeros(len(readings), dtype=bool)
-        if len(measured):
-            points = measured.points
-            closest = self.surface.closest(points)
-            across = (points - closest.points) / np.maximum(closest.distances, 1e-12)[:, None]
-            along = np.sum(across * measured.directions, axis=1) ** 2
-            model, sensor = error_model(rig), rig.numbers(readings.sensors)[measured.rows]
-            spot = readings.ranges[measured.rows] * np.tan(model.beam_half_angle[sensor])
-            # of a point even over a disc the variance is a quarter of the radius squared, in every direction across
-            own = np.einsum("ni,nij,nj->n", across, measured.total_covs(), across) - 0.25 * spot**2 * (1 - along)
-            off = _NEAR * np.sqrt(own.clip(0.0)) + spot * np.sqrt((1 - along).clip(0.0)) + _FORM
-            out[measured.rows] = self.surface.inside(points) | (closest.distances <= off)
-        return out
 
 
 def rest(robot: Robot, count: int) -> list[Sensed]:
@@ -120,20 +83,3 @@ def _rigid(Ts: Transforms) -> Transforms:
     """Poses as a readings file keeps them."""
     Ts[:, :3, :3] = SO3.from_quaternion(SO3.as_quaternion(Ts[:, :3, :3]))
     return Ts
-
-
-def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings:
-    """The same with beams to furniture as free as far as it: nothing else stands between."""
-    if not of_it.any():
-        return readings
-    law = error_model(rig).law
-    number = rig.numbers(readings.sensors)
-    sds = law.sigma(np.nan_to_num(readings.ranges, nan=0.1)[:, None] * np.ones(len(rig.sensors)))
-    sd = sds[np.arange(len(readings)), number]
-    short = np.maximum(readings.ranges - _NEAR * sd - 5 * _FORM, 1e-3)
-    return Readings.from_columns(
-        ids=readings.ids, ranges=np.where(of_it, np.nan, readings.ranges), sensors=readings.sensors,
-        Ts_world_hand=readings.Ts_world_hand, sds=np.where(of_it, np.nan, readings.sds),
-        is_free=readings.is_free | of_it, max_ranges=np.where(of_it, short, readings.max_ranges),
-        source=readings.source,
-    )  # fmt: skip
