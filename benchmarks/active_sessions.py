@@ -70,7 +70,7 @@ def readings_of(sensor, policy, seed, scene):
         best = int(np.argmax(step.probabilities))
         if row["known"] > MOST and step.probabilities[best] > 0.99:
             row |= {"known": session.count, "right": best == k}
-        if session.belief.weights[0] > 0.95 and step.probabilities[best] > 0.99 and step.worst_corner_sd <= corner:
+        if step.probabilities[best] > 0.99 and step.worst_corner_sd <= corner:
             row |= {"placed": session.count, "off": off(session, k, T) / corner}
             break
     return row | {"spent": (time.process_time() - begun) / max(session.count, 1)}

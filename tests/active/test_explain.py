@@ -164,7 +164,7 @@ def test_the_spin_of_a_round_part_is_nothing_to_be_known(tmp_path):
         assert not direction.motion.startswith(("rotation about world z", "rotation about part z"))
         assert sum(share for _, share in direction.shares) + direction.rough_pose == pytest.approx(1)
     for one, now in zip(told.added, session.steps, strict=True):
-        assert one.corner_sd == now.worst_corner_sd
+        assert one.corner_sd == pytest.approx(now.worst_corner_sd)
 
 
 def step(ids, probabilities, part, covariance=1e-6):

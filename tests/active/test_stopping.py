@@ -11,8 +11,10 @@ from scipy.special import entr
 
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import rough
-from tanteo.active import Stop, around, at_pose, begin, chance_within, corner_distances, update
+from tanteo.active import Start, Stop, around, at_pose, begin, chance_within, corner_distances, update, worst_corner
 from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.matching.verdict import corner_sd
 from tanteo.parts import read_part
 from tanteo.surface_search import prepare_target
 from tanteo.surface_search.likelihood import log_posterior
@@ -49,6 +51,30 @@ def test_poses_that_symmetry_makes_equal_are_no_way_apart():
     np.testing.assert_allclose(corner_distances(begin(start), 0, images), 0.0, atol=1e-9)
     moved = images @ SE3.exp(np.array([2e-3, 0, 0, 0, 0, 0]))
     np.testing.assert_allclose(corner_distances(begin(start), 0, moved), 2e-3, atol=1e-9)
+
+
+def test_the_worst_corner_is_that_of_all_poses_that_the_part_may_have():
+    """Two poses 20 mm and 10 degrees apart, at 0.7 and 0.3, against draws of both; one alone has its own."""
+    target, rng = prepare_target(read_part(PARTS / "wedge.step")), np.random.default_rng(5)
+    Ts = np.stack([np.eye(4), SE3.exp(np.array([0.02, 0, 0, 0, 0, np.radians(10)]))])
+    C = np.diag([1e-3, 2e-3, 1e-3, 0.02, 0.03, 0.01]) ** 2
+    start = Start((target,), np.zeros(2, dtype=int), Ts, np.stack([C, 2 * C]), np.array([0.7, 0.3]), Priors())
+    mode = rng.choice(2, 200_000, p=[0.7, 0.3])
+    xi = rng.normal(size=(len(mode), 6)) * np.sqrt(np.diag(C)) * np.sqrt(1.0 + mode)[:, None]
+    corners = np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3)
+    at = SE3.apply((Ts[mode] @ SE3.exp(xi))[:, None], corners)
+    drawn = max(np.linalg.eigvalsh(np.cov(at[:, k].T)).max() for k in range(8)) ** 0.5
+    assert worst_corner(begin(start)) == pytest.approx(drawn, rel=0.01)
+    alone = at_pose(target, Ts[0], C)
+    assert worst_corner(begin(alone)) == pytest.approx(corner_sd(target.part, C))
+
+
+def test_poses_that_symmetry_makes_equal_are_one_for_the_worst_corner():
+    target = prepare_target(read_part(PARTS / "square_post.step"))
+    Ts, C = target.part.symmetry.Ts, 1e-6 * np.eye(6)
+    n = len(Ts)
+    start = Start((target,), np.zeros(n, dtype=int), Ts, np.tile(C, (n, 1, 1)), np.ones(n), Priors())
+    assert worst_corner(begin(start)) == pytest.approx(corner_sd(target.part, C), rel=1e-6)
 
 
 def test_only_what_is_known_but_for_none_of_these_is_confirmed():

@@ -23,7 +23,7 @@ from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
 from tanteo.active.situation import Choice, Policy, Situation
 from tanteo.active.start import Start, around, at_pose, from_hypotheses
-from tanteo.active.stopping import Stop, chance_within, corner_distances
+from tanteo.active.stopping import Stop, chance_within, corner_distances, worst_corner
 from tanteo.active.utility import expected_information
 
 __all__ = [
@@ -68,4 +68,5 @@ __all__ = [
     "probe_of",
     "propose",
     "update",
+    "worst_corner",
 ]

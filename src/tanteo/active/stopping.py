@@ -12,6 +12,7 @@ from tanteo.active.samples import even_normals
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching.belief import without_spin
+from tanteo.matching.verdict import corner_moves, observed_covariance
 from tanteo.typing import FloatArray
 
 _SAMPLES = 2048
@@ -151,10 +152,38 @@ def corner_distances(belief: Belief, k: int, Ts: FloatArray) -> FloatArray:
         k: the mode.
         Ts: poses of the same part ``(S, 4, 4)``.
     """
+    return np.asarray(np.linalg.norm(_corners_moved(belief, k, Ts)[0], axis=-1).max(axis=-1))
+
+
+def worst_corner(belief: Belief) -> float:
+    """Largest standard deviation of the position of a corner of the likeliest part's box, in any direction [m].
+
+    Over all poses that this part may have: that of one which may lie in either of two ways is large. Up to symmetry;
+    NaN if no part explains the readings.
+    """
+    if not len(belief.weights):
+        return float("nan")
+    best = int(np.argmax(belief.weights))
+    part, same = belief.target(best).part, np.flatnonzero(belief.part == belief.part[best])
+    w = belief.weights[same] / belief.weights[same].sum()
+    moved, R = _corners_moved(belief, best, belief.poses[same])
+    J = R[:, None] @ corner_moves(part)
+    C = np.stack([observed_covariance(part, belief.covariances[k]) for k in same])[:, None]
+    off = moved - np.tensordot(w, moved, 1)
+    whole = np.tensordot(w, J @ C @ np.swapaxes(J, -1, -2) + off[..., :, None] * off[..., None, :], 1)
+    return float(np.sqrt(np.linalg.eigvalsh(whole).max().clip(0.0)))
+
+
+def _corners_moved(belief: Belief, k: int, Ts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """From where mode ``k`` has the corners to where poses have them, in its frame ``(S, 8, 3)``; how these are turned.
+
+    Of poses that symmetry makes equal, the one at which the worst corner moves least.
+    """
     part = belief.target(k).part
     corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
     gaps = SE3.inverse(belief.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
     if part.symmetry.continuous:
         gaps = without_spin(part, gaps)
     moved = SE3.apply(gaps[..., None, :, :], corners) - corners
-    return np.asarray(np.linalg.norm(moved, axis=-1).max(axis=-1).min(axis=0))
+    least, rows = np.linalg.norm(moved, axis=-1).max(axis=-1).argmin(axis=0), np.arange(len(Ts))
+    return moved[least, rows], gaps[least, rows, :3, :3]

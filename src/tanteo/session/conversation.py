@@ -21,9 +21,9 @@ from tanteo.active import (
     chance_within,
     propose,
     update,
+    worst_corner,
 )
 from tanteo.matching import PosePrior, Recognition
-from tanteo.matching.verdict import corner_sd, observed_covariance
 from tanteo.sensors import Readings, concatenate
 from tanteo.session.answer import answered
 from tanteo.session.names import new_readings
@@ -227,14 +227,13 @@ class Session:
 
     def _step(self, b: Belief, ids: Sequence[str], note: str) -> Step:
         if not len(b.weights):
-            nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), np.nan, 0.0
-            T, part, C, sd, inside = nowhere
+            nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
+            T, part, C, inside = nowhere
         else:
             k = int(np.argmax(b.weights))
             T, part, C = b.poses[k], int(b.part[k]), b.covariances[k]
-            part_k = b.target(k).part
-            sd = corner_sd(part_k, observed_covariance(part_k, C))
             inside = np.nan if self.stop.tolerance is None else chance_within(b, self.stop.tolerance)
+        sd = worst_corner(b)
         return Step(tuple(ids), self._asked, b.of_parts(), b.unknown, T, part, C, sd, float(inside), note)
 
 

@@ -145,7 +145,7 @@ class Step:
         T_world_part: likeliest pose ``(4, 4)``.
         part: index of its part; -1 if no part explains the readings.
         covariance: of that pose ``(6, 6)``.
-        worst_corner_sd: [m].
+        worst_corner_sd: largest standard deviation of a corner of that part's box, over all poses that it may have [m].
         within: probability that all corners are within the tolerance; NaN without one.
         note: what a person should know; empty for nothing.
     """
