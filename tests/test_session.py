@@ -14,7 +14,8 @@ from tanteo.active import Candidates, Stop, begin, update
 from tanteo.errors import InputError
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
-from tanteo.session import Done
+from tanteo.sensors.law import NoiseLaw
+from tanteo.session import Done, Sensing
 from tanteo.session.answer import answered
 from tanteo.surface_search import prepare_target
 
@@ -121,6 +122,56 @@ def test_new_names_are_not_those_that_are_told_with_them(targets):
     session.tell(Readings.from_columns(np.array([[0.0, 0.0, 0.1]]), ids=["a"]))
     step = session.tell(Readings.from_columns(np.array([[0.0, 0.0, 0.2], [0.0, 0.1, 0.1]]), ids=["a", "a (2)"]))
     assert step.ids == ("a (3)", "a (2)")
+
+
+def test_a_run_told_again_under_its_new_names_is_not_counted_again(targets):
+    """Two runs of one robot program have the same names and other values."""
+    session = new_session(rough(targets))
+    runs = [Readings.from_columns(np.array([[0.0, 0.0, z]]), ids=["a"], sds=np.array([1e-3])) for z in (0.1, 0.2, 0.3)]
+    for run in runs:
+        session.tell(run)
+    for run in (*runs, session.readings):
+        step = session.tell(run)
+        assert step.ids == ()
+        assert "told before" in step.note
+    assert session.readings.ids == ("a", "a (2)", "a (3)")
+
+
+def test_a_correction_of_what_was_told_is_not_taken_silently(targets):
+    session = new_session(rough(targets))
+    reading = Readings.from_columns(np.array([[0.0, 0.0, 0.1]]), ids=["a"], sds=np.array([1e-4]))
+    session.tell(reading)
+    step = session.tell(replace(reading, sds=np.array([5e-3])))
+    assert session.count == 1
+    assert step.note == "a: told before with other errors, radius or normal, which hold"
+
+
+def test_nothing_is_enough_before_a_reading_met_a_part(targets):
+    """Beams that went free beside the only part that is expected tell nothing of which it is."""
+    start = replace(rough(targets[:1]), priors=replace(rough(targets[:1]).priors, unknown=0.005))
+    session = new_session(start, probability=0.99)
+    away = np.array([[1.0, 1.0, 1.0]])
+    free = {"directions": np.array([[0, 0, 1.0]]), "is_free": np.array([True]), "max_ranges": np.array([0.1])}
+    session.tell(Readings.from_columns(away, ids=["f"], **free))
+    assert session.belief.of_parts().max() > 0.99
+    assert not isinstance(session.ask(), Done)
+    assert session.answer().status == "insufficient"
+
+
+def test_what_a_session_cannot_mean_is_refused(targets):
+    session = new_session(rough(targets))
+    with pytest.raises(InputError, match="top: expected 1 or more"):
+        session.answer(top=0)
+    with pytest.raises(InputError, match="seed: expected 0 or more"):
+        new_session(rough(targets), seed=-1)
+    for tolerance in (-1e-3, np.nan, np.inf):
+        with pytest.raises(InputError, match="tolerance: expected 0 or more"):
+            Sensing(tolerance=tolerance)
+    for law in (NoiseLaw.of(np.nan), NoiseLaw.of(1e-300), NoiseLaw.of(np.inf)):
+        with pytest.raises(InputError, match="law: expected a standard deviation"):
+            replace(LASER, law=law)
+    with pytest.raises(InputError, match="a place and a unit direction"):
+        replace(session.ask(), origin=np.zeros(2))
 
 
 def test_what_cannot_be_a_reading_changes_nothing(targets):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tanteo.io import write_readings
 from tanteo.lie import SE3
 from tanteo.sensors import Readings
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SD = 5e-5
 T_WORLD_PART = SE3.exp(np.array([0.3, -0.1, 0.2, 0.4, -0.3, 0.8]))
 
@@ -95,3 +97,14 @@ def test_a_robot_s_base_error_widens_the_pose(answer):
     shared = np.array(answer(robot="xarm")[1]["hypotheses"][0]["covariance"]["matrix"])
     # 1 mm and 3 mrad at the base, half a metre away: about 1.5 mm an axis
     assert np.sqrt(np.diag(shared)[:3]).min() > 1e-3 > 5 * np.sqrt(np.diag(alone)[:3]).max()
+
+
+def test_parts_that_are_not_listed_are_named_in_the_message(run):
+    """Two parts fit equally; one hypothesis is asked for."""
+    readings = str(EXAMPLES / "readings" / "step_not_felt.csv")
+    words = ("identify", readings, "--parts", str(EXAMPLES / "parts"), "--sd", "0.3mm")
+    for top in ("1", "5"):
+        document = json.loads(run(*words, "--json", "--top", top).out)
+        assert document["status"] == "ambiguous"
+        assert "step_12mm or step_15mm" in document["message"]
+    assert len(json.loads(run(*words, "--json", "--top", "1").out)["hypotheses"]) == 1

@@ -7,6 +7,7 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -60,6 +61,16 @@ def test_two_parts_are_told_apart(run, tmp_path):
     document = json.loads(run(*words, "--json").out)
     assert document["schema"] == "tanteo.distinction/1"
     assert document["information_nats"] > 0.6
+    assert np.shape(document["T_first_second"]) == (4, 4)
+
+
+def test_two_outputs_are_two_files(run, tmp_path):
+    same = str(tmp_path / "plan.html")
+    words = ("plan", "--part", BRACKET, "--tolerance", "1mm", "--sd", "0.1mm")
+    got = run(*words, "--csv", same, "--report", same)
+    assert got.code == 1
+    assert "--report: expected another file than that of --csv" in got.err
+    assert not (tmp_path / "plan.html").exists()
 
 
 @pytest.mark.parametrize(
@@ -76,6 +87,11 @@ def test_two_parts_are_told_apart(run, tmp_path):
         (("--distinguish", BRACKET, "--sd", "1mm"), "two CAD files"),
         (("--distinguish", BRACKET, "--distinguish", BRACKET, "--sd", "1mm"), "twice"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--most", "0"), "--most"),
+        (
+            ("--distinguish", BRACKET, "--distinguish", "x.step", "--sd", "1mm", "--csv", "x.csv"),
+            "--csv: expected with",
+        ),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "vl53l0x", "--standoff", "12mm"), "30 mm or more"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--report", "plan.pdf"), "--report"),
     ],
 )

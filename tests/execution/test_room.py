@@ -135,3 +135,9 @@ def test_the_probe_is_a_frontal_sensor(targets):
         hand_probe(hand, RULES, 0.013)
     with pytest.raises(InputError, match="stand-off within range"):
         hand_probe(hand, RULES, 0.2)
+
+
+def test_a_part_that_may_be_anywhere_is_asked_where_it_is(targets):
+    """A grid of all places that it may have would not fit into memory."""
+    with pytest.raises(InputError, match="expected the parts within some metres"):
+        _ = Possible.of(believed(targets[:1], 2.0)).occupied

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from tanteo.active.belief import begin
 from tanteo.active.candidates import Candidates, propose
@@ -25,23 +26,28 @@ _STEADY, _LEAST = 0.9, 40
 _TINY = 1e-9
 """Share of the variances that is left where nothing needs to be known."""
 
+_EXACT = 1e-7
+"""Of a robot that is exact in place or in turn, but not in the other [m, rad]."""
+
 _POSES = 2048
 """Poses by which the chance to be within the tolerance is counted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Design:
-    """Candidates as rows of a linear problem: the pose's perturbation and, if there is one, the bias, ``D`` in all.
+    """Candidates as rows of a linear problem: perturbations of the pose, bias and robot's base, ``D`` in all.
+
+    Bias and base are there only if the probe has them.
 
     Attributes:
         target: the part.
         candidates: readings that can be made.
         faces: index of the face that each meets ``(N,)``.
         points: where it does, world ``(N, 3)`` [m].
-        rows: how each moves with pose and bias ``(N, D)``.
+        rows: how each moves with pose, bias and base ``(N, D)``.
         variances: of what is new at each ``(N,)`` [m^2].
-        prior: covariance of pose and bias before ``(D, D)``.
-        base: of the robot's absolute error, in the frame of the part ``(6, 6)``.
+        prior: covariance of all of them before ``(D, D)``.
+        limit: of the pose, if it were known exactly relative to the robot ``(6, 6)``.
         corners: how the corners of the part's box move with its pose ``(8, 3, 6)``.
         meets: share of the poses at which each meets its face ``(N,)``.
     """
@@ -53,18 +59,18 @@ class Design:
     rows: FloatArray
     variances: FloatArray
     prior: Covariances
-    base: Covariances
+    limit: Covariances
     corners: FloatArray
     meets: FloatArray
 
     def after(self, chosen: IntArray) -> Covariances:
-        """Covariance of pose and bias after some readings."""
+        """Covariance of pose, bias and base after some readings."""
         G = self.rows[chosen]
         return np.asarray(np.linalg.inv(np.linalg.inv(self.prior) + (G.T / self.variances[chosen]) @ G))
 
     def pose(self, C: Covariances) -> Covariances:
         """Of the pose in the world."""
-        return C[:6, :6] + self.base
+        return C[:6, :6]
 
     def cost(self, squares: FloatArray) -> FloatArray:
         """Of mean square errors of the corners ``(*batch, 8)``: the worst count most."""
@@ -110,16 +116,24 @@ def design_of(start: Start, probe: Probe, seed: int) -> Design | None:
     candidates, share = candidates.take(kept), share[kept]
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
-    prior, biased = observed_covariance(target.part, start.covariances[0]), probe.shared_sd > 0
+    prior = observed_covariance(target.part, start.covariances[0])
     prior = prior + _TINY * np.diag(np.diag(start.covariances[0]))  # invertible, where a round part may spin
-    if biased:
-        g = np.concatenate([g, np.ones((len(g), 1))], axis=1)
-        prior = np.block([[prior, np.zeros((6, 1))], [np.zeros((1, 6)), np.full((1, 1), probe.shared_sd**2)]])
-    A = SE3.adjoint_inverse(T)
-    base = (A * np.repeat(np.square(probe.base_sds), 3)) @ A.T
+    rows, blocks, limit = [g], [prior], np.zeros((6, 6))
+    if probe.shared_sd > 0:
+        rows.append(np.ones((len(g), 1)))
+        blocks.append(np.full((1, 1), probe.shared_sd**2))
+    if max(probe.base_sds) > 0:  # the robot is off: all that it reads moves as if the part had moved the other way
+        A = SE3.adjoint_inverse(T)
+        base = (A * np.repeat(np.square(np.maximum(probe.base_sds, _EXACT)), 3)) @ A.T
+        rows.append(-g)
+        blocks.append(base)
+        limit = prior @ np.linalg.solve(prior + base, base)
     points = candidates.origins + ranges[:, None] * candidates.directions
     own = probe.own_variance(ranges, cosines)
-    return Design(target, candidates, faces, points, g, own, prior, base, corner_moves(target.part), share)
+    return Design(
+        target, candidates, faces, points, np.concatenate(rows, axis=1), own, block_diag(*blocks), limit,
+        corner_moves(target.part), share,
+    )  # fmt: skip
 
 
 def _steadiness(start: Start, candidates: Candidates) -> FloatArray:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from tanteo.active.belief import begin
-from tanteo.active.candidates import propose
+from tanteo.active.belief import Belief, begin
+from tanteo.active.candidates import Candidates, propose
 from tanteo.active.probe import Probe
 from tanteo.active.samples import draw, predict
 from tanteo.active.start import Start
@@ -30,6 +30,12 @@ _TELLS = 0.3
 
 _FITTED = np.full(8, 3.0)
 """Steps of the fit, and the scale beyond which a place loses its weight [deviations]."""
+
+_CLOSER, _SAME, _AS_MUCH = np.geomspace(3.0, 0.02, 24), 5e-5, 0.05
+"""Steps of the fit by as much surface as can be; what is the same surface then [m]; shares of it that are as much."""
+
+_SAMPLES = 48
+"""Poses of each place of each part, by which readings are compared."""
 
 _TWINS = 4
 """Ways of laying it on that are looked at."""
@@ -68,7 +74,8 @@ class Distinction:
 def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, seed: int = 0) -> Distinction:
     """The reading that tells most about which of two parts it is, located to ``sd`` at its corners.
 
-    The second part is where it looks most like the first; it may look like it in several ways.
+    The second part is where it looks most like the first; it may look like it in several ways, and the reading is that
+    which tells most in the way in which it tells least.
 
     Args:
         first: one part.
@@ -93,25 +100,42 @@ def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, s
         nowhere = np.full(3, np.nan)
         message = "The probe reaches no place of the parts: give it more room, or another approach."
         return Distinction(names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, message)
-    samples = draw(belief, 96)
-    predicted = predict(samples, candidates.origins, candidates.directions)
-    told = about_mode(samples, predicted, probe, samples.part)
-    k = int(np.argmax(told))
+    told = _told(belief, candidates, probe, len(twins))
+    k = int(np.lexsort((told.sum(axis=0), told.min(axis=0)))[-1])
+    twin = int(np.argmin(told[:, k]))
     here = draw(begin(start), 1)  # the middle of every pose
     seen = predict(here, candidates.origins[k : k + 1], candidates.directions[k : k + 1])
-    rows = [int(np.flatnonzero(here.part == part)[0]) for part in (0, 1)]
+    rows = [int(np.flatnonzero(here.mode == mode)[0]) for mode in (0, 1 + twin)]
     ranges = seen.ranges[0, rows]
     answers = probe.answers(ranges, seen.cosines[0, rows])
     own = probe.variance(np.where(answers, ranges, 1.0), np.where(answers, seen.cosines[0, rows], 1.0))
     sds = np.sqrt(own + seen.variances[0, rows])
     return Distinction(
-        names, candidates.origins[k], candidates.directions[k], np.where(answers, ranges, np.inf), sds, twins[0],
-        float(told[k]),        _message(names, np.where(answers, ranges, np.inf), float(told[k])),
+        names, candidates.origins[k], candidates.directions[k], np.where(answers, ranges, np.inf), sds,
+        twins[twin], float(told[twin, k]), _message(names, np.where(answers, ranges, np.inf), float(told[twin, k])),
     )  # fmt: skip
 
 
+def _told(belief: Belief, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
+    """What each reading tells about which part it is, if the second is known to be at each of its places ``(k, C)``."""
+    samples = draw(belief, _SAMPLES * (1 + twins))
+    predicted = predict(samples, candidates.origins, candidates.directions)
+    out = []
+    for twin in range(1, 1 + twins):
+        rows = np.flatnonzero((samples.mode == 0) | (samples.mode == twin))
+        w = samples.weights[rows] / np.where(samples.mode[rows] == 0, 1.0, 1.0 / twins)
+        some = {f.name: getattr(samples, f.name)[rows] for f in fields(samples) if f.name not in ("targets", "weights")}
+        of_two = {f.name: getattr(predicted, f.name)[:, rows] for f in fields(predicted)}
+        out.append(about_mode(replace(samples, weights=w / w.sum(), **some), replace(predicted, **of_two), probe))
+    return np.minimum(out, np.log(2))
+
+
 def laid_on(first: Target, second: Target) -> Transforms:
-    """Poses of the second part, in the frame of the first, at which it looks most like it ``(k, 4, 4)``."""
+    """Poses of the second part, in the frame of the first, at which it looks most like it ``(k, 4, 4)``.
+
+    It does so on the whole, all differences shared out over its surface, and with as much of the surface as can be just
+    where the first has it, which puts all the difference in one place: as when it was located by what both have.
+    """
     points, normals, n = first.samples[:_PLACES], first.normals[:_PLACES], min(_PLACES, len(first.samples))
     sd = _AGREE * first.part.diagonal
     none, directions = np.zeros((n, 3, 0)), np.zeros((n, 3))
@@ -124,7 +148,21 @@ def laid_on(first: Target, second: Target) -> Transforms:
     if not answer.hypotheses:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]
     Ts = np.stack([h.T_world_part for h in answer.hypotheses])
-    return refine(touches, Ts, second.distance, _FITTED)[0]  # the places are exact: no noise put one beside its face
+    Ts = refine(touches, Ts, second.distance, _FITTED)[0]  # the places are exact: no noise put one beside its face
+    close = refine(touches, np.concatenate([Ts, np.eye(4)[None]]), second.distance, _CLOSER)[0]
+    off = second.distance(SE3.apply(SE3.inverse(close)[:, None], points))[0]
+    share = np.mean(np.abs(off) < _SAME, axis=1)
+    return _distinct(second, np.concatenate([Ts, close[share > share.max() - _AS_MUCH]]))
+
+
+def _distinct(part: Target, Ts: Transforms) -> Transforms:
+    """The first of poses that are the same to what the corners of the part's box show."""
+    kept: list[Transforms] = []
+    for T in Ts:
+        gaps = [corner_moves(part.part) @ SE3.log(SE3.inverse(other) @ T) for other in kept]
+        if all(np.linalg.norm(gap, axis=1).max() > 4 * _SAME for gap in gaps):
+            kept.append(T)
+    return np.stack(kept)
 
 
 def located(target: Target, sd: float) -> Covariances:

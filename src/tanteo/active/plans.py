@@ -110,7 +110,7 @@ def _chosen(design: Design, tolerance: float, confidence: float, most: int) -> I
         chosen = min((_exchanged(design, start) for start in starts), key=design.cost_of)
         if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
             break
-        if design.chance(0.0 * design.prior, tolerance) < confidence:
+        if design.chance(design.limit, tolerance) < confidence:
             break  # the robot's own error is too large for any number of readings
     return _ordered(design, chosen)
 
@@ -198,7 +198,7 @@ def _message(design: Design, readings: list[PlannedReading], tolerance: float, r
         worst = f"worst corner {1e3 * last.worst_corner_sd:.2g} mm, 1 sd"
         count = "1 reading brings" if n == 1 else f"{n} readings bring"
         return f"{count} {aim} (P = {last.within:.3f}); {worst}."
-    never = corner_sd(design.target.part, design.base)
+    never = corner_sd(design.target.part, design.limit)
     if never > 0.3 * tolerance:
         return (
             f"No number of readings brings {aim}: the robot's own error moves the worst corner by "

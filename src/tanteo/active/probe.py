@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
 from tanteo.sensors import RobotPreset, SensorPreset
+from tanteo.sensors.checks import LARGEST, LEAST_SD
 from tanteo.sensors.law import NoiseLaw
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
@@ -72,6 +73,11 @@ class Probe:
         if not 0 < self.max_incidence < np.pi / 2:
             got = f"got {np.degrees(self.max_incidence):g} deg. Correct it."
             raise InputError(f"probe '{self.name}', max_incidence: expected an angle between 0 and 90 deg, {got}")
+        sd = float(self.law.sigma(np.asarray(self.standoff)))
+        if not LEAST_SD <= sd <= LARGEST:
+            raise InputError(
+                f"probe '{self.name}', law: expected a standard deviation in metres, got {sd:g}. Correct it."
+            )
         others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "cone", "seconds")
         for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
             raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
@@ -117,9 +123,18 @@ def probe_of(preset: SensorPreset, robot: RobotPreset | None = None, **where: ob
         preset: the sensor.
         robot: its errors; none are assumed without it.
         where: standoff, clearance, approach, workspace and so on.
+
+    Raises:
+        InputError: a stand-off at which the sensor reads nothing yet.
     """
     far = 0.3 if preset.is_contact else preset.max_range
     standoff = min(0.05, far) if preset.is_contact else float(np.clip(0.05, 1.2 * preset.min_range, 0.8 * far))
+    standoff = float(where.get("standoff", standoff))  # type: ignore[arg-type]
+    if not preset.is_contact and standoff < preset.min_range:
+        raise InputError(
+            f"probe '{preset.name}', standoff: expected {1e3 * preset.min_range:g} mm or more, where it begins to "
+            f"read, got {1e3 * standoff:g} mm. Start farther off."
+        )
     values: dict[str, object] = {
         "name": preset.name, "law": preset.law, "contact": preset.is_contact, "max_range": far,
         "beam_half_angle": float(np.nan_to_num(preset.beam_half_angle)),

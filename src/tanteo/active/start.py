@@ -49,7 +49,7 @@ class Start:
         w = np.array(self.weights, dtype=np.float64)
         if not (Ts.shape[:-2] == C.shape[:-2] == w.shape == np.shape(self.part) == (len(self.part),)):
             raise InputError(
-                f"start: expected as many poses, covariances and weights as parts, got {len(Ts)}, {len(C)}, {len(w)} "
+                f"start: expected as many poses, covariances and weights as parts, got {len(Ts)}, {len(C)}, {w.size} "
                 f"and {len(self.part)}."
             )
         if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):

@@ -56,7 +56,7 @@ class Stop:
 
     def reached(self, belief: Belief) -> str:
         """Why sensing can end now, in words; empty if it cannot."""
-        if belief.touches is None or not len(belief.weights):
+        if belief.touches is None or not len(belief.touches) or not len(belief.weights):
             return ""
         P = belief.of_parts()
         k = int(np.argmax(P))

@@ -80,6 +80,9 @@ class PlanOptions:
                 f"--distinguish: expected two parts, got {distinguish[0]} twice. Poses of one part are told apart by a "
                 "session (tanteo sense part --image)."
             )
+        unused = [f"--{n}" for n, v in (("tolerance", tolerance), ("near", near), ("csv", csv)) if v is not None]
+        if distinguish and unused:
+            raise InputError(f"{', '.join(unused)}: expected with --part, got it with --distinguish. Leave it out.")
         if part is not None and tolerance is None:
             raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
         if not 0 < confidence < 1:

@@ -12,7 +12,7 @@ from tanteo.cli.plan_options import PlanOptions
 from tanteo.cli.printing import bold, emit, printable, put, table
 from tanteo.cli.prior_options import prior_words
 from tanteo.cli.running import UNDECIDED, read_all_parts, require_file
-from tanteo.cli.targets import check_target, writing
+from tanteo.cli.targets import check_different, check_target, writing
 
 if TYPE_CHECKING:
     from tanteo.active import Distinction, Plan, Probe
@@ -30,6 +30,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
 
     check_report(report)
     check_target("--csv", options.csv)
+    check_different(("--csv", options.csv), ("--report", report))
     for path in options.parts:
         require_file("--part" if len(options.parts) == 1 else "--distinguish", path)
     parts = [read_all_parts([path], options.units, quiet=as_json)[0] for path in options.parts]

@@ -14,7 +14,7 @@ from tanteo.cli.part_live import shown_live
 from tanteo.cli.part_record import kept, write
 from tanteo.cli.printing import emit, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
-from tanteo.cli.targets import check_target
+from tanteo.cli.targets import check_different, check_target
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -107,6 +107,7 @@ def sense_unknown(
 
     check_report(report)
     check_target("--record", record)
+    check_different(("--record", record), ("--report", report), ("--scene", scene_path))
     scene = read_scene(scene_path)
     scene = replace(scene, standoff=options.standoff or scene.standoff)
     if options.seed is not None:

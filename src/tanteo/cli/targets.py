@@ -39,6 +39,21 @@ def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> N
             raise _refused(name, path, f"permission denied. {_ELSEWHERE}")
 
 
+def check_different(*targets: tuple[str, str | None]) -> None:
+    """Are these files different ones? Options and paths; None is no file.
+
+    Raises:
+        InputError: Two of them are one.
+    """
+    seen: dict[Path, str] = {}
+    for name, path in targets:
+        if path is None:
+            continue
+        if other := seen.get(Path(path).resolve()):
+            raise InputError(f"{name}: expected another file than that of {other}, got '{path}' for both. Name two.")
+        seen[Path(path).resolve()] = name
+
+
 @contextmanager
 def writing(name: str, path: str) -> Iterator[None]:
     """Write this file inside; what the system refuses becomes advice.

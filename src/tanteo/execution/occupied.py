@@ -6,12 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.surface_search import Target
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 _STEP, FAR = 0.008, 0.045
 """Of the grid [m], and the distance beyond which it says no more than that."""
+
+_NODES = 5e7
+"""The most nodes of a grid: what it takes is 400 MB."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +39,12 @@ class Occupied:
         origin = ends[:, 0].min(axis=0)
         first = np.floor((ends[:, 0] - origin) / _STEP).astype(np.int64)
         last = np.ceil((ends[:, 1] - origin) / _STEP).astype(np.int64) + 1
+        if np.prod(last.max(axis=0).astype(np.float64)) > _NODES:
+            size = " x ".join(f"{v:.3g}" for v in ends[:, 1].max(axis=0) - origin)
+            raise InputError(
+                f"rough place: expected the parts within some metres, got {size} m in which they may be. Say better "
+                "where they are ([prior] of the scene, --near, or an image)."
+            )
         table = np.full(last.max(axis=0), FAR)
         for k, T, a, b in zip(part, Ts, first, last, strict=True):
             axes = [origin[i] + _STEP * np.arange(a[i], b[i]) for i in range(3)]

@@ -58,7 +58,8 @@ def distinction_json(found: Distinction) -> str:
     """One document, schema ``tanteo.distinction/1``; metres, frame of the first part; null where nothing is met."""
     return _dumped({
         "schema": "tanteo.distinction/1", "version": tanteo.__version__, "parts": list(found.parts),
-        "message": found.message, "frame": found.parts[0], "origin_m": numbers(found.origin),
+        "message": found.message, "frame": found.parts[0], "T_first_second": numbers(found.T_first_second),
+        "origin_m": numbers(found.origin),
         "direction": numbers(found.direction), "expected_range_m": numbers(found.ranges),
         "expected_range_sd_m": numbers(found.sds), "information_nats": float(found.information),
     })  # fmt: skip

@@ -76,8 +76,10 @@ def told_of(plain: Any, place: str) -> Told:
 
 
 def _readings(plain: Any, place: str) -> Readings:
+    if not isinstance(plain, dict):
+        raise InputError(f"{place}: expected a table of columns or null, got {plain!r}. Correct it.")
     kinds = hints(Readings)
-    given = {name: kind for name, kind in kinds.items() if name == "ids" or (isinstance(plain, dict) and name in plain)}
+    given = {name: kind for name, kind in kinds.items() if name == "ids" or name in plain}
     values = table(plain, given if set(plain) <= set(kinds) else kinds, place)
     blank = made(Readings.from_columns, {"points": np.zeros((len(values["ids"]), 3))}, place)
     values = {name: getattr(blank, name) for name in kinds} | {"points": np.full_like(blank.points, np.nan)} | values

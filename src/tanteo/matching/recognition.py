@@ -59,6 +59,8 @@ def identify_features(
         raise InputError("parts: expected at least one part, got none.")
     if not 0 < alpha < 1:
         raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
+    if top < 1:
+        raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
     clock = Clock()
     models = [part if isinstance(part, PartModel) else prepare(part) for part in parts]
     sensed = sense(features)
@@ -69,7 +71,10 @@ def identify_features(
     hypotheses = tuple(_hypothesis(sensed, mode, tolerance) for mode in belief.modes[:top])
     clock.lap("locate")
     worst = _worst(sensed, belief.modes[0], tolerance) if hypotheses and hypotheses[0].p_value < alpha else ""
-    status, message = verdict(hypotheses, belief.unknown, alpha, cut=belief.cut, as_published=as_published, worst=worst)
+    shares = [(mode.model.name, mode.probability) for mode in belief.modes]
+    status, message = verdict(
+        hypotheses, belief.unknown, alpha, cut=belief.cut, as_published=as_published, worst=worst, shares=shares
+    )
     return Recognition(status, message, hypotheses, belief.unknown, clock.laps(), seed)
 
 

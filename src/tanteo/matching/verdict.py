@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tanteo.localization import describe_motion
@@ -11,6 +13,9 @@ from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 
 CONFIDENCE = 0.95
 """Posterior from which one answer is given as the answer."""
+
+_NAMED = 5
+"""So many parts are named in a message, the rest are counted."""
 
 _RESISTS = 0.3
 """A face resists a motion if the motion moves it along its normal by this share of the most it could."""
@@ -27,6 +32,7 @@ def verdict(
     cut: bool = False,
     as_published: bool = False,
     worst: str = "",
+    shares: Sequence[tuple[str, float]] = (),
 ) -> tuple[Status, str]:
     """Status and sentence of an answer.
 
@@ -37,6 +43,7 @@ def verdict(
         cut: whether the search dropped something.
         as_published: the paper has no joint test, so the p-value does not reject.
         worst: what contradicts the best hypothesis most, in words.
+        shares: part and probability of all modes, where not all of them are hypotheses.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
     if not hypotheses or unknown > max(h.probability for h in hypotheses):
@@ -52,7 +59,7 @@ def verdict(
         help_ = best.advice or "sense a face or an edge that resists it"
         return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} stays free: {help_}." + note
     if best.probability < CONFIDENCE:
-        return "ambiguous", _ambiguous_message(hypotheses, unknown) + note
+        return "ambiguous", _ambiguous_message(hypotheses, unknown, shares) + note
     return "recognized", f"{best.part}, located to {1e3 * best.worst_corner_sd:.2g} mm (1 sd, worst corner)." + note
 
 
@@ -66,9 +73,11 @@ def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
     )
 
 
-def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
-    likely = [h for h in hypotheses if h.probability > 0.01] or hypotheses[:1]
-    names = list(dict.fromkeys(h.part for h in likely))
+def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float, shares: Sequence[tuple[str, float]]) -> str:
+    shares = shares or [(h.part, h.probability) for h in hypotheses]
+    names = list(dict.fromkeys([hypotheses[0].part, *(name for name, P in shares if P > 0.01)]))
+    if len(names) > _NAMED:
+        names = [*names[: _NAMED - 1], f"one of {len(names) - _NAMED + 1} others"]
     if len(names) > 1:
         return f"It may be {', '.join(names[:-1])} or {names[-1]}: sense a face where they differ."
     if unknown > 0.01 and hypotheses[0].probability + unknown > 0.99:

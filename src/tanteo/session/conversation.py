@@ -23,6 +23,7 @@ from tanteo.active import (
     update,
     worst_corner,
 )
+from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
 from tanteo.session.answer import answered
@@ -66,6 +67,8 @@ class Session:
     _refused: list[Action] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise InputError(f"seed: expected 0 or more, got {self.seed}. Use 0.")
         self._belief = begin(self.start)
 
     @property

@@ -34,6 +34,10 @@ class Sensing:
     rig: Rig | None = None
     tolerance: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.tolerance) and self.tolerance >= 0):
+            raise InputError(f"tolerance: expected 0 or more [m], got {self.tolerance:g}. Leave it out for 0.")
+
     def measured(self, readings: Readings) -> PointMeasurements:
         """Points in the world with their covariance, and the free beams."""
         return measure(readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig)
@@ -74,7 +78,8 @@ class Action:
     def __post_init__(self) -> None:
         if self.number < 1:
             raise InputError(f"question, number: expected 1 or more, got {self.number}. Correct it.")
-        if not (np.isfinite(self.origin).all() and abs(np.linalg.norm(self.direction) - 1) < 1e-6):
+        shapes = np.shape(self.origin) == np.shape(self.direction) == (3,)
+        if not (shapes and np.isfinite(self.origin).all() and abs(np.linalg.norm(self.direction) - 1) < 1e-6):
             raise InputError(
                 f"question {self.number}: expected a place and a unit direction, got {self.origin} and "
                 f"{self.direction}. Correct it."

@@ -62,6 +62,8 @@ def identify_touches(
         raise InputError("parts: expected at least one part, got none.")
     if not 0 < alpha < 1:
         raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
+    if top < 1:
+        raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
     if len(touches) < LEAST:
         few = "1 reading fits" if len(touches) == 1 else f"{len(touches)} readings fit"
         message = f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
@@ -83,7 +85,7 @@ def identify_touches(
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
     worst = _worst(touches, modes[0]) if modes else ""
-    status, message = verdict(hypotheses, unknown, alpha, worst=worst)
+    status, message = verdict(hypotheses, unknown, alpha, worst=worst, shares=_shares(modes))
     if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown):
         message = _strays_message(hypotheses[0], unknown)
     if hypotheses and status == "recognized":
@@ -98,6 +100,10 @@ def _on_one_line(touches: Touches) -> bool:
         return False
     across = np.linalg.svd(touches.points - touches.points.mean(axis=0), compute_uv=False)[1]
     return bool(across <= np.median(touches.sd) * np.sqrt(len(touches)))
+
+
+def _shares(modes: Sequence[Mode]) -> list[tuple[str, float]]:
+    return [(mode.target.part.name, mode.probability) for mode in modes]
 
 
 def _worst(touches: Touches, mode: Mode) -> str:
