@@ -10,7 +10,7 @@ import pytest
 
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
-from tanteo.active import Candidates, Stop, begin, update
+from tanteo.active import Candidates, Stop, around, begin, update
 from tanteo.errors import InputError
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
@@ -156,6 +156,23 @@ def test_nothing_is_enough_before_a_reading_met_a_part(targets):
     assert session.belief.of_parts().max() > 0.99
     assert not isinstance(session.ask(), Done)
     assert session.answer().status == "insufficient"
+
+
+def test_two_parts_are_ambiguous_however_little_was_asked_for():
+    """Readings on what both steps have, and a goal that half a probability reaches."""
+    first, second = (prepare_target(read_part(PARTS / f"step_{n}mm.step")) for n in (12, 15))
+    start = around([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
+    start = replace(start, Ts=np.stack([np.eye(4)] * 2))  # the files have one frame
+    both = np.flatnonzero(second.surface.closest(first.samples).distances < 1e-6)[:6]
+    session = new_session(start, probability=0.3, tolerance=0.05, confidence=0.3)
+    points, n = first.samples[both], first.normals[both]
+    session.tell(Readings.from_columns(points, directions=-n, sds=np.full(len(both), 3e-4)))
+    assert session.belief.of_parts().min() > 0.3
+    assert session.ask().reached
+    answer = session.answer(top=1)
+    assert answer.status == "ambiguous"
+    assert "step_12mm" in answer.message
+    assert "step_15mm" in answer.message
 
 
 def test_what_a_session_cannot_mean_is_refused(targets):

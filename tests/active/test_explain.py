@@ -171,7 +171,7 @@ def step(ids, probabilities, part, covariance=1e-6):
     P = np.array(probabilities)
     return SimpleNamespace(
         ids=ids, probabilities=P, unknown=1 - P.sum(), T_world_part=np.eye(4), part=part,
-        covariance=covariance * np.eye(6),
+        covariance=covariance * np.eye(6), worst_corner_sd=1e-3,
     )  # fmt: skip
 
 

@@ -151,6 +151,10 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     found = plan(at_pose(bracket, np.eye(4), C), off, 0.5e-3)
     assert not found.reached
     assert "robot's own error" in found.message
+    fewer = plan(at_pose(bracket, np.eye(4), C), off, 4e-3, 0.3, most=1)  # that more readings would do is what is said
+    assert not fewer.reached
+    assert "Allow more readings" in fewer.message
+    assert "robot's own error" in plan(at_pose(bracket, np.eye(4), C), off, 2e-3, 0.999).message
 
 
 @pytest.fixture(scope="module")

@@ -65,7 +65,13 @@ def test_round_trip_where_angles_degenerate(name, axis, quarter, spin):
         ("funac", [0] * 6, "Did you mean 'fanuc'"),
         ("fanuc", [0] * 7, "expected 6 finite numbers (X Y Z W P R)"),
         ("fanuc", [0, 0, 0, 0, 0, np.nan], "expected 6 finite numbers"),
-        ("abb", [0] * 7, "quaternion: expected four finite numbers"),
+        ("abb", [0] * 7, "quaternion: expected a length of 1, got 0, 0, 0, 0"),
+        (
+            "abb",
+            [0, 0, 0, 0.7, 0.7, 0.7, 0],
+            "quaternion: expected a length of 1, got 0.7, 0.7, 0.7, 0, of length 1.212",
+        ),
+        ("ros", [0, 0, 0, 0, 0, 90, 1], "are these angles?"),
     ],
 )
 def test_refusals(name, values, message):

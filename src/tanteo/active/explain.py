@@ -8,10 +8,11 @@ from typing import Protocol
 
 import numpy as np
 
-from tanteo.active.belief import Belief
+from tanteo.active.belief import Belief, begin
 from tanteo.active.maxima import NEGLIGIBLE
 from tanteo.active.start import Start
-from tanteo.matching.verdict import corner_moves, corner_sd, motion_words, observed_covariance, spins
+from tanteo.active.stopping import worst_corner
+from tanteo.matching.verdict import corner_moves, motion_words, observed_covariance, spins
 from tanteo.parts import Part
 from tanteo.surface_search.answer import faces_met
 from tanteo.surface_search.polish import information_of_readings
@@ -36,6 +37,8 @@ class Told(Protocol):
     def part(self) -> int: ...  # noqa: D102
     @property
     def covariance(self) -> Covariances: ...  # noqa: D102
+    @property
+    def worst_corner_sd(self) -> float: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +51,11 @@ class Added:
         part: the likeliest part after them; empty for none.
         probability: of that part.
         about_part: information about the part: of the probabilities after against those before [nats].
-        about_pose: half the log of the determinants' ratio of the pose's covariances [nats]; NaN where the likeliest
-            part is another one than before.
+        about_pose: half the log of the determinants' ratio of the likeliest pose's covariances [nats]; NaN where the
+            likeliest part is another one than before.
         motion: in which direction the pose became better known, in words; empty where in none.
         narrowed: standard deviation along it over that before; NaN without one.
-        corner_sd_before: of the worst corner before them, of the same part [m].
+        corner_sd_before: of the worst corner before them, of the same part, over all poses that it may have [m].
         corner_sd: after them [m].
     """
 
@@ -133,16 +136,20 @@ def _added(start: Start, before: Told | None, after: Told, met: dict[str, str]) 
     if after.part < 0:
         return Added(after.ids, faces, "", 0.0, told, np.nan, "", np.nan, np.nan, np.nan)
     part, old = start.targets[after.part].part, _covariance_before(start, before, after.part)
-    P, sd = float(after.probabilities[after.part]), _corner_sd(part, after.covariance)
+    P, sd = float(after.probabilities[after.part]), after.worst_corner_sd
     if old is None:
         return Added(after.ids, faces, part.name, P, told, np.nan, "", np.nan, np.nan, sd)
     shrunk = 0.5 * float(np.linalg.slogdet(old)[1] - np.linalg.slogdet(after.covariance)[1])
     motion, narrowed = _narrowed(part, old, after)
-    return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, _corner_sd(part, old), sd)
+    sd_before = _rough_corner_sd(start, after.part) if before is None else before.worst_corner_sd
+    return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, sd_before, sd)
 
 
-def _corner_sd(part: Part, covariance: Covariances) -> float:
-    return corner_sd(part, observed_covariance(part, covariance))
+def _rough_corner_sd(start: Start, part: int) -> float:
+    """Of the worst corner of a part, by its rough poses."""
+    own = np.flatnonzero(start.part == part)
+    rough = {name: getattr(start, name)[own] for name in ("part", "Ts", "covariances", "weights")}
+    return worst_corner(begin(replace(start, **rough)))
 
 
 def _about_part(start: Start, before: Told | None, after: Told) -> float:

@@ -164,7 +164,7 @@ def _as_plan(start: Start, design: Design, chosen: IntArray, tolerance: float, c
         place = c.origins[k], c.directions[k], design.points[k], part.faces[design.faces[k]].name
         readings.append(PlannedReading(*place, pose, corner_sd(part, pose), design.chance(C, tolerance)))
     reached, before = readings[-1].within >= confidence, corner_sd(part, design.pose(design.prior))
-    message = _message(design, readings, tolerance, reached)
+    message = _message(design, readings, tolerance, confidence, reached)
     if reached and (doubt := _doubt(design.meets[chosen])):
         reached, message = False, doubt
     return Plan(part.name, start.Ts[0], tuple(readings), before, reached, message)
@@ -192,14 +192,14 @@ def _aim(design: Design, tolerance: float) -> str:
     return f"all corners of {design.target.part.name} within {1e3 * tolerance:.{3 if tolerance < 1 else 15}g} mm"
 
 
-def _message(design: Design, readings: list[PlannedReading], tolerance: float, reached: bool) -> str:
+def _message(design: Design, readings: list[PlannedReading], tolerance: float, confidence: float, reached: bool) -> str:
     n, last, aim = len(readings), readings[-1], _aim(design, tolerance)
     if reached:
         worst = f"worst corner {1e3 * last.worst_corner_sd:.2g} mm, 1 sd"
         count = "1 reading brings" if n == 1 else f"{n} readings bring"
         return f"{count} {aim} (P = {last.within:.3f}); {worst}."
-    never = corner_sd(design.target.part, design.limit)
-    if never > 0.3 * tolerance:
+    if design.chance(design.limit, tolerance) < confidence:
+        never = corner_sd(design.target.part, design.limit)
         return (
             f"No number of readings brings {aim}: the robot's own error moves the worst corner by "
             f"{1e3 * never:.2g} mm (1 sd). Calibrate the robot, or sense relative to something that it must meet."

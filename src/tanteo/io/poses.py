@@ -49,6 +49,9 @@ class Brand:
 
 
 _DEG = np.pi / 180
+_UNIT = 1e-3
+"""How far the length of a quaternion may be off one, by rounding."""
+
 _RC = "docs.baslerweb.com rc_cube, pose_format_"
 
 
@@ -100,7 +103,8 @@ def pose_from_brand(name: str, values: FloatArray) -> Transforms:
         values: The fields in the brand's order and units.
 
     Raises:
-        InputError: Unknown brand, a wrong number of fields, numbers that are not finite, a quaternion of length zero.
+        InputError: Unknown brand, a wrong number of fields, numbers that are not finite, a quaternion that is
+            no rotation.
     """
     b = brand(name)
     values = np.asarray(values, dtype=np.float64)
@@ -134,6 +138,13 @@ def _rotation(b: Brand, values: FloatArray) -> Rotations:
         return first @ second @ third
     if b.rule == "rotation vector":
         return SO3.exp(values)
+    lengths = np.linalg.norm(values, axis=-1)
+    if np.any(np.abs(lengths - 1) > _UNIT):
+        worst = values.reshape(-1, 4)[int(np.argmax(np.abs(lengths - 1)))]
+        raise InputError(
+            f"quaternion: expected a length of 1, got {', '.join(f'{x:g}' for x in worst)}, of length "
+            f"{np.linalg.norm(worst):.4g}. Correct it; are these angles?"
+        )
     return SO3.from_quaternion(values if b.rule == "wxyz" else np.roll(values, 1, axis=-1))
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from tanteo.active import Belief, Stop
+from tanteo.active import Belief, Stop, chance_within
 from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.matching.results import Status
-from tanteo.matching.verdict import verdict
+from tanteo.matching.verdict import CONFIDENCE, verdict
 from tanteo.surface_search.answer import as_hypothesis
 
 _HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough place and the parts."
@@ -35,7 +35,7 @@ def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> R
     )
     shares = [(mode.target.part.name, mode.probability) for mode in belief.modes]
     status, message = verdict(hypotheses, belief.unknown, alpha, shares=shares)
-    if status == "ambiguous" and stop.tolerance is not None and stop.reached(belief):
+    if status == "ambiguous" and stop.tolerance is not None and chance_within(belief, stop.tolerance) >= CONFIDENCE:
         within = f"less than the tolerance of {1e3 * stop.tolerance:.3g} mm"
         status, message = "recognized", f"{hypotheses[0].part}; the poses that it may have differ by {within}."
     return Recognition(status, message, hypotheses, belief.unknown, {}, seed)
