@@ -86,7 +86,7 @@ def identify(
         )
         if answer.status == "unknown" and priors is not None and priors.pose is not None:
             answer = replace(answer, message=f"{answer.message} {_DOUBT_PRIOR}")
-        return with_elapsed(_far_origin(answer, parts), measure=elapsed)
+        return with_elapsed(answer, measure=elapsed)
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
@@ -101,23 +101,7 @@ def identify(
         priors=priors,
         seed=seed,
     )
-    return _with_notes(with_elapsed(_far_origin(answer, parts), measure=elapsed), sensed)
-
-
-_FAR = 10.0
-"""So many of its own sizes from the part a CAD origin spoils the search, whose steps turn about it."""
-
-
-def _far_origin(answer: Recognition, parts: Sequence[Part]) -> Recognition:
-    """The same with a warning if the frame of the part that was found lies far from it."""
-    best = next((part for part in parts if answer.hypotheses and part.name == answer.hypotheses[0].part), None)
-    if best is None or (away := float(sum(best.box.mean(axis=0) ** 2) ** 0.5)) <= _FAR * best.diagonal:
-        return answer
-    words = (
-        f"The origin of its CAD file lies {away:.3g} m from it, {away / best.diagonal:.0f} times its size: pose and "
-        "covariance cannot be relied on. Save the file with its origin at the part."
-    )
-    return replace(answer, message=f"{answer.message} {words}")
+    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
 
 
 def locate(readings: Readings, part: Part, **options: object) -> Recognition:

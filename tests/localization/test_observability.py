@@ -85,28 +85,23 @@ def test_free_motions_are_those_that_no_residual_feels(name, noise):
     assert e.status == ("insufficient" if slides + turns else "located")
     assert sum(words.startswith("sliding") for words in e.unobserved) == slides
     assert sum(words.startswith("rotation") for words in e.unobserved) == turns
-    np.testing.assert_allclose(e.free @ e.free.T, np.eye(len(e.free)), atol=1e-9)
+    assert np.linalg.matrix_rank(e.free, tol=1e-6) == len(e.free)
     assert np.all(np.linalg.norm(e.free[slides:, 3:], axis=1) > 1e-6)
     if slides + turns:
         assert "sense a feature" in e.message
     # brute force at the truth: small motions along the free directions change nothing, all others something
-    scale = np.r_[np.full(3, length), np.ones(3)]
     reference = estimate_pose(pairings(features, T, rng, 0.0), length=length, start=T)
     h = 1e-5
     J = np.column_stack(
-        [
-            residuals(features, T, T @ SE3.exp(h * scale * d)) - residuals(features, T, T @ SE3.exp(-h * scale * d))
-            for d in np.eye(6)
-        ]
+        [residuals(features, T, T @ SE3.exp(h * d)) - residuals(features, T, T @ SE3.exp(-h * d)) for d in np.eye(6)]
     ) / (2 * h)
     for xi in reference.free:
-        assert np.abs(residuals(features, T, T @ SE3.exp(0.1 * scale * xi))).max() < 1e-9
+        assert np.abs(residuals(features, T, T @ SE3.exp(0.1 * xi))).max() < 1e-9
     assert np.linalg.matrix_rank(J, tol=1e-6) == 6 - slides - turns
     assert np.abs(J @ reference.free.T).max(initial=0.0) < 1e-8
     # along free directions the covariance is wide, across them it is of the size of the noise
     for xi in e.free:
-        x = scale * xi
-        assert x @ np.linalg.pinv(e.covariance) @ x < 100
+        assert xi @ np.linalg.pinv(e.covariance) @ xi < 100
 
 
 @pytest.mark.parametrize(

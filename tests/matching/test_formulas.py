@@ -21,7 +21,7 @@ from tanteo.matching.prior import alike, prior_log_density, prior_residuals, pri
 from tanteo.matching.sensed import sense
 from tanteo.matching.tree import interpret
 from tanteo.matching.unknown import _log_places
-from tanteo.matching.verdict import corner_sd, excuse, spins, where_to_sense, without_spins
+from tanteo.matching.verdict import corner_sd, excuse, part_scale, spins, where_to_sense, without_spins
 from tanteo.matching.verify import within_extent
 from tanteo.parts import read_part
 
@@ -59,8 +59,8 @@ def test_the_volume_of_a_pose_is_its_integral_over_anywhere():
     information = A @ A.T
     anywhere = 3 * np.log(2 * RADIUS) + np.log(8 * np.pi**2)
     exact = 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(information)[1] - anywhere
-    assert pose_volume(information, RADIUS) == pytest.approx(exact)
-    assert pose_volume(1e-12 * np.eye(6), RADIUS) == 0.0  # nothing is known: it is anywhere
+    assert pose_volume(information, pose_scale(RADIUS, np.zeros(3))) == pytest.approx(exact)
+    assert pose_volume(1e-12 * np.eye(6), pose_scale(RADIUS, np.zeros(3))) == 0.0  # nothing is known: it is anywhere
 
 
 def anyhow(rng, n):
@@ -106,19 +106,20 @@ def test_what_is_known_of_a_pose_is_a_density(parts, kind):
 def test_the_spin_of_a_round_part_is_no_error(wheel):
     known = np.diag(np.r_[np.full(3, 1e-4), np.full(3, 2e-3)]) ** 2
     information = without_spins(wheel, np.linalg.inv(known))
-    scale = np.r_[np.full(3, wheel.diagonal), np.ones(3)]
+    scale = part_scale(wheel)
     spin = spins(wheel)[0]
-    assert np.abs(information @ (scale * spin)).max() < 1e-6 * np.abs(information).max()
-    words, rest = excuse(wheel, spin[None], ("spin",), covariance_with_free(information, spin[None], wheel.diagonal))
+    assert np.abs(information @ scale @ spin).max() < 1e-6 * np.abs(information).max()
+    words, rest = excuse(wheel, spin[None], ("spin",), covariance_with_free(information, spin[None], scale))
     assert words == ()
     # what is left is what the information says across the spin
-    across = np.linalg.svd(spin[None])[2][1:] * scale  # five motions, in metres and radians
-    dual = across / scale**2
+    rest_of = np.linalg.svd(spin[None])[2][1:]
+    across, dual = rest_of @ scale.T, rest_of @ np.linalg.inv(scale)  # five motions, in metres and radians
     expected = np.linalg.inv(across @ information @ across.T)
     np.testing.assert_allclose(dual @ rest @ dual.T, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
-    assert abs(spin @ (rest / np.outer(scale, scale)) @ spin) < 1e-3
+    assert abs(spin @ np.linalg.solve(scale, np.linalg.solve(scale, rest).T) @ spin) < 1e-3
     free = np.eye(6)[:1]
-    assert excuse(wheel, free, ("slide",), covariance_with_free(information, free, wheel.diagonal))[0] == ("slide",)
+    covariance = covariance_with_free(information, np.concatenate([spin[None], free]), scale)
+    assert excuse(wheel, free, ("slide",), covariance)[0] == ("slide",)
 
 
 def test_poses_that_a_spin_apart_are_one(wheel):
@@ -142,13 +143,13 @@ def test_what_faces_leave_free_is_what_moves_them_into_themselves(models):
     """Of one plane two slides and a turn about its normal, of two a slide, of three nothing."""
     model, rng = models["wedge"], np.random.default_rng(5)
     sensed = sense(surface_touches(model.part, np.eye(4), 4, rng))
-    planes, scale = model.candidates["plane"], pose_scale(RADIUS)
+    planes, scale = model.candidates["plane"], pose_scale(RADIUS, model.middle)
     for paired in ((0,), (0, 1), (0, 1, 2)):
         choices = np.full((1, len(sensed)), NOTHING)
         choices[0, : len(paired)] = paired
         free, rank = free_projector(sensed, model, choices, RADIUS)
         for xi in (free[0] @ rng.normal(size=6) for _ in range(5)):
-            T = SE3.exp(1e-6 * scale * xi)
+            T = SE3.exp(1e-6 * scale @ xi)
             n, p = planes.directions[list(paired)], planes.Ts_part_feature[list(paired), :3, 3]
             np.testing.assert_allclose(np.sum((SE3.apply(T, p) - p) * n, axis=1), 0, atol=1e-11)
             np.testing.assert_allclose(n @ T[:3, :3].T, n, atol=1e-11)
@@ -170,7 +171,7 @@ def test_what_an_edge_or_a_corner_leaves_free_keeps_it_in_place(models, kind, fr
     assert rank[0] == freedom
     p, u = candidates.Ts_part_feature[k, :3, 3], candidates.directions[k]
     for xi in (free[0] @ rng.normal(size=6) for _ in range(5)):
-        T = SE3.exp(1e-6 * pose_scale(RADIUS) * xi)
+        T = SE3.exp(1e-6 * pose_scale(RADIUS, model.middle) @ xi)
         step = SE3.apply(T, p) - p
         np.testing.assert_allclose(step - (step @ u) * u, 0, atol=1e-11)
         np.testing.assert_allclose(T[:3, :3] @ u, u, atol=1e-11)

@@ -29,7 +29,8 @@ def test_two_faces_that_noise_tilts_neither_beat_the_bound_nor_move_along_what_i
     np.testing.assert_array_equal(kept, choices)
     free = free_projector(sensed, model, choices, model.radius)[0][0]
     start = first_pose(build(sensed, model, choices, 0.0))
-    moved = SE3.log(SE3.inverse(start[0]) @ solution.T_world_part[0]) / pose_scale(model.radius)
+    moved = SE3.log(SE3.inverse(start[0]) @ solution.T_world_part[0])
+    moved = np.linalg.solve(pose_scale(model.radius, model.middle), moved)
     assert np.linalg.norm(free @ moved) < 1e-2 * np.linalg.norm(moved)
     found = interpret(sensed, model, 0)
     assert perfect_evidence(sensed, model, priors)[0] >= log_evidence(sensed, model, found, priors).max()

@@ -12,7 +12,7 @@ import trimesh
 from bare_scenes import SENSORS, box_centred_pose, no_paths, scene
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.verdict import spins
+from tanteo.matching.verdict import part_scale, spins
 from tanteo.parts import read_part
 from tanteo.surface_search import modes, prepare_target
 from tanteo.surface_search.modes import Mode, _one_region, _weighed, weigh
@@ -79,7 +79,7 @@ def test_facets_of_a_round_part_do_not_fix_its_spin(tmp_path, monkeypatch):
     T, seen = box_centred_pose(rng), []
     touches, _, _ = scene(target.surface, T, SENSORS[1], 25, rng)
     found = polish(touches, no_paths(), T[None], target, Priors(radius=0.1))
-    spin = spins(target.part)[0] * np.r_[np.full(3, target.part.diagonal), np.ones(3)]
+    spin = part_scale(target.part) @ spins(target.part)[0]
     feigned = 1e3 * np.outer(spin, spin)
     found.information[0] += feigned
     monkeypatch.setattr(modes, "posterior_moments", lambda density, T, z, information: seen.append(information))

@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from bare_scenes import REACH, SENSORS, box_centred_pose, nees, no_paths, off, scene, surface_points, touches_of
-from cli.conftest import prism, stl
-from tanteo import identify
 from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import mirror_part, read_part
-from tanteo.sensors import Readings
-from tanteo.shapes import Surface
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 from tanteo.surface_search.polish import polish
 
@@ -293,15 +289,3 @@ def test_the_truth_is_inside_the_reported_modes(targets, name, sensing):
         assert any(value < 35 for value, _ in values)
         if answer.status == "recognized":
             assert values[0][0] < 35
-
-
-@pytest.mark.parametrize(("away", "warned"), [(0, False), (5000, True)])
-def test_a_cad_origin_far_from_the_part_is_warned_of(tmp_path, away, warned):
-    """Vehicle coordinates: the frame of the file is metres from the part."""
-    path = tmp_path / "post.stl"
-    path.write_text(stl(prism([(0, 0), (80, 0), (60, 50), (0, 40)], 30) + np.array([away, 0, 0])))
-    part = read_part(path, unit="mm")
-    points, normals = surface_points(Surface(part.vertices, part.triangles), 12, np.random.default_rng(2))
-    readings = Readings.from_columns(points, directions=-normals, sds=np.full(12, 1e-4))
-    message = identify(readings, [part]).message
-    assert ("origin of its CAD file lies 5.04 m from it" in message) is warned

@@ -117,7 +117,7 @@ def design_of(start: Start, probe: Probe, seed: int) -> Design | None:
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
     prior = observed_covariance(target.part, start.covariances[0])
-    prior = prior + _TINY * np.diag(np.diag(start.covariances[0]))  # invertible, where a round part may spin
+    prior = prior + _TINY * start.covariances[0]  # invertible, where a round part may spin
     rows, blocks, limit = [g], [prior], np.zeros((6, 6))
     if probe.shared_sd > 0:
         rows.append(np.ones((len(g), 1)))

@@ -148,8 +148,8 @@ def laid_on(first: Target, second: Target) -> Transforms:
     if not answer.hypotheses:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]
     Ts = np.stack([h.T_world_part for h in answer.hypotheses])
-    Ts = refine(touches, Ts, second.distance, _FITTED)[0]  # the places are exact: no noise put one beside its face
-    close = refine(touches, np.concatenate([Ts, np.eye(4)[None]]), second.distance, _CLOSER)[0]
+    Ts = refine(touches, Ts, second, _FITTED)[0]  # the places are exact: no noise put one beside its face
+    close = refine(touches, np.concatenate([Ts, np.eye(4)[None]]), second, _CLOSER)[0]
     off = second.distance(SE3.apply(SE3.inverse(close)[:, None], points))[0]
     share = np.mean(np.abs(off) < _SAME, axis=1)
     return _distinct(second, np.concatenate([Ts, close[share > share.max() - _AS_MUCH]]))

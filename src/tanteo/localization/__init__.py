@@ -5,6 +5,7 @@ from tanteo.localization.observability import describe_motion, free_motions, wea
 from tanteo.localization.pairing import ModelFeature, Pairing, build_blocks
 from tanteo.localization.pose import PoseEstimate, estimate_pose
 from tanteo.localization.relations import RELATIONS, Relation, relation_between
+from tanteo.localization.scaling import motion_scale, motions_about
 from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
 from tanteo.localization.summary import covariance_with_free
 
@@ -25,6 +26,8 @@ __all__ = [
     "fuse_features",
     "gauss_newton",
     "linearise",
+    "motion_scale",
+    "motions_about",
     "pose_information",
     "relation_between",
     "weak_motions",

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import Block, assemble, pose_information
 from tanteo.typing import FloatArray, Tangents, Transforms
 
@@ -38,40 +38,40 @@ def at_exact_pairings(blocks: Sequence[Block], T_world_part: Transforms) -> list
     return out
 
 
-def free_motions(blocks: Sequence[Block], T_world_part: Transforms, n_shared: int, length: float) -> Tangents:
+def free_motions(blocks: Sequence[Block], T_world_part: Transforms, n_shared: int, scale: FloatArray) -> Tangents:
     """Orthonormal basis ``(k, 6)`` of the part-frame motions that no pairing resists, for one pose ``(4, 4)``.
 
     Args:
         blocks: pairings.
         T_world_part: where to look, ``(4, 4)``.
         n_shared: number of whitened shared errors in the blocks.
-        length: size of the part [m], which makes metres and radians comparable: rows are scaled by it.
+        scale: of motions ``(6, 6)``, as :func:`motion_scale` gives it.
 
     Returns:
-        Tangents ``[v / length, w]``, pure translations first.
+        Tangents over that scale: ``[v / length, w]`` of a frame at the part's middle; pure translations first.
     """
     exact = at_exact_pairings(blocks, T_world_part)
     information = pose_information(assemble(exact, T_world_part, np.zeros(n_shared)).information)
-    scale = np.r_[np.full(3, length), np.ones(3)]
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    values, vectors = np.linalg.eigh(scale.T @ information @ scale)
     N = vectors[:, values <= _RANK_TOLERANCE * max(values[-1], 0.0)].T
     return _translations_first(N) if len(N) else np.zeros((0, 6))
 
 
-def weak_motions(information: FloatArray, length: float, sd: float = 0.3, fixed: Tangents | None = None) -> Tangents:
-    """Orthonormal basis ``(k, 6)`` of the motions known worse than ``sd``, in units of ``length`` and radians.
+def weak_motions(
+    information: FloatArray, scale: FloatArray, sd: float = 0.3, fixed: Tangents | None = None
+) -> Tangents:
+    """Orthonormal basis ``(k, 6)`` of the motions known worse than ``sd`` of their scale.
 
     Beyond that a linearised covariance means nothing: the direction is called free.
 
     Args:
         information: of the pose ``(6, 6)``.
-        length: size of the part [m].
-        sd: limit of the standard deviation, relative to ``length`` or in radians.
+        scale: of motions ``(6, 6)``, as :func:`motion_scale` gives it.
+        sd: limit of the standard deviation, relative to the part's size or in radians.
         fixed: motions ``(m, 6)`` that are free by symmetry; they come first, and the others are orthogonal to them.
     """
     known = np.zeros((0, 6)) if fixed is None else fixed
-    scale = np.r_[np.full(3, length), np.ones(3)]
-    A = information * np.outer(scale, scale)
+    A = scale.T @ information @ scale
     keep = np.eye(6) - known.T @ known
     values, vectors = np.linalg.eigh(keep @ A @ keep + 1e3 / sd**2 * known.T @ known)
     N = vectors[:, values < 1 / sd**2].T
@@ -93,21 +93,22 @@ def _sparse_rows(N: FloatArray) -> FloatArray:
     return np.eye(6)[:3] if len(N) == 3 else N
 
 
-def describe_motion(xi: Tangents, T_world_part: Transforms, length: float) -> str:
+def describe_motion(u: Tangents, T_world_part: Transforms, scale: FloatArray) -> str:
     """A free motion in words: ``sliding along world x``, ``rotation about part z``, or a line in numbers.
 
     Args:
-        xi: scaled tangent ``[v / length, w]`` in the part frame, as :func:`free_motions` gives it.
+        u: tangent over the scale, as :func:`free_motions` gives it.
         T_world_part: the pose.
-        length: the scale used there [m].
+        scale: of motions ``(6, 6)``, as :func:`motion_scale` gives it.
     """
-    v, w = xi[:3] * length, xi[3:]
+    length, middle, w = scale[0, 0], SO3.vee(scale[:3, 3:]), u[3:]
+    v = u[:3] * length
     R = T_world_part[:3, :3]
     if np.linalg.norm(w) < _SLIDING:
         return f"sliding along {_name_direction(v, R)}"
     axis = w / np.linalg.norm(w)
     pitch = float(v @ axis) / float(np.linalg.norm(w))
-    point = T_world_part[:3, :3] @ (np.cross(w, v) / (w @ w)) + T_world_part[:3, 3]
+    point = T_world_part[:3, :3] @ (middle + np.cross(w, v) / (w @ w)) + T_world_part[:3, 3]
     where = ", ".join(f"{1e3 * c:.1f}" for c in point)
     words = f"rotation about {_name_direction(axis, R)} through ({where}) mm"
     return words if abs(pitch) < 1e-3 * length else f"{words} while sliding {1e3 * pitch:.1f} mm a radian"

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.features import Feature, FeatureKind, SharedError, collect_shared
 from tanteo.localization.relations import Relation, relation_between
 from tanteo.localization.solve import Block
-from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,3 +84,9 @@ def model_length(pairings: Sequence[Pairing]) -> float:
     points = np.array([pairing.model.T_part_feature[:3, 3] for pairing in pairings])
     span = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
     return span if span > 0 else 0.1
+
+
+def model_middle(pairings: Sequence[Pairing]) -> Vectors:
+    """Middle of the model features in the part ``(3,)`` [m]: the part's own origin may lie far from them."""
+    points = np.array([pairing.model.T_part_feature[:3, 3] for pairing in pairings])
+    return np.asarray(points.mean(axis=0)) if len(points) else np.zeros(3)

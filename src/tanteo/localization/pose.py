@@ -11,7 +11,8 @@ from scipy.special import chdtrc
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.localization.observability import describe_motion, free_motions
-from tanteo.localization.pairing import Pairing, build_blocks, model_length
+from tanteo.localization.pairing import Pairing, build_blocks, model_length, model_middle
+from tanteo.localization.scaling import motion_scale
 from tanteo.localization.solve import Block, Solution, gauss_newton, pose_information, take
 from tanteo.localization.start import first_poses
 from tanteo.localization.summary import (
@@ -22,7 +23,7 @@ from tanteo.localization.summary import (
     shared_estimates,
     wrong_side,
 )
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +35,7 @@ class PoseEstimate:
         covariance: ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad], shared errors included.
             Free directions carry the variance of a uniform draw over ``length`` and over a full turn.
         covariance_same_robot: the same with the shared errors known: what matters for going back with the same robot.
-        free: motions ``(k, 6)`` that no pairing resists, ``[v / length, w]`` in the part frame.
+        free: motions ``(k, 6)`` that no pairing resists, part frame, pure translations first [m, rad].
         unobserved: the same in words.
         chi2: joint squared Mahalanobis distance of the pairings.
         dof: its degrees of freedom.
@@ -67,6 +68,7 @@ def estimate_pose(
     prior: tuple[Transforms, Covariances] | None = None,
     start: Transforms | None = None,
     length: float | None = None,
+    middle: Vectors | None = None,
 ) -> PoseEstimate:
     """Maximum-likelihood pose from pairings, full and partial, with shared errors as state (``math.md`` section 6).
 
@@ -75,6 +77,7 @@ def estimate_pose(
         prior: mean pose and covariance (part frame, right), for example from vision.
         start: where to begin; found in closed form from directions and points if not given.
         length: size of the part [m], to weigh metres against radians; from the model features if not given.
+        middle: of the part, in its frame ``(3,)`` [m], for the same; from the model features if not given.
 
     Returns:
         The pose. Free directions stay where the start put them and are named; nothing is invented about them.
@@ -85,16 +88,16 @@ def estimate_pose(
     if not pairings and prior is None:
         raise InputError("pairings: expected at least one pairing of a sensed with a model feature, got none.")
     blocks, L, errors, order = build_blocks(pairings)
-    length = length or model_length(pairings)
+    scale = motion_scale(length or model_length(pairings), model_middle(pairings) if middle is None else middle)
     information = None if prior is None else (prior[0], np.asarray(np.linalg.inv(prior[1])))
     if start is not None:
         starts = np.asarray(start)[None]
     else:
         starts = first_poses(blocks) if pairings else np.zeros((0, 4, 4))
         starts = starts if prior is None else np.concatenate([starts, prior[0][None]])
-    solution, N = _best(blocks, starts, L.shape[1], information, length)
+    solution, N = _best(blocks, starts, L.shape[1], information, scale)
     best = int(np.argmin(solution.chi2))
-    return _report(pairings, blocks, order, solution, best, N, L, errors, length)
+    return _report(pairings, blocks, order, solution, best, N, L, errors, scale)
 
 
 def _best(
@@ -102,18 +105,18 @@ def _best(
     starts: Transforms,
     n_shared: int,
     prior: tuple[Transforms, FloatArray] | None,
-    length: float,
+    scale: FloatArray,
 ) -> tuple[Solution, Tangents]:
     """Iterate every start, holding the motions that nothing resists."""
     solution = gauss_newton(
-        blocks, starts, n_shared, prior=prior, iterations=15, hold=hold_motions(np.eye(6), length, 1e-6)
+        blocks, starts, n_shared, prior=prior, iterations=15, hold=hold_motions(np.eye(6), scale, 1e-6)
     )
     wrong = np.any([wrong_side(block, solution.T_world_part).any(axis=-1) for block in blocks], axis=0)
     if blocks and not wrong.all():
         solution = take(solution, ~wrong)
     best = solution.T_world_part[int(np.argmin(solution.chi2))]
-    N = free_motions(blocks, best, n_shared, length) if prior is None else np.zeros((0, 6))
-    hold = hold_motions(N, length, 1e6)
+    N = free_motions(blocks, best, n_shared, scale) if prior is None else np.zeros((0, 6))
+    hold = hold_motions(N, scale, 1e6)
     return gauss_newton(blocks, solution.T_world_part, n_shared, prior=prior, hold=hold), N
 
 
@@ -126,29 +129,29 @@ def _report(
     N: Tangents,
     L: FloatArray,
     errors: tuple[SharedError, ...],
-    length: float,
+    scale: FloatArray,
 ) -> PoseEstimate:
     T, chi2 = solution.T_world_part[best], float(solution.chi2[best])
     distances = pairing_distances(blocks, order, T, solution.z[best])
     chi2 = chi2 if np.all(np.isfinite(distances)) else np.inf
     information = solution.information[best]
-    covariance = covariance_with_free(pose_information(information), N, length)
+    covariance = covariance_with_free(pose_information(information), N, scale)
     dof = int(solution.equations[best]) - (6 - len(N))
-    unobserved = tuple(describe_motion(xi, T, length) for xi in N)
+    unobserved = tuple(describe_motion(xi, T, scale) for xi in N)
     p_value = float(chdtrc(dof, chi2)) if dof > 0 else 1.0
     insufficient = bool(unobserved)
     return PoseEstimate(
         T_world_part=T,
         covariance=covariance,
-        covariance_same_robot=covariance_with_free(information[:6, :6], N, length),
-        free=N,
+        covariance_same_robot=covariance_with_free(information[:6, :6], N, scale),
+        free=N @ scale.T,
         unobserved=unobserved,
         chi2=chi2,
         dof=dof,
         p_value=p_value,
         distances=distances,
         alternatives=alternatives(solution, best, covariance),
-        shared=shared_estimates(solution.z[best], information, N, L, errors, length),
+        shared=shared_estimates(solution.z[best], information, N, L, errors, scale),
         status="insufficient" if insufficient else "located",
         message=_message(unobserved, p_value),
     )

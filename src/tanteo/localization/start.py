@@ -64,9 +64,12 @@ def _from_mean(block: Block) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
-    """Translation ``(*batch, 3)`` for a given rotation, by least squares of all offset equations."""
+    """Translation ``(*batch, 3)`` for a given rotation, by least squares of all offset equations.
+
+    Along what they leave free, sensed and model frames lie on each other in the mean: the part is where it was felt.
+    """
     batch = R.shape[:-2]
-    A, b = np.zeros((*batch, 3, 3)), np.zeros((*batch, 3))
+    A, b, total, count = np.zeros((*batch, 3, 3)), np.zeros((*batch, 3)), np.zeros((*batch, 3)), np.zeros(batch)
     for block in blocks:
         rows = [i for i in range(3) if i in block.relation.model.rows and i in block.relation.sensed.rows]
         if block.relation.sensed.name == "vertex":
@@ -78,7 +81,10 @@ def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
         N = (axes @ np.swapaxes(axes, -1, -2)) * block.active[..., None, None]
         A += N.sum(axis=-3)
         b += (N @ gap[..., None])[..., 0].sum(axis=-2)
-    return np.asarray(np.linalg.solve(A + 1e-9 * np.eye(3), b[..., None])[..., 0])
+        total += (gap * block.active[..., None]).sum(axis=-2)
+        count += block.active.sum(axis=-1)
+    mean = total / np.maximum(count, 1)[..., None]
+    return np.asarray(np.linalg.solve(A + 1e-9 * np.eye(3), (b + 1e-9 * mean)[..., None])[..., 0])
 
 
 def first_poses(blocks: Sequence[Block]) -> Transforms:

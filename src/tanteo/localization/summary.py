@@ -13,20 +13,22 @@ _CLOSE_CHI2 = 9.21
 """Poses whose chi-square is within this of the best (1 % of two degrees of freedom) are alternatives."""
 
 
-def covariance_with_free(information: FloatArray, N: Tangents, length: float) -> Covariances:
-    """Inverse of ``information`` off the free motions ``N``; along them, a uniform draw over ``length`` or a turn."""
-    scale = np.r_[np.full(3, length), np.ones(3)]
-    A = information * np.outer(scale, scale)
+def covariance_with_free(information: FloatArray, N: Tangents, scale: FloatArray) -> Covariances:
+    """Inverse of ``information`` off the free motions ``N``; along them, a uniform draw over the part's size or a turn.
+
+    ``N`` are tangents over the ``scale`` of motions ``(6, 6)``, as :func:`motion_scale` gives it.
+    """
+    A = scale.T @ information @ scale
     Q = np.linalg.qr(np.concatenate([N, np.eye(6)]).T)[0][:, len(N) : 6]
     observed = Q @ np.linalg.inv(Q.T @ A @ Q) @ Q.T
     spread = np.where(np.linalg.norm(N[:, 3:], axis=1) > 1e-6, 2 * np.pi, 1.0) ** 2 / 12
-    C = (observed + (N.T * spread) @ N) * np.outer(scale, scale)
+    C = scale @ (observed + (N.T * spread) @ N) @ scale.T
     return 0.5 * (C + C.T)
 
 
-def hold_motions(N: Tangents, length: float, strength: float) -> FloatArray:
-    """Information that keeps a step off the motions ``N`` (rows scaled by ``length``)."""
-    rows = N / np.r_[np.full(3, length), np.ones(3)]
+def hold_motions(N: Tangents, scale: FloatArray, strength: float) -> FloatArray:
+    """Information that keeps a step off the motions ``N``, tangents over the ``scale``."""
+    rows = N @ np.linalg.inv(scale)
     return strength * rows.T @ rows
 
 
@@ -68,13 +70,13 @@ def shared_estimates(
     N: Tangents,
     L: FloatArray,
     errors: tuple[SharedError, ...],
-    length: float,
+    scale: FloatArray,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Posterior mean and sd of each shared error; the free motions ``N`` are held, as they say nothing about it."""
     if not errors:
         return {}
     held = np.array(information)
-    held[:6, :6] += hold_motions(N, length, float(np.abs(information).max()))
+    held[:6, :6] += hold_motions(N, scale, float(np.abs(information).max()))
     cross = np.linalg.solve(held[:6, :6], held[:6, 6:])
     covariance = np.linalg.inv(held[6:, 6:] - held[6:, :6] @ cross)
     c, sd = L @ z, np.sqrt(np.maximum(np.diag(L @ covariance @ L.T), 0.0))

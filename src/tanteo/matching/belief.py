@@ -118,8 +118,8 @@ def _explain(
     some = Interpretations(interpretations.choices[hopeful], take(interpretations.solution, hopeful), False)
     keep, poses, share = within_extent(sensed, model, some, tolerance, priors.radius)
     free, _ = free_projector(sensed, model, some.choices[keep], priors.radius)
-    scale = pose_scale(priors.radius)
-    bound = np.eye(6) - free * scale[:, None] / scale  # motions that nothing resists are not told apart
+    scale = pose_scale(priors.radius, model.middle)
+    bound = np.eye(6) - scale @ free @ np.linalg.inv(scale)  # motions that nothing resists are not told apart
     information = np.swapaxes(bound, -1, -2) @ pose_information(some.solution.information[keep]) @ bound
     return _Explained(model, some.choices[keep], poses[keep], information, (weights[hopeful] + share)[keep])
 

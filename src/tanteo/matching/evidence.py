@@ -125,7 +125,7 @@ def log_evidence(sensed: Sensed, model: PartModel, found: Interpretations, prior
     if D:
         log -= 0.5 * np.linalg.slogdet(solution.information[..., 6:, 6:])[1]
     free, _ = free_projector(sensed, model, choices, priors.radius)
-    log += pose_volume(pose_information(solution.information), priors.radius, free)
+    log += pose_volume(pose_information(solution.information), pose_scale(priors.radius, model.middle), free)
     clutter = _nothing_densities(sensed, model, priors)
     for i, views in enumerate(sensed.views):
         kind, chosen = sensed.kinds[i], choices[:, i]
@@ -150,13 +150,12 @@ def _nothing_densities(sensed: Sensed, model: PartModel, priors: Priors) -> Floa
     return densities + np.log(priors.clutter)
 
 
-def pose_volume(information: FloatArray, radius: float, free: FloatArray | None = None) -> FloatArray:
-    """``log(p(T) integral exp(-x' L x / 2))`` for a pose anywhere in a cube of ``2 radius`` and any attitude.
+def pose_volume(information: FloatArray, scale: FloatArray, free: FloatArray | None = None) -> FloatArray:
+    """``log(p(T) integral exp(-x' L x / 2))`` for a pose anywhere in the extents of :func:`pose_scale`.
 
     Along the motions that ``free`` ``(*batch, 6, 6)`` projects on, the integral is over the whole extent.
     """
-    scale = pose_scale(radius)
-    information = information * np.outer(scale, scale)
+    information = scale.T @ information @ scale
     if free is not None:
         information = (np.eye(6) - free) @ information @ (np.eye(6) - free)
     values = np.linalg.eigvalsh(information)
@@ -206,8 +205,8 @@ def _perfect(sensed: Sensed, model: PartModel, kept: BoolArray, priors: Priors) 
     if D:
         log -= 0.5 * np.linalg.slogdet(at.information[..., 6:, 6:])[1]
     information = pose_information(at.information)
-    scale = pose_scale(priors.radius)
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    scale = pose_scale(priors.radius, sensed.points.mean(axis=0))
+    values, vectors = np.linalg.eigh(scale.T @ information @ scale)
     faint = values <= _FAINT * sensed.tilt.max(initial=0.0) ** 2 * values[:, -1:]
     free = (vectors * faint[:, None]) @ np.swapaxes(vectors, -1, -2)
-    return log + pose_volume(information, priors.radius, free)
+    return log + pose_volume(information, scale, free)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.localization import motions_about
 from tanteo.matching.model import PartModel
 from tanteo.matching.sensed import KINDS_IN_TREE, Sensed
-from tanteo.typing import FloatArray, IntArray
+from tanteo.typing import FloatArray, IntArray, Vectors
 
 _RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled geometry below this share of the largest count as zero."""
@@ -19,13 +20,16 @@ NOTHING = -1
 """In an interpretation: the sensed feature is clutter."""
 
 
-def pose_scale(radius: float) -> FloatArray:
-    """Extent of each coordinate of the pose: a cube of ``2 radius`` and all attitudes ``(6,)`` [m, rad]."""
-    return np.r_[np.full(3, 2 * radius), np.full(3, (8 * np.pi**2) ** (1 / 3))]
+def pose_scale(radius: float, middle: Vectors) -> FloatArray:
+    """Extent of each coordinate of the pose, a cube of ``2 radius`` and all attitudes, as columns ``(6, 6)`` [m, rad].
+
+    The motions are those of a frame at ``middle`` ``(3,)`` of the part, in coordinates of the part's own frame.
+    """
+    return motions_about(middle) * np.r_[np.full(3, 2 * radius), np.full(3, (8 * np.pi**2) ** (1 / 3))]
 
 
 def free_projector(sensed: Sensed, model: PartModel, choices: IntArray, radius: float) -> tuple[FloatArray, IntArray]:
-    """Projector on the motions of the part (part frame, scaled by the extents) that no pairing resists.
+    """Projector on the motions of the part, over :func:`pose_scale` about its middle, that no pairing resists.
 
     Args:
         sensed: the sensed features.
@@ -44,8 +48,8 @@ def free_projector(sensed: Sensed, model: PartModel, choices: IntArray, radius: 
             n = len(each)
             chosen = choices[:, members]
             A += np.where((chosen != NOTHING)[..., None, None], each[chosen % n], 0.0).sum(axis=1)
-    scale = pose_scale(radius)
-    values, vectors = np.linalg.eigh(A * np.outer(scale, scale))
+    scale = pose_scale(radius, model.middle)
+    values, vectors = np.linalg.eigh(scale.T @ A @ scale)
     free = values <= _RANK_TOLERANCE * np.maximum(values[:, -1:], 1e-300)
     return (vectors * free[:, None]) @ np.swapaxes(vectors, -1, -2), free.sum(axis=1)
 

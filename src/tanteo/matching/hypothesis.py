@@ -7,7 +7,7 @@ from scipy.special import chdtrc
 
 from tanteo.localization import describe_motion
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.verdict import corner_sd, excuse, where_to_sense, world_axis
+from tanteo.matching.verdict import corner_sd, excuse, part_scale, where_to_sense, world_axis
 from tanteo.parts import Part
 from tanteo.typing import Covariances, Tangents, Transforms
 
@@ -33,7 +33,7 @@ def hypothesis_at(
         part: the part.
         T_world_part: its pose ``(4, 4)``.
         covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad]; uniform draws along ``free``.
-        free: motions that nothing resists, the part's spins among them, ``[v / diagonal, w]`` ``(k, 6)``.
+        free: motions that nothing resists, the part's spins among them, over :func:`part_scale` ``(k, 6)``.
         probability: posterior.
         chi2: joint squared Mahalanobis distance.
         dof: its degrees of freedom; none or fewer where nothing was checked.
@@ -43,7 +43,7 @@ def hypothesis_at(
         outlier_distances: of the outliers from the surface [m].
         covariance_same_robot: with shared errors known; None if nothing is shared.
     """
-    words = tuple(describe_motion(xi, T_world_part, part.diagonal) for xi in free)
+    words = tuple(describe_motion(xi, T_world_part, part_scale(part)) for xi in free)
     unobserved, observed = excuse(part, free, words, covariance)
     return Hypothesis(
         part=part.name,

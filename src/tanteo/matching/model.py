@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.matching.candidates import Candidates, candidates_of
 from tanteo.parts import Part
 from tanteo.shapes import Surface
-from tanteo.typing import FloatArray, IntArray
+from tanteo.typing import FloatArray, IntArray, Vectors
 
 _KEEP_ENTRIES = 1_000_000
 """Pair tables with more entries than this are computed when asked for and not kept."""
@@ -100,6 +100,11 @@ class PartModel:
     def has_extent(self) -> bool:
         """Whether candidates have a place, not only a direction."""
         return self.part is not None
+
+    @property
+    def middle(self) -> Vectors:
+        """About which its motions are told ``(3,)``, part frame [m]: the origin of the file may lie far from it."""
+        return np.zeros(3) if self.part is None else self.part.centroid
 
     @property
     def surface(self) -> Surface:

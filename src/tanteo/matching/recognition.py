@@ -21,7 +21,7 @@ from tanteo.matching.pairings import decode
 from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
-from tanteo.matching.verdict import verdict
+from tanteo.matching.verdict import part_scale, verdict
 from tanteo.parts import Part
 
 
@@ -124,13 +124,13 @@ def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
     part = mode.model.part
     assert part is not None
     pairings = pairings_of(sensed, mode, tolerance)
-    estimate = estimate_pose(pairings, start=mode.T_world_part, length=part.diagonal)
+    estimate = estimate_pose(pairings, start=mode.T_world_part, length=part.diagonal, middle=part.centroid)
     outliers, distances = _outliers(sensed, mode, estimate)
     return hypothesis_at(
         part,
         estimate.T_world_part,
         estimate.covariance,
-        free=estimate.free,
+        free=np.asarray(np.linalg.solve(part_scale(part), estimate.free.T).T, dtype=np.float64),
         probability=mode.probability,
         chi2=estimate.chi2,
         dof=estimate.dof,

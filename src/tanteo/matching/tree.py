@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from tanteo.localization.scaling import motions_about
 from tanteo.localization.solve import Block, Solution, gauss_newton, take
 from tanteo.localization.start import first_pose
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
@@ -189,8 +190,8 @@ def _test(
     """Iterate, and keep what passes the joint test with ``slack`` times its gate."""
     n_shared = sensed.gains[0].shape[1] if sensed.gains else 0
     free, n_free = free_projector(sensed, model, choices, model.radius)
-    scale = pose_scale(model.radius)
-    hold = _HOLD + _STIFF * free / np.outer(scale, scale)
+    to_units, to_middle = np.linalg.inv(pose_scale(model.radius, model.middle)), motions_about(-model.middle)
+    hold = to_middle.T @ _HOLD @ to_middle + _STIFF * to_units.T @ free @ to_units
     solution = gauss_newton(blocks, start, n_shared, hold=hold, iterations=iterations, tolerance=1e-12)
     dof = np.maximum(solution.equations - (6 - n_free), 1.0)
     ok = solution.chi2 <= slack * chdtri(dof, ALPHA_JOINT)

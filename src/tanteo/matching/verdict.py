@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.localization import describe_motion
+from tanteo.localization import describe_motion, motion_scale
 from tanteo.matching.results import Hypothesis, Status
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
@@ -92,7 +92,7 @@ def excuse(
 
     Args:
         part: the part.
-        free: motions that nothing resists, ``[v / diagonal, w]`` ``(k, 6)``.
+        free: motions that nothing resists, over :func:`part_scale` ``(k, 6)``.
         words: the same in words.
         covariance: with the spread of a uniform draw along ``free``.
     """
@@ -102,13 +102,18 @@ def excuse(
         if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
             left.append(name)
             continue
-        scaled = xi * np.r_[np.full(3, part.diagonal), np.ones(3)]
+        scaled = part_scale(part) @ xi
         observed -= (2 * np.pi) ** 2 / 12 * np.outer(scaled, scaled)
     return tuple(left), observed
 
 
+def part_scale(part: Part) -> FloatArray:
+    """Motions that shift a part by its diagonal or turn it by a radian about its centroid, as columns ``(6, 6)``."""
+    return motion_scale(part.diagonal, part.centroid)
+
+
 def spins(part: Part) -> FloatArray:
-    """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, scaled by its diagonal."""
+    """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, over :func:`part_scale`."""
     if not part.symmetry.continuous:
         return np.zeros((0, 6))
     if part.symmetry.spherical:
@@ -117,7 +122,7 @@ def spins(part: Part) -> FloatArray:
         assert part.symmetry.axis is not None
         point, axis = part.symmetry.axis
         axes = axis[None]
-    rows = np.concatenate([np.cross(point, axes) / part.diagonal, axes], axis=1)
+    rows = np.concatenate([np.cross(point - part.centroid, axes) / part.diagonal, axes], axis=1)
     return np.linalg.qr(rows.T)[0].T
 
 
@@ -130,23 +135,25 @@ def world_axis(part: Part, T_world_part: Transforms) -> FloatArray | None:
     return np.stack([R @ point + T_world_part[:3, 3], R @ axis])
 
 
+def off_spins(part: Part) -> FloatArray:
+    """Projector of motions of the pose ``(6, 6)`` [m, rad] on those that are not of the continuous symmetry."""
+    rows, scale = spins(part), part_scale(part)
+    return np.asarray(scale @ (np.eye(6) - rows.T @ rows) @ np.linalg.inv(scale))
+
+
 def without_spins(part: Part, information: FloatArray) -> FloatArray:
     """Information ``(*batch, 6, 6)`` with nothing left along the continuous symmetry, where facets feign some."""
-    rows = spins(part)
-    if not len(rows):
+    if not part.symmetry.continuous:
         return information
-    scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
-    keep = (np.eye(6) - rows.T @ rows) * (scale[:, None] / scale)
+    keep = off_spins(part)
     return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
 
 
 def observed_covariance(part: Part, covariance: Covariances) -> Covariances:
     """A pose's covariance ``(6, 6)`` without its spread along the continuous symmetry, which moves nothing."""
-    rows = spins(part)
-    if not len(rows):
+    if not part.symmetry.continuous:
         return covariance
-    scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
-    keep = (np.eye(6) - rows.T @ rows) * (scale[:, None] / scale[None, :])
+    keep = off_spins(part)
     return np.asarray(keep @ covariance @ keep.T)
 
 
@@ -181,10 +188,11 @@ def motion_words(part: Part, motion: Tangents, T_world_part: Transforms) -> str:
         motion = np.r_[middle, np.zeros(3)]
     elif share < 1 - _MOSTLY:  # about an axis through the middle of the box
         motion = np.r_[np.cross(part.box.mean(axis=0), motion[3:]), motion[3:]]
-    scaled = motion / np.r_[np.full(3, part.diagonal), np.ones(3)]
+    scale = part_scale(part)
+    scaled = np.linalg.solve(scale, motion)
     axis = T_world_part[:3, :3] @ (scaled[3:] if np.any(motion[3:]) else scaled[:3])
     scaled = scaled * np.sign(axis[np.argmax(np.abs(axis))])
-    return describe_motion(scaled / np.linalg.norm(scaled), T_world_part, part.diagonal)
+    return describe_motion(scaled / np.linalg.norm(scaled), T_world_part, scale)
 
 
 def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
@@ -193,12 +201,12 @@ def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     Args:
         part: the part.
         T_world_part: where it is, as far as known.
-        free: one motion ``[v / diagonal, w]``.
+        free: one motion, over :func:`part_scale`.
     """
     if not len(part.planes):
         return ""
     n, c = part.planes.normals, part.planes.centroids
-    moved = np.abs(n @ (free[:3] * part.diagonal) + np.cross(c, n) @ free[3:])
+    moved = np.abs(n @ (free[:3] * part.diagonal) + np.cross(c - part.centroid, n) @ free[3:])
     worth = np.where(moved > _RESISTS * moved.max(initial=0.0), moved * np.sqrt(part.planes.areas), 0.0)
     if worth.max(initial=0.0) <= 1e-9:
         return ""

@@ -50,7 +50,7 @@ def within_extent(
     if not model.has_extent or not len(ok):
         return ok, poses, share
     free, n_free = free_projector(sensed, model, found.choices, radius)
-    fixed = np.flatnonzero(n_free == 0)
+    fixed, scale = np.flatnonzero(n_free == 0), pose_scale(radius, model.middle)
     ok[fixed] = _on_surface(sensed, model, found, fixed, Ts[fixed], tolerance)
     lengths, axes = np.linalg.eigh(free[:, :3, :3])
     slides = (lengths > _WHOLE).sum(axis=1)
@@ -58,7 +58,7 @@ def within_extent(
         rows = np.flatnonzero((slides == n_slides) & (n_free - slides == n_turns))
         step = max(1, _CHUNK_POINTS // (10 * turns * steps))
         for some in (rows[k : k + step] for k in range(0, len(rows), step)):
-            turned = _turned(Ts[some], free[some], axes[some, :, 3 - n_slides :], radius, turns)
+            turned = _turned(Ts[some], free[some], axes[some, :, 3 - n_slides :], scale, turns)
             tried, lengths_ = _slid(sensed, model, found, some, turned, axes[some, :, 3 - n_slides :], steps)
             again = np.repeat(some, turns * steps)
             hopeful = np.repeat((lengths_ > 0).ravel(), steps)
@@ -80,13 +80,13 @@ def _middle(tried: BoolArray, Ts: Transforms) -> tuple[BoolArray, Transforms]:
     return np.asarray(tried.any(axis=1), dtype=np.bool_), Ts[np.arange(len(Ts)), half]
 
 
-def _turned(Ts: Transforms, free: FloatArray, axes: FloatArray, radius: float, turns: int) -> Transforms:
+def _turned(Ts: Transforms, free: FloatArray, axes: FloatArray, scale: FloatArray, turns: int) -> Transforms:
     """Poses ``(F, turns, 4, 4)`` turned about the free axis, if there is one."""
     if turns == 1:
         return Ts[:, None]
     slides = np.zeros_like(free)
     slides[:, :3, :3] = axes @ np.swapaxes(axes, -1, -2)
-    xi = np.linalg.eigh(free - slides)[1][..., -1] * pose_scale(radius)
+    xi = np.linalg.eigh(free - slides)[1][..., -1] @ scale.T
     xi /= np.linalg.norm(xi[:, 3:], axis=1, keepdims=True)
     angles = np.linspace(-np.pi, np.pi, turns, endpoint=False)
     return np.asarray(Ts[:, None] @ SE3.exp(angles[:, None] * xi[:, None]))

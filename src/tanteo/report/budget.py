@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.matching.prior import prior_rows
-from tanteo.matching.verdict import corner_moves, spins
+from tanteo.matching.verdict import corner_moves, part_scale, spins
 from tanteo.parts import Part
 from tanteo.report.contacts import Contacts
 from tanteo.report.sensed import Sensed
@@ -125,11 +125,11 @@ def _assumed(terms: Mapping[str, _Term]) -> _Spread:
 
 def _observed(H: FloatArray, variances: FloatArray, part: Part) -> FloatArray:
     """Basis ``(6, k)`` of the motions that the rows resist and that no symmetry excuses [m, rad]."""
-    scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
-    rows, turns = H * scale / np.sqrt(variances)[:, None], spins(part)
+    scale = part_scale(part)
+    rows, turns = H @ scale / np.sqrt(variances)[:, None], spins(part)
     rows = rows - rows @ turns.T @ turns
     values, vectors = np.linalg.eigh(rows.T @ rows)
-    return np.asarray(scale[:, None] * vectors[:, values > 1 / _KNOWN**2])
+    return np.asarray(scale @ vectors[:, values > 1 / _KNOWN**2])
 
 
 def _estimator(H: FloatArray, spread: _Spread) -> FloatArray:

@@ -12,7 +12,7 @@ from tanteo.localization import pose_information
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.verdict import corner_sd, spins
+from tanteo.matching.verdict import corner_sd, part_scale, spins
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import Covariances, IntArray
@@ -68,14 +68,14 @@ def _common_tolerance(touches: Touches, mode: Mode, faces: IntArray) -> Covarian
     """
     if touches.tolerance == 0:
         return np.zeros((6, 6))
-    found, k, free, length = mode.found, mode.k, mode.free, mode.target.part.diagonal
+    found, k, free = mode.found, mode.k, mode.free
     J, w = found.rows[k], found.belongs[k]
     sd = 1 / np.linalg.norm(J[:, :3], axis=1)  # the translation part of a row is the normal over its sd
     weighted = J * (w * touches.tolerance / sd)[:, None]
-    scale = np.r_[np.full(3, length), np.ones(3)]
+    rows = free @ np.linalg.inv(part_scale(mode.target.part))
     hold = 1e9 * np.abs(found.information[k]).max()
     held = np.array(found.information[k])
-    held[:6, :6] += hold * (free / scale).T @ (free / scale)
+    held[:6, :6] += hold * rows.T @ rows
     gain = np.linalg.inv(held)[:6, :6]
     extra = -weighted.T @ weighted
     for face in np.unique(faces):

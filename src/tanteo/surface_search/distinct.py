@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import squared_gaps
+from tanteo.matching.verdict import part_scale
 from tanteo.parts import Part
 from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.target import Target
@@ -72,10 +74,12 @@ class _Bound:
     """
 
     def __init__(self, part: Part, Ts: Transforms, information: FloatArray) -> None:
-        self.images = None if part.symmetry.continuous else part.symmetry.Ts
-        scale = np.r_[np.full(3, part.diagonal), np.ones(3)]
-        unit = information * np.outer(scale, scale)
-        self.Ts, self.length, self.middle = Ts, part.diagonal, Ts[:, :3, 3].mean(axis=0)
+        unit = part_scale(part).T @ information @ part_scale(part)
+        T_part_middle = SE3.from_parts(np.eye(3), part.centroid)
+        images = SE3.inverse(T_part_middle) @ part.symmetry.Ts @ T_part_middle
+        self.images = None if part.symmetry.continuous else images
+        self.Ts, self.length = Ts @ T_part_middle, part.diagonal
+        self.middle = self.Ts[:, :3, 3].mean(axis=0)
         self.least, self.turn = np.linalg.eigvalsh(unit)[:, 0].clip(0.0), _of_turns(unit)
 
     def allows(self, rows: IntArray, columns: IntArray) -> BoolArray:

@@ -13,7 +13,7 @@ from tanteo.localization import covariance_with_free, pose_information, weak_mot
 from tanteo.matching.belief import equivalent
 from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.prior import alike
-from tanteo.matching.verdict import spins, without_spins
+from tanteo.matching.verdict import off_spins, part_scale, spins, without_spins
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import Moments, posterior_moments
 from tanteo.surface_search.polish import Polished
@@ -53,9 +53,9 @@ class Mode:
 
     @property
     def free(self) -> Tangents:
-        """Motions that nothing resists, those of the part's symmetry first, scaled by its diagonal ``(m, 6)``."""
+        """Motions that nothing resists, those of the part's symmetry first, over :func:`part_scale` ``(m, 6)``."""
         part = self.target.part
-        return weak_motions(self.information, part.diagonal, fixed=spins(part))
+        return weak_motions(self.information, part_scale(part), fixed=spins(part))
 
     @property
     def information(self) -> FloatArray:
@@ -76,11 +76,12 @@ class Mode:
         return self._with_free(None if self.moments is None else self.moments.covariance_given_shared, known)
 
     def _with_free(self, covariance: Covariances | None, information: FloatArray) -> Covariances:
+        scale = part_scale(self.target.part)
         if covariance is not None:
-            scale = np.r_[np.full(3, self.target.part.diagonal), np.ones(3)]
-            unit = covariance / np.outer(scale, scale)
-            information = np.linalg.pinv(unit, rcond=1e-12, hermitian=True) / np.outer(scale, scale)
-        return covariance_with_free(information, self.free, self.target.part.diagonal)
+            to_unit = np.linalg.inv(scale)
+            unit = to_unit @ covariance @ to_unit.T
+            information = to_unit.T @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ to_unit
+        return covariance_with_free(information, self.free, scale)
 
 
 def weigh(
@@ -152,11 +153,9 @@ def _weighed(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> M
         return mode  # a direction is free: no covariance tells how the posterior looks
     target, found, k = mode.target, mode.found, mode.k
     information = np.array(found.information[k])
-    keep = np.eye(len(information))
-    rows = spins(target.part)
-    if len(rows):
-        scale = np.r_[np.full(3, target.part.diagonal), np.ones(3)]
-        keep[:6, :6] -= (rows.T @ rows) * (scale[:, None] / scale[None, :])
+    if target.part.symmetry.continuous:
+        keep = np.eye(len(information))
+        keep[:6, :6] = off_spins(target.part)
         information = keep.T @ information @ keep
     density = partial(_density, touches, free, target, priors)
     moments = posterior_moments(density, found.Ts[k], found.z[k], information)

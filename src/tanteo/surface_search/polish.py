@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.localization import pose_information
+from tanteo.localization import motions_about, pose_information
 from tanteo.matching.evidence import Priors, pose_volume
+from tanteo.matching.freedom import pose_scale
 from tanteo.matching.prior import add_prior
 from tanteo.matching.verdict import without_spins
 from tanteo.surface_search.free_space import log_free_paths
@@ -96,7 +97,7 @@ def polish(
     information = pose_information(A)
     if priors.pose is None or priors.pose.covariance is None:  # a rough pose resists the spin of a round part too
         information = without_spins(target.part, information)
-    log = log + pose_volume(information, priors.radius)
+    log = log + pose_volume(information, pose_scale(priors.radius, target.part.centroid))
     n = len(touches)
     return Polished(Ts, z, A, log, at.belongs, at.r[:, :n], at.distances, at.J[:, :n, :6], at.log_kin - at.log, groups)
 
@@ -141,11 +142,12 @@ def _climb(
 
     Ts, z = start_of(touches, Ts, target, priors)
     Ts, z, active = np.array(Ts), np.array(z), np.arange(len(Ts))
+    M = motions_about(target.part.centroid, 6 + z.shape[1])
     log, A, b = look(Ts, z, active)
     damping = np.full(len(Ts), _LEAST_DAMPING)
     for k in range(iterations):
-        step = _solve(A[active], b[active], damping[active])
-        new = moved(Ts[active], step[:, :6]), z[active] + step[:, 6:]
+        step = _solve(M.T @ A[active] @ M, b[active] @ M, damping[active])
+        new = moved(Ts[active], step[:, :6], target.part.centroid), z[active] + step[:, 6:]
         new_log, new_A, new_b = look(*new, active)
         gain = new_log - log[active]
         rows = np.flatnonzero(gain > 0)

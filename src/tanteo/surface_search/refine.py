@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from tanteo.lie import SO3
+from tanteo.localization import motions_about
 from tanteo.surface_search.starts import both_ways, to_part
+from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, Transforms, Vectors
 
@@ -21,7 +23,7 @@ Known = Callable[[Transforms], tuple[FloatArray, FloatArray]]
 def refine(
     touches: Touches,
     Ts: Transforms,
-    distance: Distance,
+    target: Target,
     scales: FloatArray,
     extra_sd: float = 0.0,
     known: Known | None = None,
@@ -31,7 +33,7 @@ def refine(
     Args:
         touches: the readings.
         Ts: poses ``(S, 4, 4)``.
-        distance: exact, or from the grid.
+        target: the part.
         scales: residuals beyond about this many standard deviations lose their weight, one for each step.
         extra_sd: of the distance itself, for the grid [m].
         known: what is known of the pose; widened by the scale of the step.
@@ -39,9 +41,9 @@ def refine(
     Returns:
         Poses, and the robust cost of each at the last step but one, as :func:`both_ways` ``(S, 2)``.
     """
-    cost = np.zeros((len(Ts), 2))
+    cost, M = np.zeros((len(Ts), 2)), motions_about(target.part.centroid)
     for scale in scales:
-        r, J = residuals(touches, Ts, distance, extra_sd)
+        r, J = residuals(touches, Ts, target.distance, extra_sd)
         w = 1 / (1 + (r / scale) ** 2)
         cost = both_ways(w * r * r)
         JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
@@ -51,8 +53,8 @@ def refine(
             pull = np.swapaxes(J0, 1, 2) / scale**2
             A, b = A + pull @ J0, b - (pull @ r0[..., None])[..., 0]
             cost += np.log1p((r0 / scale) ** 2).sum(axis=1, keepdims=True) * scale**2 / r.shape[1]
-        step = damped(A, b)
-        Ts = moved(Ts, step)
+        step = damped(M.T @ A @ M, b @ M)
+        Ts = moved(Ts, step, target.part.centroid)
     return Ts, cost
 
 
@@ -99,12 +101,15 @@ def damped(A: FloatArray, b: FloatArray) -> FloatArray:
     return step * np.minimum(1.0, 0.35 / np.maximum(turn, 1e-12))[:, None]
 
 
-def moved(Ts: Transforms, step: FloatArray) -> Transforms:
-    """Poses ``(S, 4, 4)`` after steps ``(S, 6)``: as by the exponential to first order, and again rigid motions."""
+def moved(Ts: Transforms, step: FloatArray, middle: Vectors) -> Transforms:
+    """Poses ``(S, 4, 4)`` after steps ``(S, 6)`` of a frame at ``middle`` of the part ``(3,)``.
+
+    As by the exponential to first order, and again rigid motions.
+    """
     half = 0.5 * step[:, 3:, None]
     squared = np.sum(half * half, axis=1, keepdims=True)
     W = SO3.hat(half[..., 0])
     D = np.zeros((len(Ts), 4, 4))
     D[:, :3, :3] = ((1 - squared) * np.eye(3) + 2 * (half * half.swapaxes(1, 2) + W)) / (1 + squared)
-    D[:, :3, 3], D[:, 3, 3] = step[:, :3], 1.0
+    D[:, :3, 3], D[:, 3, 3] = step[:, :3] + middle - D[:, :3, :3] @ middle, 1.0
     return np.asarray(Ts @ D)

@@ -128,7 +128,7 @@ def search(
     bits, start = np.int64(1) << (number + np.arange(len(groups))), prior_starts(priors.pose)
     Ts = np.concatenate([start, Ts])
     origin = np.concatenate([np.full(len(start), bits.sum()), bits[origin]])
-    Ts, cost = refine(some, Ts, target.distance, _narrowing(some, target), 0.0, beforehand)
+    Ts, cost = refine(some, Ts, target, _narrowing(some, target), 0.0, beforehand)
     Ts, origin = _met(some, Ts, cost[:, 0], origin, target)
     found = _maxima(polish(touches, free, Ts, target, priors, groups=origin), target)
     if len(groups[0]) == 3:
@@ -187,7 +187,7 @@ def first_poses(
     start = wide / np.hypot(sd, step)
     kept = [Ts[_scored(touches, Ts, target, effort, wide, start, known)] for Ts in raw]
     origin = np.repeat(np.arange(len(kept)), [len(Ts) for Ts in kept])
-    Ts, costs = refine(touches, np.concatenate(kept), target.distance, start * _SETTLING, step, known)
+    Ts, costs = refine(touches, np.concatenate(kept), target, start * _SETTLING, step, known)
     chosen, cell = [], max(2 * sd, 0.1 * target.spacing)
     for k in range(len(raw)):
         rows = np.flatnonzero(origin == k)
@@ -225,13 +225,13 @@ def _turned_over(touches: Touches, maxima: Polished, target: Target) -> tuple[Tr
     best = maxima.Ts[:_TURNED]
     turned = (best[:, None] @ target.turns).reshape(-1, 4, 4)
     origin = np.repeat(maxima.groups[:_TURNED], len(target.turns))
-    turned, costs = refine(touches, turned, target.distance, np.maximum(scales, 3.0), step)
-    cost, least = costs[:, 0], refine(touches, best[:1], target.distance, np.array([3.0]), step)[1][:, 0]
+    turned, costs = refine(touches, turned, target, np.maximum(scales, 3.0), step)
+    cost, least = costs[:, 0], refine(touches, best[:1], target, np.array([3.0]), step)[1][:, 0]
     rows = np.flatnonzero(0.5 * len(touches) * (cost - least) < HOPELESS)
     rows = rows[distinct(touches, turned[rows], cost[rows], target, _TURNED, max(2 * sd, 0.1 * target.spacing))]
     if not len(rows):
         return turned[:0], origin[:0]
-    return refine(touches, turned[rows], target.distance, _narrowing(touches, target))[0], origin[rows]
+    return refine(touches, turned[rows], target, _narrowing(touches, target))[0], origin[rows]
 
 
 def _narrowing(touches: Touches, target: Target) -> FloatArray:

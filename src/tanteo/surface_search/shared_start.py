@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.lie import SO3
+from tanteo.localization import motions_about
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import add_prior
 from tanteo.surface_search.refine import damped, moved
@@ -53,6 +54,7 @@ def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -
     z, far = np.zeros((len(Ts), D)), _FAR * bend(touches)
     if far <= _FAR * _HARMLESS or not len(Ts):
         return Ts, z
+    M = motions_about(target.part.centroid, 6 + D)
     for scale in np.geomspace(max(far, _NEAR), _NEAR, 3 + int(np.ceil(np.log2(max(far / _NEAR, 1.0))))):
         r, J = _residuals(touches, Ts, z, target)
         w = 1 / (1 + (r / scale) ** 2)
@@ -61,8 +63,8 @@ def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -
         A[:, 6:, 6:] += np.eye(D)
         b[:, 6:] -= z
         add_prior(priors.pose, target.part, Ts, A, b)
-        step = damped(A, b)
-        Ts, z = moved(Ts, step[:, :6]), z + step[:, 6:]
+        step = damped(M.T @ A @ M, b @ M)
+        Ts, z = moved(Ts, step[:, :6], target.part.centroid), z + step[:, 6:]
     return Ts, z
 
 

@@ -10,7 +10,7 @@ from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, weak_motions
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.results import Hypothesis, Status
-from tanteo.matching.verdict import spins, verdict, without_spins
+from tanteo.matching.verdict import part_scale, spins, verdict, without_spins
 from tanteo.parts import Part
 from tanteo.typing import Transforms
 from tanteo.vision.belief import Belief, Mode
@@ -37,9 +37,9 @@ def hypothesis(
     part = mode.model.part
     A = without_spins(part, settled.information)
     dof = max(round(settled.equations) - (3 if lying else 6), 1)
-    weak = weak_motions(A, part.diagonal, fixed=spins(part))
+    weak = weak_motions(A, part_scale(part), fixed=spins(part))
     T = T_world_camera @ mode.T_camera_part
-    covariance = covariance_with_free(A, weak, part.diagonal) * max(1.0, settled.chi2 / dof)
+    covariance = covariance_with_free(A, weak, part_scale(part)) * max(1.0, settled.chi2 / dof)
     if camera.covariance is not None:
         Ad = SE3.adjoint_inverse(mode.T_camera_part)
         covariance = covariance + Ad @ camera.covariance @ Ad.T

@@ -128,7 +128,7 @@ def refine(
     """
     T = np.array(T_camera_part)
     start = T if start is None else start
-    scale = np.r_[np.full(3, frame.diagonal), np.ones(3)]
+    scale = frame.scale
     seen = None
     for k, reach in enumerate(reaches):
         if k in _ASKED or seen is None:
@@ -138,12 +138,12 @@ def refine(
         if prior is not None:
             A = A + prior
             g = g - (prior @ SE3.log(SE3.inverse(start) @ T)[..., None])[..., 0]
-        scaled = A * np.outer(scale, scale)
+        scaled = scale.T @ A @ scale
         # directions that nothing resists stay where they are
         hold = 1e-6 * np.trace(scaled, axis1=-2, axis2=-1)[..., None, None] + 1e-9
-        step = scale * np.linalg.solve(scaled + hold * np.eye(6), (scale * g)[..., None])[..., 0]
-        step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step / scale, axis=-1), 1e-12))[..., None]
-        T = T @ SE3.exp(step)
+        step = np.linalg.solve(scaled + hold * np.eye(6), (g @ scale)[..., None])[..., 0]
+        step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=-1), 1e-12))[..., None]
+        T = T @ SE3.exp(step @ scale.T)
     return np.asarray(T)
 
 

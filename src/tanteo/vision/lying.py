@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import softmax
 
 from tanteo.lie import SE3
+from tanteo.localization import motions_about
 from tanteo.typing import FloatArray, IntArray, Transforms
 from tanteo.vision.belief import Mode
 from tanteo.vision.camera import Camera
@@ -90,7 +91,8 @@ def mixed(model: VisionModel, found: list[Settled], log: FloatArray, width: floa
         width: how far a pose may be moved until its edges meet others [m].
     """
     size = 0.5 * model.part.diagonal
-    about = np.diag(np.r_[np.full(3, width**-2), np.full(3, (size / width) ** 2)])
+    to_middle = motions_about(-model.part.centroid)
+    about = to_middle.T @ np.diag(np.r_[np.full(3, width**-2), np.full(3, (size / width) ** 2)]) @ to_middle
     covariances = np.stack([covariance_of(model, each.information + about) for each in found])
     order = np.argsort(-log, kind="stable")
     best = found[order[0]]

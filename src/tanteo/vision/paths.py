@@ -164,7 +164,9 @@ def _frame(first: Vectors, second: Vectors) -> FloatArray:
 
 def _newton(T: Transforms, rays: Vectors, models: Vectors) -> Transforms:
     """Six equations, six unknowns: the three points on their rays."""
-    wanted = rays[:, None, :, :2]
+    wanted, middle = rays[:, None, :, :2], models.mean(axis=1)
+    T_part_middle = SE3.from_parts(np.eye(3), middle)  # the part's own origin may lie far from it
+    T, models = T @ T_part_middle, models - middle[:, None]
     size = float(np.linalg.norm(models[:, 1] - models[:, 0], axis=-1).mean())
     scale = np.r_[np.full(3, size), np.ones(3)]
     for _ in range(_NEWTON):
@@ -182,4 +184,4 @@ def _newton(T: Transforms, rays: Vectors, models: Vectors) -> Transforms:
         step = np.linalg.solve(A, (Jt @ off[..., None]))[..., 0]
         step = step * np.minimum(1.0, 0.5 / np.maximum(np.linalg.norm(step, axis=-1), 1e-12))[..., None]
         T = T @ SE3.exp(step * scale)
-    return T
+    return np.asarray(T @ SE3.inverse(T_part_middle))

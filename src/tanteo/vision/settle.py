@@ -112,14 +112,13 @@ def _settled(
 ) -> Settled:
     """The same under one choice of what moves whole edges."""
     frame, seen = model.frame, see_edges(model.frame, T)
-    scale = _scale(model)
     for _ in range(_ROUNDS):
         met = clear_edges(model, meet(frame, camera, edges, T, REACH, seen))
         met = own_points(met, frame.groups, _misplaced(met, edges, errors))
         terms = terms_of(_shifting(met), frame.groups, _misplaced(met, edges, errors), errors)
         mean, covariance, wrong = mixture(terms, *_beforehand(model, camera, prior, start, T))
         mean, covariance = mean[:6], covariance[:6, :6]
-        T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(mean / scale)), 1e-12)))
+        T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(np.linalg.solve(frame.scale, mean))), 1e-12)))
     chi2 = float(terms.chi2[np.arange(len(wrong)), wrong.astype(np.int64)].sum())
     shares = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
     return Settled(T, information_of(model, covariance), chi2, float(shares.sum()), met)
@@ -135,7 +134,7 @@ def _beforehand(
 ) -> tuple[FloatArray, FloatArray]:
     """Information on step and shift, and its gradient: of the prior, of what keeps steps small, of the lens."""
     A, g = np.zeros((8, 8)), np.zeros(8)
-    A[:6, :6] = prior + np.diag(_HOLD / _scale(model) ** 2)
+    A[:6, :6] = prior + _hold(model)
     A[6:, 6:] = np.eye(2) / (_HALF * max(camera.edge_sd, _EXACT)) ** 2
     g[:6] = -prior @ SE3.log(SE3.inverse(start) @ T)
     return A, g
@@ -164,24 +163,27 @@ def as_one(model: VisionModel, found: list[Settled], share: FloatArray) -> Settl
 
 def information_of(model: VisionModel, covariance: FloatArray) -> FloatArray:
     """What a covariance ``(6, 6)`` says, without what only kept the steps small."""
-    return _inverse(covariance) - np.diag(_HOLD / _scale(model) ** 2)
+    to_unit = np.linalg.inv(model.frame.scale)
+    return np.asarray(to_unit.T @ _inverse(to_unit @ covariance @ to_unit.T) @ to_unit - _hold(model))
 
 
 def covariance_of(model: VisionModel, information: FloatArray) -> FloatArray:
     """The covariance ``(6, 6)`` behind an information: the part's size and a radian where nothing is known."""
-    return _inverse(information + np.diag(_HOLD / _scale(model) ** 2))
+    scale = model.frame.scale
+    return np.asarray(scale @ _inverse(scale.T @ (information + _hold(model)) @ scale) @ scale.T)
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """Of a symmetric matrix in metres and radians, by way of one with ones on its diagonal."""
+    """Of a symmetric matrix, by way of one with ones on its diagonal."""
     power = np.sqrt(np.diagonal(matrix))
     scaled = np.linalg.inv(matrix / np.outer(power, power)) / np.outer(power, power)
     return np.asarray(0.5 * (scaled + scaled.T))
 
 
-def _scale(model: VisionModel) -> FloatArray:
-    """The part's diagonal for shifts, a radian for turns."""
-    return np.r_[np.full(3, model.frame.diagonal), np.ones(3)]
+def _hold(model: VisionModel) -> FloatArray:
+    """Information that keeps steps small, in units of the part ``(6, 6)``."""
+    to_unit = np.linalg.inv(model.frame.scale)
+    return np.asarray(_HOLD * to_unit.T @ to_unit)
 
 
 def _misplaced(met: Met, edges: EdgeMap, errors: EdgeErrors) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SE3
+from tanteo.localization import motion_scale
 from tanteo.parts import Part
 from tanteo.parts.topology import mesh_edges
 from tanteo.shapes import Surface
@@ -38,6 +39,7 @@ class Wireframe:
         groups: ``(N,)``, which edge or rim of the part each belongs to: the pair of faces, numbered.
         surface: of the part.
         diagonal: of its box [m].
+        middle: its centroid, about which it is moved ``(3,)``, part frame [m].
     """
 
     points: Vectors
@@ -48,6 +50,12 @@ class Wireframe:
     groups: IntArray
     surface: Surface
     diagonal: float
+    middle: Vectors
+
+    @property
+    def scale(self) -> FloatArray:
+        """Motions by its diagonal, or by a radian about its middle, as columns ``(6, 6)`` [m, rad]."""
+        return motion_scale(self.diagonal, self.middle)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -79,6 +87,7 @@ def wireframe(part: Part, samples: int = SAMPLES) -> Wireframe:
         groups=groups.ravel(),
         surface=surface,
         diagonal=part.diagonal,
+        middle=part.centroid,
     )
 
 
