@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
+from tanteo.limits import check_length
 from tanteo.matching.evidence import Priors
 from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
@@ -66,8 +67,7 @@ def identify(
         InputError: if an argument or the readings cannot be what was meant.
     """
     start = time.perf_counter()
-    if not 0 <= tolerance < float("inf"):
-        raise InputError(f"tolerance: expected 0 or more [m], got {tolerance:g}. Leave it out for 0.")
+    check_length("tolerance", tolerance)
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
     if len(sensed.bare) or _single_points(sensed) or (priors is not None and priors.pose is not None):

@@ -8,8 +8,8 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
+from tanteo.limits import LARGEST, LEAST_SD
 from tanteo.sensors import RobotPreset, SensorPreset
-from tanteo.sensors.checks import LARGEST, LEAST_SD
 from tanteo.sensors.law import NoiseLaw
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
@@ -83,8 +83,9 @@ class Probe:
             raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
         if self.approach is not None:
             d = np.asarray(self.approach, dtype=np.float64)
-            if d.shape != (3,) or not (np.isfinite(d).all() and np.linalg.norm(d) > 0):
+            if d.shape != (3,) or not (np.isfinite(d).all() and np.abs(d).max() > 0):
                 raise InputError(f"probe '{self.name}', approach: expected a direction, got {d.tolist()}.")
+            d = d if 1e-100 < np.abs(d).max() < 1e100 else d / np.abs(d).max()  # no square overflows
             if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector stays as it is, to the last bit
                 d = d / np.linalg.norm(d)
             object.__setattr__(self, "approach", d)

@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances, check_transforms
 from tanteo.lie import SE3
+from tanteo.limits import check_places, check_spreads
 from tanteo.matching import Hypothesis, PosePrior, Priors
 from tanteo.matching.evidence import log_sum, sized
 from tanteo.surface_search import Target
@@ -62,6 +63,8 @@ class Start:
             )
         if np.linalg.eigvalsh(C).min() <= 0:
             raise InputError("start: expected a spread in every direction, got none in one. A tiny one is enough.")
+        check_spreads("start", C)
+        check_places("start, T_world_part", Ts[..., :3, 3])
         radius = max(target.part.radius for target in self.targets)
         if abs(w.sum() - 1) > 1e-12:  # what sums to one stays as it is, to the last bit
             w = w / w.sum()

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
+from tanteo.limits import check_length
 from tanteo.localization.solve import assemble, pose_information
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.model import PartModel
@@ -65,8 +66,7 @@ class Priors:
                 raise InputError(f"priors, {name}: expected a share from 0 to below 1, got {getattr(self, name)}.")
         if self.clutter > OFTEN:
             raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.clutter}. Say less.")
-        if not (np.isfinite(self.radius) and self.radius >= 0):
-            raise InputError(f"priors, radius: expected a length in metres, got {self.radius}. 0 is that of the parts.")
+        check_length("priors, radius", self.radius)
 
 
 def log_sum(log: npt.ArrayLike, axis: int | tuple[int, ...] | None = None) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances
 from tanteo.lie import SE3
+from tanteo.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 
@@ -32,8 +33,10 @@ class Table:
 
     def __post_init__(self) -> None:
         length = float(np.linalg.norm(self.normal))
-        if not (np.isfinite(length) and length > 0 and np.isfinite(self.point).all() and self.sd > 0):
-            raise InputError("table: expected a finite point, a normal with a length and a positive sd. Check them.")
+        if not (np.isfinite(length) and length > 0):
+            raise InputError("table: expected a normal with a length. Check it.")
+        check_places("table", np.asarray(self.point))
+        check_length("table, sd", self.sd, LEAST_SD)
         object.__setattr__(self, "point", np.array(self.point, dtype=np.float64))
         object.__setattr__(self, "normal", np.array(self.normal, dtype=np.float64) / length)
 
@@ -66,12 +69,15 @@ class PosePrior:
             C = check_covariances("prior, covariance", self.covariance, 6)
             if np.linalg.eigvalsh(C).min(initial=np.inf) <= 0:
                 raise InputError("prior, covariance: expected a positive variance in every direction, got zero.")
+            check_spreads("prior, covariance", C)
+            check_places("prior, T_world_part", np.asarray(self.T_world_part)[..., :3, 3])
             object.__setattr__(self, "covariance", C)
             object.__setattr__(self, "root", np.swapaxes(np.linalg.cholesky(np.linalg.inv(C)), -1, -2))
         if self.box is not None:
             box = np.array(self.box, dtype=np.float64)
             if box.shape != (2, 3) or not np.all(box[1] > box[0]):
                 raise InputError(f"prior, box: expected lowest and highest x, y, z, got {box.tolist()}.")
+            check_places("prior, box", box)
             object.__setattr__(self, "box", box)
 
 

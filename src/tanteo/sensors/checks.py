@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import ReadingsError
+from tanteo.limits import LARGEST, LEAST_SD
 from tanteo.typing import BoolArray
 
 if TYPE_CHECKING:
@@ -27,8 +28,6 @@ _ARRAYS = (
 _POSITIVE = {"normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m"}
 
 _LENGTHS = "points", "ranges", "max_ranges", "radii", "sds", "across_sds"
-LEAST_SD, LARGEST = 1e-12, 1e6
-"""Nothing is known better than this, and nothing is farther away or larger [m]; squares of more would overflow."""
 
 
 def check_readings(readings: Readings) -> None:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.lie import SO3
-from tanteo.sensors.checks import LARGEST, LEAST_SD
+from tanteo.limits import LARGEST, LEAST_SD
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov, body_jacobian

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.limits import check_length
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
@@ -35,8 +36,7 @@ class Sensing:
     tolerance: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.tolerance) and self.tolerance >= 0):
-            raise InputError(f"tolerance: expected 0 or more [m], got {self.tolerance:g}. Leave it out for 0.")
+        check_length("tolerance", self.tolerance)
 
     def measured(self, readings: Readings) -> PointMeasurements:
         """Points in the world with their covariance, and the free beams."""

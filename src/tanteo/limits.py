@@ -1,0 +1,48 @@
+"""What lengths and their spreads can be: within these bounds no square overflows and nothing is known to rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.typing import Covariances, FloatArray
+
+LEAST_SD, LARGEST = 1e-9, 1e6
+"""Nothing is known better than this, and nothing is farther away or larger [m]."""
+
+
+def check_length(name: str, value: float, least: float = 0.0) -> None:
+    """Refuse what is no length from ``least`` to :data:`LARGEST`.
+
+    Raises:
+        InputError: with the value.
+    """
+    if not least <= value <= LARGEST:
+        zero = " Leave it out for 0." if least == 0 else " Check its unit."
+        raise InputError(f"{name}: expected a length from {least:g} to {LARGEST:g} m, got {value:g} m.{zero}")
+
+
+def check_places(name: str, points: FloatArray) -> None:
+    """Refuse coordinates [m] that are not numbers up to :data:`LARGEST`.
+
+    Raises:
+        InputError: with the worst of them.
+    """
+    worst = float(np.abs(points).max(initial=0.0))
+    if not worst <= LARGEST:
+        raise InputError(f"{name}: expected coordinates up to {LARGEST:g} m, got {worst:g} m. Check their unit.")
+
+
+def check_spreads(name: str, C: Covariances) -> None:
+    """Refuse standard deviations of a pose ``(*batch, 6, 6)`` that are less than nothing known, or more than anything.
+
+    Raises:
+        InputError: with the standard deviation.
+    """
+    sd = np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
+    wrong = sd[~((sd >= LEAST_SD) & (sd <= LARGEST))]
+    if len(wrong):
+        raise InputError(
+            f"{name}: expected standard deviations from {LEAST_SD:g} to {LARGEST:g} (m or rad), got {wrong[0]:g}. "
+            "Check their units."
+        )
