@@ -190,8 +190,8 @@ ORIGIN = np.zeros((1, 3))
     [
         ({"points": ORIGIN}, {}, "sd of reading '1': expected one standard deviation"),
         ({"points": ORIGIN}, {"sensor": "hc_sr04"}, "depends on the range and there is none"),
-        ({"points": ORIGIN}, {"sd": -1.0}, "sd: expected a positive number of metres, got -1"),
-        ({"points": ORIGIN}, {"sd": np.nan}, "sd: expected a positive number of metres, got nan"),
+        ({"points": ORIGIN}, {"sd": -1.0}, "sd: expected one standard deviation from 1e-09 to 1e+06 m, got -1"),
+        ({"points": ORIGIN}, {"sd": np.nan}, "sd: expected one standard deviation from 1e-09 to 1e+06 m, got nan"),
         ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [1e-3] * 3}, "hand_x_mm"),
         ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [1e-3, -1, 0]}, "expected three lengths of zero or more"),
         ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [0, 0, 0]}, "expected three lengths"),

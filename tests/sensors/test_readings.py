@@ -28,7 +28,7 @@ MIRROR = EYES * np.array([-1, 1, 1, 1.0])[None, :, None]
         ({"points": P[:, :2]}, "points: expected shape (3, 3), got (3, 2)"),
         ({"sds": [1, 1, 0.0]}, "sds of reading '3': expected a positive number [m], got 0"),
         ({"sds": [1, np.inf, 1.0]}, "sds of reading '2': expected finite numbers"),
-        ({"sds": [1, 1e-200, 1.0]}, "sds of reading '2': expected at least 1e-12 m"),
+        ({"sds": [1, 1e-200, 1.0]}, "sds of reading '2': expected at least 1e-09 m"),
         ({"sds": [1, 1, 1e200]}, "sds of reading '3': expected at most 1e+06 m"),
         ({"points": np.where(P > 7, 1e200, P)}, "points of reading '3': expected at most 1e+06 m"),
         ({"Ts_world_hand": EYES + 1e9 * np.outer([1, 0, 0, 0], [0, 0, 0, 1])}, "Ts_world_hand: expected a hand within"),

@@ -61,9 +61,10 @@ class Probe:
 
     def __post_init__(self) -> None:
         lengths = ("max_range", "standoff", "clearance", "retreat", "speed")
-        for n in (n for n in lengths if not (np.isfinite(getattr(self, n)) and getattr(self, n) > 0)):
+        for n in (n for n in lengths if not 0 < getattr(self, n) <= LARGEST):
             raise InputError(
-                f"probe '{self.name}', {n}: expected a positive number, got {getattr(self, n):g}. Correct it."
+                f"probe '{self.name}', {n}: expected a positive number up to {LARGEST:g}, got {getattr(self, n):g}. "
+                "Correct it."
             )
         if self.standoff > self.max_range:
             raise InputError(
@@ -73,12 +74,17 @@ class Probe:
         if not 0 < self.max_incidence < np.pi / 2:
             got = f"got {np.degrees(self.max_incidence):g} deg. Correct it."
             raise InputError(f"probe '{self.name}', max_incidence: expected an angle between 0 and 90 deg, {got}")
+        if np.ndim(self.law.const) or np.ndim(self.law.sigma(np.asarray(self.standoff))):
+            raise InputError(
+                f"probe '{self.name}', law: expected that of one sensor, got arrays. Give one number each."
+            )
         sd = float(self.law.sigma(np.asarray(self.standoff)))
         if not LEAST_SD <= sd <= LARGEST:
             raise InputError(
-                f"probe '{self.name}', law: expected a standard deviation in metres, got {sd:g}. Correct it."
+                f"probe '{self.name}', law: expected a standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got "
+                f"{sd:g}. Correct it."
             )
-        others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "cone", "seconds")
+        others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds")
         for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
             raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
         if self.approach is not None:

@@ -11,6 +11,7 @@ from tanteo.active.belief import Belief
 from tanteo.active.samples import even_normals
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.limits import LEAST_SD, check_length
 from tanteo.matching.belief import without_spin
 from tanteo.matching.verdict import corner_moves, observed_covariance
 from tanteo.typing import FloatArray
@@ -49,8 +50,8 @@ class Stop:
             value = getattr(self, name)
             if value is not None and not 0 < value < 1:
                 raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Say 0.99.")
-        if self.tolerance is not None and not (np.isfinite(self.tolerance) and self.tolerance > 0):
-            raise InputError(f"tolerance: expected a positive length [m], got {self.tolerance:g}.")
+        if self.tolerance is not None:
+            check_length("tolerance", self.tolerance, LEAST_SD)
         if self.most < 1 or not self.least_gain >= 0:
             raise InputError("most, least_gain: expected a reading at least, and no negative information.")
 

@@ -183,11 +183,15 @@ def _is_normal(draws: Weighted, about: Proposals, j: int, w: FloatArray) -> bool
 
 
 def _moments(draws: Weighted, about: Proposals, j: int, w: FloatArray, C: FloatArray, mean: FloatArray) -> Moments:
-    """Moments about maximum ``j``; given the shared errors, what they explain of the pose is taken off."""
-    given, z = C, draws.at.z - about.z[j]
+    """Moments about maximum ``j``; given the shared errors, what they explain of the pose is taken off.
+
+    As if there were one draw more with the covariance of the curvature there: a few draws span no space of six.
+    """
+    share, given, z = w / w.sum(), C, draws.at.z - about.z[j]
     if z.shape[1]:
-        share = w / w.sum()
         cross = np.einsum("s,si,sk->ik", share, draws.x[j], z)
         spread = np.einsum("s,si,sk->ik", share, z, z) + np.einsum("s,sik->ik", share, draws.at.spreads)
         given = C - cross @ np.linalg.solve(spread, cross.T)
-    return Moments(mean, C, given, 0.0)
+    one = float(np.sum(share**2) / (1 + np.sum(share**2)))  # of it and all draws
+    curvature = one * about.roots[j] @ about.roots[j].T
+    return Moments(mean, (1 - one) * C + curvature, (1 - one) * given + curvature, 0.0)

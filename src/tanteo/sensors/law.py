@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tanteo.errors import InputError
 from tanteo.typing import FloatArray
 
 _LARGEST_EXPONENT = 20.0
@@ -27,6 +28,9 @@ class NoiseLaw:
         quad: Part proportional to the range squared [1/m].
         exp_d0: Range at which the exponential law has doubled the floor [m].
         exp_k: Rate of the exponential law [1/m]; 0 for none.
+
+    Raises:
+        InputError: a part is negative.
     """
 
     const: FloatArray
@@ -38,6 +42,10 @@ class NoiseLaw:
     _grows: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        for name in ("const", "prop", "quad", "exp_k"):  # NaN where a device does not say
+            value = getattr(self, name)
+            if np.any(value < 0):
+                raise InputError(f"noise law, {name}: expected 0 or more, got {np.nanmin(value):g}. Correct it.")
         # a simulator asks a thousand times a second: what the law needs is found out once
         object.__setattr__(self, "_explodes", bool(np.any(self.exp_k > 0)))
         object.__setattr__(self, "_grows", bool(np.any(self.prop > 0) or np.any(self.quad > 0)))

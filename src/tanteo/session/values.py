@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.limits import check_length
+from tanteo.limits import LARGEST, check_length
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
@@ -84,6 +84,10 @@ class Action:
                 f"question {self.number}: expected a place and a unit direction, got {self.origin} and "
                 f"{self.direction}. Correct it."
             )
+
+        if not (0 < self.max_range <= LARGEST):
+            got = f"got {self.max_range:g} m. Correct it."
+            raise InputError(f"question {self.number}, max_range: expected a positive length, {got}")
 
     @property
     def T_world_probe(self) -> Transforms:
