@@ -182,7 +182,7 @@ def test_what_a_session_cannot_mean_is_refused(targets):
     with pytest.raises(InputError, match="seed: expected 0 or more"):
         new_session(rough(targets), seed=-1)
     for tolerance in (-1e-3, np.nan, np.inf):
-        with pytest.raises(InputError, match="tolerance: expected 0 or more"):
+        with pytest.raises(InputError, match="tolerance: expected a length from 0"):
             Sensing(tolerance=tolerance)
     for law in (NoiseLaw.of(np.nan), NoiseLaw.of(1e-300), NoiseLaw.of(np.inf)):
         with pytest.raises(InputError, match="law: expected a standard deviation"):

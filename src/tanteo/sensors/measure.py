@@ -60,9 +60,7 @@ def measure(
     sensor = sensor_preset(sensor) if isinstance(sensor, str) else sensor
     robot = robot_preset(robot) if isinstance(robot, str) else robot
     if sd is not None and not LEAST_SD <= sd <= LARGEST:
-        raise InputError(
-            f"sd: expected a length from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}. Give one standard deviation."
-        )
+        raise InputError(f"sd: expected one standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}.")
     devices, numbers = find_devices(readings, sensor, rig)
     placed = place(readings, devices, numbers)
     hit = ~readings.is_free
