@@ -16,10 +16,18 @@ from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
-from tanteo.surface_search import as_free_paths, as_touches, identify_touches
+from tanteo.surface_search import as_free_paths, as_touches, bend, identify_touches
 
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
+
+_BENT = 3.0
+"""Standard deviations of their noise by which errors that all share may bend readings until labels are not fitted.
+
+A fitted face takes such an error once, to first order; the search over the surface settles it with the pose.
+"""
+
+_UNUSED = "Labels were not used: what all readings share, the tip or a sensor, may be off by many times their noise."
 
 _DOUBT_PRIOR = "What was said of the pose beforehand counts, too: check it, or leave it out and compare."
 
@@ -70,22 +78,21 @@ def identify(
     check_length("tolerance", tolerance)
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
-    if len(sensed.bare) or _single_points(sensed) or (priors is not None and priors.pose is not None):
-        if as_published and priors is not None and priors.pose is not None:
-            raise InputError("as_published: expected nothing known of the pose, got priors.pose. Leave it out.")
-        if as_published:
-            raise InputError(
-                "as_published: expected every reading to have a feature label, got some without. The paper compares "
-                "sensed features; give rows taken on one face the same label."
-            )
-        elapsed = time.perf_counter() - start
-        reach = readings.ranges[measured.rows]
-        touches, free = as_touches(measured, tolerance, reach), as_free_paths(measured, tolerance)
+    touches = as_touches(measured, tolerance, readings.ranges[measured.rows])
+    bare = bool(len(sensed.bare)) or _single_points(sensed)
+    placed = priors is not None and priors.pose is not None
+    if as_published:
+        _require_labels_alone(bare=bare, placed=placed)
+    bent = bool(sensed.features) and bend(touches) > _BENT and not as_published
+    if bare or placed or bent:
+        free, elapsed = as_free_paths(measured, tolerance), time.perf_counter() - start
         answer = identify_touches(
             touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
         )
-        if answer.status == "unknown" and priors is not None and priors.pose is not None:
+        if answer.status == "unknown" and placed:
             answer = replace(answer, message=f"{answer.message} {_DOUBT_PRIOR}")
+        if bent and any(measured.features):
+            answer = replace(answer, message=f"{answer.message} {_UNUSED}")
         return with_elapsed(answer, measure=elapsed)
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
@@ -102,6 +109,17 @@ def identify(
         seed=seed,
     )
     return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
+
+
+def _require_labels_alone(*, bare: bool, placed: bool) -> None:
+    """The paper compares features that were sensed, and nothing else."""
+    if placed:
+        raise InputError("as_published: expected nothing known of the pose, got priors.pose. Leave it out.")
+    if bare:
+        raise InputError(
+            "as_published: expected every reading to have a feature label, got some without. The paper compares "
+            "sensed features; give rows taken on one face the same label."
+        )
 
 
 def locate(readings: Readings, part: Part, **options: object) -> Recognition:

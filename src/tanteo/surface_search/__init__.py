@@ -1,6 +1,7 @@
 """Bare readings against the whole surface of any part: no labels, no first guess, every pose that explains them."""
 
 from tanteo.surface_search.recognition import identify_touches
+from tanteo.surface_search.shared_start import bend
 from tanteo.surface_search.target import Target, prepare_target
 from tanteo.surface_search.touches import FreePaths, Touches, as_free_paths, as_touches
 
@@ -10,6 +11,7 @@ __all__ = [
     "Touches",
     "as_free_paths",
     "as_touches",
+    "bend",
     "identify_touches",
     "prepare_target",
 ]

@@ -1,0 +1,66 @@
+"""Faces touched with a tip that is off by many times the noise, the hand turned anew for every touch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bare_scenes import box_centred_pose, nees
+from tanteo import Readings, identify
+from tanteo.lie import SE3, SO3
+from tanteo.parts import read_part
+
+SD, TIP = 1e-4, np.array([1.5e-3, 1.5e-3, 3e-4])
+
+
+@pytest.fixture(scope="module")
+def bracket():
+    """A part without symmetry."""
+    return read_part(Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step")
+
+
+def touched(part, T, rng, tip):
+    """Five touches on each of six of its larger faces, with labels, from where the fingertip is said to be."""
+    points, normals, labels = [], [], []
+    for plane in rng.permutation(np.argsort(-part.planes.areas)[:9])[:6]:
+        corners = part.vertices[part.triangles[part.triangle_face == part.planes.faces[plane]]]
+        areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        a, b, c = corners[rng.choice(len(corners), 5, p=areas / areas.sum())].transpose(1, 0, 2)
+        u, v = np.sort(rng.uniform(size=(2, 5, 1)), axis=0)
+        points.append(u * a + (v - u) * b + (1 - v) * c)
+        normals.append(np.tile(part.planes.normals[plane], (5, 1)))
+        labels += [f"face {plane}"] * 5
+    seen = SE3.apply(T, np.concatenate(points)) + SD * rng.normal(size=(30, 3))
+    q = rng.normal(size=(30, 4))
+    R = SO3.from_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True))
+    seen = seen - R @ (tip * rng.normal(size=3))
+    return Readings.from_columns(
+        seen, sds=np.full(30, SD), features=labels, directions=-np.concatenate(normals) @ T[:3, :3].T,
+        Ts_world_hand=SE3.from_parts(R, seen),
+    )  # fmt: skip
+
+
+def test_labels_do_not_stand_in_the_way_of_a_large_tip_offset(bracket):
+    rng, values = np.random.default_rng(5), []
+    for _ in range(10):
+        T = box_centred_pose(rng)
+        answer = identify(touched(bracket, T, rng, TIP), [bracket], tip_sd=TIP)
+        assert answer.status == "recognized", answer.message
+        assert "Labels were not used" in answer.message
+        best = answer.hypotheses[0]
+        values.append(nees(bracket, best.T_world_part, best.covariance, T)[0] / 6)
+    assert np.mean(values) < 1 + 3.3 * np.sqrt(2 / 6 / len(values))  # 99.9 %
+
+
+def test_labels_are_used_where_the_tip_is_known(bracket):
+    rng = np.random.default_rng(6)
+    T = box_centred_pose(rng)
+    readings = touched(bracket, T, rng, 0 * TIP)
+    for options in ({}, {"tip_sd": 1e-5 * np.ones(3)}):
+        answer = identify(readings, [bracket], **options)
+        assert "Labels" not in answer.message
+        assert answer.status == "recognized"
+    published = identify(readings, [bracket], tip_sd=TIP, as_published=True)
+    assert "Labels" not in published.message
