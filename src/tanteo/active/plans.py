@@ -205,7 +205,8 @@ def _message(design: Design, readings: list[PlannedReading], tolerance: float, c
             f"{1e3 * never:.2g} mm (1 sd). Calibrate the robot, or sense relative to something that it must meet."
         )
     count = "1 reading does" if n == 1 else f"{n} readings do"
+    least = np.floor(1e3 * last.within) / 1e3  # what is not reached is not rounded up to it
     return (
-        f"{count} not bring {aim} (P = {last.within:.3f}); worst corner {1e3 * last.worst_corner_sd:.2g} mm, "
+        f"{count} not bring {aim} (P = {least:.3f}); worst corner {1e3 * last.worst_corner_sd:.2g} mm, "
         "1 sd. Allow more readings, a better sensor, or another approach."
     )
