@@ -332,3 +332,9 @@ def test_a_contradiction_names_the_label_that_agrees_least(parts):
         distances.append(used * (p @ np.linalg.solve(feature.P, p)))
     worst = features[int(np.argmax(distances))].label
     assert f"most of all the readings of '{worst}' on plane" in answer.message
+
+
+def test_nothing_sensed_is_not_enough(parts):
+    answer = identify_features([], [parts["block"]])
+    assert (answer.status, answer.hypotheses) == ("insufficient", ())
+    assert "sense three faces" in answer.message

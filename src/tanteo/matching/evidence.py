@@ -205,7 +205,7 @@ def _perfect(sensed: Sensed, model: PartModel, kept: BoolArray, priors: Priors) 
     if D:
         log -= 0.5 * np.linalg.slogdet(at.information[..., 6:, 6:])[1]
     information = pose_information(at.information)
-    scale = pose_scale(priors.radius, sensed.points.mean(axis=0))
+    scale = pose_scale(priors.radius, sensed.middle)
     values, vectors = np.linalg.eigh(scale.T @ information @ scale)
     faint = values <= _FAINT * sensed.tilt.max(initial=0.0) ** 2 * values[:, -1:]
     free = (vectors * faint[:, None]) @ np.swapaxes(vectors, -1, -2)

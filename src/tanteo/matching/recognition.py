@@ -61,6 +61,8 @@ def identify_features(
         raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
     if top < 1:
         raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
+    if not features:
+        return Recognition("insufficient", "There is no feature: sense three faces or more.", (), 1.0, {}, seed)
     clock = Clock()
     models = [part if isinstance(part, PartModel) else prepare(part) for part in parts]
     sensed = sense(features)

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.features import Feature, collect_shared, feature_covariance
 from tanteo.fitting import Sides
-from tanteo.typing import BoolArray, FloatArray
+from tanteo.typing import BoolArray, FloatArray, Vectors
 
 KINDS_IN_TREE = ("plane", "edge", "vertex")
 _AXIS = {"plane": 2, "edge": 0}
@@ -58,6 +58,11 @@ class Sensed:
 
     def __len__(self) -> int:
         return len(self.views)
+
+    @property
+    def middle(self) -> Vectors:
+        """Of the points, in the world ``(3,)`` [m]; the world's origin if there is none."""
+        return np.asarray(self.points.mean(axis=0)) if len(self.points) else np.zeros(3)
 
 
 def sense(given: Sequence[Sides]) -> Sensed:
