@@ -8,7 +8,7 @@ import pytest
 from scenes import random_pose
 from tanteo.features import EDGE, PLANE, VERTEX, Feature
 from tanteo.lie import SE3, SO3
-from tanteo.localization import ModelFeature, Pairing, estimate_pose
+from tanteo.localization import ModelFeature, Pairing, describe_motion, estimate_pose, motion_scale, motions_about
 
 X, Y, Z = np.eye(3)
 SLANT = np.array([0.6, 0.8, 0.0])
@@ -204,3 +204,26 @@ def test_a_single_direction_keeps_its_side(name):
         for p in pairings(features, T, rng, 0.0):
             if p.sensed.kind is PLANE:
                 assert p.sensed.T_world_feature[:3, 2] @ e.T_world_part[:3, :3] @ p.model.T_part_feature[:3, 2] > 0.9
+
+
+def test_a_turn_is_told_by_the_point_of_its_axis_next_to_the_part():
+    """Not by the one next to the origin of its file, which may be metres away."""
+    middle, T = np.array([50.0, -20.0, 10.0]), random_pose(np.random.default_rng(3))
+    T[:3, 3] = np.array([1.0, 2.0, 3.0]) - T[:3, :3] @ middle  # so that the middle is at (1, 2, 3) m
+    scale = motion_scale(0.1, middle)
+    words = describe_motion(np.array([0, 0, 0, 0, 0, 1.0]), T, scale)
+    assert words == "rotation about part z through (1000.0, 2000.0, 3000.0) mm"
+    beside = describe_motion(np.array([0, 0.1, 0, 0, 0, 1.0]), T, scale)  # v = -w x c, c a tenth of its size aside
+    at = np.array([float(x) for x in beside.split("(")[1].split(")")[0].split(",")]) / 1e3
+    np.testing.assert_allclose(at, T[:3, :3] @ (middle - np.array([0.01, 0, 0])) + T[:3, 3], atol=1e-4)
+
+
+def test_scaled_motions_are_those_of_a_frame_at_the_middle():
+    rng = np.random.default_rng(4)
+    T, middle, u = random_pose(rng), rng.normal(size=3), rng.normal(size=6)
+    S = SE3.from_parts(np.eye(3), middle)
+    moved = T @ SE3.exp(motion_scale(0.2, middle) @ u)
+    there = T @ S @ SE3.exp(np.r_[0.2 * u[:3], u[3:]]) @ SE3.inverse(S)
+    np.testing.assert_allclose(moved, there, atol=1e-12)
+    np.testing.assert_allclose(motions_about(middle, 8)[6:, 6:], np.eye(2))
+    np.testing.assert_allclose(motions_about(middle) @ motions_about(-middle), np.eye(6), atol=1e-15)
