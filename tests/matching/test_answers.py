@@ -289,7 +289,7 @@ def test_a_radius_is_a_length_and_clutter_leaves_something():
     with pytest.raises(InputError, match=r"at most 0\.99, got 0\.995"):
         Priors(clutter=0.995)
     for value in (-0.1, np.inf, np.nan):
-        with pytest.raises(InputError, match=rf"priors, radius: .* got {value}\."):
+        with pytest.raises(InputError, match=rf"priors, radius: .* got {value} m\."):
             Priors(radius=value)
 
 

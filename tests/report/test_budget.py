@@ -31,7 +31,7 @@ def scene(wedge):
     """Touches with a tip that is not where it should be, a robot and a rough part."""
     rng = np.random.default_rng(5)
     readings = touches(wedge, rng, Ts_world_hand=hands(5 * len(wedge.planes), rng))
-    options = {"tip_sd": (1e-4, 1e-4, 3e-4), "robot": ROBOT, "tolerance": 5e-5}
+    options = {"tip_sd": (5e-5, 5e-5, 1.5e-4), "robot": ROBOT, "tolerance": 5e-5}
     answer = locate(readings, wedge, **options)
     return readings, options, answer.hypotheses[0]
 
