@@ -23,14 +23,15 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from active_sessions import HERE, known_parts, policies, stops, tells
+from active_twins import twins
 from campaign import options
 from common import Table
 
 import tanteo
 from cli.conftest import prism, stl
-from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, sense, true_range
+from sensing_scenes import LASER, drawn_truth, new_session, true_range
 from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan, predict, propose, update
-from tanteo.active.distinguish import laid_on, located
+from tanteo.active.distinguish import located
 from tanteo.active.policies import POLICIES
 from tanteo.active.utility import expected_information
 from tanteo.lie import SE3
@@ -39,34 +40,6 @@ from tanteo.matching.verdict import corner_sd
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
 from tanteo.surface_search import prepare_target
-
-
-def twins(scenes, seed):
-    """One reading after locating: which of the two is it?"""
-    rows = []
-    for names in (("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")):
-        pair = [prepare_target(tanteo.read_part(HERE / "examples" / "parts" / f"{n}.step")) for n in names]
-        for probe in (LASER, FLIGHT):
-            right = sure = 0
-            for scene in range(scenes):
-                rng = np.random.default_rng((seed, scene))
-                k = int(rng.integers(2))
-                poses = laid_on(pair[k], pair[1 - k])
-                sd = 2e-4 if probe is LASER else 2e-3
-                start = Start(
-                    tuple(pair), np.array([k] + [1 - k] * len(poses)), np.concatenate([np.eye(4)[None], poses]),
-                    np.stack([located(pair[k], sd)] + [located(pair[1 - k], sd)] * len(poses)),
-                    np.r_[0.5, np.full(len(poses), 0.5 / len(poses))], Priors(),
-                )  # fmt: skip
-                T = SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
-                session = new_session(start, probe, seed=scene, probability=0.999, most=1)
-                sense(session, pair[k], T, rng)
-                P = session.belief.of_parts()
-                right += int(np.argmax(P)) == k
-                sure += P[k] > 0.95
-            rows.append((" / ".join(names), probe.name, f"{right}/{scenes}", f"{sure}/{scenes}"))
-    text = "The part is located to 0.2 mm (laser) or 2 mm (time of flight) at its corners, as either of the two."
-    return Table("Twins: one reading", text, ("pair", "sensor", "right", "right with P > 0.95"), rows)
 
 
 def boxed(size):
