@@ -75,6 +75,15 @@ def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_s
     )
 
 
+def oriented(target, n, rng, sd=3e-4, tilt=0.05):
+    """Touches with sensed normals of a part at a random pose, even by area, and that pose; sd [m], tilt [rad]."""
+    T = box_centred_pose(rng)
+    p, normals = surface_points(target.surface, n, rng)
+    points = SE3.apply(T, p) + sd * rng.normal(size=p.shape)
+    tilted = (SO3.exp(tilt * rng.normal(size=p.shape)) @ (normals @ T[:3, :3].T)[..., None])[..., 0]
+    return touches_of(points, sd, normals=tilted, normal_sd=tilt), T
+
+
 def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base_sd=0.0):
     """Touches of a part at a pose, the rows that are strays, and the shared errors.
 

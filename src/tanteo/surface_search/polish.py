@@ -25,6 +25,9 @@ HOPELESS = 30.0
 _SETTLED = 1e-3
 """Change of log likelihood below which a climb ends."""
 
+_BLUR = 4.0
+"""Times the noise with which a climb begins from a maximum that leaves readings aside."""
+
 _LEAST_DAMPING, _MOST_DAMPING = 1e-6, 10.0
 """Share of the information that is added to it; a pose that would need more is where it can get."""
 
@@ -100,6 +103,25 @@ def polish(
     log = log + pose_volume(information, pose_scale(priors.radius, target.part.centroid))
     n = len(touches)
     return Polished(Ts, z, A, log, at.belongs, at.r[:, :n], at.distances, at.J[:, :n, :6], at.log_kin - at.log, groups)
+
+
+def from_blurred(touches: Touches, free: FreePaths, found: Polished, target: Target, priors: Priors) -> Polished:
+    """The maxima beside those that leave readings aside: climbed to with more noise at first, then with what there is.
+
+    A reading that is astray where a climb ends does not pull any more, and the climb stays, though a little farther
+    on it may be on the surface as well.
+
+    Args:
+        touches: the readings.
+        free: paths on which nothing was met.
+        found: maxima.
+        target: the part.
+        priors: as of :func:`polish`.
+    """
+    rows = np.flatnonzero((found.belongs <= 0.5).any(axis=1))
+    Ts, groups = found.Ts[rows], found.groups[rows]
+    blurred = polish(touches.widened(_BLUR), free, Ts, target, priors) if len(rows) else found.take(rows)
+    return polish(touches, free, blurred.Ts, target, priors, groups=groups) if len(rows) else blurred
 
 
 def information_of_readings(

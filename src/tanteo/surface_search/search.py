@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import in_box, prior_rows, prior_starts
 from tanteo.surface_search.distinct import distinct_maxima
-from tanteo.surface_search.polish import HOPELESS, Polished, polish
+from tanteo.surface_search.polish import HOPELESS, Polished, from_blurred, polish
 from tanteo.surface_search.refine import Known, refine
 from tanteo.surface_search.shared_start import bend
 from tanteo.surface_search.starts import (
@@ -92,7 +92,7 @@ def effort_for(touches: Touches, target: Target, round_: int) -> Effort:
     noisy = float(np.median(touches.sd)) > _NOISY * target.part.diagonal
     scored = 10 if round_ < 1 else 16
     if touches.oriented.sum() >= LEAST_ORIENTED:
-        return Effort(100 * wider, scored, 8 * wider, 3 * wider, astray)
+        return Effort(200 * wider, scored, 16 * wider, 6 * wider, astray)
     if len(touches) >= _CLEAR and not noisy:
         return Effort(2000 * wider, 8, 30 * wider, 4 * wider, astray)
     return Effort(12000 if round_ < 2 else 20000, scored, 200 * wider, 40 * wider, astray)
@@ -131,12 +131,13 @@ def search(
     Ts, cost = refine(some, Ts, target, _narrowing(some, target), 0.0, beforehand)
     Ts, origin = _met(some, Ts, cost[:, 0], origin, target)
     found = _maxima(polish(touches, free, Ts, target, priors, groups=origin), target)
-    if len(groups[0]) == 3:
-        turned, origin = _turned_over(some, found, target)
-        if len(turned):
-            others = polish(touches, free, turned, target, priors, groups=origin)
-            known = np.repeat([0, -1], [len(found.Ts), len(others.Ts)])
-            found = _maxima(found.join(others), target, known)
+    if len(groups[0]) == 2:
+        found = _maxima(found.join(from_blurred(touches, free, found, target, priors)), target)
+    turned, origin = _turned_over(some, found, target)
+    if len(turned):
+        others = polish(touches, free, turned, target, priors, groups=origin)
+        known = np.repeat([0, -1], [len(found.Ts), len(others.Ts)])
+        found = _maxima(found.join(others), target, known)
     return found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts)))
 
 
