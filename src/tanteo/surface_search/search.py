@@ -228,7 +228,8 @@ def _turned_over(touches: Touches, maxima: Polished, target: Target) -> tuple[Tr
     origin = np.repeat(maxima.groups[:_TURNED], len(target.turns))
     turned, costs = refine(touches, turned, target, np.maximum(scales, 3.0), step)
     cost, least = costs[:, 0], refine(touches, best[:1], target, np.array([3.0]), step)[1][:, 0]
-    rows = np.flatnonzero(0.5 * len(touches) * (cost - least) < HOPELESS)
+    terms = len(touches) + 3 * touches.oriented.sum()
+    rows = np.flatnonzero(0.5 * terms * (cost - least) < HOPELESS)
     rows = rows[distinct(touches, turned[rows], cost[rows], target, _TURNED, max(2 * sd, 0.1 * target.spacing))]
     if not len(rows):
         return turned[:0], origin[:0]
