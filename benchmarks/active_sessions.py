@@ -30,7 +30,7 @@ PLACE = 0.005, 0.15
 SENSORS = {"laser": (LASER, 5e-4), "flight": (FLIGHT, 5e-3)}
 """Sensor, and the worst corner that is asked of it [m]."""
 
-POLICIES = "information", "random", "nearest", "largest-face", "3-2-1"
+POLICIES = "information", "part-first", "random", "nearest", "largest-face", "3-2-1"
 MOST = 30
 TOLERANCE = 1e-3
 """Of the sessions that end by themselves [m]."""
@@ -58,7 +58,7 @@ def readings_of(sensor, policy, seed, scene):
     (probe, corner), targets = SENSORS[sensor], twenty()
     start, rng = rough(targets, PLACE), np.random.default_rng((seed, scene))
     k, T = drawn_truth(start, rng, scene % len(targets))
-    session = new_session(start, probe, policy, scene, probability=None, tolerance=corner, confidence=1 - 1e-9,
+    session = new_session(start, probe, policy, scene, tolerance=corner, confidence=1 - 1e-9,
                           least_gain=0.0, most=10**6)  # fmt: skip
     begun, row = time.process_time(), {"known": MOST + 1, "placed": MOST + 1, "right": True, "off": 0.0}
     rng = np.random.default_rng((seed, scene, 1))

@@ -83,6 +83,34 @@ def test_a_session_says_what_it_asks_for(start, stop, part_only):
     assert seen == [part_only]
 
 
+def test_the_part_comes_first_until_it_is_known(start):
+    belief = begin(start)
+    candidates = propose(belief, LASER, 300)
+    place = belief, candidates, LASER, None, 1e-3, 0, 0
+    first, both = POLICIES["part-first"], POLICIES["information"]
+    assert first.choose(Situation(*place, part_open=True)).index == both.choose(Situation(*place, True)).index
+    assert first.choose(Situation(*place)).index == both.choose(Situation(*place, part_open=True)).index
+    assert both.choose(Situation(*place, True)).index != both.choose(Situation(*place)).index
+
+
+@pytest.mark.parametrize(("probability", "part_open"), [(0.99, True), (0.2, False), (None, False)])
+def test_a_session_says_whether_the_part_is_open(start, probability, part_open):
+    """Before the first reading each of three parts has a third."""
+    session = new_session(start, probability=probability, tolerance=1e-3)
+    seen = []
+
+    class Watched:
+        name = "watched"
+
+        def choose(self, situation):
+            seen.append(situation.part_open)
+            return POLICIES["random"].choose(situation)
+
+    session.policy = Watched()
+    session.ask()
+    assert seen == [part_open]
+
+
 def test_one_part_alone_is_told_from_none_of_these(start):
     """There is no other part to tell it from, and yet readings are worth making."""
     alone = rough(start.targets[2:])

@@ -29,10 +29,12 @@ class Information:
     Attributes:
         per_second: divide by the time that it takes.
         name: of the policy.
+        part_first: the part alone counts until it is known, where it is asked for.
     """
 
     per_second: bool = False
     name: str = "information"
+    part_first: bool = False
 
     def choose(self, situation: Situation) -> Choice:
         """The candidate with the largest expected information, or information a second."""
@@ -40,7 +42,7 @@ class Information:
         samples = draw(s.belief, _SAMPLES, s.tolerance)
         predicted = predict(samples, c.origins, c.directions)
         gains = worth = expected_information(samples, predicted, s.probe)
-        if s.part_only:
+        if s.part_only or (self.part_first and s.part_open):
             worth = _ASIDE * gains + about_mode(samples, predicted, s.probe, samples.part)
         if self.per_second:
             worth = worth / s.seconds()
@@ -84,8 +86,9 @@ def _seconds(s: Situation, feature: Feature) -> float:
 
 POLICIES: dict[str, Policy] = {
     policy.name: policy
-    for policy in (Information(), Information(True, "information-per-second"), Features(), Random(), Nearest(),
-                   LargestFace(), Scripted321())
+    for policy in (Information(), Information(True, "information-per-second"),
+                   Information(name="part-first", part_first=True), Features(), Random(), Nearest(), LargestFace(),
+                   Scripted321())
 }  # fmt: skip
 """All policies by name."""
 

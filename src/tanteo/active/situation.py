@@ -26,6 +26,7 @@ class Situation:
         count: readings made so far.
         seed: of policies that draw.
         part_only: nobody asks where the part is, only which one.
+        part_open: which part it is was asked for and is not known yet.
     """
 
     belief: Belief
@@ -36,6 +37,7 @@ class Situation:
     count: int
     seed: int
     part_only: bool = False
+    part_open: bool = False
 
     def travel(self) -> FloatArray:
         """From where the probe is to the start of every candidate ``(C,)`` [m]; none before the first reading."""

@@ -64,7 +64,7 @@ class Stop:
         name = belief.start.targets[k].part.name
         words = []
         if self.probability is not None:
-            if P[k] <= self.probability:
+            if not self.knows_part(belief):
                 return ""
             words.append(f"it is {name} ({_short(P[k])})")
         if self.tolerance is not None:
@@ -76,6 +76,10 @@ class Stop:
                 f"({_short(inside)})"
             )
         return " and ".join(words)
+
+    def knows_part(self, belief: Belief) -> bool:
+        """Whether it is known well enough which part it is; always, where nobody asks."""
+        return self.probability is None or bool(belief.of_parts().max(initial=0.0) > self.probability)
 
     def confirms(self, belief: Belief) -> bool:
         """Whether more readings on the part are all that is missing: which it is among the parts, and where, is known.

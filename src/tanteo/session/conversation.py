@@ -131,10 +131,7 @@ class Session:
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
             return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
-        part_only = self.stop.tolerance is None and self.stop.probability is not None
-        situation = Situation(
-            self._belief, candidates, self.probe, self._place(), self.stop.tolerance, self.count, self.seed, part_only
-        )
+        situation = self._situation(candidates)
         choice = self.policy.choose(situation)
         left = self.stop.most - self.count
         if choice.gain < self.stop.least_gain and not self.stop.settles(self._belief, choice.gain, left):
@@ -144,6 +141,14 @@ class Session:
         self._questions += 1
         self._asked = self._action(situation, choice)
         return self._asked
+
+    def _situation(self, candidates: Candidates) -> Situation:
+        """What the policy decides on."""
+        stop, belief = self.stop, self._belief
+        part_only = stop.tolerance is None and stop.probability is not None
+        known = stop.knows_part(belief)
+        values = belief, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
+        return Situation(*values, part_only=part_only, part_open=not known)
 
     def refuse(self, action: Action) -> None:
         """The reading cannot be made, or was in vain: readings near it are not asked for again."""

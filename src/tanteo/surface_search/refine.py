@@ -16,6 +16,9 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 Distance = Callable[[Vectors], tuple[FloatArray, Vectors]]
 """Signed distance and gradient at points of the part frame."""
 
+_FIX = 6
+"""So many readings it takes to fix a pose; of more, one may be left out."""
+
 Known = Callable[[Transforms], tuple[FloatArray, FloatArray]]
 """What is known of the pose beforehand, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``."""
 
@@ -27,6 +30,7 @@ def refine(
     scales: FloatArray,
     extra_sd: float = 0.0,
     known: Known | None = None,
+    trimmed: bool = False,
 ) -> tuple[Transforms, FloatArray]:
     """Robust Gauss-Newton from every pose, one step a scale.
 
@@ -37,6 +41,8 @@ def refine(
         scales: residuals beyond about this many standard deviations lose their weight, one for each step.
         extra_sd: of the distance itself, for the grid [m].
         known: what is known of the pose; widened by the scale of the step.
+        trimmed: of more than six readings the one that is farthest off does not move its pose: where it is astray, but
+            not so far that it has no weight, it pulls a pose that is right for all others to where it fits none.
 
     Returns:
         Poses, and the robust cost of each at the last step but one, as :func:`both_ways` ``(S, 2)``.
@@ -46,6 +52,8 @@ def refine(
         r, J = residuals(touches, Ts, target.distance, extra_sd)
         w = 1 / (1 + (r / scale) ** 2)
         cost = both_ways(w * r * r)
+        if trimmed and len(touches) > _FIX:
+            w[np.arange(len(w)), np.abs(r[:, : len(touches)]).argmax(axis=1)] = 0.0
         JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
         A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
         if known is not None:

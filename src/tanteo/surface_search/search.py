@@ -66,7 +66,7 @@ class Effort:
         scored: readings that the first score uses.
         rough: poses that are moved until the distances are small beside the spacing of the first ones.
         fine: poses that are moved until they are within the noise.
-        astray: whether poses are also kept that fit well but for one reading.
+        astray: whether poses are also kept that fit well but for one reading, and moved without it.
     """
 
     poses: int
@@ -128,7 +128,7 @@ def search(
     bits, start = np.int64(1) << (number + np.arange(len(groups))), prior_starts(priors.pose)
     Ts = np.concatenate([start, Ts])
     origin = np.concatenate([np.full(len(start), bits.sum()), bits[origin]])
-    Ts, cost = refine(some, Ts, target, _narrowing(some, target), 0.0, beforehand)
+    Ts, cost = refine(some, Ts, target, _narrowing(some, target), 0.0, beforehand, effort.astray)
     Ts, origin = _met(some, Ts, cost[:, 0], origin, target)
     found = _maxima(polish(touches, free, Ts, target, priors, groups=origin), target)
     if len(groups[0]) == 2:
@@ -188,7 +188,7 @@ def first_poses(
     start = wide / np.hypot(sd, step)
     kept = [Ts[_scored(touches, Ts, target, effort, wide, start, known)] for Ts in raw]
     origin = np.repeat(np.arange(len(kept)), [len(Ts) for Ts in kept])
-    Ts, costs = refine(touches, np.concatenate(kept), target, start * _SETTLING, step, known)
+    Ts, costs = refine(touches, np.concatenate(kept), target, start * _SETTLING, step, known, effort.astray)
     chosen, cell = [], max(2 * sd, 0.1 * target.spacing)
     for k in range(len(raw)):
         rows = np.flatnonzero(origin == k)
