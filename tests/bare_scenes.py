@@ -9,7 +9,8 @@ from scipy.stats import chi2
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3, SO3
-from tanteo.matching.belief import without_spin
+from tanteo.localization import pose_information
+from tanteo.matching.belief import squared_gaps, without_spin
 from tanteo.surface_search import FreePaths, Touches
 
 REACH = 0.3
@@ -128,6 +129,13 @@ def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, ba
 def box_centred_pose(rng, spread=0.5):
     q = rng.normal(size=4)
     return SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), rng.uniform(-spread, spread, 3))
+
+
+def holds(target, maxima, one):
+    """Whether a maximum is among others, up to symmetry."""
+    Ts, information = np.broadcast_to(one.Ts[0], maxima.Ts.shape), pose_information(one.information)
+    gaps = squared_gaps(target.part, maxima.Ts, Ts, np.broadcast_to(information[0], (len(Ts), 6, 6)))
+    return gaps.min(initial=np.inf) < 20
 
 
 def nees(part, T, covariance, truth):

@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bare_scenes import no_paths, oriented
+from bare_scenes import holds, no_paths, oriented
 from tanteo.lie import SE3
-from tanteo.localization import pose_information
-from tanteo.matching.belief import squared_gaps
 from tanteo.matching.evidence import sized
 from tanteo.parts import read_part
 from tanteo.surface_search import prepare_target
@@ -28,13 +26,6 @@ def targets():
 
 def found_with(target, touches):
     return search_all(touches, no_paths(), [target], sized(None, target.part.radius)).maxima[0][1]
-
-
-def holds(target, maxima, one):
-    """Whether a maximum is among others, up to symmetry."""
-    Ts, information = np.broadcast_to(one.Ts[0], maxima.Ts.shape), pose_information(one.information)
-    gaps = squared_gaps(target.part, maxima.Ts, Ts, np.broadcast_to(information[0], (len(Ts), 6, 6)))
-    return gaps.min(initial=np.inf) < 20
 
 
 @pytest.mark.parametrize("n", [6, 8])
