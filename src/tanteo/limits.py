@@ -40,7 +40,7 @@ def check_spreads(name: str, C: Covariances) -> None:
         InputError: with the standard deviation.
     """
     sd = np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
-    wrong = sd[~((sd >= LEAST_SD) & (sd <= LARGEST))]
+    wrong = sd[~((sd >= LEAST_SD * (1 - 1e-9)) & (sd <= LARGEST * (1 + 1e-9)))]  # squared and rooted
     if len(wrong):
         raise InputError(
             f"{name}: expected standard deviations from {LEAST_SD:g} to {LARGEST:g} (m or rad), got {wrong[0]:g}. "

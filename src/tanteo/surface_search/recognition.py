@@ -18,9 +18,20 @@ from tanteo.surface_search.answer import as_hypothesis, what_limits
 from tanteo.surface_search.modes import Mode, weigh
 from tanteo.surface_search.rounds import search_all
 from tanteo.surface_search.strays import so_many
-from tanteo.surface_search.target import Target, prepare_target
+from tanteo.surface_search.target import MOST_SAMPLES, Target, finer, prepare_target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray
+
+_PER_SPREAD = 8
+"""Samples of the surface across the readings: with fewer a search for places would pass over some that fit."""
+
+_MOST_ORIENTED = 1000
+"""Samples for readings with normals, whose table of pairs of samples grows with the square of their number."""
+
+_PATCH = 0.2
+"""Share of the part's size that readings have to reach over, or the pose to be roughly known, for one answer."""
+
+_CLOSE = "the readings lie so close together that other places may look like it: sense farther apart, or say --near."
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
@@ -75,6 +86,8 @@ def identify_touches(
     priors = sized(priors, max(_part(part).radius for part in parts))
     fitting = [part for part in parts if _large_enough(touches, _part(part))]
     targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
+    if priors.pose is None or priors.pose.T_world_part is None:
+        targets = [finer(target, _spread(touches) / _PER_SPREAD, _most_samples(touches)) for target in targets]
     clock.lap("prepare")
     log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
     found = search_all(touches, free, targets, priors)
@@ -88,10 +101,29 @@ def identify_touches(
     status, message = verdict(hypotheses, unknown, alpha, worst=worst, shares=_shares(modes))
     if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown):
         message = _strays_message(hypotheses[0], unknown)
+    if status == "recognized" and _close_together(touches, modes[0], priors):
+        status, message = "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
     if hypotheses and status == "recognized":
         message += what_limits(modes[0], shared) + _left_out(hypotheses[0], priors)
     message += _missed(found.once, status) + _scattered(found.ratio, worst)
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
+
+
+def _spread(touches: Touches) -> float:
+    """How far most of the readings reach [m], no less than their noise."""
+    off = np.linalg.norm(touches.points - np.median(touches.points, axis=0), axis=1)
+    return max(2 * float(np.quantile(off, 0.75)), 4 * _PER_SPREAD * float(np.median(touches.sd)))
+
+
+def _close_together(touches: Touches, best: Mode, priors: Priors) -> bool:
+    """Whether the readings are of a small patch, which many a part has twice, and nothing else says where it is."""
+    placed = priors.pose is not None and priors.pose.T_world_part is not None
+    off = np.linalg.norm(touches.points - np.median(touches.points, axis=0), axis=1)
+    return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.target.part.diagonal
+
+
+def _most_samples(touches: Touches) -> int:
+    return _MOST_ORIENTED if touches.oriented.any() else MOST_SAMPLES
 
 
 def _on_one_line(touches: Touches) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as attribute
 
 import numpy as np
@@ -25,8 +25,11 @@ from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 SAMPLES = 320
 """Surface points among which places for readings are looked for."""
 
-_POOL = 12
-"""Random points drawn for every sample kept."""
+_POOL, _POOL_OF_MANY = 12, 3
+"""Random points drawn for every sample kept; of more samples than usual fewer, as that takes long."""
+
+MOST_SAMPLES = 3000
+"""No more for readings that lie close together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,6 +118,29 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     return Target(part, surface, field, planes, points, normals, gaps, spacing, turns, borders(surface))
 
 
+def finer(target: Target, spacing: float, most: int = MOST_SAMPLES) -> Target:
+    """The same part with samples so close, for readings that lie close together; itself if it has them.
+
+    Args:
+        target: the part.
+        spacing: that is wanted [m].
+        most: samples, however close they should be.
+    """
+    count = min(most, int(np.ceil(len(target.samples) * (target.spacing / spacing) ** 2)))
+    if count <= len(target.samples):
+        return target
+    points, triangles = _spread(target.part, count, _POOL_OF_MANY)
+    gaps = np.sqrt(np.maximum(_squared_gaps(points.astype(np.float32)), 0.0))
+    own = {"samples": points, "normals": target.surface.normals[triangles], "gaps": gaps}
+    return replace(target, **own, spacing=target.spacing * np.sqrt(len(target.samples) / count), _pairs=[])
+
+
+def _squared_gaps(points: np.ndarray) -> np.ndarray:
+    p = points - points.mean(axis=0)
+    own = np.sum(p * p, axis=1)
+    return np.asarray(own[:, None] + own - 2 * p @ p.T)
+
+
 def _half_turns(part: Part, samples: Vectors) -> Transforms:
     """Motions after which many a part nearly fills its old place."""
     principal = np.linalg.eigh(np.cov(samples.T))[1].T
@@ -135,12 +161,12 @@ def _pairs(points: Vectors, normals: Vectors, gaps: np.ndarray) -> SamplePairs:
     return SamplePairs(gap, first, second, (normals @ normals.T).ravel()[order], starts, ends)
 
 
-def _spread(part: Part, count: int) -> tuple[Vectors, IntArray]:
+def _spread(part: Part, count: int, pool_size: int = _POOL) -> tuple[Vectors, IntArray]:
     """Evenly spread surface points: a random pool (fixed seed) thinned by farthest-point sampling."""
     rng = np.random.default_rng(1991)
     corners = part.vertices[part.triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    triangles = rng.choice(len(corners), size=_POOL * count, p=areas / areas.sum())
+    triangles = rng.choice(len(corners), size=pool_size * count, p=areas / areas.sum())
     u, v = np.sort(rng.uniform(size=(2, len(triangles), 1)), axis=0)
     a, b, c = corners[triangles].transpose(1, 0, 2)
     pool = u * a + (v - u) * b + (1 - v) * c
