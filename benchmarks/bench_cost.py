@@ -129,7 +129,7 @@ def blob(meridians: int, bands: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _scene(target: Target, count: int, with_normals: bool, rng: np.random.Generator) -> Touches:
     T = box_centred_pose(rng)
-    p, n = surface_points(target.surface, count, rng)
+    p, n = surface_points(target, count, rng)
     points = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
     if not with_normals:
         return touches_of(points, SD)

@@ -56,7 +56,7 @@ def three(name, s, seed, k, clutter=STATED):
     for stray in (0.0, STRAY):
         rng = np.random.default_rng(case)  # the same scene twice, strays aside
         n, T = int(rng.choice(sensing.counts)), box_centred_pose(rng)
-        touches, rows, _ = scene(target.surface, T, sensing, n, rng, stray=stray, radius=priors.radius)
+        touches, rows, _ = scene(target, T, sensing, n, rng, stray=stray, radius=priors.radius)
         out.append(_row(part, target, touches, rows, T, sensing, priors, case, "strays" if stray else "clean"))
         if stray:
             rest = touches.take(np.setdiff1d(np.arange(n), rows))
@@ -144,7 +144,7 @@ def bias_rows(count):
         for k in range(count):
             rng = np.random.default_rng((7, n, k))
             T = box_centred_pose(rng)
-            touches, _, shared = scene(target.surface, T, sensing, n, rng, base_sd=BIAS)
+            touches, _, shared = scene(target, T, sensing, n, rng, base_sd=BIAS)
             answer = identify_touches(touches, FreePaths.none(), [target], shared=shared)
             if answer.status != "recognized":
                 continue

@@ -37,7 +37,7 @@ def both(name, s, n, seed, k):
     targets, sensing = catalogue(), SENSORS[s]
     own = targets[PARTS.index(name)]
     rng = np.random.default_rng((seed, PARTS.index(name), s, n, k))
-    touches, _, _ = scene(own.surface, box_centred_pose(rng), sensing, n, rng)
+    touches, _, _ = scene(own, box_centred_pose(rng), sensing, n, rng)
     row = {}
     for kind, some in (("without", [t for t in targets if t is not own]), ("with", targets)):
         answer = identify_touches(touches, FreePaths.none(), some)

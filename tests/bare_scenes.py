@@ -11,7 +11,7 @@ from tanteo.features import SharedError
 from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import squared_gaps, without_spin
-from tanteo.surface_search import FreePaths, Touches
+from tanteo.surface_search import FreePaths, Target, Touches
 
 REACH = 0.3
 """Free path before a beam's hit [m]."""
@@ -34,28 +34,49 @@ SENSORS = (
 )
 
 
-def surface_points(surface, n, rng):
-    """Surface points even by area, and their outward normals, in the part frame."""
+def surface_points(solid, n, rng):
+    """Surface points even by area, and their outward normals, in the part frame.
+
+    Args:
+        solid: a target, for points of its exact surfaces, or a surface, for points of the mesh.
+        n: how many.
+        rng: of all draws.
+    """
+    surface, curved = _both(solid)
     corners = surface.vertices[surface.triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     chosen = rng.choice(len(corners), size=n, p=areas / areas.sum())
     u, v = np.sort(rng.uniform(size=(2, n, 1)), axis=0)
     a, b, c = corners[chosen].transpose(1, 0, 2)
-    return u * a + (v - u) * b + (1 - v) * c, surface.normals[chosen]
+    points, normals = u * a + (v - u) * b + (1 - v) * c, surface.normals[chosen]
+    if curved is not None:
+        off = np.zeros(n)
+        curved.replace(points, chosen, off, normals)
+        points = points - off[:, None] * normals
+    return points, normals
 
 
-def beams(surface, n, rng, tilt=0.6):
+def beams(solid, n, rng, tilt=0.6):
     """Surface points that straight paths from outside meet first, with the directions of those paths."""
+    surface, curved = _both(solid)
     points, directions = np.zeros((0, 3)), np.zeros((0, 3))
     while len(points) < n:
         p, normal = surface_points(surface, 4 * n, rng)
         d = -normal + tilt * rng.normal(size=p.shape)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         facing = np.sum(d * normal, axis=1) < -0.3
-        hits = surface.cast(p - REACH * d, d).distances
-        ok = facing & (np.abs(hits - REACH) < 1e-7)
+        hits = surface.cast(p - REACH * d, d)
+        ok = facing & (np.abs(hits.distances - REACH) < 1e-7)
+        for _ in range(3 if curved is not None else 0):
+            off, n_there = np.zeros(len(p)), np.array(normal)
+            curved.replace(p, np.maximum(hits.triangles, 0), off, n_there)
+            p = p - (off / np.minimum(np.sum(d * n_there, axis=1), -0.1))[:, None] * d
         points, directions = np.concatenate([points, p[ok]]), np.concatenate([directions, d[ok]])
     return points[:n], directions[:n]
+
+
+def _both(solid):
+    return (solid.surface, solid.curved) if isinstance(solid, Target) else (solid, None)
 
 
 def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, gains=None):
@@ -79,17 +100,17 @@ def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_s
 def oriented(target, n, rng, sd=3e-4, tilt=0.05):
     """Touches with sensed normals of a part at a random pose, even by area, and that pose; sd [m], tilt [rad]."""
     T = box_centred_pose(rng)
-    p, normals = surface_points(target.surface, n, rng)
+    p, normals = surface_points(target, n, rng)
     points = SE3.apply(T, p) + sd * rng.normal(size=p.shape)
     tilted = (SO3.exp(tilt * rng.normal(size=p.shape)) @ (normals @ T[:3, :3].T)[..., None])[..., 0]
     return touches_of(points, sd, normals=tilted, normal_sd=tilt), T
 
 
-def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base_sd=0.0):
+def scene(solid, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base_sd=0.0):
     """Touches of a part at a pose, the rows that are strays, and the shared errors.
 
     Args:
-        surface: of the part.
+        solid: the part, a target or the surface of a mesh.
         T: pose of the part in the world.
         sensing: how.
         n: readings.
@@ -100,10 +121,10 @@ def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, ba
         base_sd: of the place of the robot's base, which moves all readings [m].
     """
     if sensing.directed:
-        p, d = beams(surface, n, rng)
+        p, d = beams(solid, n, rng)
         directions = d @ T[:3, :3].T
     else:
-        p, directions = surface_points(surface, n, rng)[0], None
+        p, directions = surface_points(solid, n, rng)[0], None
     points = SE3.apply(T, p) + sensing.sd * rng.normal(size=(n, 3))
     gains, shared = None, ()
     if bias_sd:
@@ -119,7 +140,7 @@ def scene(surface, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, ba
     if directions is None:
         out = rng.normal(size=(k, 3))
         out *= radius * rng.uniform(size=(k, 1)) ** (1 / 3) / np.linalg.norm(out, axis=1, keepdims=True)
-        points[rows] = SE3.apply(T, surface.vertices.mean(axis=0)) + out
+        points[rows] = SE3.apply(T, _both(solid)[0].vertices.mean(axis=0)) + out
     else:
         points[rows] += rng.uniform(-radius, radius, (k, 1)) * directions[rows]
     touches = touches_of(points, sensing.sd, directions=directions, reach=REACH if sensing.directed else 0, gains=gains)

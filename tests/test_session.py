@@ -229,7 +229,7 @@ def test_a_part_out_of_reach_is_said(targets):
 
 def test_poses_that_differ_by_less_than_the_tolerance_are_one_answer(targets):
     start, rng = rough(targets[2:], (1e-3, 1e-2)), np.random.default_rng(2)
-    touches = scene(targets[2].surface, start.Ts[0], SENSORS[1], 12, rng)[0]
+    touches = scene(targets[2], start.Ts[0], SENSORS[1], 12, rng)[0]
     belief = update(begin(start), touches, no_paths())
     modes = tuple(replace(belief.modes[0], probability=p) for p in (0.6, 0.39))
     two = replace(belief, modes=modes, rows=np.zeros(2, dtype=int), unknown=0.01, draws=None)

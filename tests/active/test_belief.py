@@ -35,7 +35,7 @@ def targets():
 
 
 def readings(target, T, n, rng, sensing=LASER):
-    return scene(target.surface, T, sensing, n, rng)[0]
+    return scene(target, T, sensing, n, rng)[0]
 
 
 def test_before_the_first_reading_it_is_the_start(targets):

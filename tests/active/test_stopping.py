@@ -31,7 +31,7 @@ def test_the_chance_to_be_within_is_that_of_plain_importance_sampling(n):
         np.random.default_rng(n),
     )
     start = rough([target], (0.01, 0.08))
-    touches = scene(target.surface, start.Ts[0], coarse, n, rng)[0]
+    touches = scene(target, start.Ts[0], coarse, n, rng)[0]
     belief = update(begin(start), touches, no_paths())
     Ts = start.Ts[0] @ SE3.exp((np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=(40000, 6, 1)))[..., 0])
     log = log_posterior(touches, no_paths(), Ts, np.zeros((len(Ts), 0)), target, start.priors)
@@ -117,7 +117,7 @@ def test_where_the_posterior_is_not_normal_the_draws_say_how_near():
     """All draws are put on the best pose: what is not normal is there then, however wide its covariance."""
     target, rng = prepare_target(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
     start = rough([target], (0.01, 0.08))
-    touches = scene(target.surface, start.Ts[0], replace(SENSORS[1], sd=4e-3), 2, rng)[0]
+    touches = scene(target, start.Ts[0], replace(SENSORS[1], sd=4e-3), 2, rng)[0]
     belief = update(begin(start), touches, no_paths())
     bent = np.array([mode.moments is not None for mode in belief.modes])
     drawn = np.unique(belief.draws.mode)

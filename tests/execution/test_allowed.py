@@ -33,7 +33,7 @@ def test_the_true_part_is_kept_clear_of_though_the_belief_stands_on_its_mirror_i
     wrong = replace(start, weights=np.array([1 - 2e-9, 1e-9, 1e-9]))
     for _ in range(8):
         T = drawn(start, RIGHT, rng)
-        few = scene(targets[RIGHT].surface, T, SENSORS[1], 2, rng)[0]
+        few = scene(targets[RIGHT], T, SENSORS[1], 2, rng)[0]
         belief = update(begin(wrong), few, no_paths())
         assert belief.of_parts()[RIGHT] < 1e-3
         there = SE3.apply(T, targets[RIGHT].samples)
@@ -45,7 +45,7 @@ def test_the_true_part_is_kept_clear_of_though_the_belief_stands_on_its_mirror_i
 def test_what_is_allowed_agrees_with_all_readings_but_one(targets, start):
     rng = np.random.default_rng(2)
     T = drawn(start, RIGHT, rng)
-    touches = scene(targets[RIGHT].surface, T, SENSORS[1], 6, rng)[0]
+    touches = scene(targets[RIGHT], T, SENSORS[1], 6, rng)[0]
     belief = update(begin(start), touches, no_paths())
     Ts, part = allowed(belief, 120)
     assert RIGHT in part

@@ -50,7 +50,7 @@ def test_the_bound_excludes_no_pair_that_is_one(name, away):
 def test_what_met_is_kept_once_with_all_groups_that_led_there():
     target, rng = prepare_target(read_part(PARTS / "bracket_left.step")), np.random.default_rng(4)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, SENSORS[1], 15, rng)
+    touches, _, _ = scene(target, T, SENSORS[1], 15, rng)
     near = T @ SE3.exp(1e-4 * rng.normal(size=(3, 6)))
     far = T @ target.turns[:1]
     found = polish(

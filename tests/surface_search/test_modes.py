@@ -25,7 +25,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 def test_moments_about_another_maximum_are_those_of_the_same_draws():
     target, rng = prepare_target(read_part(PARTS / "bracket_left.step")), np.random.default_rng(1)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, SENSORS[1], 15, rng)
+    touches, _, _ = scene(target, T, SENSORS[1], 15, rng)
     scale = np.array([1e-3, 2e-3, 1e-3, 0.02, 0.01, 0.03])
     apart = T @ SE3.exp(2 * scale)
     found = polish(touches, no_paths(), np.stack([T, T]), target, Priors(radius=0.1))
@@ -53,7 +53,7 @@ def test_maxima_of_one_region_count_once_about_the_best(monkeypatch, widths, mov
     """Two maxima, one of them weighed as wide as both: the other is within it, whichever is the better one."""
     target, rng = prepare_target(read_part(PARTS / "bracket_left.step")), np.random.default_rng(2)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, SENSORS[1], 15, rng)
+    touches, _, _ = scene(target, T, SENSORS[1], 15, rng)
     scale, priors = np.array([1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01]), Priors(radius=0.1)
     found = polish(touches, no_paths(), np.stack([T, T]), target, priors)
     Ts = np.stack([T, T @ SE3.exp(0.5 * scale)])
@@ -77,7 +77,7 @@ def test_facets_of_a_round_part_do_not_fix_its_spin(tmp_path, monkeypatch):
     trimesh.creation.cylinder(20, 60, sections=96).export(tmp_path / "pin.stl")
     target, rng = prepare_target(read_part(tmp_path / "pin.stl", unit="mm")), np.random.default_rng(3)
     T, seen = box_centred_pose(rng), []
-    touches, _, _ = scene(target.surface, T, SENSORS[1], 25, rng)
+    touches, _, _ = scene(target, T, SENSORS[1], 25, rng)
     found = polish(touches, no_paths(), T[None], target, Priors(radius=0.1))
     spin = part_scale(target.part) @ spins(target.part)[0]
     feigned = 1e3 * np.outer(spin, spin)

@@ -198,7 +198,7 @@ def test_normals_near_edges_place_the_part_as_well_as_they_say(parts):
     target, rng, values = prepare_target(parts["bracket_left"]), np.random.default_rng(9), []
     for _ in range(30):
         T = box_centred_pose(rng)
-        q, n = surface_points(target.surface, 3000, rng)
+        q, n = surface_points(target, 3000, rng)
         near = np.flatnonzero(target.borders.nearest(q, np.zeros(len(q)))[0] < 2 * SD)[:12]
         m = n[near] + 0.1 * rng.normal(size=(12, 3))
         m = (m / np.linalg.norm(m, axis=1, keepdims=True)) @ T[:3, :3].T
@@ -261,7 +261,7 @@ def test_a_sensed_normal_finds_the_other_side_of_a_wall(block):
 def test_a_face_that_is_nearest_and_told_by_the_normal_counts_once(parts):
     """A normal as it is weighs its face by the peak of the tilt's density and others by less, so none gains more."""
     target, rng, sd = prepare_target(parts["housing"]), np.random.default_rng(1), 2e-3
-    q, n = surface_points(target.surface, 1500, rng)
+    q, n = surface_points(target, 1500, rng)
     p = q + sd * rng.normal(size=q.shape)
     nearest, told = (target.surface.closest(x).triangles for x in (p, p + 2 * sd * n))
     v, m = target.surface.vertices[target.surface.triangles[:, 0]], target.surface.normals

@@ -27,7 +27,7 @@ def corner_patch(target, seed, radius=5e-3, n=24):
     """Touches within 5 mm of one corner, and the pose."""
     rng = np.random.default_rng((300, seed))
     T = box_centred_pose(rng)
-    p, normals = surface_points(target.surface, 40_000, rng)
+    p, normals = surface_points(target, 40_000, rng)
     corner = target.part.corners.points[rng.integers(len(target.part.corners.points))]
     near = np.flatnonzero(np.linalg.norm(p - corner, axis=1) < radius)
     near = rng.choice(near, n)

@@ -42,7 +42,7 @@ def maxima_near(target, T, touches, group=0):
 def test_what_is_found_again_is_counted_and_what_is_new_is_added(target):
     rng = np.random.default_rng(1)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, LASER, 20, rng)
+    touches, _, _ = scene(target, T, LASER, 20, rng)
     one, other = maxima_near(target, T, touches), maxima_near(target, T @ target.turns[0], touches, 2)
     first = Search(target, ()).after(one)
     assert first.times.tolist() == [1]
@@ -58,7 +58,7 @@ def test_what_is_found_again_is_counted_and_what_is_new_is_added(target):
 
 def test_many_clean_readings_take_one_round_from_two_groups_of_readings(target, counted):
     rng = np.random.default_rng(2)
-    touches, _, _ = scene(target.surface, box_centred_pose(rng), TOUCH, 30, rng)
+    touches, _, _ = scene(target, box_centred_pose(rng), TOUCH, 30, rng)
     assert identify_touches(touches, no_paths(), [target]).status == "recognized"
     assert len(counted) == 1
     first, second = counted[0]
@@ -77,7 +77,7 @@ def test_a_part_that_cannot_matter_is_not_searched_for_long(target, counted):
     """The readings of one part explain themselves; another part of the same size gets its first round only."""
     other = prepare_target(read_part(PARTS / "housing.step"))
     rng = np.random.default_rng(4)
-    touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 25, rng)
+    touches, _, _ = scene(target, box_centred_pose(rng), LASER, 25, rng)
     found = search_all(touches, no_paths(), [target, other], Priors(radius=0.1))
     assert found.ratio == 1.0
     assert len(found.maxima) == 2
@@ -93,7 +93,7 @@ def test_ten_exact_touches_hold_the_truth_among_the_modes(name):
     for seed in range(8):
         rng = np.random.default_rng((5, seed))
         T = box_centred_pose(rng)
-        touches, _, _ = scene(target.surface, T, TOUCH, 10, rng)
+        touches, _, _ = scene(target, T, TOUCH, 10, rng)
         answer = identify_touches(touches, no_paths(), [target], top=1000)
         squares = [nees(target.part, h.T_world_part, h.covariance, T)[0] for h in answer.hypotheses]
         among += min(squares, default=np.inf) < 40
@@ -106,7 +106,7 @@ def test_a_wall_thinner_than_a_cell_of_the_grid_does_not_lead_away():
     for k, n in ((3, 10), (7, 10)):
         rng = np.random.default_rng((80, 5, 0, k, n))
         T = box_centred_pose(rng)
-        touches, _, _ = scene(target.surface, T, TOUCH, n, rng, radius=target.part.radius)
+        touches, _, _ = scene(target, T, TOUCH, n, rng, radius=target.part.radius)
         answer = identify_touches(touches, no_paths(), [target], top=100)
         gaps = [np.linalg.norm(SE3.log(SE3.inverse(h.T_world_part) @ T)) for h in answer.hypotheses]
         assert min(gaps) < 2e-3
@@ -116,7 +116,7 @@ def test_a_wall_thinner_than_a_cell_of_the_grid_does_not_lead_away():
 def test_what_was_found_only_once_asks_for_another_round(target, monkeypatch, again, expected):
     """Rounds that find the same end the search; rounds that each find something else go on to the last."""
     rng, calls = np.random.default_rng(6), []
-    touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 20, rng)
+    touches, _, _ = scene(target, box_centred_pose(rng), LASER, 20, rng)
     base = maxima_near(target, box_centred_pose(rng), touches)
     information = np.tile(1e8 * np.eye(6), (1, 1, 1))
 
@@ -138,7 +138,7 @@ def test_what_was_found_only_once_asks_for_another_round(target, monkeypatch, ag
 def test_a_reading_left_aside_of_few_asks_for_a_wider_round(target, monkeypatch, belongs, expected):
     """Every round finds the same pose from all groups: one is enough, but where it leaves one of ten readings aside."""
     rng, calls = np.random.default_rng(6), []
-    touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 10, rng)
+    touches, _, _ = scene(target, box_centred_pose(rng), LASER, 10, rng)
     base = maxima_near(target, box_centred_pose(rng), touches)
     base = replace(base, belongs=np.where(np.arange(10) == 3, belongs, 1.0)[None], groups=np.array([0b11]))
     monkeypatch.setattr(rounds, "search", lambda *_: calls.append(1) or base)
@@ -150,7 +150,7 @@ def test_a_reading_left_aside_of_few_asks_for_a_wider_round(target, monkeypatch,
 @pytest.mark.parametrize(("once", "said"), [(0.36, True), (0.04, False)])
 def test_poses_that_the_search_met_only_once_are_mentioned(target, monkeypatch, once, said):
     rng = np.random.default_rng(9)
-    touches, _, _ = scene(target.surface, box_centred_pose(rng), LASER, 5, rng)
+    touches, _, _ = scene(target, box_centred_pose(rng), LASER, 5, rng)
     monkeypatch.setattr(recognition, "search_all", lambda *given: replace(search_all(*given), once=once))
     answer = identify_touches(touches, no_paths(), [target])
     assert answer.status == "insufficient"
@@ -161,7 +161,7 @@ def test_readings_that_scatter_more_than_stated_do_not_keep_the_search_going(tar
     """The first round explains all of them with 1.6 times the noise; with the stated one nothing ever would."""
     rng = np.random.default_rng(8)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, LASER, 30, rng)
+    touches, _, _ = scene(target, T, LASER, 30, rng)
     stated = touches.widened(1 / 1.6)
     answer = identify_touches(stated, no_paths(), [target])
     assert answer.status == "recognized"
@@ -179,7 +179,7 @@ def test_a_reading_astray_does_not_hide_the_truth():
         for seed in range(4):
             rng = np.random.default_rng((8, seed))
             T = box_centred_pose(rng)
-            touches, _, _ = scene(target.surface, T, TOUCH, 10, rng, stray=0.1, radius=target.part.radius)
+            touches, _, _ = scene(target, T, TOUCH, 10, rng, stray=0.1, radius=target.part.radius)
             answer = identify_touches(touches, no_paths(), [target], top=1000, priors=Priors(radius=target.part.radius))
             squares = [nees(target.part, h.T_world_part, h.covariance, T)[0] for h in answer.hypotheses]
             among += min(squares, default=np.inf) < 40

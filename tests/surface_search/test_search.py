@@ -29,7 +29,7 @@ def test_poses_turned_over_that_meet_at_one_maximum_are_one(target, monkeypatch)
     """Three more climbs to the best maximum: it is there once, found by them too."""
     rng = np.random.default_rng(1)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, SENSORS[1], 8, rng)
+    touches, _, _ = scene(target, T, SENSORS[1], 8, rng)
     effort, priors, groups = Effort(500, 8, 10, 3), Priors(radius=0.1), groups_of(touches, target, 2)
 
     def run(turned):
@@ -46,7 +46,7 @@ def test_a_rough_pose_leads_to_its_maximum_for_every_group(target, monkeypatch):
     """No group of readings leads anywhere; what the rough pose alone leads to is no find of one group."""
     rng = np.random.default_rng(2)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, SENSORS[1], 12, rng)
+    touches, _, _ = scene(target, T, SENSORS[1], 12, rng)
     priors = Priors(radius=0.1, pose=PosePrior(T, np.diag(np.repeat([2e-3, 0.02], 3)) ** 2))
     monkeypatch.setattr(search, "first_poses", lambda *_: (np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64)))
     groups = groups_of(touches, target, 3)
@@ -64,7 +64,7 @@ def test_the_right_pose_is_found_beside_a_reading_that_is_astray(name, k, scenes
         for i in scenes:
             rng = np.random.default_rng((8, k, i))
             T = box_centred_pose(rng)
-            touches, _, _ = scene(part.surface, T, SENSORS[0], 8, rng, stray=0.1)
+            touches, _, _ = scene(part, T, SENSORS[0], 8, rng, stray=0.1)
             maxima = search_all(touches, no_paths(), [part], priors).maxima[0][1]
             best = polish(touches, no_paths(), T[None], part, priors)
             found[trimmed] += maxima.log_evidence[0] > best.log_evidence[0] + 1 or holds(part, maxima, best)
@@ -74,7 +74,7 @@ def test_the_right_pose_is_found_beside_a_reading_that_is_astray(name, k, scenes
 def test_of_six_readings_none_is_left_out(target):
     rng = np.random.default_rng(4)
     T = box_centred_pose(rng)
-    touches, _, _ = scene(target.surface, T, SENSORS[1], 6, rng)
+    touches, _, _ = scene(target, T, SENSORS[1], 6, rng)
     rough = T @ SE3.exp(1e-3 * rng.normal(size=(5, 6)))
     same, one_out = (refine(touches, rough, target, np.array([9.0, 3.0]), trimmed=flag)[0] for flag in (False, True))
     assert np.array_equal(same, one_out)

@@ -21,7 +21,7 @@ def bracket():
 
 
 def points(bracket, gains):
-    p, _ = surface_points(bracket.surface, len(gains), np.random.default_rng(3))
+    p, _ = surface_points(bracket, len(gains), np.random.default_rng(3))
     return touches_of(p, 1e-4, gains=gains)
 
 
@@ -51,7 +51,7 @@ def test_small_shared_errors_start_at_none(bracket):
 def test_a_bias_of_forty_times_the_noise_is_found(bracket, k):
     rng = np.random.default_rng((5, k))
     T = box_centred_pose(rng)
-    touches, _, shared = scene(bracket.surface, T, LASER, 20, rng, bias_sd=2e-3)
+    touches, _, shared = scene(bracket, T, LASER, 20, rng, bias_sd=2e-3)
     answer = identify_touches(touches, FreePaths.none(), [bracket], shared=shared)
     assert answer.status == "recognized"
     best = answer.hypotheses[0]

@@ -45,7 +45,7 @@ def cylinder(tmp_path_factory):
 def scene_of(target, seed, n=15, sensing=LASER, **options):
     rng = np.random.default_rng(seed)
     T = box_centred_pose(rng)
-    return T, *scene(target.surface, T, sensing, n, rng, **options)
+    return T, *scene(target, T, sensing, n, rng, **options)
 
 
 def on_faces(part, surface, normal, n, rng):
@@ -103,7 +103,7 @@ def test_the_spin_of_a_cylinder_is_no_error(cylinder):
 def test_a_cylinder_not_touched_at_its_ends_slides(cylinder):
     rng = np.random.default_rng(3)
     T = box_centred_pose(rng)
-    points, normals = surface_points(cylinder.surface, 200, rng)
+    points, normals = surface_points(cylinder, 200, rng)
     local = points[(np.abs(normals[:, 2]) < 0.1) & (np.abs(points[:, 2] - 0.045) < 0.02)][:14]
     touches = touches_of(SE3.apply(T, local) + 1e-4 * rng.normal(size=(14, 3)), 1e-4)
     answer = identify_touches(touches, no_paths(), [cylinder])

@@ -31,7 +31,7 @@ def targets(parts):
 def mixed(target, rng, n=9):
     """Touches of every sort: full covariances, tips, directions, normals, shared errors, at a pose not quite right."""
     T = box_centred_pose(rng)
-    points, normals = surface_points(target.surface, n, rng)
+    points, normals = surface_points(target, n, rng)
     A = rng.normal(size=(n, 3, 3))
     radii = np.where(rng.uniform(size=n) < 0.5, 2e-3, 0.0)
     towards = np.where(rng.uniform(size=(n, 1)) < 0.5, -normals @ T[:3, :3].T, 0.0)
@@ -105,7 +105,7 @@ def test_some_first_pose_is_near_the_truth(targets, radius):
     for seed in range(5):
         rng = np.random.default_rng(seed)
         T = box_centred_pose(rng)
-        points, normals = surface_points(target.surface, 10, rng)
+        points, normals = surface_points(target, 10, rng)
         touches = touches_of(SE3.apply(T, points + radius * normals), 1e-4, radii=radius)
         Ts = np.concatenate([triple_poses(touches, base, target, 12000) for base in bases(touches, 2, target)])
         moved = SE3.apply(SE3.inverse(T) @ Ts, target.part.centroid) - target.part.centroid
@@ -119,7 +119,7 @@ def test_two_oriented_touches_give_a_pose_near_the_truth(targets):
     for seed in range(5):
         rng = np.random.default_rng(seed)
         T = box_centred_pose(rng)
-        points, normals = surface_points(target.surface, 6, rng)
+        points, normals = surface_points(target, 6, rng)
         touches = touches_of(SE3.apply(T, points), 1e-4, normals=normals @ T[:3, :3].T, normal_sd=0.02)
         Ts = np.concatenate([pair_poses(touches, base, target, 2000) for base in oriented_bases(touches, 2)])
         turned = np.linalg.norm(SE3.log(SE3.inverse(T) @ Ts)[:, 3:], axis=1)
@@ -130,7 +130,7 @@ def test_two_oriented_touches_give_a_pose_near_the_truth(targets):
 def laser_scene(target, seed, n=20, **options):
     rng = np.random.default_rng(seed)
     T = box_centred_pose(rng)
-    touches, rows, shared = scene(target.surface, T, LASER, n, rng, **options)
+    touches, rows, shared = scene(target, T, LASER, n, rng, **options)
     return touches, T, rows, shared
 
 
@@ -213,7 +213,7 @@ def test_two_poses_that_fit_alike_are_both_reported(targets):
     """Touches only where the part also has a surface after half a turn: it may be either way round."""
     target, rng = targets["bracket_left"], np.random.default_rng(11)
     turn, T = target.turns[2], box_centred_pose(rng)
-    p, _ = surface_points(target.surface, 4000, rng)
+    p, _ = surface_points(target, 4000, rng)
     both = p[target.surface.closest(SE3.apply(SE3.inverse(turn), p)).distances < 1e-9][:60]
     assert len(both) == 60
     touches = touches_of(SE3.apply(T, both) + 3e-4 * rng.normal(size=both.shape), 3e-4)
@@ -230,7 +230,7 @@ def test_the_covariance_is_that_of_the_errors(targets, sensing):
     target, values = targets["bracket_left"], []
     rng = np.random.default_rng(12)
     T = box_centred_pose(rng)
-    exact, *_ = scene(target.surface, T, replace(sensing, sd=1e-12), 40, rng)
+    exact, *_ = scene(target, T, replace(sensing, sd=1e-12), 40, rng)
     priors = Priors(radius=target.part.radius)
     for _ in range(60):
         noise = sensing.sd * rng.normal(size=(40, 3))

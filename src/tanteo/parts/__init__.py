@@ -1,5 +1,6 @@
 """CAD file -> :class:`Part`: a closed mesh in metres, its planes, straight edges, corners and symmetry."""
 
+from tanteo.parts.exact import exact_faces
 from tanteo.parts.mirror import mirror_part
 from tanteo.parts.part import (
     Face,
@@ -21,6 +22,7 @@ __all__ = [
     "Part",
     "SurfaceKind",
     "SymmetryGroup",
+    "exact_faces",
     "mirror_part",
     "read_part",
 ]

@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo.lie import SE3, SO3
 from tanteo.matching import Hypothesis
-from tanteo.parts import Part
+from tanteo.parts import Part, exact_faces
 from tanteo.report.sensed import Sensed
 from tanteo.shapes import Surface, signed_distance
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
@@ -105,7 +105,10 @@ def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vecto
     """What each point met: name, nearest place ``(n, 3)``, directions ``(n, 3, 3)`` with NaN rows for none."""
     surface = Surface(part.vertices, part.triangles)
     distances, away = signed_distance(surface, q)
-    nearest = part.triangle_face[surface.closest(q).triangles] if len(q) else np.zeros(0, dtype=np.int64)
+    triangles = surface.closest(q).triangles if len(q) else np.zeros(0, dtype=np.int64)
+    if (curved := exact_faces(part, surface.normals)) is not None:
+        curved.replace(q, triangles, distances, away)
+    nearest = part.triangle_face[triangles]
     feet, axes = q - distances[:, None] * away, np.full((len(q), 3, 3), np.nan)
     axes[:, 0] = away
     met = [name or part.faces[k].name for name, k in zip(names, nearest, strict=True)]

@@ -1,4 +1,4 @@
-"""Queries on a triangle mesh: closest points, inside or outside, rays, and where its faces end.
+"""Queries on a triangle mesh: closest points, inside or outside, rays, where its faces end, and the surfaces behind it.
 
 Wraps libigl (double precision) and Embree (single precision, hits refined in double). Everything is in the
 frame of the mesh and in metres; points carry leading batch axes.
@@ -8,6 +8,7 @@ from tanteo.shapes.borders import Borders, borders
 from tanteo.shapes.field import DistanceField, distance_field, signed_distance
 from tanteo.shapes.junctions import SHARP, Junctions
 from tanteo.shapes.near_planes import NearPlanes, near_planes, nearest
+from tanteo.shapes.revolved import Profiles, Revolved, revolved
 from tanteo.shapes.surface import ClosestPoints, RayHits, Surface
 
 __all__ = [
@@ -17,11 +18,14 @@ __all__ = [
     "DistanceField",
     "Junctions",
     "NearPlanes",
+    "Profiles",
     "RayHits",
+    "Revolved",
     "Surface",
     "borders",
     "distance_field",
     "near_planes",
     "nearest",
+    "revolved",
     "signed_distance",
 ]

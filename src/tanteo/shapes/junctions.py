@@ -34,6 +34,7 @@ class Junctions:
         widths: how far the face reaches from there ``(*batch, 4, 2)`` [m].
         reflex: the face fills more than a half turn about the corner: past one of the lines is enough ``(*batch, 4)``.
         valid: whether there is such a face ``(*batch, 4)``.
+        triangles: one of each face there ``(*batch, 4)``.
     """
 
     normals: FloatArray
@@ -43,6 +44,7 @@ class Junctions:
     widths: FloatArray
     reflex: BoolArray
     valid: BoolArray
+    triangles: IntArray
 
     def take(self, index: IntArray) -> Junctions:
         """Some of the places."""
@@ -81,7 +83,7 @@ def at_edges(surface: Surface, edges: IntArray, sides: IntArray, smooth: IntArra
         out.normals[:, side], out.inward[:, side, 0] = n, m
         out.offsets[:, side], out.limits[:, side, 0] = np.sum(n * a, axis=1), np.sum(m * a, axis=1)
         out.widths[:, side, 0] = _widths(surface, smooth, smooth[sides[:, side]], m) - out.limits[:, side, 0]
-        out.valid[:, side] = True
+        out.valid[:, side], out.triangles[:, side] = True, sides[:, side]
     return out
 
 
@@ -117,6 +119,7 @@ def _empty(count: int) -> Junctions:
         np.zeros((count, FACES, 3)), np.zeros((count, FACES)), np.zeros((count, FACES, 2, 3)),
         np.zeros((count, FACES, 2)), np.zeros((count, FACES, 2)),
         np.zeros((count, FACES), dtype=bool), np.zeros((count, FACES), dtype=bool),
+        np.zeros((count, FACES), dtype=np.int64),
     )  # fmt: skip
 
 
@@ -145,7 +148,7 @@ def at_corner(
         n = angles @ surface.normals[fan]
         n /= np.linalg.norm(n)
         out.normals[0, k], out.offsets[0, k], out.valid[0, k] = n, n @ v, True
-        out.reflex[0, k] = angles.sum() > np.pi
+        out.reflex[0, k], out.triangles[0, k] = angles.sum() > np.pi, fan[0]
         for j, (far, inside) in enumerate(lines):
             m = _into(n, v, surface.vertices[far], surface.vertices[inside])
             middle = 0.5 * (v + surface.vertices[far])

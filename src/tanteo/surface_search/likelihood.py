@@ -17,7 +17,7 @@ from tanteo.matching.prior import prior_log_density, prior_residuals
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
 from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
-from tanteo.surface_search.sensed_normals import tilt_log_density, tilt_rows
+from tanteo.surface_search.sensed_normals import Tilts, tilts
 from tanteo.surface_search.strays import log_density, log_density_of_kin, on_surface
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
@@ -74,6 +74,7 @@ class _Placed:
     beside: FloatArray
     normal: Vectors
     nearest: IntArray
+    met: IntArray
 
 
 def explain(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> Explained:
@@ -92,9 +93,9 @@ def explain(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, pri
     J = np.concatenate([-at.g, SO3.cross(at.g, at.p), *shared], axis=-1) * at.s[..., None]
     edges = near_edges(touches, target, at.R, at.p, at.nearest)
     known = None if edges is None else (edges.poses, edges.readings, edges.log)
-    log, stray, gap = _log_densities(touches, Ts, z, target, priors, at, known)
-    if gap is not None:
-        r, J = _with_normals(touches, at, r, J, gap)
+    log, stray, tilt = _log_densities(touches, Ts, z, target, priors, at, known)
+    if tilt is not None:
+        r, J = _with_normals(touches, at, r, J, tilt)
     return Explained(r, J, log, stray, priors.clutter, at.distance, edges)
 
 
@@ -142,13 +143,14 @@ def _placed(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> 
         points = points + np.einsum("nid,sd->sni", touches.gains, z)
     p = (points - Ts[:, None, :3, 3]) @ R
     phi, g, nearest = target.nearest(p)
-    beside = turn_to_beams(touches, target, R, p, phi, g) + turn_to_normals(touches, target, R, p, phi, g)
+    met = nearest.copy()
+    beside = turn_to_beams(touches, target, R, p, phi, g, met) + turn_to_normals(touches, target, R, p, phi, g, met)
     normal = g @ np.swapaxes(R, 1, 2)
     if np.isnan(touches.variance):
         s = 1 / np.sqrt(((normal[:, :, None] @ touches.covs)[:, :, 0] * normal).sum(axis=-1))
     else:
         s = np.full(phi.shape, touches.variance**-0.5)
-    return _Placed(R, p, g, phi - touches.radii, s, beside, normal, nearest)
+    return _Placed(R, p, g, phi - touches.radii, s, beside, normal, nearest, met)
 
 
 def _log_densities(
@@ -159,8 +161,8 @@ def _log_densities(
     priors: Priors,
     at: _Placed,
     edges: tuple[IntArray, IntArray, FloatArray] | None,
-) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Log densities on the surface and as clutter ``(S, n)``, and how far sensed normals are off ``(S, m, 3)``."""
+) -> tuple[FloatArray, FloatArray, Tilts | None]:
+    """Log densities on the surface and as clutter ``(S, n)``, and how far sensed normals are off ``(S, m)``."""
     r, directed = at.distance * at.s, touches.directed
     log = -0.5 * (r * r + at.beside + np.log(2 * np.pi)) + np.log(at.s)
     if directed.any():
@@ -171,30 +173,28 @@ def _log_densities(
         log -= np.log(target.part.area)
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     stray = np.array(np.broadcast_to(np.where(directed, -np.log(2 * priors.radius), -ball), r.shape))
-    rows, gap = np.flatnonzero(touches.oriented), None
+    rows, tilt = np.flatnonzero(touches.oriented), None
     if len(rows):
-        m, u, sd = touches.normals[rows] @ at.R, at.g[:, rows], touches.normal_sds[rows]
-        gap = SO3.cross(u, m) / sd[:, None]
-        log[:, rows] += tilt_log_density(m, u, gap, sd)
+        which, turn = np.broadcast_to(rows, (len(Ts), len(rows))), np.broadcast_to(at.R[:, None], (*r.shape, 3, 3))
+        tilt = tilts(touches, target, turn[:, rows], which, at.p[:, rows], at.g[:, rows], at.met[:, rows])
+        log[:, rows] += tilt.log
         stray[:, rows] -= np.log(4 * np.pi)
     if edges is not None:
         log[edges[0], edges[1]] = edges[2]
     if (touches.reach * directed).any():
         log[material_in_front(touches, Ts, z, target)] = -np.inf
-    return log, stray, gap
+    return log, stray, tilt
 
 
 def _with_normals(
-    touches: Touches, at: _Placed, r: FloatArray, J: FloatArray, gap: FloatArray
+    touches: Touches, at: _Placed, r: FloatArray, J: FloatArray, tilt: Tilts
 ) -> tuple[FloatArray, FloatArray]:
     """Add the rows of sensed normals: their tilt against the surface's."""
     rows = np.flatnonzero(touches.oriented)
-    m, u, sd = touches.normals[rows] @ at.R, at.g[:, rows], touches.normal_sds[rows]
-    W = tilt_rows(m, u, sd)
-    turn = np.zeros((*W.shape[:-1], J.shape[-1]))
-    turn[..., 3:6] = W
-    S, k = len(at.R), 3 * len(rows)
-    return np.concatenate([r, gap.reshape(S, k)], axis=1), np.concatenate([J, turn.reshape(S, k, J.shape[-1])], axis=1)
+    gains = np.swapaxes(at.R, 1, 2)[:, None] @ touches.gains[rows, :, : J.shape[-1] - 6]
+    turn, S, k = tilt.rows(at.p[:, rows], gains), len(at.R), 3 * len(rows)
+    r = np.concatenate([r, tilt.gap.reshape(S, k)], axis=1)
+    return r, np.concatenate([J, turn.reshape(S, k, J.shape[-1])], axis=1)
 
 
 def normal_equations(touches: Touches, at: Explained, z: FloatArray) -> tuple[FloatArray, FloatArray]:

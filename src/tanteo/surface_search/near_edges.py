@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SO3
-from tanteo.shapes import SHARP, Junctions
+from tanteo.shapes import Junctions
 from tanteo.surface_search.cover import covered, log_cover
-from tanteo.surface_search.sensed_face import AWAY, GRAZING
-from tanteo.surface_search.sensed_normals import Tilt, tilt_log_density, tilt_of, tilt_rows
+from tanteo.surface_search.edge_faces import exact_planes, weights, with_others
+from tanteo.surface_search.sensed_normals import Tilts, tilts
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
@@ -64,7 +64,8 @@ class _Seen:
     t: FloatArray
     beta: FloatArray
     beyond: FloatArray
-    normals: Tilt | None
+    with_normal: IntArray
+    tilts: Tilts | None
 
 
 def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: IntArray) -> NearEdges | None:
@@ -109,57 +110,22 @@ def _seen(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: 
     s, n, rows = s[concerns], n[concerns], rows[concerns]
     at, along = p[s, n], (touches.directions[n, None] @ R[s])[:, 0]
     outward = np.where(touches.oriented[n, None], (touches.normals[n, None] @ R[s])[:, 0], -along)
-    faces, past = _with_others(touches, target, target.borders.junctions.take(rows), at, outward, n, nearest[s, n])
-    log = _weights(touches, target, faces, along, n) - past
+    faces, past = with_others(touches, target, target.borders.junctions.take(rows), at, outward, n, nearest[s, n])
+    log = weights(touches, target, faces, along, n) - past
     used = int(np.flatnonzero(faces.valid.any(axis=0)).max()) + 1
-    faces, log = faces.first(used), log[:, :used]
-    tilt = tilt_of(touches, R, s, n, faces)
-    if tilt is not None:
-        log[tilt.rows] += tilt_log_density(tilt.sensed[:, None], faces.normals[tilt.rows], tilt.gap, tilt.sd[:, None])
-    return _cut(touches, R, s, n, at, faces, log, tilt)
+    faces, log = exact_planes(target, at, faces.first(used)), log[:, :used]
+    k, tilt = np.flatnonzero(touches.oriented[n]), None
+    if len(k):
+        tilt = _tilts(touches, target, R[s[k]], n[k], at[k], faces.take(k))
+        log[k] += tilt.log
+    return _cut(touches, R, s, n, at, faces, log, k, tilt)
 
 
-def _with_others(
-    touches: Touches, target: Target, faces: Junctions, at: Vectors, outward: Vectors, n: IntArray, nearest: IntArray
-) -> tuple[Junctions, FloatArray]:
-    """The faces at the edge, the nearest one and the one that the beam or normal tells, if these are others; each once.
-
-    Where noise is as large as walls are thick, the nearest edge need not be one of the face that was met.
-
-    Returns:
-        The faces ``(k, F)``, and half the squared distance past the border of the others, in deviations ``(k, F)``.
-    """
-    sd = touches.sd[n]
-    triangles = nearest[:, None]
-    if outward.any():
-        triangles = np.stack([nearest, target.surface.closest(at + 2 * sd[:, None] * outward).triangles], axis=1)
-    normals = target.surface.normals[triangles]
-    offsets = np.sum(normals * target.surface.vertices[target.surface.triangles[triangles, 0]], axis=-1)
-    gaps = np.sum(normals * at[:, None], axis=-1) - offsets
-    known = np.sum(faces.normals * at[:, None], axis=-1) - faces.offsets
-    alike = (normals @ np.swapaxes(faces.normals, 1, 2) > np.cos(SHARP)) & faces.valid[:, None]
-    alike &= np.abs(gaps[..., None] - known[:, None]) < sd[:, None, None]
-    new = ~alike.any(axis=2)
-    if new.shape[1] > 1:
-        same = (np.sum(normals[:, 0] * normals[:, 1], axis=-1) > np.cos(SHARP)) & (np.abs(np.diff(gaps)[:, 0]) < sd)
-        new[:, 1] &= ~same
-    past = np.zeros(new.shape)
-    k, j = np.nonzero(new)
-    if not len(k):
-        return faces, np.zeros(faces.valid.shape)
-    foot = at[k] - gaps[k, j, None] * normals[k, j]
-    past[k, j] = 0.5 * (target.surface.closest(foot).distances / sd[k]) ** 2
-    lines = np.zeros((*new.shape, 2))
-    others = Junctions(normals, offsets, np.zeros((*lines.shape, 3)), lines, lines, np.zeros_like(new), new)
-    return others.beside(faces), np.concatenate([past, np.zeros(faces.valid.shape)], axis=1)
-
-
-def _weights(touches: Touches, target: Target, faces: Junctions, along: Vectors, n: IntArray) -> FloatArray:
-    """Log of ``w`` for each face ``(k, 6)``."""
-    cosine = -(faces.normals @ along[:, :, None])[..., 0]
-    aimed = np.where(cosine > 0, np.log(np.maximum(cosine, GRAZING)), AWAY)
-    log = np.where(touches.directed[n, None], aimed, -np.log(target.part.area))
-    return np.asarray(np.where(faces.valid, log, -np.inf))
+def _tilts(touches: Touches, target: Target, R: Transforms, n: IntArray, at: Vectors, faces: Junctions) -> Tilts:
+    """The normals of readings ``n`` with each of the faces that they may have met ``(k, F)``."""
+    shape = faces.offsets.shape
+    turn, at = np.broadcast_to(R[:, None], (*shape, 3, 3)), np.broadcast_to(at[:, None], (*shape, 3))
+    return tilts(touches, target, turn, np.broadcast_to(n[:, None], shape), at, faces.normals, faces.triangles)
 
 
 def _cut(
@@ -170,7 +136,8 @@ def _cut(
     at: Vectors,
     faces: Junctions,
     log: FloatArray,
-    tilt: Tilt | None,
+    with_normal: IntArray,
+    tilt: Tilts | None,
 ) -> _Seen:
     """How far each reading is off each face, and inside its lines, with the spread of its noise both ways."""
     normals, m = faces.normals, faces.inward
@@ -191,7 +158,7 @@ def _cut(
         inside = inside - slant * d[..., None]
     beta = np.where(lines, inside / t, np.inf)
     beyond = np.where(lines, (inside - faces.widths) / t, -np.inf)
-    return _Seen(s, n, at, faces, log - 0.5 * np.log(2 * np.pi * s2), d, s2, slant, t, beta, beyond, tilt)
+    return _Seen(s, n, at, faces, log - 0.5 * np.log(2 * np.pi * s2), d, s2, slant, t, beta, beyond, with_normal, tilt)
 
 
 def _log_sum(log: FloatArray) -> FloatArray:
@@ -214,11 +181,13 @@ def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, 
     row_b = (_rows(faces.inward, at, gains) - slant[..., None] * row_d[:, :, None]) / t[..., None]
     slopes = -(d / s2)[..., None] * row_d + np.sum(pull[..., None] * row_b, axis=2)
     rows = np.concatenate([row_d[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * row_b], axis=2)
-    if seen.normals is not None:
-        turns = tilt_rows(seen.normals.sensed[:, None], faces.normals[seen.normals.rows], seen.normals.sd[:, None])
-        slopes[seen.normals.rows, :, 3:6] -= np.sum(turns * seen.normals.gap[..., None], axis=-2)
+    if seen.tilts is not None:
+        k, wide = seen.with_normal, (len(seen.with_normal), faces.offsets.shape[1])
+        some = np.broadcast_to(at[k, None], (*wide, 3)), np.broadcast_to(gains[k, None], (*wide, *gains.shape[1:]))
+        turns = seen.tilts.rows(*some)
+        slopes[k] -= np.sum(turns * seen.tilts.gap[..., None], axis=-2)
         more = np.zeros((*rows.shape[:2], 3, rows.shape[-1]))
-        more[seen.normals.rows, ..., 3:6] = turns
+        more[k] = turns
         rows = np.concatenate([rows, more], axis=2)
     gradient = np.sum(share[..., None] * slopes, axis=1)
     rows = (np.sqrt(share)[..., None, None] * rows).reshape(len(at), -1, rows.shape[-1])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.shapes import ClosestPoints
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
-from tanteo.typing import FloatArray, Vectors
+from tanteo.typing import FloatArray, IntArray, Vectors
 
 GRAZING = 0.02
 """Least cosine of incidence: a beam along a face does not measure it."""
@@ -19,11 +20,20 @@ _OFF = 4.0
 
 
 def turn_to_beams(
-    touches: Touches, target: Target, R: FloatArray, p: Vectors, phi: FloatArray, g: Vectors
+    touches: Touches, target: Target, R: FloatArray, p: Vectors, phi: FloatArray, g: Vectors, met: IntArray
 ) -> FloatArray:
     """Take the face that a beam came from where noise put its point nearer to one that looks away; in place.
 
     Near an edge and in a thin wall the nearest face is often not the one that was met.
+
+    Args:
+        touches: the readings.
+        target: the part.
+        R: its attitudes ``(S, 3, 3)``.
+        p: the readings in the part's frame ``(S, n, 3)`` [m].
+        phi: their signed distances ``(S, n)`` [m]; changed.
+        g: gradients ``(S, n, 3)``; changed.
+        met: triangle of each ``(S, n)``; changed.
 
     Returns:
         Squared distance past the border of that face, in standard deviations ``(S, n)``.
@@ -38,18 +48,17 @@ def turn_to_beams(
         return beside
     at, along, sd, radius = p[s, n], d[s, n], touches.sd[n], touches.radii[n]
     near = target.surface.closest(at - (2 * sd)[:, None] * along)
-    normal = target.surface.normals[near.triangles]
-    distance = np.sum((at - near.points) * normal, axis=-1)
+    distance, normal = _off_face(target, at, near)
     past = (target.surface.closest(at - distance[:, None] * normal).distances / sd) ** 2
     gain = 0.5 * ((phi[s, n] - radius) ** 2 - (distance - radius) ** 2) / sd**2 - 0.5 * past - AWAY + np.log(GRAZING)
     ok = (np.sum(normal * along, axis=-1) < -GRAZING) & (gain > 0)
     s, n = s[ok], n[ok]
-    phi[s, n], g[s, n], beside[s, n] = distance[ok], normal[ok], past[ok]
+    phi[s, n], g[s, n], met[s, n], beside[s, n] = distance[ok], normal[ok], near.triangles[ok], past[ok]
     return beside
 
 
 def turn_to_normals(
-    touches: Touches, target: Target, R: FloatArray, p: Vectors, phi: FloatArray, g: Vectors
+    touches: Touches, target: Target, R: FloatArray, p: Vectors, phi: FloatArray, g: Vectors, met: IntArray
 ) -> FloatArray:
     """The same for sensed normals: take the face across the edge whose normal was sensed; in place."""
     beside = np.zeros(phi.shape)
@@ -66,8 +75,7 @@ def turn_to_normals(
     across = g[s, n] - agreement[s, n, None] * along
     across *= (_OFF * sd / np.maximum(np.linalg.norm(across, axis=-1), 1e-12))[:, None]
     near = target.surface.closest(np.stack([at - across, at + across]))  # over a convex edge, over a concave one
-    normal = target.surface.normals[near.triangles]
-    distance = np.sum((at - near.points) * normal, axis=-1)
+    distance, normal = _off_face(target, np.stack([at, at]), near)
     past = (target.surface.closest(at - distance[..., None] * normal).distances / sd) ** 2
     misfit = ((distance - touches.radii[n]) / sd) ** 2 + past
     misfit = np.where(np.sum(normal * along, axis=-1) > least[n], misfit, np.inf)
@@ -75,4 +83,14 @@ def turn_to_normals(
     ok = misfit[side, rows] < 2 * _OFF**2
     side, rows, s, n = side[ok], rows[ok], s[ok], n[ok]
     phi[s, n], g[s, n], beside[s, n] = distance[side, rows], normal[side, rows], past[side, rows]
+    met[s, n] = near.triangles[side, rows]
     return beside
+
+
+def _off_face(target: Target, at: Vectors, near: ClosestPoints) -> tuple[FloatArray, Vectors]:
+    """Signed distances ``(*batch,)`` from the faces of those closest points, and their normals ``(*batch, 3)``."""
+    normal = target.surface.normals[near.triangles]
+    distance = np.sum((at - near.points) * normal, axis=-1)
+    if target.curved is not None:
+        target.curved.replace(at, near.triangles, distance, normal)
+    return distance, normal

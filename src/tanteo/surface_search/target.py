@@ -9,11 +9,12 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.matching.model import PartModel
-from tanteo.parts import Part
+from tanteo.parts import Part, exact_faces
 from tanteo.shapes import (
     Borders,
     DistanceField,
     NearPlanes,
+    Revolved,
     Surface,
     borders,
     distance_field,
@@ -72,6 +73,7 @@ class Target:
         spacing: typical distance from any surface point to the nearest sample [m].
         turns: half turns about the axes of the box and about the principal axes ``(6, 4, 4)``, in the part frame.
         borders: the sharp edges, where faces end.
+        curved: the exact surfaces behind the mesh of curved faces; None if there are none.
     """
 
     part: Part
@@ -84,6 +86,7 @@ class Target:
     spacing: float
     turns: Transforms
     borders: Borders
+    curved: Revolved | None
     _pairs: list[SamplePairs] = attribute(default_factory=list, repr=False)
 
     def distance(self, points: Vectors) -> tuple[FloatArray, Vectors]:
@@ -92,7 +95,10 @@ class Target:
 
     def nearest(self, points: Vectors) -> tuple[FloatArray, Vectors, IntArray]:
         """The same, and a triangle of the nearest plane ``(*batch,)``."""
-        return nearest(self.surface, self.planes, points)
+        phi, g, triangles = nearest(self.surface, self.planes, points)
+        if self.curved is not None:
+            self.curved.replace(points, triangles, phi, g)
+        return phi, g, triangles
 
     @property
     def pairs(self) -> SamplePairs:
@@ -115,7 +121,8 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     turns = _half_turns(part, points)
     field = distance_field(surface)
     planes = near_planes(surface, field)
-    return Target(part, surface, field, planes, points, normals, gaps, spacing, turns, borders(surface))
+    sharp = borders(surface), exact_faces(part, surface.normals)
+    return Target(part, surface, field, planes, points, normals, gaps, spacing, turns, *sharp)
 
 
 def finer(target: Target, spacing: float, most: int = MOST_SAMPLES) -> Target:
