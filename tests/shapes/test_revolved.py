@@ -83,8 +83,8 @@ def tube(count=24, radius=0.03, height=0.1):
     return Surface(vertices, np.concatenate([sides, *ends])), np.repeat([0, -1], [2 * count, 2 * count])
 
 
-def exact_tube(radius, precision=1e-6):
-    surface, rows = tube()
+def exact_tube(radius, precision=1e-6, count=24):
+    surface, rows = tube(count)
     profile = Profiles(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), np.array([radius]), *np.zeros((2, 1)), np.ones(1))
     corners = surface.vertices[surface.triangles]
     return surface, revolved(profile, rows, corners, surface.normals, np.array([precision]))
@@ -108,6 +108,11 @@ def test_distances_from_facets_become_those_from_the_cylinder_and_others_stay():
 def test_a_surface_that_the_mesh_is_not_on_is_left_out():
     assert exact_tube(0.0301)[1] is None
     assert exact_tube(0.0301, precision=2e-4)[1] is not None
+
+
+def test_a_prism_of_few_sides_may_be_one():
+    assert exact_tube(0.03, count=14)[1] is None
+    assert exact_tube(0.03, count=18)[1] is not None
 
 
 def test_a_bore_is_told_by_its_triangles():

@@ -25,7 +25,7 @@ def target():
     return prepare_target(read_part(PARTS / "bracket_left.step"))
 
 
-def test_poses_turned_over_that_meet_at_one_maximum_are_one(target, monkeypatch):
+def test_poses_turned_about_that_meet_at_one_maximum_are_one(target, monkeypatch):
     """Three more climbs to the best maximum: it is there once, found by them too."""
     rng = np.random.default_rng(1)
     T = box_centred_pose(rng)
@@ -33,7 +33,7 @@ def test_poses_turned_over_that_meet_at_one_maximum_are_one(target, monkeypatch)
     effort, priors, groups = Effort(500, 8, 10, 3), Priors(radius=0.1), groups_of(touches, target, 2)
 
     def run(turned):
-        monkeypatch.setattr(search, "_turned_over", lambda *_: (turned, np.full(len(turned), 8)))
+        monkeypatch.setattr(search, "turned_about", lambda *_: (turned, np.full(len(turned), 8)))
         return search.search(touches, no_paths(), target, priors, effort, groups)
 
     alone = run(np.zeros((0, 4, 4)))

@@ -16,9 +16,8 @@ from tanteo.typing import FloatArray, IntArray, Vectors
 _SLACK = 1.5
 """Times the turn from a facet to its surface: gradients that are turned farther are of the border of the face."""
 
-_COARSE = np.pi / 4
-"""A facet whose corners are turned farther from its surface says nothing of it [rad]."""
-
+_COARSE = 0.2
+"""Facets that are turned farther from their surface may be a prism's, and are taken as they are [rad]."""
 
 _SAME = 1e-9
 """One less the cosine of gradients that are the same."""
@@ -141,7 +140,7 @@ class Revolved:
 def revolved(
     profiles: Profiles, rows: IntArray, corners: FloatArray, normals: Vectors, precision: FloatArray
 ) -> Revolved | None:
-    """Check surfaces against their mesh, and leave out those that it does not lie on; None if none is left.
+    """Check surfaces against their mesh, and leave out those that it does not show; None if none is left.
 
     Args:
         profiles: the surfaces, as convex ones; their signs are found here.

@@ -176,7 +176,8 @@ def _log_densities(
     rows, tilt = np.flatnonzero(touches.oriented), None
     if len(rows):
         which, turn = np.broadcast_to(rows, (len(Ts), len(rows))), np.broadcast_to(at.R[:, None], (*r.shape, 3, 3))
-        tilt = tilts(touches, target, turn[:, rows], which, at.p[:, rows], at.g[:, rows], at.met[:, rows])
+        m = touches.normals[rows] @ at.R
+        tilt = tilts(touches, target, turn[:, rows], which, m, at.p[:, rows], at.g[:, rows], at.met[:, rows])
         log[:, rows] += tilt.log
         stray[:, rows] -= np.log(4 * np.pi)
     if edges is not None:

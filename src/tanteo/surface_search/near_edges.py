@@ -123,9 +123,10 @@ def _seen(touches: Touches, target: Target, R: Transforms, p: Vectors, nearest: 
 
 def _tilts(touches: Touches, target: Target, R: Transforms, n: IntArray, at: Vectors, faces: Junctions) -> Tilts:
     """The normals of readings ``n`` with each of the faces that they may have met ``(k, F)``."""
-    shape = faces.offsets.shape
+    shape, m = faces.offsets.shape, touches.normals[n, None] @ R
     turn, at = np.broadcast_to(R[:, None], (*shape, 3, 3)), np.broadcast_to(at[:, None], (*shape, 3))
-    return tilts(touches, target, turn, np.broadcast_to(n[:, None], shape), at, faces.normals, faces.triangles)
+    which, m = np.broadcast_to(n[:, None], shape), np.broadcast_to(m, (*shape, 3))
+    return tilts(touches, target, turn, which, m, at, faces.normals, faces.triangles)
 
 
 def _cut(

@@ -8,13 +8,14 @@ import numpy as np
 
 from tanteo.lie import SO3
 from tanteo.localization import motions_about
+from tanteo.surface_search.sensed_normals import tilts
 from tanteo.surface_search.starts import both_ways, to_part
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, Transforms, Vectors
 
-Distance = Callable[[Vectors], tuple[FloatArray, Vectors]]
-"""Signed distance and gradient at points of the part frame."""
+SETTLING = np.array([1.0, 1.0, 0.7, 0.5, 0.4])
+"""Scales of the first steps, in units of the error of the first poses."""
 
 _FIX = 6
 """So many readings it takes to fix a pose; of more, one may be left out."""
@@ -49,7 +50,7 @@ def refine(
     """
     cost, M = np.zeros((len(Ts), 2)), motions_about(target.part.centroid)
     for scale in scales:
-        r, J = residuals(touches, Ts, target.distance, extra_sd)
+        r, J = residuals(touches, Ts, target, extra_sd)
         w = 1 / (1 + (r / scale) ** 2)
         cost = both_ways(w * r * r)
         if trimmed and len(touches) > _FIX:
@@ -66,12 +67,10 @@ def refine(
     return Ts, cost
 
 
-def residuals(
-    touches: Touches, Ts: Transforms, distance: Distance, extra_sd: float = 0.0
-) -> tuple[FloatArray, FloatArray]:
+def residuals(touches: Touches, Ts: Transforms, target: Target, extra_sd: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Distances in standard deviations ``(S, n)`` and derivatives by the pose ``(S, n, 6)``; normals add rows."""
     p = to_part(Ts, touches.points)
-    phi, g = distance(p)
+    phi, g, met = target.nearest(p)
     variance = _along(touches, Ts, g) + extra_sd**2
     s = 1 / np.sqrt(variance)
     r = (phi - touches.radii) * s
@@ -79,15 +78,13 @@ def residuals(
     if not touches.oriented.any():
         return r, J
     rows = np.flatnonzero(touches.oriented)
-    m = np.einsum("sji,nj->sni", Ts[:, :3, :3], touches.normals[rows])
-    # the normal in the part turns by -w x m; compare across the gradient
-    gap = SO3.cross(g[:, rows], m) / touches.normal_sds[rows][:, None]
-    W = m[..., :, None] * g[:, rows][..., None, :] - np.sum(m * g[:, rows], axis=-1)[..., None, None] * np.eye(3)
-    turn = np.concatenate([np.zeros_like(W), W / touches.normal_sds[rows][:, None, None]], axis=-1)
-    k = 3 * len(rows)
+    R, shape = Ts[:, :3, :3], (len(Ts), len(rows))
+    turn, which = np.broadcast_to(R[:, None], (*shape, 3, 3)), np.broadcast_to(rows, shape)
+    tilt = tilts(touches, target, turn, which, touches.normals[rows] @ R, p[:, rows], g[:, rows], met[:, rows])
+    more = tilt.rows(p[:, rows], np.zeros((*shape, 3, 0)))
     return (
-        np.concatenate([r, gap.reshape(len(Ts), k)], axis=1),
-        np.concatenate([J, turn.reshape(len(Ts), k, 6)], axis=1),
+        np.concatenate([r, tilt.gap.reshape(len(Ts), 3 * len(rows))], axis=1),
+        np.concatenate([J, more.reshape(len(Ts), 3 * len(rows), 6)], axis=1),
     )
 
 

@@ -12,7 +12,7 @@ from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import in_box, prior_rows, prior_starts
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.polish import HOPELESS, Polished, from_blurred, polish
-from tanteo.surface_search.refine import Known, refine
+from tanteo.surface_search.refine import SETTLING, Known, refine
 from tanteo.surface_search.shared_start import bend
 from tanteo.surface_search.starts import (
     bases,
@@ -25,12 +25,10 @@ from tanteo.surface_search.starts import (
     score,
     triple_poses,
 )
-from tanteo.surface_search.target import Target
+from tanteo.surface_search.target import GRID_SD, Target
 from tanteo.surface_search.touches import FreePaths, Touches
+from tanteo.surface_search.turned import turned_about
 from tanteo.typing import FloatArray, IntArray, Transforms
-
-GRID_SD = 0.3
-"""Error of the distance grid, in cells."""
 
 _ENOUGH = 40
 """Readings used to find poses; all are used to polish them."""
@@ -44,14 +42,8 @@ LEAST_ORIENTED = 3
 _NOISY = 0.01
 """Noise above this share of the part's diagonal blurs the first scores."""
 
-_TURNED = 4
-"""Best poses from which the part is turned over, in search of others that fit nearly as well, and those it gives."""
-
 _WIDEST = 8
 """Later rounds search so many times as widely as the first, and no more: another group of readings tells more then."""
-
-_SETTLING = np.array([1.0, 1.0, 0.7, 0.5, 0.4])
-"""Scales of the first steps, in units of the error of the first poses."""
 
 _GLANCE = 4
 """Readings by which most first poses are dismissed before all are looked at."""
@@ -133,7 +125,7 @@ def search(
     found = _maxima(polish(touches, free, Ts, target, priors, groups=origin), target)
     if len(groups[0]) == 2:
         found = _maxima(found.join(from_blurred(touches, free, found, target, priors)), target)
-    turned, origin = _turned_over(some, found, target)
+    turned, origin = turned_about(some, found, target, _narrowing(some, target))
     if len(turned):
         others = polish(touches, free, turned, target, priors, groups=origin)
         known = np.repeat([0, -1], [len(found.Ts), len(others.Ts)])
@@ -188,7 +180,7 @@ def first_poses(
     start = wide / np.hypot(sd, step)
     kept = [Ts[_scored(touches, Ts, target, effort, wide, start, known)] for Ts in raw]
     origin = np.repeat(np.arange(len(kept)), [len(Ts) for Ts in kept])
-    Ts, costs = refine(touches, np.concatenate(kept), target, start * _SETTLING, step, known, effort.astray)
+    Ts, costs = refine(touches, np.concatenate(kept), target, start * SETTLING, step, known, effort.astray)
     chosen, cell = [], max(2 * sd, 0.1 * target.spacing)
     for k in range(len(raw)):
         rows = np.flatnonzero(origin == k)
@@ -213,27 +205,6 @@ def _scored(
     return index[
         distinct(touches, Ts[index], effort.cost(cost, effort.rough), target, effort.rough, 1.5 * target.spacing)
     ]
-
-
-def _turned_over(touches: Touches, maxima: Polished, target: Target) -> tuple[Transforms, IntArray]:
-    """The same places with the part turned over: most parts nearly fit their place that way, and few starts may.
-
-    Returns:
-        Poses ``(P, 4, 4)`` that fit nearly as well, and the groups of readings that led to their places ``(P,)``.
-    """
-    sd, step = float(np.median(touches.sd)), GRID_SD * target.field.step
-    scales = 0.4 * np.hypot(sd, target.spacing) / np.hypot(sd, step) * _SETTLING
-    best = maxima.Ts[:_TURNED]
-    turned = (best[:, None] @ target.turns).reshape(-1, 4, 4)
-    origin = np.repeat(maxima.groups[:_TURNED], len(target.turns))
-    turned, costs = refine(touches, turned, target, np.maximum(scales, 3.0), step)
-    cost, least = costs[:, 0], refine(touches, best[:1], target, np.array([3.0]), step)[1][:, 0]
-    terms = len(touches) + 3 * touches.oriented.sum()
-    rows = np.flatnonzero(0.5 * terms * (cost - least) < HOPELESS)
-    rows = rows[distinct(touches, turned[rows], cost[rows], target, _TURNED, max(2 * sd, 0.1 * target.spacing))]
-    if not len(rows):
-        return turned[:0], origin[:0]
-    return refine(touches, turned[rows], target, _narrowing(touches, target))[0], origin[rows]
 
 
 def _narrowing(touches: Touches, target: Target) -> FloatArray:

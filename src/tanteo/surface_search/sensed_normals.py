@@ -83,6 +83,7 @@ def tilts(
     target: Target,
     R: Transforms,
     readings: IntArray,
+    sensed: Vectors,
     at: Vectors,
     gradients: Vectors,
     triangles: IntArray,
@@ -94,19 +95,21 @@ def tilts(
         target: the part.
         R: its attitude for each ``(*batch, 3, 3)``.
         readings: which, with sensed normals all of them ``(*batch,)``.
+        sensed: these normals in the part's frame ``(*batch, 3)``.
         at: their points in the part's frame ``(*batch, 3)`` [m].
         gradients: of the faces they may have met ``(*batch, 3)``.
         triangles: of those faces ``(*batch,)``.
     """
-    m, sd = (touches.normals[readings][..., None, :] @ R)[..., 0, :], touches.normal_sds[readings]
-    cross = SO3.cross(gradients, m)
+    sd, cross = touches.normal_sds[readings], SO3.cross(gradients, sensed)
     gap, spread = cross / sd[..., None], 2 * np.log(sd)
     bent = _bent(touches, target, R, readings, at, gradients, triangles, sd)
     if bent is not None:
         gap[bent.index] = (bent.whiten @ cross[bent.index][..., None])[..., 0]
         spread[bent.index] = bent.log
-    behind = np.where(np.sum(m * gradients, axis=-1) > 0, 0.0, _BEHIND)
-    return Tilts(m, gradients, sd, gap, behind - 0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi) - spread, bent)
+    behind = np.where(np.sum(sensed * gradients, axis=-1) > 0, 0.0, _BEHIND)
+    return Tilts(
+        sensed, gradients, sd, gap, behind - 0.5 * np.sum(gap * gap, axis=-1) - np.log(2 * np.pi) - spread, bent
+    )
 
 
 def _bent(

@@ -21,10 +21,14 @@ from tanteo.shapes import (
     near_planes,
     nearest,
 )
+from tanteo.surface_search.spins import spins_about
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 SAMPLES = 320
 """Surface points among which places for readings are looked for."""
+
+GRID_SD = 0.3
+"""Error of the distance grid, in cells."""
 
 _POOL, _POOL_OF_MANY = 12, 3
 """Random points drawn for every sample kept; of more samples than usual fewer, as that takes long."""
@@ -72,6 +76,7 @@ class Target:
         gaps: distances between samples ``(K, K)``, single precision [m].
         spacing: typical distance from any surface point to the nearest sample [m].
         turns: half turns about the axes of the box and about the principal axes ``(6, 4, 4)``, in the part frame.
+        spins: turns about the axes of its largest round faces, all the way round ``(A, K, 4, 4)``, in the part frame.
         borders: the sharp edges, where faces end.
         curved: the exact surfaces behind the mesh of curved faces; None if there are none.
     """
@@ -85,6 +90,7 @@ class Target:
     gaps: np.ndarray
     spacing: float
     turns: Transforms
+    spins: Transforms
     borders: Borders
     curved: Revolved | None
     _pairs: list[SamplePairs] = attribute(default_factory=list, repr=False)
@@ -121,8 +127,9 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     turns = _half_turns(part, points)
     field = distance_field(surface)
     planes = near_planes(surface, field)
-    sharp = borders(surface), exact_faces(part, surface.normals)
-    return Target(part, surface, field, planes, points, normals, gaps, spacing, turns, *sharp)
+    curved = exact_faces(part, surface.normals)
+    exact = spins_about(part, curved), borders(surface), curved
+    return Target(part, surface, field, planes, points, normals, gaps, spacing, turns, *exact)
 
 
 def finer(target: Target, spacing: float, most: int = MOST_SAMPLES) -> Target:
