@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
@@ -15,19 +16,24 @@ from tanteo.matching.evidence import Priors
 from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
-from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure
-from tanteo.surface_search import as_free_paths, as_touches, bend, identify_touches
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.surface_search import Touches, as_free_paths, as_touches, bend, identify_touches
 
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
 
 _BENT = 3.0
-"""Standard deviations of their noise by which errors that all share may bend readings until labels are not fitted.
+"""Standard deviations by which shared errors may bend the readings of one face until labels are not fitted.
 
 A fitted face takes such an error once, to first order; the search over the surface settles it with the pose.
 """
 
-_UNUSED = "Labels were not used: what all readings share, the tip or a sensor, may be off by many times their noise."
+_UNUSED = {
+    "bent": "Labels were not used: what all readings share, the tip or a sensor, may be off by many times their noise.",
+    "bare": "Labels were not used: some readings have none. Label them too, or leave them out.",
+    "few": "Labels were not used: some have too few readings to be fitted.",
+}
+"""Why the surface was searched although readings have labels."""
 
 _DOUBT_PRIOR = "What was said of the pose beforehand counts, too: check it, or leave it out and compare."
 
@@ -51,7 +57,7 @@ def identify(
     """Which of the parts was sensed, and where it is.
 
     If every reading has a feature label, features are fitted and matched by the interpretation tree; if some have
-    none, or something is known of the pose, all readings go against the whole surface of every part.
+    none, all readings go against the whole surface of every part.
 
     Args:
         readings: what the devices said; see ``tanteo.io.read_readings``.
@@ -83,17 +89,13 @@ def identify(
     placed = priors is not None and priors.pose is not None
     if as_published:
         _require_labels_alone(bare=bare, placed=placed)
-    bent = bool(sensed.features) and bend(touches) > _BENT and not as_published
-    if bare or placed or bent:
+    if why := _unlabelled(measured, touches, sensed, bare=bare, placed=placed) if not as_published else "":
         free, elapsed = as_free_paths(measured, tolerance), time.perf_counter() - start
         answer = identify_touches(
             touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
         )
-        if answer.status == "unknown" and placed:
-            answer = replace(answer, message=f"{answer.message} {_DOUBT_PRIOR}")
-        if bent and any(measured.features):
-            answer = replace(answer, message=f"{answer.message} {_UNUSED}")
-        return with_elapsed(answer, measure=elapsed)
+        unused = _UNUSED[why] if any(measured.features) else ""
+        return with_elapsed(_said(answer, unused, placed=placed), measure=elapsed)
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
@@ -108,7 +110,27 @@ def identify(
         priors=priors,
         seed=seed,
     )
-    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
+    return _said(_with_notes(with_elapsed(answer, measure=elapsed), sensed), "", placed=placed)
+
+
+def _unlabelled(
+    measured: PointMeasurements, touches: Touches, sensed: LabelledFeatures, *, bare: bool, placed: bool
+) -> str:
+    """Why the surface is searched, not labels matched: a key of :data:`_UNUSED`; empty if labels are matched."""
+    if bare:
+        return "bare"
+    fitted = {i for f in sensed.features for i in (f[0] if isinstance(f, tuple) else f).readings} | {*sensed.rejected}
+    if placed and not (fitted and fitted.issuperset(measured.ids)):
+        return "few"
+    labels, kinds = np.array(measured.features, dtype=object), np.array(measured.kinds, dtype=object)
+    faces = [np.flatnonzero(labels == name) for name in dict.fromkeys(labels[~np.isin(kinds, ["edge", "vertex"])])]
+    return "bent" if any(bend(touches.take(rows)) > _BENT for rows in faces) else ""
+
+
+def _said(answer: Recognition, unused: str, *, placed: bool) -> Recognition:
+    """The answer with what its message should add."""
+    doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed else ""
+    return replace(answer, message=" ".join(filter(None, [answer.message, doubt, unused])))
 
 
 def _require_labels_alone(*, bare: bool, placed: bool) -> None:

@@ -59,7 +59,7 @@ def test_real_cylinder(targets):
     best = answer.hypotheses[0]
     distances = [mean_distance(targets["cylinder"], h.T_world_part, points) for h in answer.hypotheses]
     assert 5.4e-3 < distances[0] < 5.95e-3
-    assert max(distances) < 7.0e-3
+    assert max(d for h, d in zip(answer.hypotheses, distances, strict=True) if h.probability > 1e-3) < 7.0e-3
     assert "times as much as stated" in answer.message
     # its spin is symmetry; its slide is observed, for fingers went past both ends: 220 mm of touches on 200 mm
     assert targets["cylinder"].part.symmetry.continuous

@@ -101,7 +101,7 @@ def believe(sensed: Sensed, models: Sequence[PartModel], priors: Priors, toleran
             if len(explained.log_weights):
                 found.append(explained)
                 best = max(best, float(explained.log_weights.max()))
-    return _weigh(found, unknown, best, cut)
+    return _weigh(found, unknown, best, cut, apart=priors.pose is not None and priors.pose.T_world_part is not None)
 
 
 def _explain(
@@ -124,20 +124,20 @@ def _explain(
     return _Explained(model, some.choices[keep], poses[keep], information, (weights[hopeful] + share)[keep])
 
 
-def _weigh(found: Sequence[_Explained], unknown: float, best: float, cut: bool) -> Belief:
+def _weigh(found: Sequence[_Explained], unknown: float, best: float, cut: bool, *, apart: bool) -> Belief:
     total = float(logsumexp(np.concatenate([[unknown], *(e.log_weights for e in found)])))
     modes: list[Mode] = []
     by_part: dict[str, list[_Explained]] = {}
     for explained in found:
         by_part.setdefault(explained.model.name, []).append(explained)
     for group in by_part.values():
-        modes += _merge(group, total, best)
+        modes += _merge(group, total, best, apart=apart)
     modes.sort(key=lambda mode: -mode.probability)
     return Belief(tuple(modes), float(np.exp(unknown - total)), cut)
 
 
-def _merge(group: Sequence[_Explained], total: float, best: float) -> list[Mode]:
-    """Interpretations of one part as distinct poses, symmetric ones together."""
+def _merge(group: Sequence[_Explained], total: float, best: float, *, apart: bool) -> list[Mode]:
+    """Interpretations of one part as distinct poses, symmetric ones together or ``apart``: a rough pose names one."""
     model = group[0].model
     log = np.concatenate([e.log_weights for e in group])
     choices = np.concatenate([e.choices for e in group])
@@ -149,7 +149,7 @@ def _merge(group: Sequence[_Explained], total: float, best: float) -> list[Mode]
     modes = []
     while len(left):
         top = left[0]
-        same = equivalent(model.part, Ts[top], Ts[left], information[left])
+        same = equivalent(model.part, Ts[top], Ts[left], information[left], apart=apart)
         same[0] = True
         weight = float(np.exp(logsumexp(log[left[same]]) - total))
         modes.append(Mode(model, choices[top], Ts[top], weight, information[top]))
@@ -158,14 +158,22 @@ def _merge(group: Sequence[_Explained], total: float, best: float) -> list[Mode]
 
 
 def equivalent(
-    part: Part, T: Transforms, others: Transforms, information: FloatArray, limit: float = _SAME_POSE
+    part: Part,
+    T: Transforms,
+    others: Transforms,
+    information: FloatArray,
+    limit: float = _SAME_POSE,
+    *,
+    apart: bool = False,
 ) -> BoolArray:
     """Which of the poses ``others`` ``(F, 4, 4)`` put the part where ``T`` does, up to its symmetry and their noise."""
     Ts = np.broadcast_to(T, others.shape)
-    return np.asarray(squared_gaps(part, Ts, others, information) <= limit, dtype=np.bool_)
+    return np.asarray(squared_gaps(part, Ts, others, information, apart=apart) <= limit, dtype=np.bool_)
 
 
-def squared_gaps(part: Part, Ts: Transforms, others: Transforms, information: FloatArray) -> FloatArray:
+def squared_gaps(
+    part: Part, Ts: Transforms, others: Transforms, information: FloatArray, *, apart: bool = False
+) -> FloatArray:
     """Squared Mahalanobis distances ``(F,)`` between poses of a part, to the nearest of those that symmetry makes one.
 
     Args:
@@ -173,8 +181,10 @@ def squared_gaps(part: Part, Ts: Transforms, others: Transforms, information: Fl
         Ts: poses ``(F, 4, 4)``.
         others: a pose for each ``(F, 4, 4)``.
         information: of the others ``(F, 6, 6)``.
+        apart: whether only what a continuous symmetry makes one is taken as one.
     """
-    gaps = SE3.inverse(part.symmetry.Ts)[:, None] @ (SE3.inverse(Ts) @ others)
+    turns = part.symmetry.Ts[:1] if apart else part.symmetry.Ts
+    gaps = SE3.inverse(turns)[:, None] @ (SE3.inverse(Ts) @ others)
     if part.symmetry.continuous:
         gaps = without_spin(part, gaps)
     xi = SE3.log(gaps)

@@ -39,7 +39,7 @@ class Priors:
         common_sizes: of the distances between its parallel faces, the share that the catalogue's parts have too: one
             workshop uses the same stock and the same round numbers again and again.
         kin: of unknown parts, the share that are like one of the catalogue but for some faces; for bare readings.
-        pose: what is known of the pose; used by the surface search.
+        pose: what is known of the pose.
 
     Raises:
         InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can

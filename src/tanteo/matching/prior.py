@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import ndtr
 
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
@@ -176,6 +177,34 @@ def prior_log_density(prior: PosePrior | None, part: Part, Ts: Transforms, radiu
     if prior.box is not None:
         share = 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0]))
         log += np.where(in_box(prior, part, Ts), share, -np.inf)
+    return log
+
+
+def log_place_of_unknown(prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float) -> float:
+    """Log of how much more probable the prior makes an unknown object where it was sensed than it is anywhere.
+
+    Where the object is was said of whatever it is. Of one that is not known its middle is within about ``radius`` of
+    its readings, its attitude says nothing.
+
+    Args:
+        prior: what is known of the pose.
+        centroid: of the parts, in their frames ``(3,)`` [m].
+        middle: of the readings, in the world ``(3,)`` [m].
+        radius: of the workspace [m].
+    """
+    log = 0.0
+    if prior is not None and prior.box is not None:
+        low, high = (prior.box - middle) / radius
+        share = np.where(low > 0, ndtr(-low) - ndtr(-high), ndtr(high) - ndtr(low))
+        log += float(np.log(np.maximum(2 * radius * share / (prior.box[1] - prior.box[0]), 1e-300)).sum())
+    if prior is not None and prior.T_world_part is not None and prior.T_world_part.ndim == 2:
+        assert prior.covariance is not None
+        rows = prior.T_world_part[:3, :3] @ np.concatenate([np.eye(3), -SO3.hat(centroid)], axis=1)
+        C = rows @ prior.covariance @ rows.T + radius**2 * np.eye(3)
+        off = middle - SE3.apply(prior.T_world_part, centroid)
+        log += float(
+            3 * np.log(2 * radius) - 0.5 * (np.linalg.slogdet(2 * np.pi * C)[1] + off @ np.linalg.solve(C, off))
+        )
     return log
 
 

@@ -11,18 +11,20 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.fitting import Sides
 from tanteo.lie import SE3
-from tanteo.localization import ModelFeature, Pairing, PoseEstimate, estimate_pose
+from tanteo.localization import ModelFeature, Pairing, estimate_pose
 from tanteo.matching.belief import Mode, believe
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.pairings import decode
+from tanteo.matching.placed import Located, place
 from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.verdict import part_scale, verdict
 from tanteo.parts import Part
+from tanteo.typing import Transforms
 
 
 def identify_features(
@@ -70,14 +72,19 @@ def identify_features(
     clock.lap("prepare")
     belief = believe_as_published(sensed, models, alpha) if as_published else believe(sensed, models, priors, tolerance)
     clock.lap("search")
-    hypotheses = tuple(_hypothesis(sensed, mode, tolerance) for mode in belief.modes[:top])
+    modes, unknown = belief.modes, belief.unknown
+    found = tuple(_located(sensed, mode, tolerance) for mode in (modes if priors.pose else modes[:top]))
+    if priors.pose is not None:
+        found, unknown = place(found, unknown, priors.pose, sensed.middle, priors.radius)
+        modes = tuple(one.mode for one in found)
+    hypotheses = tuple(_hypothesis(sensed, one, tolerance) for one in found[:top])
     clock.lap("locate")
-    worst = _worst(sensed, belief.modes[0], tolerance) if hypotheses and hypotheses[0].p_value < alpha else ""
-    shares = [(mode.model.name, mode.probability) for mode in belief.modes]
+    worst = _worst(sensed, modes[0], tolerance) if hypotheses and hypotheses[0].p_value < alpha else ""
+    shares = [(mode.model.name, mode.probability) for mode in modes]
     status, message = verdict(
-        hypotheses, belief.unknown, alpha, cut=belief.cut, as_published=as_published, worst=worst, shares=shares
+        hypotheses, unknown, alpha, cut=belief.cut, as_published=as_published, worst=worst, shares=shares
     )
-    return Recognition(status, message, hypotheses, belief.unknown, clock.laps(), seed)
+    return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
 def _worst(sensed: Sensed, mode: Mode, tolerance: float) -> str:
@@ -122,44 +129,51 @@ def pairings_of(sensed: Sensed, mode: Mode, tolerance: float) -> list[Pairing]:
     return out
 
 
-def _hypothesis(sensed: Sensed, mode: Mode, tolerance: float) -> Hypothesis:
+def _located(sensed: Sensed, mode: Mode, tolerance: float) -> Located:
     part = mode.model.part
     assert part is not None
     pairings = pairings_of(sensed, mode, tolerance)
     estimate = estimate_pose(pairings, start=mode.T_world_part, length=part.diagonal, middle=part.centroid)
-    outliers, distances = _outliers(sensed, mode, estimate)
+    return Located.by_features(mode, estimate)
+
+
+def _hypothesis(sensed: Sensed, one: Located, tolerance: float) -> Hypothesis:
+    mode, part = one.mode, one.mode.model.part
+    assert part is not None
+    pairings = pairings_of(sensed, mode, tolerance)
+    outliers, distances = _outliers(sensed, mode, one.T_world_part)
     return hypothesis_at(
         part,
-        estimate.T_world_part,
-        estimate.covariance,
-        free=np.asarray(np.linalg.solve(part_scale(part), estimate.free.T).T, dtype=np.float64),
+        one.T_world_part,
+        one.covariance,
+        free=np.asarray(np.linalg.solve(part_scale(part), one.free.T).T, dtype=np.float64),
         probability=mode.probability,
-        chi2=estimate.chi2,
-        dof=estimate.dof,
-        rms=_rms(estimate, pairings),
+        chi2=one.chi2,
+        dof=one.dof,
+        rms=_rms(one.T_world_part, pairings),
         outliers=outliers,
         pairings=tuple((r, p.model.name) for p in pairings for r in p.sensed.readings or (p.sensed.label,)),
         outlier_distances=distances,
-        covariance_same_robot=estimate.covariance_same_robot if estimate.shared else None,
+        covariance_same_robot=one.covariance_same_robot if one.estimate.shared else None,
     )
 
 
-def _outliers(sensed: Sensed, mode: Mode, estimate: PoseEstimate) -> tuple[tuple[str, ...], tuple[float, ...]]:
+def _outliers(sensed: Sensed, mode: Mode, T_world_part: Transforms) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Readings of the features that were left out, and how far from the part's surface they are [m]."""
     names, distances = list[str](), list[float]()
     for i in np.flatnonzero(mode.choices == NOTHING):
         feature = sensed.features[i]
-        local = SE3.apply(SE3.inverse(estimate.T_world_part), feature.support)
+        local = SE3.apply(SE3.inverse(T_world_part), feature.support)
         distances += list(map(float, mode.model.surface.closest(local).distances)) or [float("nan")]
         names += feature.readings or (feature.label,)
     return tuple(names), tuple(distances) if len(distances) == len(names) else (float("nan"),) * len(names)
 
 
-def _rms(estimate: PoseEstimate, pairings: Sequence[Pairing]) -> float:
+def _rms(T_world_part: Transforms, pairings: Sequence[Pairing]) -> float:
     """Root mean square distance of the sensed points from the model features they are paired with [m]."""
     squared = [np.zeros(0)]
     for pairing in pairings:
-        T_world_model = estimate.T_world_part @ pairing.model.T_part_feature
+        T_world_model = T_world_part @ pairing.model.T_part_feature
         local = SE3.apply(SE3.inverse(T_world_model), pairing.sensed.support)
         across = [i for i in pairing.model.kind.rows if i < 3]
         squared.append(np.sum(local[:, across] ** 2, axis=1))

@@ -10,6 +10,7 @@ from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
+from tanteo.matching.prior import log_place_of_unknown
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.verdict import verdict
@@ -89,7 +90,9 @@ def identify_touches(
     if priors.pose is None or priors.pose.T_world_part is None:
         targets = [finer(target, _spread(touches) / _PER_SPREAD, _most_samples(touches)) for target in targets]
     clock.lap("prepare")
+    centroid = np.mean([_part(part).centroid for part in parts], axis=0)
     log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
+    log_unknown += log_place_of_unknown(priors.pose, centroid, touches.points.mean(axis=0), priors.radius)
     found = search_all(touches, free, targets, priors)
     clock.lap("search")
     if found.ratio > 1:

@@ -1,0 +1,168 @@
+"""What was known of the pose beforehand, put to poses that sensed features gave: weights, poses and covariances.
+
+The features' estimate stands for their likelihood, as a normal density about it; directions that they leave free have
+the variance of a uniform draw there, and take what the prior says of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp, ndtr
+
+from tanteo.lie import SE3, SO3
+from tanteo.localization import PoseEstimate
+from tanteo.matching.belief import Mode
+from tanteo.matching.prior import PosePrior, log_place_of_unknown, prior_log_density, prior_rows
+from tanteo.matching.verdict import part_scale
+from tanteo.parts import Part
+from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
+
+_STEPS, _SETTLED = 20, 1e-9
+"""Steps at most; squared length of a step, in standard deviations, that ends them."""
+
+_SPINS = 36
+"""Turns about the axis of a solid of revolution from which the one that a rough pose names is looked for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """A mode with its pose.
+
+    Attributes:
+        mode: the part and what of it the features are.
+        estimate: from the features alone.
+        T_world_part: pose, with all that is known ``(4, 4)``.
+        covariance: of it ``(6, 6)``, part frame, right perturbation [m, rad].
+        covariance_same_robot: the same with shared errors known.
+        free: motions that nothing resists ``(k, 6)``, part frame [m, rad].
+        chi2: joint squared Mahalanobis distance of features and prior.
+        dof: its degrees of freedom.
+    """
+
+    mode: Mode
+    estimate: PoseEstimate
+    T_world_part: Transforms
+    covariance: Covariances
+    covariance_same_robot: Covariances
+    free: Tangents
+    chi2: float
+    dof: int
+
+    @classmethod
+    def by_features(cls, mode: Mode, estimate: PoseEstimate) -> Located:
+        """Where the features alone put the part."""
+        known = estimate.covariance, estimate.covariance_same_robot, estimate.free, estimate.chi2, estimate.dof
+        return cls(mode, estimate, estimate.T_world_part, *known)
+
+
+def place(
+    found: Sequence[Located], unknown: float, prior: PosePrior, middle: Vectors, radius: float
+) -> tuple[tuple[Located, ...], float]:
+    """Weigh poses by what was known beforehand, and move them to what both say together.
+
+    Args:
+        found: from the features alone, all that matter.
+        unknown: probability of none of the parts, by the features.
+        prior: what was known.
+        middle: of what was sensed, in the world ``(3,)`` [m].
+        radius: of the workspace [m], of which the features' probabilities take any place as likely.
+
+    Returns:
+        The same, best first, with their probabilities, and that of none of the parts.
+    """
+    if not found:
+        return (), unknown
+    placed, logs = zip(*(_placed(one, prior, radius) for one in found), strict=True)
+    with np.errstate(divide="ignore"):
+        log = np.log([one.mode.probability for one in found]) + np.array(logs)
+        centroid = np.mean([one.mode.model.middle for one in found], axis=0)
+        log_unknown = np.log(unknown) + log_place_of_unknown(prior, centroid, middle, radius)
+        total = float(logsumexp(np.append(log, log_unknown)))
+    P = np.exp(log - total)
+    order = [k for k in np.argsort(-P, kind="stable") if P[k] > 0]
+    answers = tuple(replace(placed[k], mode=replace(placed[k].mode, probability=float(P[k]))) for k in order)
+    return answers, float(np.exp(log_unknown - total))
+
+
+def _placed(one: Located, prior: PosePrior, radius: float) -> tuple[Located, float]:
+    """The pose with the prior, and the log of how much more probable that makes it."""
+    part = one.mode.model.part
+    assert part is not None
+    P = np.asarray(np.linalg.inv(one.covariance), dtype=np.float64)
+    T, H, chi2 = _fused(part, prior, _start(part, prior, one.T_world_part), one.T_world_part, P)
+    _, J = prior_rows(prior, part, T[None])
+    free, fixed = _still_free(part, one, J[0])
+    log = -0.5 * chi2 + 0.5 * np.linalg.slogdet(P)[1] - 0.5 * np.linalg.slogdet(H)[1]
+    covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
+    log += float(prior_log_density(replace(prior, box=None), part, T[None], radius)[0])
+    log += _in_box(part, prior, T, covariance, radius)
+    same = np.linalg.inv(np.linalg.inv(one.covariance_same_robot) + J[0].T @ J[0])
+    out = replace(
+        one, T_world_part=T, covariance=covariance, covariance_same_robot=same, free=free,
+        chi2=one.chi2 + chi2, dof=one.dof + J.shape[1] - fixed,
+    )  # fmt: skip
+    return out, log
+
+
+def _fused(
+    part: Part, prior: PosePrior, T: Transforms, T0: Transforms, P: FloatArray
+) -> tuple[Transforms, FloatArray, float]:
+    """Pose of least squared distance from ``T0`` under information ``P`` and from the prior; information, distance."""
+    for _ in range(_STEPS):
+        d = SE3.log(SE3.inverse(T0) @ T)
+        Jd, (r, J) = SE3.right_jacobian_inverse(d), prior_rows(prior, part, T[None])
+        H = Jd.T @ P @ Jd + J[0].T @ J[0]
+        step = -np.linalg.solve(H, Jd.T @ P @ d + J[0].T @ r[0])
+        if step @ H @ step < _SETTLED:
+            break
+        T = T @ SE3.exp(step)
+    return T, H, float(d @ P @ d + r[0] @ r[0])
+
+
+def _start(part: Part, prior: PosePrior, T: Transforms) -> Transforms:
+    """The pose turned as a rough pose names it, where the part's continuous symmetry leaves that open."""
+    if prior.T_world_part is None or not part.symmetry.continuous:
+        return T
+    gap = SE3.inverse(T) @ prior.T_world_part
+    if part.symmetry.spherical:
+        turns, centre = gap[None, :3, :3], part.centroid
+    else:
+        assert part.symmetry.axis is not None
+        centre, axis = part.symmetry.axis
+        turns = SO3.exp((2 * np.pi / _SPINS * np.arange(_SPINS))[:, None] * axis)
+    spun = T @ SE3.from_parts(turns, centre - turns @ centre)
+    r, _ = prior_rows(prior, part, spun)
+    return np.asarray(spun[np.argmin(np.sum(r * r, axis=1))])
+
+
+def _still_free(part: Part, one: Located, J: FloatArray) -> tuple[Tangents, int]:
+    """Motions that the prior does not resist either ``(k, 6)``, and how many it does.
+
+    It resists what it knows to less than the uniform draw that stands for not knowing.
+    """
+    if not len(one.free):
+        return one.free, 0
+    along = np.linalg.pinv(one.free.T)
+    wide = np.linalg.cholesky(along @ one.covariance @ along.T).T @ one.free
+    _, resisted, turn = np.linalg.svd(J @ wide.T)
+    resisted = np.pad(resisted, (0, len(turn) - len(resisted)))
+    scale, left = part_scale(part), turn[resisted < 1] @ wide
+    basis, _ = np.linalg.qr(np.linalg.solve(scale, left.T))
+    return np.asarray((scale @ basis).T, dtype=np.float64), int(np.sum(resisted >= 1))
+
+
+def _in_box(part: Part, prior: PosePrior, T: Transforms, covariance: Covariances, radius: float) -> float:
+    """Log of the share of the pose's distribution that puts the centroid into the box, over that of "anywhere"."""
+    if prior.box is None:
+        return 0.0
+    rows = np.concatenate([np.eye(3), -SO3.hat(part.centroid)], axis=1)
+    world = T[:3, :3] @ rows
+    sd = np.sqrt(np.einsum("ai,ij,aj->a", world, covariance, world))
+    low, high = (prior.box - SE3.apply(T, part.centroid)) / sd
+    share = np.where(low > 0, ndtr(-low) - ndtr(-high), ndtr(high) - ndtr(low))
+    with np.errstate(divide="ignore"):
+        log = np.log(share).sum()
+    return float(log + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0])))

@@ -1,0 +1,175 @@
+"""Labelled readings and what was known of the pose: both count, neither silences the other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from bare_scenes import nees
+from scenes import points_on_plane, random_pose
+from tanteo import Readings, identify
+from tanteo.lie import SE3
+from tanteo.matching import PosePrior, Priors, Table
+from tanteo.parts import read_part
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+SD = 1e-4
+ROUGH = np.repeat([3e-3, 0.03], 3)
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return {
+        name: read_part(PARTS / f"{name}.step") for name in ("bracket_left", "bracket_right", "square_post", "block")
+    }
+
+
+def labelled(part, T, planes, rng, n=4, bare=0):
+    """So many touches of each of those planes, from outside, with labels; and as many bare ones of the first."""
+    points = [SE3.apply(T, points_on_plane(part, k, n, rng)) for k in planes]
+    labels = [f"face {k}" for k in planes for _ in range(n)]
+    points.append(SE3.apply(T, points_on_plane(part, planes[0], bare, rng)))
+    into = -np.concatenate(
+        [np.tile(part.planes.normals[k], (n, 1)) for k in planes] + [part.planes.normals[[planes[0]] * bare]]
+    )
+    seen = np.concatenate(points)
+    return Readings.from_columns(
+        seen + SD * rng.normal(size=seen.shape), sds=np.full(len(seen), SD), features=labels + [""] * bare,
+        directions=into @ T[:3, :3].T,
+    )  # fmt: skip
+
+
+def some_planes(part, rng, count=5):
+    return rng.permutation(np.argsort(-part.planes.areas)[:9])[:count]
+
+
+def squared(h, T):
+    xi = SE3.log(SE3.inverse(h.T_world_part) @ T)
+    return float(xi @ np.linalg.solve(h.covariance, xi))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_box_that_says_nothing_changes_nothing(parts, seed):
+    rng, part = np.random.default_rng(seed), parts["bracket_left"]
+    T = random_pose(rng)
+    readings, others = labelled(part, T, some_planes(part, rng), rng), [parts["bracket_left"], parts["bracket_right"]]
+    wide = Priors(pose=PosePrior(box=np.array([[-2.0] * 3, [2.0] * 3])))
+    alone, boxed = identify(readings, others), identify(readings, others, priors=wide)
+    assert boxed.status == alone.status
+    assert boxed.hypotheses
+    assert boxed.message == alone.message
+    for a, b in zip(alone.hypotheses, boxed.hypotheses, strict=True):
+        assert b.T_world_part == pytest.approx(a.T_world_part, abs=1e-9)
+        assert b.covariance == pytest.approx(a.covariance, rel=1e-6)
+    assert boxed.hypotheses[0].pairings == alone.hypotheses[0].pairings
+
+
+def test_a_box_elsewhere_speaks_against_the_part(parts):
+    rng, part = np.random.default_rng(1), parts["bracket_left"]
+    readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
+    answer = identify(readings, [part], priors=Priors(pose=PosePrior(box=np.array([[4.0] * 3, [5.0] * 3]))))
+    assert answer.status == "unknown"
+    assert answer.message.endswith("check it, or leave it out and compare.")
+
+
+def test_pose_and_covariance_are_those_of_readings_and_rough_pose_together(parts):
+    """Three planes that leave nothing free, a rough pose as good as they are: NEES over 60 scenes."""
+    part, values, sizes = parts["bracket_left"], [], []
+    fine = np.repeat([5e-5, 1e-3], 3)
+    for k in range(60):
+        rng = np.random.default_rng((2, k))
+        T = random_pose(rng)
+        rough = T @ SE3.exp(fine * rng.normal(size=6))
+        readings = labelled(part, T, some_planes(part, rng), rng)
+        answer = identify(readings, [part], priors=Priors(pose=PosePrior(rough, np.diag(fine**2))))
+        best = answer.hypotheses[0]
+        values.append(squared(best, T))
+        sizes.append(best.chi2 / best.dof)
+    low, high = chi2.ppf([0.001, 0.999], 6 * len(values)) / len(values)
+    assert low < np.mean(values) < high
+    assert np.mean(sizes) == pytest.approx(1.0, abs=0.15)  # and what is tested is counted rightly
+
+
+def test_a_rough_pose_settles_what_two_planes_leave_free(parts):
+    part, values = parts["bracket_left"], []
+    for k in range(40):
+        rng = np.random.default_rng((3, k))
+        T = random_pose(rng)
+        normals = part.planes.normals
+        first = int(np.argmax(part.planes.areas))
+        second = int(np.argmax(part.planes.areas * (np.abs(normals @ normals[first]) < 0.1)))
+        readings = labelled(part, T, [first, second], rng)
+        assert identify(readings, [part]).hypotheses[0].unobserved
+        rough = T @ SE3.exp(ROUGH * rng.normal(size=6))
+        best = identify(readings, [part], priors=Priors(pose=PosePrior(rough, np.diag(ROUGH**2)))).hypotheses[0]
+        assert not best.unobserved
+        values.append(squared(best, T))
+    low, high = chi2.ppf([0.001, 0.999], 6 * len(values)) / len(values)
+    assert low < np.mean(values) < high
+
+
+def test_a_rough_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
+    """And the faces that were sensed are called as in that pose."""
+    part = parts["square_post"]
+    assert part.symmetry.order > 1
+    for k in range(8):
+        rng = np.random.default_rng((4, k))
+        T, planes = random_pose(rng), some_planes(part, rng, 4)
+        readings = labelled(part, T, planes, rng)
+        rough = T @ SE3.exp(ROUGH * rng.normal(size=6))
+        best = identify(readings, [part], priors=Priors(pose=PosePrior(rough, np.diag(ROUGH**2)))).hypotheses[0]
+        assert squared(best, T) < 30
+        faces = {int(name.split()[1]) for _, name in best.pairings}
+        assert faces == set(part.planes.faces[planes])
+
+
+def test_a_table_says_what_lies_on_it(parts):
+    """Two labelled faces that stand on it leave the height free, which it fixes."""
+    part, rng = parts["block"], np.random.default_rng(5)
+    sides = [k for k in range(len(part.planes)) if abs(part.planes.normals[k][2]) < 0.1 and part.planes.areas[k] > 2e-3]
+    x = sides[0]
+    y = next(k for k in sides if abs(part.planes.normals[k] @ part.planes.normals[x]) < 0.1)
+    T = SE3.exp(np.array([0.2, 0.1, 0.3, 0, 0, 0.7]))
+    table = Table(np.array([0, 0, 0.3 + part.box[0, 2]]), np.array([0.0, 0, 1]), 2e-4)
+    readings = labelled(part, T, [x, y], rng, n=6)
+    assert identify(readings, [part]).hypotheses[0].unobserved
+    best = identify(readings, [part], priors=Priors(pose=PosePrior(table=table))).hypotheses
+    right = [h for h in best if nees(part, h.T_world_part, h.covariance, T)[0] < 30]
+    assert right
+    assert not right[0].unobserved
+
+
+def test_a_rough_pose_far_off_is_doubted(parts):
+    part, rng = parts["bracket_left"], np.random.default_rng(6)
+    T = random_pose(rng)
+    readings = labelled(part, T, some_planes(part, rng), rng)
+    off = T @ SE3.exp(np.array([0.05, 0, 0, 0, 0, 0]))
+    answer = identify(readings, [part], priors=Priors(pose=PosePrior(off, np.diag(ROUGH**2))))
+    assert answer.status == "unknown"
+    assert "leave it out" in answer.message
+
+
+def test_labels_beside_readings_without_are_said_to_be_unused(parts):
+    part, rng = parts["bracket_left"], np.random.default_rng(7)
+    answer = identify(labelled(part, random_pose(rng), some_planes(part, rng), rng, n=5, bare=2), [part])
+    assert "Labels were not used: some readings have none." in answer.message
+
+
+def test_too_few_readings_of_a_label_go_to_the_surface_where_the_pose_is_about_known(parts):
+    """Three, two and one touch on three faces of a block: labels that nothing can be fitted to."""
+    part, rng = parts["block"], np.random.default_rng(8)
+    planes = [np.argmax(part.planes.normals @ axis * part.planes.areas) for axis in np.eye(3)]
+    T = random_pose(rng)
+    points = np.concatenate([points_on_plane(part, k, n, rng) for k, n in zip(planes, (3, 2, 1), strict=True)])
+    into = -np.repeat(part.planes.normals[planes], (3, 2, 1), axis=0) @ T[:3, :3].T
+    readings = Readings.from_columns(
+        SE3.apply(T, points) + SD * rng.normal(size=points.shape), sds=np.full(6, SD), features=list("AAABBC"),
+        directions=into,
+    )  # fmt: skip
+    rough = T @ SE3.exp(ROUGH * rng.normal(size=6))
+    answer = identify(readings, [part], priors=Priors(pose=PosePrior(rough, np.diag(ROUGH**2))))
+    assert "some have too few readings to be fitted" in answer.message
+    assert squared(answer.hypotheses[0], T) < 30
