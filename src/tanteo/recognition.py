@@ -12,12 +12,25 @@ import numpy.typing as npt
 from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.limits import check_length
-from tanteo.matching.evidence import Priors
+from tanteo.matching import prepare
+from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
-from tanteo.surface_search import Touches, as_free_paths, as_touches, bend, identify_touches
+from tanteo.surface_search import (
+    FreePaths,
+    Touches,
+    as_free_paths,
+    as_touches,
+    bend,
+    gone_through,
+    identify_touches,
+    log_free_paths,
+)
+
+_PATHS = 3
+"""Paths that a message names."""
 
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
@@ -89,28 +102,33 @@ def identify(
     placed = priors is not None and priors.pose is not None
     if as_published:
         _require_labels_alone(bare=bare, placed=placed)
+    free = as_free_paths(measured, tolerance) if not as_published else FreePaths.none()
+    elapsed = time.perf_counter() - start
     if why := _unlabelled(measured, touches, sensed, bare=bare, placed=placed) if not as_published else "":
-        free, elapsed = as_free_paths(measured, tolerance), time.perf_counter() - start
         answer = identify_touches(
             touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
         )
         unused = _UNUSED[why] if any(measured.features) else ""
-        return with_elapsed(_said(answer, unused, placed=placed), measure=elapsed)
+        says = _gone_through(answer, free, measured.free.ids, parts), unused
+        return with_elapsed(_said(answer, *says, placed=placed), measure=elapsed)
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
-    elapsed = time.perf_counter() - start
+    models = [prepare(part) for part in parts]
+    assumed = sized(priors, max((model.radius for model in models), default=0.0))
     answer = identify_features(
         sensed.features,
-        parts,
+        models,
         tolerance=tolerance,
         alpha=alpha,
         top=top,
         as_published=as_published,
         priors=priors,
         seed=seed,
+        beside=(lambda model, Ts: log_free_paths(free, Ts, model, assumed)) if len(free.lengths) else None,
     )
-    return _said(_with_notes(with_elapsed(answer, measure=elapsed), sensed), "", placed=placed)
+    answer = _said(answer, _gone_through(answer, free, measured.free.ids, parts), placed=placed)
+    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
 
 
 def _unlabelled(
@@ -127,10 +145,25 @@ def _unlabelled(
     return "bent" if any(bend(touches.take(rows)) > _BENT for rows in faces) else ""
 
 
-def _said(answer: Recognition, unused: str, *, placed: bool) -> Recognition:
+def _said(answer: Recognition, *more: str, placed: bool) -> Recognition:
     """The answer with what its message should add."""
     doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed else ""
-    return replace(answer, message=" ".join(filter(None, [answer.message, doubt, unused])))
+    return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *more])))
+
+
+def _gone_through(answer: Recognition, free: FreePaths, ids: Sequence[str], parts: Sequence[Part]) -> str:
+    """A sentence on the paths on which nothing was met, though the best answer's part is in their way."""
+    if not answer.hypotheses or not len(free.lengths):
+        return ""
+    best = answer.hypotheses[0]
+    model = prepare(next(part for part in parts if part.name == best.part))
+    short = gone_through(free, best.T_world_part, model)
+    rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
+    if not len(rows):
+        return ""
+    named = ", ".join(f"{ids[k]} (it ends {1e3 * short[k]:.2g} mm further)" for k in rows[:_PATHS])
+    rest = f" and {len(rows) - _PATHS} more" if len(rows) > _PATHS else ""
+    return f"{best.part} is in the way of {len(rows)} of {len(ids)} paths on which nothing was met: {named}{rest}."
 
 
 def _require_labels_alone(*, bare: bool, placed: bool) -> None:

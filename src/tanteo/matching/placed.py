@@ -1,12 +1,13 @@
-"""What was known of the pose beforehand, put to poses that sensed features gave: weights, poses and covariances.
+"""What else is known, put to poses that sensed features gave: weights, poses and covariances.
 
-The features' estimate stands for their likelihood, as a normal density about it; directions that they leave free have
-the variance of a uniform draw there, and take what the prior says of them.
+What was known of the pose beforehand moves poses and weighs them; paths on which nothing was met weigh them. The
+features' estimate stands for their likelihood, as a normal density about it; directions that they leave free have the
+variance of a uniform draw there, and take what the prior says of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.special import logsumexp, ndtr
 from tanteo.lie import SE3, SO3
 from tanteo.localization import PoseEstimate
 from tanteo.matching.belief import Mode
+from tanteo.matching.model import PartModel
 from tanteo.matching.prior import PosePrior, log_place_of_unknown, prior_log_density, prior_rows
 from tanteo.matching.verdict import part_scale
 from tanteo.parts import Part
@@ -22,6 +24,12 @@ from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 
 _STEPS, _SETTLED = 20, 1e-9
 """Steps at most; squared length of a step, in standard deviations, that ends them."""
+
+_DRAWS = 64
+"""Of a pose, over which what else is known is averaged."""
+
+Beside = Callable[[PartModel, Transforms], FloatArray]
+"""Log probability ``(S,)`` of something that was seen, of a part at poses ``(S, 4, 4)``."""
 
 _SPINS = 36
 """Turns about the axis of a solid of revolution from which the one that a rough pose names is looked for."""
@@ -76,14 +84,39 @@ def place(
     if not found:
         return (), unknown
     placed, logs = zip(*(_placed(one, prior, radius) for one in found), strict=True)
+    centroid = np.mean([one.mode.model.middle for one in found], axis=0)
+    return _reweighed(placed, unknown, np.array(logs), log_place_of_unknown(prior, centroid, middle, radius))
+
+
+def weigh_beside(found: Sequence[Located], unknown: float, beside: Beside) -> tuple[tuple[Located, ...], float]:
+    """Weigh poses by something else that depends on them, averaged over their distributions.
+
+    Args:
+        found: poses, all that matter.
+        unknown: probability of none of the parts.
+        beside: log probability of it, of a part at poses ``(S, 4, 4)``; none of the parts takes it as it is.
+
+    Returns:
+        As of :func:`place`.
+    """
+    logs, draws = [], np.random.default_rng(1991).normal(size=(_DRAWS, 6))
+    for one in found:
+        Ts = one.T_world_part @ SE3.exp(draws @ np.linalg.cholesky(one.covariance).T)
+        logs.append(float(logsumexp(beside(one.mode.model, Ts)) - np.log(_DRAWS)))
+    return _reweighed(found, unknown, np.array(logs), 0.0)
+
+
+def _reweighed(
+    found: Sequence[Located], unknown: float, logs: FloatArray, log_of_unknown: float
+) -> tuple[tuple[Located, ...], float]:
+    """Best first, with probabilities that have these factors more, and that of none of the parts."""
     with np.errstate(divide="ignore"):
-        log = np.log([one.mode.probability for one in found]) + np.array(logs)
-        centroid = np.mean([one.mode.model.middle for one in found], axis=0)
-        log_unknown = np.log(unknown) + log_place_of_unknown(prior, centroid, middle, radius)
-        total = float(logsumexp(np.append(log, log_unknown)))
+        log = np.log([one.mode.probability for one in found]) + logs
+        log_unknown = np.log(unknown) + log_of_unknown
+    total = float(logsumexp(np.append(log, log_unknown)))
     P = np.exp(log - total)
     order = [k for k in np.argsort(-P, kind="stable") if P[k] > 0]
-    answers = tuple(replace(placed[k], mode=replace(placed[k].mode, probability=float(P[k]))) for k in order)
+    answers = tuple(replace(found[k], mode=replace(found[k].mode, probability=float(P[k]))) for k in order)
     return answers, float(np.exp(log_unknown - total))
 
 

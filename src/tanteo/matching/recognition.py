@@ -18,7 +18,7 @@ from tanteo.matching.freedom import NOTHING
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.pairings import decode
-from tanteo.matching.placed import Located, place
+from tanteo.matching.placed import Beside, Located, place, weigh_beside
 from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
@@ -37,6 +37,7 @@ def identify_features(
     as_published: bool = False,
     priors: Priors | None = None,
     seed: int = 0,
+    beside: Beside | None = None,
 ) -> Recognition:
     """Which of the parts the sensed features belong to, and its pose.
 
@@ -50,6 +51,7 @@ def identify_features(
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand; the radius is that of the largest part if not given.
         seed: recorded in the answer; this search draws nothing.
+        beside: log probability of something else that was seen, of a part at some poses.
 
     Returns:
         The answer, whatever its status; nothing is raised for an unkind world.
@@ -73,10 +75,13 @@ def identify_features(
     belief = believe_as_published(sensed, models, alpha) if as_published else believe(sensed, models, priors, tolerance)
     clock.lap("search")
     modes, unknown = belief.modes, belief.unknown
-    found = tuple(_located(sensed, mode, tolerance) for mode in (modes if priors.pose else modes[:top]))
+    more = priors.pose is not None or beside is not None
+    found = tuple(_located(sensed, mode, tolerance) for mode in (modes if more else modes[:top]))
     if priors.pose is not None:
         found, unknown = place(found, unknown, priors.pose, sensed.middle, priors.radius)
-        modes = tuple(one.mode for one in found)
+    if beside is not None:
+        found, unknown = weigh_beside(found, unknown, beside)
+    modes = tuple(one.mode for one in found) if more else modes
     hypotheses = tuple(_hypothesis(sensed, one, tolerance) for one in found[:top])
     clock.lap("locate")
     worst = _worst(sensed, modes[0], tolerance) if hypotheses and hypotheses[0].p_value < alpha else ""

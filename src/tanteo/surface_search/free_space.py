@@ -6,6 +6,7 @@ import numpy as np
 
 from tanteo.lie import SO3
 from tanteo.matching.evidence import Priors
+from tanteo.matching.model import PartModel
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
@@ -42,13 +43,34 @@ def _across(directions: Vectors) -> FloatArray:
     return np.stack([u, v, -u, -v], axis=1)
 
 
-def log_free_paths(free: FreePaths, Ts: Transforms, target: Target, priors: Priors) -> FloatArray:
+def log_free_paths(free: FreePaths, Ts: Transforms, target: Target | PartModel, priors: Priors) -> FloatArray:
     """Log probability of the paths on which nothing was met ``(S,)``: clutter's, for each that the part blocks.
 
     A path that is not known exactly may have passed beside the part where that is near its border.
     """
     if not len(free.origins):
         return np.zeros(len(Ts))
+    passed, _ = _passed(free, Ts, target)
+    return np.asarray(np.sum(np.log(priors.clutter + (1 - 2 * priors.clutter) * passed), axis=1))
+
+
+def gone_through(free: FreePaths, T: Transforms, target: Target | PartModel) -> FloatArray:
+    """How far before its end each path should have met the part ``(m,)`` [m]; zero for those that it does not block.
+
+    Args:
+        free: paths on which nothing was met.
+        T: pose of the part ``(4, 4)``.
+        target: the part.
+    """
+    if not len(free.origins):
+        return np.zeros(0)
+    passed, hits = _passed(free, T[None], target)
+    return np.where(passed[0] < 0.5, free.lengths - np.minimum(hits[0], free.lengths), 0.0)
+
+
+def _passed(free: FreePaths, Ts: Transforms, target: Target | PartModel) -> tuple[FloatArray, FloatArray]:
+    """How probably each path passes the part ``(S, m)``, and where its middle meets it ``(S, m)`` [m]."""
+    assert target.part is not None
     local = (free.origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
     along = np.einsum("sji,nj->sni", Ts[:, :3, :3], free.directions)
     hits = target.surface.cast(local, along).distances
@@ -60,4 +82,4 @@ def log_free_paths(free: FreePaths, Ts: Transforms, target: Target, priors: Prio
         beside /= np.linalg.norm(beside, axis=-1, keepdims=True)
         start = np.broadcast_to(local[s, n, None], beside.shape)
         passed[s, n] = 0.5 * np.mean(target.surface.cast(start, beside).distances >= end[n, None], axis=1)
-    return np.asarray(np.sum(np.log(priors.clutter + (1 - 2 * priors.clutter) * passed), axis=1))
+    return passed, np.asarray(hits)
