@@ -147,7 +147,7 @@ def _unlabelled(
 
 def _said(answer: Recognition, *more: str, placed: bool) -> Recognition:
     """The answer with what its message should add."""
-    doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed else ""
+    doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed and "beforehand" not in answer.message else ""
     return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *more])))
 
 

@@ -173,3 +173,13 @@ def test_too_few_readings_of_a_label_go_to_the_surface_where_the_pose_is_about_k
     answer = identify(readings, [part], priors=Priors(pose=PosePrior(rough, np.diag(ROUGH**2))))
     assert "some have too few readings to be fitted" in answer.message
     assert squared(answer.hypotheses[0], T) < 30
+
+
+def test_a_rough_pose_eight_deviations_off_is_named_among_many_readings(parts):
+    part, rng, fine = parts["bracket_left"], np.random.default_rng(9), np.repeat([2e-4, 5e-3], 3)
+    T = random_pose(rng)
+    readings = labelled(part, T, some_planes(part, rng, 9), rng, n=12)
+    off = T @ SE3.exp(np.array([1.6e-3, 0, 0, 0, 0, 0]))
+    answer = identify(readings, [part], priors=Priors(pose=PosePrior(off, np.diag(fine**2))))
+    assert answer.status == "unknown"
+    assert "not where it was said to be" in answer.message

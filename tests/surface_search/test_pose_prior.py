@@ -14,7 +14,7 @@ from tanteo.matching import PosePrior, Priors, Table
 from tanteo.matching.prior import prior_rows
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, Touches, identify_touches, prepare_target
-from tanteo.surface_search.answer import as_hypothesis
+from tanteo.surface_search.answer import as_hypothesis, p_of_prior
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.polish import polish
 
@@ -179,3 +179,30 @@ def test_a_rough_pose_that_the_readings_contradict_is_not_overruled_in_silence(p
     wrong = PosePrior(SE3.exp(np.array([0.03, 0.03, 0.03, 0, 0, 0])), np.diag(np.full(6, 1e-3)) ** 2)
     answer = identify_touches(touches, FreePaths.none(), [part], priors=Priors(radius=part.radius, pose=wrong))
     assert answer.status == "unknown"
+
+
+def test_a_rough_pose_that_is_wrong_is_named_however_many_readings_agree_with_each_other(part):
+    """Eight deviations off: lost in the joint test of a hundred readings, which then were widened to make it fit."""
+    for k in range(5):
+        rng = np.random.default_rng((9, k))
+        truth = SE3.exp(0.3 * rng.normal(size=6))
+        touches = touches_at(SE3.apply(truth, on_surface(part, 100, rng)) + 3e-4 * rng.normal(size=(100, 3)), 3e-4)
+        rough = truth @ SE3.exp(np.array([8e-4, 0, 0, 0, 0, 0]))
+        prior = PosePrior(rough, np.diag(np.repeat([1e-4, 1e-3], 3)) ** 2)
+        answer = identify_touches(touches, FreePaths.none(), [part], priors=Priors(radius=part.radius, pose=prior))
+        assert answer.status == "unknown"
+        assert "not where it was said to be" in answer.message
+        assert "scatter" not in answer.message
+
+
+def test_the_p_value_of_a_rough_pose_is_even_where_it_is_as_good_as_stated(part):
+    target, values, sds = prepare_target(part), [], np.repeat([5e-4, 5e-3], 3)
+    for k in range(80):
+        rng = np.random.default_rng((10, k))
+        truth = SE3.exp(0.3 * rng.normal(size=6))
+        touches = touches_at(SE3.apply(truth, on_surface(part, 30, rng)) + 3e-4 * rng.normal(size=(30, 3)), 3e-4)
+        prior = PosePrior(truth @ SE3.exp(sds * rng.normal(size=6)), np.diag(sds**2))
+        priors = Priors(radius=part.radius, pose=prior)
+        mode = Mode(target, polish(touches, FreePaths.none(), truth[None], target, priors), 0, 0.0)
+        values.append(p_of_prior(touches, FreePaths.none(), mode, priors))
+    assert kstest(values, "uniform").pvalue > 1e-3

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp, ndtr
+from scipy.special import chdtrc, logsumexp, ndtr
 
 from tanteo.lie import SE3, SO3
 from tanteo.localization import PoseEstimate
@@ -48,6 +48,7 @@ class Located:
         free: motions that nothing resists ``(k, 6)``, part frame [m, rad].
         chi2: joint squared Mahalanobis distance of features and prior.
         dof: its degrees of freedom.
+        prior_p: p-value of what was known beforehand, beside the features.
     """
 
     mode: Mode
@@ -58,6 +59,7 @@ class Located:
     free: Tangents
     chi2: float
     dof: int
+    prior_p: float = 1.0
 
     @classmethod
     def by_features(cls, mode: Mode, estimate: PoseEstimate) -> Located:
@@ -136,6 +138,7 @@ def _placed(one: Located, prior: PosePrior, radius: float) -> tuple[Located, flo
     out = replace(
         one, T_world_part=T, covariance=covariance, covariance_same_robot=same, free=free,
         chi2=one.chi2 + chi2, dof=one.dof + J.shape[1] - fixed,
+        prior_p=float(chdtrc(max(J.shape[1] - fixed, 1), chi2)) if J.shape[1] else 1.0,
     )  # fmt: skip
     return out, log
 

@@ -87,7 +87,14 @@ def identify_features(
     worst = _worst(sensed, modes[0], tolerance) if hypotheses and hypotheses[0].p_value < alpha else ""
     shares = [(mode.model.name, mode.probability) for mode in modes]
     status, message = verdict(
-        hypotheses, unknown, alpha, cut=belief.cut, as_published=as_published, worst=worst, shares=shares
+        hypotheses,
+        unknown,
+        alpha,
+        cut=belief.cut,
+        as_published=as_published,
+        worst=worst,
+        shares=shares,
+        prior_p=found[0].prior_p if found else 1.0,
     )
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tanteo.fitting import SUSPECT
 from tanteo.localization import describe_motion, motion_scale
 from tanteo.matching.results import Hypothesis, Status
 from tanteo.parts import Part
@@ -33,6 +34,7 @@ def verdict(
     as_published: bool = False,
     worst: str = "",
     shares: Sequence[tuple[str, float]] = (),
+    prior_p: float = 1.0,
 ) -> tuple[Status, str]:
     """Status and sentence of an answer.
 
@@ -44,11 +46,18 @@ def verdict(
         as_published: the paper has no joint test, so the p-value does not reject.
         worst: what contradicts the best hypothesis most, in words.
         shares: part and probability of all modes, where not all of them are hypotheses.
+        prior_p: p-value of what was known of the pose beforehand, asked by itself: among many readings that agree with
+            each other the joint test does not see it.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
     if not hypotheses or unknown > max(h.probability for h in hypotheses):
         return "unknown", _unknown_message(hypotheses, unknown) + note
     best = hypotheses[0]
+    if prior_p < SUSPECT:
+        return "unknown", (
+            f"The closest part is {best.part}, but it is not where it was said to be (p = {prior_p:.2g}): check what "
+            "was said of the pose beforehand, or leave it out and compare." + note
+        )
     if best.p_value < alpha and not as_published:
         most = f", most of all {worst}" if worst else ""
         return "unknown", (

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtrc
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
+from tanteo.matching.evidence import Priors
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
 from tanteo.matching.verdict import corner_sd, part_scale, spins
+from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.modes import Mode
-from tanteo.surface_search.touches import Touches
+from tanteo.surface_search.polish import polish
+from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import Covariances, IntArray
 
 _NOTABLE = 0.5
@@ -51,6 +56,28 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
         covariance_same_robot=mode.covariance_given_shared,
     )
+
+
+def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> float:
+    """P-value of what was known of the pose beforehand, beside the readings: 1 without.
+
+    Without it the readings fit somewhere near as well or better: by how much, beside the squared distance of the pose
+    from what was said, is chi-square of as many degrees as it says something of.
+
+    Args:
+        touches: the readings.
+        free: paths on which nothing was met.
+        mode: the answer.
+        priors: what is assumed beforehand.
+    """
+    part, T, z = mode.target.part, mode.found.Ts[[mode.k]], mode.found.z[[mode.k]]
+    known = prior_rows(priors.pose, part, T)[0][0]
+    if not len(known):
+        return 1.0
+    alone = replace(priors, pose=None)
+    apart = polish(touches, free, T, mode.target, alone)
+    log = log_posterior(touches, free, np.concatenate([T, apart.Ts]), np.concatenate([z, apart.z]), mode.target, alone)
+    return float(chdtrc(len(known), max(known @ known + 2 * (log[1] - log[0]), 0.0)))
 
 
 def faces_met(touches: Touches, mode: Mode) -> IntArray:

@@ -15,7 +15,7 @@ from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
-from tanteo.surface_search.answer import as_hypothesis, what_limits
+from tanteo.surface_search.answer import as_hypothesis, p_of_prior, what_limits
 from tanteo.surface_search.modes import Mode, weigh
 from tanteo.surface_search.rounds import search_all
 from tanteo.surface_search.strays import so_many
@@ -101,7 +101,8 @@ def identify_touches(
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
     worst = _worst(touches, modes[0]) if modes else ""
-    status, message = verdict(hypotheses, unknown, alpha, worst=worst, shares=_shares(modes))
+    prior_p = p_of_prior(touches, free, modes[0], priors) if modes else 1.0
+    status, message = verdict(hypotheses, unknown, alpha, worst=worst, shares=_shares(modes), prior_p=prior_p)
     if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown):
         message = _strays_message(hypotheses[0], unknown)
     if status == "recognized" and _close_together(touches, modes[0], priors):

@@ -8,7 +8,7 @@ The probability that was found only once estimates what is still missing (Good a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -108,13 +108,13 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
         for i in left:
             searches[i] = searches[i].after(_round(touches, free, searches[i], priors, k))
         if k == 0:
-            wide, again = _widened(touches, free, searches, priors, scatter(_found(searches)))
+            wide, again = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
             if any(s.maxima is not None and explains_all(s.maxima) for s in again):
                 touches, searches = wide, again
         left = _unfinished(searches, left, k, priors)
         if not left:
             break
-    touches, searches = _widened(touches, free, searches, priors, scatter(_found(searches)))
+    touches, searches = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
     return Found(_found(searches), float(touches.sd[0] / stated.sd[0]), _once(searches) if determined else 0.0)
 
 
@@ -131,6 +131,16 @@ def _round(touches: Touches, free: FreePaths, s: Search, priors: Priors, k: int)
 
 def _found(searches: Sequence[Search]) -> list[tuple[Target, Polished]]:
     return [(s.target, s.maxima) for s in searches if s.maxima is not None]
+
+
+def _scatter(touches: Touches, free: FreePaths, searches: Sequence[Search], priors: Priors) -> float:
+    """How many times more the readings scatter than stated: by themselves, not for what was said of the pose."""
+    found = _found(searches)
+    ratio = scatter(found)
+    if ratio == 1.0 or priors.pose is None:
+        return ratio
+    alone = replace(priors, pose=None)
+    return scatter([(t, polish(touches, free, m.Ts[:1], t, alone)) for t, m in found if len(m.Ts)])
 
 
 def _widened(
