@@ -72,7 +72,8 @@ def test_a_box_elsewhere_speaks_against_the_part(parts):
     readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
     answer = identify(readings, [part], priors=Priors(pose=PosePrior(box=np.array([[4.0] * 3, [5.0] * 3]))))
     assert answer.status == "unknown"
-    assert answer.message.endswith("check it, or leave it out and compare.")
+    assert answer.hypotheses[0].part == part.name
+    assert "leave it out" in answer.message
 
 
 def test_pose_and_covariance_are_those_of_readings_and_rough_pose_together(parts):
@@ -124,6 +125,16 @@ def test_a_rough_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
         assert squared(best, T) < 30
         faces = {int(name.split()[1]) for _, name in best.pairings}
         assert faces == set(part.planes.faces[planes])
+
+
+def test_a_table_at_another_height_is_named(parts):
+    part, rng = parts["block"], np.random.default_rng(10)
+    T = SE3.exp(np.array([0.2, 0.1, 0.3, 0, 0, 0.7]))
+    readings = labelled(part, T, range(6), rng)
+    low = Table(np.array([0, 0, 0.25 + part.box[0, 2]]), np.array([0.0, 0, 1]), 1e-3)
+    answer = identify(readings, [part], priors=Priors(pose=PosePrior(table=low)))
+    assert answer.status == "unknown"
+    assert "block, but it is not where it was said to be" in answer.message
 
 
 def test_a_table_says_what_lies_on_it(parts):

@@ -117,7 +117,7 @@ def _reweighed(
         log_unknown = np.log(unknown) + log_of_unknown
     total = float(logsumexp(np.append(log, log_unknown)))
     P = np.exp(log - total)
-    order = [k for k in np.argsort(-P, kind="stable") if P[k] > 0]
+    order = [k for k in np.argsort(-log, kind="stable") if P[k] > 0 or k == np.argmax(log)]
     answers = tuple(replace(found[k], mode=replace(found[k].mode, probability=float(P[k]))) for k in order)
     return answers, float(np.exp(log_unknown - total))
 

@@ -26,6 +26,9 @@ from tanteo.matching.verdict import part_scale, verdict
 from tanteo.parts import Part
 from tanteo.typing import Transforms
 
+_FITS = 0.5
+"""Probability of none of the parts up to which one of them fits, before it is asked where."""
+
 
 def identify_features(
     features: Sequence[Sides],
@@ -94,7 +97,7 @@ def identify_features(
         as_published=as_published,
         worst=worst,
         shares=shares,
-        prior_p=found[0].prior_p if found else 1.0,
+        prior_p=found[0].prior_p if found and belief.unknown < _FITS else 1.0,
     )
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 

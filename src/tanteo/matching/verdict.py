@@ -46,18 +46,18 @@ def verdict(
         as_published: the paper has no joint test, so the p-value does not reject.
         worst: what contradicts the best hypothesis most, in words.
         shares: part and probability of all modes, where not all of them are hypotheses.
-        prior_p: p-value of what was known of the pose beforehand, asked by itself: among many readings that agree with
-            each other the joint test does not see it.
+        prior_p: p-value of what was known of the pose beforehand, asked by itself, of a part that fits without it:
+            among many readings that agree with each other the joint test does not see it.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
+    if hypotheses and prior_p < SUSPECT:
+        return "unknown", (
+            f"The closest part is {hypotheses[0].part}, but it is not where it was said to be (p = {prior_p:.2g}): "
+            "check what was said of the pose beforehand, or leave it out and compare." + note
+        )
     if not hypotheses or unknown > max(h.probability for h in hypotheses):
         return "unknown", _unknown_message(hypotheses, unknown) + note
     best = hypotheses[0]
-    if prior_p < SUSPECT:
-        return "unknown", (
-            f"The closest part is {best.part}, but it is not where it was said to be (p = {prior_p:.2g}): check what "
-            "was said of the pose beforehand, or leave it out and compare." + note
-        )
     if best.p_value < alpha and not as_published:
         most = f", most of all {worst}" if worst else ""
         return "unknown", (

@@ -101,7 +101,8 @@ def identify_touches(
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
     worst = _worst(touches, modes[0]) if modes else ""
-    prior_p = p_of_prior(touches, free, modes[0], priors) if modes else 1.0
+    fits = bool(modes) and modes[0].probability >= unknown
+    prior_p = p_of_prior(touches, free, modes[0], priors) if fits else 1.0
     status, message = verdict(hypotheses, unknown, alpha, worst=worst, shares=_shares(modes), prior_p=prior_p)
     if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown):
         message = _strays_message(hypotheses[0], unknown)
