@@ -13,6 +13,7 @@ from scenes import points_on_plane, random_pose
 from tanteo import Readings, identify
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors, Table
+from tanteo.matching.prior import log_between
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -74,6 +75,23 @@ def test_a_box_elsewhere_speaks_against_the_part(parts):
     assert answer.status == "unknown"
     assert answer.hypotheses[0].part == part.name
     assert "leave it out" in answer.message
+
+
+@pytest.mark.parametrize("away", [0.5, 5.0, 5e3])
+def test_far_outside_of_the_box_probabilities_stay_numbers_that_sum_to_one(parts, away):
+    """Nine faces of forty touches: an unknown part is out of the question, until the box is."""
+    rng, part = np.random.default_rng(11), parts["bracket_left"]
+    readings = labelled(part, random_pose(rng), range(9), rng, n=40)
+    box = np.array([[away] * 3, [away + 0.1] * 3])
+    answer = identify(readings, [part], priors=Priors(pose=PosePrior(box=box)), top=100)
+    total = answer.unknown_probability + sum(h.probability for h in answer.hypotheses)
+    assert total == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_log_probability_of_a_range_is_right_near_and_far():
+    low, high = np.array([-1.0, -50.0, 3.0, 60.0, -0.2]), np.array([2.0, -40.0, 4.0, np.inf, 0.1])
+    exact = [-0.2001663, -804.6084420, -6.6314678, -1805.0135607, -2.1278964]  # by quadrature
+    assert log_between(low, high) == pytest.approx(exact, abs=1e-6)
 
 
 def test_pose_and_covariance_are_those_of_readings_and_rough_pose_together(parts):

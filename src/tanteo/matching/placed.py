@@ -11,13 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, logsumexp, ndtr
+from scipy.special import chdtrc, logsumexp
 
 from tanteo.lie import SE3, SO3
 from tanteo.localization import PoseEstimate
 from tanteo.matching.belief import Mode
 from tanteo.matching.model import PartModel
-from tanteo.matching.prior import PosePrior, log_place_of_unknown, prior_log_density, prior_rows
+from tanteo.matching.prior import PosePrior, log_between, log_place_of_unknown, prior_log_density, prior_rows
 from tanteo.matching.verdict import part_scale
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
@@ -30,6 +30,9 @@ _DRAWS = 64
 
 Beside = Callable[[PartModel, Transforms], FloatArray]
 """Log probability ``(S,)`` of something that was seen, of a part at poses ``(S, 4, 4)``."""
+
+_LEAST = 1e-300
+"""Of a probability: what underflowed is not impossible."""
 
 _SPINS = 36
 """Turns about the axis of a solid of revolution from which the one that a rough pose names is looked for."""
@@ -112,9 +115,8 @@ def _reweighed(
     found: Sequence[Located], unknown: float, logs: FloatArray, log_of_unknown: float
 ) -> tuple[tuple[Located, ...], float]:
     """Best first, with probabilities that have these factors more, and that of none of the parts."""
-    with np.errstate(divide="ignore"):
-        log = np.log([one.mode.probability for one in found]) + logs
-        log_unknown = np.log(unknown) + log_of_unknown
+    log = np.log([max(one.mode.probability, _LEAST) for one in found]) + logs
+    log_unknown = np.log(max(unknown, _LEAST)) + log_of_unknown
     total = float(logsumexp(np.append(log, log_unknown)))
     P = np.exp(log - total)
     order = [k for k in np.argsort(-log, kind="stable") if P[k] > 0 or k == np.argmax(log)]
@@ -198,7 +200,4 @@ def _in_box(part: Part, prior: PosePrior, T: Transforms, covariance: Covariances
     world = T[:3, :3] @ rows
     sd = np.sqrt(np.einsum("ai,ij,aj->a", world, covariance, world))
     low, high = (prior.box - SE3.apply(T, part.centroid)) / sd
-    share = np.where(low > 0, ndtr(-low) - ndtr(-high), ndtr(high) - ndtr(low))
-    with np.errstate(divide="ignore"):
-        log = np.log(share).sum()
-    return float(log + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0])))
+    return float(log_between(low, high).sum() + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0])))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import log_ndtr
 
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances
@@ -195,8 +195,7 @@ def log_place_of_unknown(prior: PosePrior | None, centroid: Vectors, middle: Vec
     log = 0.0
     if prior is not None and prior.box is not None:
         low, high = (prior.box - middle) / radius
-        share = np.where(low > 0, ndtr(-low) - ndtr(-high), ndtr(high) - ndtr(low))
-        log += float(np.log(np.maximum(2 * radius * share / (prior.box[1] - prior.box[0]), 1e-300)).sum())
+        log += float((log_between(low, high) + np.log(2 * radius / (prior.box[1] - prior.box[0]))).sum())
     if prior is not None and prior.T_world_part is not None and prior.T_world_part.ndim == 2:
         assert prior.covariance is not None
         rows = prior.T_world_part[:3, :3] @ np.concatenate([np.eye(3), -SO3.hat(centroid)], axis=1)
@@ -206,6 +205,14 @@ def log_place_of_unknown(prior: PosePrior | None, centroid: Vectors, middle: Vec
             3 * np.log(2 * radius) - 0.5 * (np.linalg.slogdet(2 * np.pi * C)[1] + off @ np.linalg.solve(C, off))
         )
     return log
+
+
+def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Log probability that a unit normal draw is between two numbers ``(*batch)``; far out, too."""
+    upper = low > 0
+    near, far = np.where(upper, -low, high), np.where(upper, -high, low)
+    top = log_ndtr(near)
+    return np.asarray(top + np.log(np.maximum(-np.expm1(np.minimum(log_ndtr(far) - top, 0.0)), 1e-300)))
 
 
 def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
