@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, surface_points, touches_of
+from tanteo import Readings, locate
 from tanteo.lie import SE3, SO3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
@@ -116,5 +117,28 @@ def test_readings_with_normals_place_the_flange_as_well_as_they_say(flange, base
         found = polish(touches, no_paths(), T[None], flange, priors)
         mode = weigh(touches, no_paths(), [(flange, found)], -np.inf, 1, priors)[0][0]
         values.append(nees(flange.part, found.Ts[0], mode.covariance, T)[0])
+    low, high = chi2.ppf([0.001, 0.999], 6 * len(values)) / len(values)
+    assert low < np.mean(values) < high
+
+
+def test_a_ball_tip_with_sensed_normals_places_it_as_well_as_it_says(flange):
+    """A tip of 3 mm in bores of 7 mm: its centre and the normal are two readings, not one moved by the other."""
+    values, r, sd, tilt = [], 3e-3, 1e-4, 0.05
+    for k in range(40):
+        rng = np.random.default_rng((8, k))
+        T = box_centred_pose(rng)
+        p, n = surface_points(flange, 3000, rng)
+        fits = np.abs(flange.distance(p + r * n)[0] - r) < 1e-6
+        p, n = p[fits], n[fits]
+        on = flange.curved.rows[flange.surface.closest(p).triangles] >= 0
+        rows = np.r_[np.flatnonzero(on)[:10], np.flatnonzero(~on)[:10]]
+        centres = SE3.apply(T, p[rows] + r * n[rows]) + sd * rng.normal(size=(20, 3))
+        turned = (SO3.exp(tilt * rng.normal(size=(20, 3))) @ (n[rows] @ T[:3, :3].T)[..., None])[..., 0]
+        sensed = {"sds": np.full(20, sd), "radii": np.full(20, r), "normals": turned, "normal_sds": np.full(20, tilt)}
+        answer = locate(Readings.from_columns(centres, **sensed), flange.part)
+        if answer.status == "recognized":
+            best = answer.hypotheses[0]
+            values.append(nees(flange.part, best.T_world_part, best.covariance, T)[0])
+    assert len(values) > 35
     low, high = chi2.ppf([0.001, 0.999], 6 * len(values)) / len(values)
     assert low < np.mean(values) < high

@@ -90,6 +90,7 @@ def measure(
         jacobians=tuple(J[hit] for _, J in shared),
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers),
+        taken_off=(readings.radii - radii)[hit],
     )
 
 

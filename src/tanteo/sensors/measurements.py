@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.frames import check_covariances, frozen_array
+from tanteo.sensors.noise import beam_cov
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 
@@ -59,6 +60,7 @@ class PointMeasurements:
         jacobians: One ``(n, 3, d)`` a shared error: how the points move with it.
         rows: Row of each point in the readings, ``(n,)``.
         free: The beams that met nothing.
+        taken_off: Radius of the tip that was taken off along the sensed normal [m], ``(n,)``; 0 where it was not.
     """
 
     ids: tuple[str, ...]
@@ -74,10 +76,11 @@ class PointMeasurements:
     jacobians: tuple[FloatArray, ...]
     rows: IntArray
     free: FreeBeams
+    taken_off: FloatArray
 
     def __post_init__(self) -> None:
         n = len(self.ids)
-        for name in ("points", "radii", "directions", "normals", "normal_sds"):
+        for name in ("points", "radii", "directions", "normals", "normal_sds", "taken_off"):
             array = frozen_array(getattr(self, name))
             if array.shape[0] != n:
                 raise InputError(f"{name}: expected {n} rows, one a measurement, got {array.shape[0]}.")
@@ -111,6 +114,20 @@ class PointMeasurements:
         for error, J in zip(self.shared, self.jacobians, strict=True):
             out += np.einsum("iab,bc,jdc->iajd", J, error.covariance, J)
         return out.reshape(3 * n, 3 * n)
+
+    def centres(self) -> tuple[Vectors, Covariances, FloatArray]:
+        """The points before a radius was taken off along a sensed normal, whose tilt moves them no more.
+
+        Returns:
+            Centres of the tip's ball, or points of a sharp one ``(n, 3)`` [m], their independent covariances
+            ``(n, 3, 3)``, and how far the surface is from them ``(n,)`` [m].
+        """
+        off = self.taken_off > 0
+        points, covs = np.array(self.points), np.array(self.covs)
+        points[off] += self.taken_off[off, None] * self.normals[off]
+        slip = (self.taken_off * np.nan_to_num(self.normal_sds))[off] ** 2
+        covs[off] -= beam_cov(self.normals[off], np.zeros_like(slip), slip)
+        return points, covs, self.radii + self.taken_off
 
     def stacked(self) -> tuple[FloatArray, Covariances]:
         """All shared errors as one vector ``c``: the Jacobians ``(n, 3, D)`` and the covariance ``(D, D)``."""

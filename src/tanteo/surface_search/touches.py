@@ -114,14 +114,14 @@ def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: Float
         tolerance: sd of the made surface against its CAD [m].
         reach: known free path before each point ``(n,)`` [m]: the range of a beam.
     """
-    J, C = measured.stacked()
+    (J, C), (points, independent, radii) = measured.stacked(), measured.centres()
     values, vectors = np.linalg.eigh(C) if len(C) else (np.zeros(0), np.zeros((0, 0)))
-    covs = measured.covs + tolerance**2 * np.eye(3)
+    covs = independent + tolerance**2 * np.eye(3)
     return Touches(
         measured.ids,
-        np.array(measured.points),
+        points,
         covs,
-        np.array(measured.radii),
+        radii,
         np.nan_to_num(measured.directions),
         np.nan_to_num(measured.normals),
         np.nan_to_num(measured.normal_sds, nan=np.pi),
