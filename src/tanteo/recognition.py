@@ -14,6 +14,7 @@ from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.limits import check_length
 from tanteo.matching import prepare
 from tanteo.matching.evidence import Priors, sized
+from tanteo.matching.model import PartModel
 from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
@@ -114,7 +115,7 @@ def identify(
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
-    models = [prepare(part) for part in parts]
+    models = [_prepared(part) for part in parts]
     assumed = sized(priors, max((model.radius for model in models), default=0.0))
     answer = identify_features(
         sensed.features,
@@ -151,12 +152,16 @@ def _said(answer: Recognition, *more: str, placed: bool) -> Recognition:
     return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *more])))
 
 
+def _prepared(part: Part | PartModel) -> PartModel:
+    return part if isinstance(part, PartModel) else prepare(part)
+
+
 def _gone_through(answer: Recognition, free: FreePaths, ids: Sequence[str], parts: Sequence[Part]) -> str:
     """A sentence on the paths on which nothing was met, though the best answer's part is in their way."""
     if not answer.hypotheses or not len(free.lengths):
         return ""
     best = answer.hypotheses[0]
-    model = prepare(next(part for part in parts if part.name == best.part))
+    model = _prepared(next(part for part in parts if part.name == best.part))
     short = gone_through(free, best.T_world_part, model)
     rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
     if not len(rows):
