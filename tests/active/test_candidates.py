@@ -67,3 +67,9 @@ def test_the_nearest_allowed_direction_is_taken():
     np.testing.assert_allclose(np.arccos(np.clip(got @ a, -1, 1)), np.minimum(angle, NARROW.cone), atol=1e-7)
     turned = np.arccos(np.clip(np.sum(got * d, axis=1), -1, 1))
     np.testing.assert_allclose(turned, np.maximum(angle - NARROW.cone, 0), atol=1e-7)
+
+
+def test_straight_against_the_approach_the_nearest_is_a_unit_direction_on_the_edge_of_the_cone():
+    got = within_cone(-NARROW.approach[None], NARROW)[0]
+    assert np.linalg.norm(got) == pytest.approx(1.0, abs=1e-12)
+    assert got @ NARROW.approach == pytest.approx(np.cos(NARROW.cone), abs=1e-12)

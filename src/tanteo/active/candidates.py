@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.active.belief import Belief
 from tanteo.active.probe import Probe
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
@@ -105,7 +105,10 @@ def within_cone(directions: Vectors, probe: Probe) -> Vectors:
     along = directions @ a
     across = directions - along[:, None] * a
     length = np.linalg.norm(across, axis=1, keepdims=True)
-    edge = np.cos(probe.cone) * a + np.sin(probe.cone) * across / np.maximum(length, 1e-12)
+    beside = SO3.frame_from_axis(a, 2)[:, 0]  # straight against the cone's axis every direction of its edge is as near
+    across = np.where(length > 1e-9, across, beside)
+    length = np.where(length > 1e-9, length, 1.0)
+    edge = np.cos(probe.cone) * a + np.sin(probe.cone) * across / length
     return np.where((along >= np.cos(probe.cone))[:, None], directions, edge)
 
 
