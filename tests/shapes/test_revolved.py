@@ -122,3 +122,20 @@ def test_a_bore_is_told_by_its_triangles():
     corners = flipped.vertices[flipped.triangles]
     assert revolved(profile, rows, corners, flipped.normals, np.array([1e-6])).profiles.signs == -1.0
     assert exact_tube(0.03)[1].profiles.signs == 1.0
+
+
+def test_the_apex_of_a_cone_and_slivers_of_its_mesh_do_not_leave_it_out():
+    u = 2 * np.pi * np.arange(24) / 24
+    ring = 0.05 * np.stack([np.tan(0.4) * np.cos(u), np.tan(0.4) * np.sin(u), 1 + 0 * u], axis=1)
+    vertices = np.concatenate([ring, np.zeros((1, 3)), [0.5 * ring[0]], [0.5 * ring[0] + [0.0, 0.0, 1e-12]]])
+    i, j = np.arange(24), (np.arange(24) + 1) % 24
+    triangles = np.concatenate([np.stack([i, 0 * i + 24, j], axis=1), [[0, 25, 26]]])
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    zero = np.zeros(1)
+    cone = Profiles(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), zero, zero + 0.4, zero, zero + 1)
+    found = revolved(cone, np.zeros(len(triangles), dtype=int), corners, normals, np.array([1e-9]))
+    assert found is not None
+    assert np.abs(found.profiles.signs) == 1.0
+    assert np.arccos(found.alike[0]) < 0.2

@@ -19,6 +19,9 @@ _SLACK = 1.5
 _COARSE = 0.2
 """Facets that are turned farther from their surface may be a prism's, and are taken as they are [rad]."""
 
+_NEARLY_ALL = 0.98
+"""Share of a face's area whose facets are asked how far they are turned."""
+
 _SAME = 1e-9
 """One less the cosine of gradients that are the same."""
 
@@ -153,13 +156,25 @@ def revolved(
     row, count = rows[own], len(profiles.signs)
     phi, n = profiles.take(np.repeat(row, 3)).distance(corners[own].reshape(-1, 3))
     off = np.abs(phi).reshape(-1, 3).max(axis=1, initial=0.0)
-    cosines = np.sum(n.reshape(-1, 3, 3) * normals[own, None], axis=-1)
-    signs = np.where(np.bincount(row, cosines.sum(axis=1), minlength=count) < 0, -1.0, 1.0)
-    least, worst = np.ones(count), np.zeros(count)
-    np.minimum.at(least, row, (cosines * signs[row, None]).min(axis=1, initial=1.0))
+    n = n.reshape(-1, 3, 3)
+    cosines = np.sum(n * normals[own, None], axis=-1)
+    areas = np.linalg.norm(np.cross(corners[own, 1] - corners[own, 0], corners[own, 2] - corners[own, 0]), axis=1)
+    inside = np.bincount(row, areas * cosines.sum(axis=1), minlength=count) < 0
+    signs, worst = np.where(inside, -1.0, 1.0), np.zeros(count)
     np.maximum.at(worst, row, off)
-    turns = np.arccos(np.clip(least, -1.0, 1.0))
+    cosines = np.where(np.sum(n * n, axis=-1) > 1 - 1e-6, cosines * signs[row, None], 1.0)  # but at the apex of a cone
+    turns = _mostly(np.arccos(np.clip(cosines.min(axis=1, initial=1.0), -1.0, 1.0)), areas, row, count)
     good = (worst <= precision) & (turns < _COARSE)
     kept = np.where((rows >= 0) & good[rows], rows, -1)
     alike = np.cos(np.minimum(_SLACK * turns + 1e-3, np.pi / 3))
     return Revolved(replace(profiles, signs=signs), kept, alike) if np.any(kept >= 0) else None
+
+
+def _mostly(values: FloatArray, areas: FloatArray, row: IntArray, count: int) -> FloatArray:
+    """The value that nearly all of the area of each face has at most ``(F,)``: normals of slivers say nothing."""
+    out = np.zeros(count)
+    order = np.lexsort((values, row))
+    for mine in np.split(order, np.flatnonzero(np.diff(row[order])) + 1):
+        share = np.cumsum(areas[mine])
+        out[row[mine[0]]] = values[mine[np.searchsorted(share, _NEARLY_ALL * share[-1])]]
+    return out
