@@ -10,6 +10,9 @@ from tanteo.typing import Covariances, FloatArray
 LEAST_SD, LARGEST = 1e-9, 1e6
 """Nothing is known better than this, and nothing is farther away or larger [m]."""
 
+LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
+"""No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
+
 
 def check_length(name: str, value: float, least: float = 0.0) -> None:
     """Refuse what is no length from ``least`` to :data:`LARGEST`.

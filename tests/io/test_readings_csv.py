@@ -51,14 +51,14 @@ def test_all_columns(tmp_path):
             tmp_path,
             "id,x_mm,y_mm,z_mm,radius_mm,dx,dy,dz,nx,ny,nz,normal_sd_deg,sd_um,feature,kind,hand_x_mm,hand_y_mm,"
             "hand_z_mm,hand_qw,hand_qx,hand_qy,hand_qz,status,max_m,range_mm,sensor\n"
-            "1,1,2,3,1.5,0,0,-2,0,0,1,180,300,A,vertex,10,20,30,0.7071068,0,0,0.7071068,ok,,7,eye\n"
+            "1,1,2,3,1.5,0,0,-2,0,0,1,18,300,A,vertex,10,20,30,0.7071068,0,0,0.7071068,ok,,7,eye\n"
             "2,1,2,3,,0,0,-2,,,,,,,,,,,,,,,none,0.5,,\n",
         )
     )
     assert (r.kinds, r.features, r.sensors) == (("vertex", "free"), ("A", ""), ("eye", ""))
     np.testing.assert_allclose(r.radii, [1.5e-3, 0])
     np.testing.assert_allclose(r.directions, [[0, 0, -1]] * 2)
-    np.testing.assert_allclose(r.normal_sds, [np.pi, np.nan])
+    np.testing.assert_allclose(r.normal_sds, [np.pi / 10, np.nan])
     np.testing.assert_allclose(r.sds, [3e-4, np.nan])
     np.testing.assert_allclose(r.max_ranges, [np.nan, 0.5])
     np.testing.assert_allclose(r.ranges, [7e-3, np.nan])

@@ -45,6 +45,8 @@ MIRROR = EYES * np.array([-1, 1, 1, 1.0])[None, :, None]
         ({"points": [[1, 2, 3], [np.nan] * 3, [1, 2, 3]]}, "reading '2': expected a point"),
         ({"is_free": [False, True, False]}, "free reading '2': expected where the beam was"),
         ({"normal_sds": [0.1] * 3}, "expected a normal beside it"),
+        ({"normals": P + 1, "normal_sds": np.radians([1, 1000, 1])}, "normal_sds of reading '2': expected from 5.7"),
+        ({"normals": P + 1, "normal_sds": np.radians([1, 1, 1e-20])}, "to 60 degrees, got 1e-20. Check the unit"),
         ({"Ts_world_hand": 2 * EYES}, "expected rigid motions"),
         ({"Ts_world_hand": MIRROR}, "expected rigid motions"),
     ],
@@ -53,6 +55,11 @@ def test_refusals(columns, message):
     with pytest.raises(ReadingsError) as caught:
         Readings.from_columns(**({"points": P} | columns))
     assert message in str(caught.value)
+
+
+def test_a_normal_may_be_known_as_badly_and_as_well_as_any_device_knows_it():
+    sds = [np.nan, np.radians(60.0), 1e-6]
+    np.testing.assert_array_equal(Readings.from_columns(P, normals=P + 1, normal_sds=sds).normal_sds, sds)
 
 
 @pytest.mark.parametrize(("kind", "least"), [("plane", 3), ("edge", 2), ("vertex", 1)])

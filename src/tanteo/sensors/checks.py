@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.limits import LARGEST, LEAST_SD
+from tanteo.limits import LARGEST, LARGEST_TILT_SD, LEAST_SD, LEAST_TILT_SD
 from tanteo.typing import BoolArray
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def check_readings(readings: Readings) -> None:
     _check_ids(readings.ids)
     _check_kinds(readings)
     _check_numbers(readings)
+    _check_tilts(readings)
     _check_hands(readings)
     _check_labels(readings)
     _check_located(readings)
@@ -107,6 +108,18 @@ def _check_numbers(readings: Readings) -> None:
         norms = np.linalg.norm(getattr(readings, name), axis=1)
         if who := _first_bad(readings, np.abs(norms - 1) > 1e-6):
             raise ReadingsError(f"{name} of reading {who}: expected unit length, got another. Use from_columns.")
+
+
+def _check_tilts(readings: Readings) -> None:
+    """The spread of a sensed normal is one that a device can have and that still says where the normal looks."""
+    sds = readings.normal_sds
+    wrong = (sds < LEAST_TILT_SD) | (sds > LARGEST_TILT_SD * (1 + 1e-9))
+    if who := _first_bad(readings, wrong):
+        least, most, got = np.degrees([LEAST_TILT_SD, LARGEST_TILT_SD, sds[wrong][0]])
+        raise ReadingsError(
+            f"normal_sds of reading {who}: expected from {least:.2g} to {most:.0f} degrees, got {got:.3g}. Check the "
+            "unit, or leave out a normal that is known no better."
+        )
 
 
 def _check_hands(readings: Readings) -> None:
