@@ -9,9 +9,17 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 
 from tanteo.errors import InputError, ReadingsError, TanteoError
+from tanteo.limits import LARGEST, LEAST_SD
 
 TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 """The words of the command that runs, as they were typed: a report says how to run it again."""
+
+_TYPED_AS = {
+    "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
+    "as_published": "--as-published", "priors, clutter": "--strays", "table, sd": "--table", "prior, box": "--box",
+    "prior, T_world_part": "--near", "prior, covariance": "--near",
+}  # fmt: skip
+"""Names in messages of what an option says, and the option."""
 
 _MANY = ("--parts", "--distinguish")
 _READINGS_SUFFIXES = (".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -29,7 +37,24 @@ def misuse() -> Iterator[None]:
     except ReadingsError:
         raise
     except TanteoError as error:
-        raise MisuseError(str(error)) from None
+        raise MisuseError(_as_typed(error) or str(error)) from None
+
+
+@contextmanager
+def misuse_of_options() -> Iterator[None]:
+    """Errors inside are the caller's options if their message begins with one; others stay what they are."""
+    try:
+        yield
+    except InputError as error:
+        if typed := _as_typed(error):
+            raise MisuseError(typed) from None
+        raise
+
+
+def _as_typed(error: TanteoError) -> str:
+    """The message with the option in place of the argument that it begins with; empty if that is of no option."""
+    name, _, rest = str(error).partition(": ")
+    return f"{_TYPED_AS[name]}: {rest}" if name in _TYPED_AS else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +194,9 @@ def _require(name: str, value: float, text: str, *, positive: bool) -> float:
     if not math.isfinite(value) or value < 0 or (positive and value == 0):
         expected = "a positive length" if positive else "a length of zero or more"
         raise InputError(f"{name}: expected {expected}, got '{text}'. Write it as 0.3mm.")
+    if value > LARGEST or (positive and value < LEAST_SD):
+        least = f"from {LEAST_SD:g} " if positive else ""
+        raise InputError(f"{name}: expected a length {least}up to {LARGEST:g} m, got '{text}'. Check its unit.")
     return value
 
 
@@ -178,4 +206,6 @@ def _three(name: str, values: tuple[float, ...], text: str) -> tuple[float, ...]
             f"{name}: expected three lengths of zero or more (x, y, z of the hand), got '{text}'. "
             "Write it as 1.5,1.5,0.3mm."
         )
+    if max(values) > LARGEST:
+        raise InputError(f"{name}: expected lengths up to {LARGEST:g} m, got '{text}'. Check their unit.")
     return values

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from tanteo.cli.options import MisuseError, RunOptions, misuse
+from tanteo.cli.options import MisuseError, RunOptions, misuse, misuse_of_options
 from tanteo.cli.printing import complain, emit, printable, progress, put
 from tanteo.cli.prior_options import prior_words
 from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
@@ -75,11 +75,12 @@ def recognize(
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
-    result = identify(
-        readings, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
-        tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
-        priors=_priors(options, pose), seed=options.seed,
-    )  # fmt: skip
+    with misuse_of_options():
+        result = identify(
+            readings, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
+            tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
+            priors=_priors(options, pose), seed=options.seed,
+        )  # fmt: skip
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     if as_json:

@@ -172,6 +172,8 @@ def _tip(readings: Readings, placed: Placed, hit: BoolArray, tip_sd: npt.ArrayLi
     tip_sd = np.asarray(tip_sd, dtype=np.float64)
     if tip_sd.shape != (3,) or not np.isfinite(tip_sd).all() or (tip_sd < 0).any() or not tip_sd.any():
         raise InputError(f"tip_sd: expected three lengths of zero or more [m], got {tip_sd.tolist()}. Say 1,1,0.3mm.")
+    if tip_sd.max() > LARGEST:
+        raise InputError(f"tip_sd: expected lengths up to {LARGEST:g} m, got {tip_sd.max():g} m. Check their unit.")
     touched = hit & ~placed.by_rig
     lost = np.flatnonzero(touched & ~readings.has_hand)
     if len(lost):
