@@ -56,6 +56,14 @@ def test_every_example_is_recognised_among_all(models, seed):
             assert np.linalg.norm(gaps[:, :3], axis=1).min() < 8 * best.worst_corner_sd
 
 
+def test_a_copy_under_another_name_is_said_to_fit_alike(models):
+    part, rng = models["bracket_left"].part, np.random.default_rng(43)
+    answer = identify_features(all_planes(part, random_pose(rng), rng), [part, replace(part, name="copy")])
+    assert answer.status == "ambiguous"
+    assert answer.message.startswith("It may be bracket_left or copy: sense a face where they differ.")
+    assert "bracket_left and copy fit exactly alike: if they are one part, leave one out." in answer.message
+
+
 def differing(part, other):
     """Planes of ``part`` that ``other`` does not have, and those that it has, in the common frame."""
     same = [
@@ -88,6 +96,7 @@ def test_near_twins_are_ambiguous_without_the_step(models):
     assert min(shares.values()) > 0.2
     assert "step_12mm" in answer.message
     assert "step_15mm" in answer.message
+    assert "alike" not in answer.message
 
 
 def test_a_mirrored_part_is_refused(models):

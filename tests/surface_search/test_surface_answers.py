@@ -195,6 +195,15 @@ def test_a_mirrored_part_is_told_apart(targets):
         assert nees(made.part, best.T_world_part, best.covariance, T)[0] < 30
 
 
+def test_a_part_that_was_given_twice_is_not_said_to_have_several_poses(targets):
+    target = targets["bracket_left"]
+    _, touches, *_ = scene_of(target, 8, 25)
+    assert identify_touches(touches, no_paths(), [target]).status == "recognized"
+    twice = identify_touches(touches, no_paths(), [target, target])
+    assert twice.status == "ambiguous"
+    assert twice.message.startswith("bracket_left was given more than once")
+
+
 def test_more_scatter_than_stated_is_said_and_widens_the_covariance(targets):
     target = targets["bracket_left"]
     T, touches, *_ = scene_of(target, 9, 40)

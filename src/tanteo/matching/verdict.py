@@ -83,15 +83,27 @@ def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
 
 
 def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float, shares: Sequence[tuple[str, float]]) -> str:
+    best, *others = hypotheses
+    alike = [h for h in others if _fit_alike(best, h)]
+    if any((h.part, h.file) == (best.part, best.file) for h in alike):
+        return f"{best.part} was given more than once, and no reading can tell it from itself: leave the others out."
+    same = f" {best.part} and {alike[0].part} fit exactly alike: if they are one part, leave one out." if alike else ""
     shares = shares or [(h.part, h.probability) for h in hypotheses]
     names = list(dict.fromkeys([hypotheses[0].part, *(name for name, P in shares if P > 0.01)]))
     if len(names) > _NAMED:
         names = [*names[: _NAMED - 1], f"one of {len(names) - _NAMED + 1} others"]
     if len(names) > 1:
-        return f"It may be {', '.join(names[:-1])} or {names[-1]}: sense a face where they differ."
+        return f"It may be {', '.join(names[:-1])} or {names[-1]}: sense a face where they differ.{same}"
     if unknown > 0.01 and hypotheses[0].probability + unknown > 0.99:
         return f"{names[0]} fits, but so may an unknown part (P = {unknown:.2f}): sense one more place."
     return f"It is {names[0]}, in one of several poses: sense a face that is not where its others would put it."
+
+
+def _fit_alike(one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two hypotheses differ in nothing but the part: at one pose, as likely, as well explained."""
+    if not np.allclose(one.T_world_part, other.T_world_part, rtol=0.0, atol=1e-9):
+        return False
+    return bool(np.allclose([one.probability, one.chi2], [other.probability, other.chi2], rtol=1e-6))
 
 
 def excuse(
