@@ -63,6 +63,26 @@ def test_fewer_than_three_readings_fit_anything(targets, n):
     assert "sense 3 places" in answer.message
 
 
+@pytest.mark.parametrize(("tolerance", "words"), [(0.0, "(sd 30 mm)"), (0.03, "(sd 42.43 mm with the tolerance)")])
+def test_noise_as_large_as_the_set_is_not_called_a_line(targets, tolerance, words):
+    _, touches, *_ = scene_of(targets["bracket_left"], 1, 12, TOUCH)
+    covs, sd = np.tile((3e-2**2 + tolerance**2) * np.eye(3), (12, 1, 1)), np.full(12, np.hypot(3e-2, tolerance))
+    answer = identify_touches(
+        replace(touches, covs=covs, sd=sd, tolerance=tolerance), no_paths(), [targets["bracket_left"]]
+    )
+    assert answer.status == "insufficient"
+    assert answer.message.startswith(f"The noise of the readings {words} is as large as the whole set of them")
+    assert ("tolerance and their units" in answer.message) == (tolerance > 0)
+    assert "line" not in answer.message
+
+
+def test_readings_along_a_line_are_said_to_be(targets):
+    points = np.linspace(0, 0.1, 8)[:, None] * [1.0, 2.0, 2.0] + 1e-5 * np.random.default_rng(2).normal(size=(8, 3))
+    answer = identify_touches(touches_of(points, 1e-4), no_paths(), [targets["block"]])
+    assert answer.status == "insufficient"
+    assert answer.message.startswith("The readings lie on one line within their noise")
+
+
 def test_three_readings_are_never_an_answer(targets):
     for seed in range(3):
         _, touches, *_ = scene_of(targets["bracket_left"], seed, 3, TOUCH)

@@ -34,6 +34,9 @@ _PATCH = 0.2
 
 _CLOSE = "the readings lie so close together that other places may look like it: sense farther apart, or say --near."
 
+_BARELY = 2.0
+"""Readings that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
+
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
 
@@ -80,8 +83,7 @@ def identify_touches(
         few = "1 reading fits" if len(touches) == 1 else f"{len(touches)} readings fit"
         message = f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
         return Recognition("insufficient", message, (), 1.0, {}, seed)
-    if (priors is None or priors.pose is None) and _on_one_line(touches):
-        message = "The readings lie on one line within their noise: sense places beside it, on several sides."
+    if (priors is None or priors.pose is None) and (message := _without_breadth(touches)):
         return Recognition("insufficient", message, (), 1.0, {}, seed)
     clock = Clock()
     priors = sized(priors, max(_part(part).radius for part in parts))
@@ -131,12 +133,23 @@ def _most_samples(touches: Touches) -> int:
     return _MOST_ORIENTED if touches.oriented.any() else MOST_SAMPLES
 
 
-def _on_one_line(touches: Touches) -> bool:
-    """Whether nothing tells the readings from points of a line, or from one point; sensed normals would."""
+def _without_breadth(touches: Touches) -> str:
+    """What to do if nothing tells the readings from points of a line, or from one point; sensed normals would."""
     if touches.oriented.any():
-        return False
-    across = np.linalg.svd(touches.points - touches.points.mean(axis=0), compute_uv=False)[1]
-    return bool(across <= np.median(touches.sd) * np.sqrt(len(touches)))
+        return ""
+    along, across = np.linalg.svd(touches.points - touches.points.mean(axis=0), compute_uv=False)[:2]
+    sd = float(np.median(touches.sd))
+    if across > sd * np.sqrt(len(touches)):
+        return ""
+    if along > _BARELY * sd * np.sqrt(len(touches)):
+        return "The readings lie on one line within their noise: sense places beside it, on several sides."
+    noise, what = f"{1e3 * sd:.4g} mm", "standard deviation"
+    if touches.tolerance > 0:
+        noise, what = f"{noise} with the tolerance", "standard deviation, tolerance"
+    return (
+        f"The noise of the readings (sd {noise}) is as large as the whole set of them, so nothing can be told: check "
+        f"{what} and their units, or sense places farther apart."
+    )
 
 
 def _shares(modes: Sequence[Mode]) -> list[tuple[str, float]]:
