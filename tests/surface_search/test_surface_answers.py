@@ -267,6 +267,25 @@ def test_it_says_when_an_error_that_all_share_limits_the_answer(targets):
 
 
 @pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("robot base", "are left then); more readings do not lessen it"),
+        ("tip offset", "are left then), or turn the hand more between readings."),
+        ("mounting and scale of eye", "are left then), or turn the hand more between readings."),
+        ("bias of eye", "are left then), or sense from more sides"),
+        ("scale of eye", "are left then), or sense from nearer"),
+        ("another", "are left then)."),
+    ],
+)
+def test_what_is_advised_can_lessen_the_error_that_limits(targets, name, advice):
+    target = targets["bracket_left"]
+    touches, (error,) = tip_scene(target, 10, 40, 3e-4, 2e-3)
+    message = identify_touches(touches, no_paths(), [target], shared=(replace(error, name=name),)).message
+    assert advice in message
+    assert ("turn the hand" in message) == ("turn the hand" in advice)
+
+
+@pytest.mark.parametrize(
     ("name", "seed", "n"), [("clamp", 12, 12), ("clamp", 12, 25), ("clamp", 13, 25), ("bracket_left", 12, 25)]
 )
 def test_none_of_these_when_most_readings_are_on_a_part(targets, name, seed, n):

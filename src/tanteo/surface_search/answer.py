@@ -25,6 +25,15 @@ from tanteo.typing import Covariances, IntArray
 _NOTABLE = 0.5
 """Share of the worst corner's standard deviation from which an error that all readings share is worth a sentence."""
 
+_LESSENED = {
+    "robot base": "; more readings do not lessen it, but the same robot, when it goes back, is off by the same",
+    "tip offset": ", or turn the hand more between readings",
+    "mounting": ", or turn the hand more between readings",
+    "bias": ", or sense from more sides, opposite ones best",
+    "scale": ", or sense from nearer, or from opposite sides",
+}
+"""What else can be done about an error that all readings share, by what its name begins with (``sensors.measure``)."""
+
 
 def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -> Hypothesis:
     """The hypothesis: the pose at the maximum, with the covariance of the posterior about it.
@@ -121,7 +130,7 @@ def what_limits(mode: Mode, shared: Sequence[SharedError]) -> str:
     """
     part, information, start = mode.target.part, mode.found.information[mode.k], 6
     total = corner_sd(part, np.asarray(np.linalg.inv(pose_information(information))))
-    worst, name = 0.0, ""
+    worst, name, lessened = 0.0, "", ""
     for error in shared:
         stop = start + len(error.covariance)
         known = np.array(information)
@@ -129,11 +138,16 @@ def what_limits(mode: Mode, shared: Sequence[SharedError]) -> str:
         without = corner_sd(part, np.asarray(np.linalg.inv(pose_information(known))))
         part_of = float(np.sqrt(max(total**2 - without**2, 0.0)))
         if part_of > worst:
-            worst, name = part_of, error.meaning or error.name
+            worst, name, lessened = part_of, error.meaning or error.name, _lessened(error)
         start = stop
     if worst < _NOTABLE * total:
         return ""
     known_well = float(np.sqrt(total**2 - worst**2))
     what = f"{name}, which all readings share: {1e3 * worst:.2g} mm of the {1e3 * total:.2g} mm"
     says = f"What limits it is not the readings but {what}" if worst > known_well else f"Part of it is {what}"
-    return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then), or turn the hand more between readings."
+    return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then){lessened}."
+
+
+def _lessened(error: SharedError) -> str:
+    """How readings can lessen that error; empty if nothing is known of it."""
+    return next((advice for source, advice in _LESSENED.items() if error.name.startswith(source)), "")
