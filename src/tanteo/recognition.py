@@ -18,7 +18,7 @@ from tanteo.matching.model import PartModel
 from tanteo.matching.recognition import identify_features, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure, say_repeated
 from tanteo.surface_search import (
     FreePaths,
     Touches,
@@ -110,7 +110,7 @@ def identify(
             touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
         )
         unused = _UNUSED[why] if any(measured.features) else ""
-        says = _gone_through(answer, free, measured.free.ids, parts), unused
+        says = _gone_through(answer, free, measured.free.ids, parts), unused, say_repeated(measured)
         return with_elapsed(_said(answer, *says, placed=placed), measure=elapsed)
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
@@ -128,8 +128,8 @@ def identify(
         seed=seed,
         beside=(lambda model, Ts: log_free_paths(free, Ts, model, assumed)) if len(free.lengths) else None,
     )
-    answer = _said(answer, _gone_through(answer, free, measured.free.ids, parts), placed=placed)
-    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
+    says = _gone_through(answer, free, measured.free.ids, parts), say_repeated(measured)
+    return _with_notes(with_elapsed(_said(answer, *says, placed=placed), measure=elapsed), sensed)
 
 
 def _unlabelled(
@@ -146,10 +146,10 @@ def _unlabelled(
     return "bent" if any(bend(touches.take(rows)) > _BENT for rows in faces) else ""
 
 
-def _said(answer: Recognition, *more: str, placed: bool) -> Recognition:
+def _said(answer: Recognition, *notes: str, placed: bool) -> Recognition:
     """The answer with what its message should add."""
     doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed and "beforehand" not in answer.message else ""
-    return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *more])))
+    return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *notes])))
 
 
 def _prepared(part: Part | PartModel) -> PartModel:

@@ -32,6 +32,7 @@ from tanteo.sensors.presets import (
     sensor_presets,
 )
 from tanteo.sensors.readings import Readings, concatenate
+from tanteo.sensors.repeated import say_repeated
 from tanteo.sensors.rig import Rig, RigSensor
 
 __all__ = [
@@ -67,6 +68,7 @@ __all__ = [
     "reported_poses",
     "robot_preset",
     "robot_presets",
+    "say_repeated",
     "sensed_point",
     "sensor_error_cov",
     "sensor_preset",

@@ -1,0 +1,68 @@
+"""Readings that came in twice: named with every answer, counted all the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tanteo import Readings, identify
+from tanteo.io import read_readings
+from tanteo.parts import read_part
+from tanteo.sensors import concatenate, measure, say_repeated
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+POINTS = np.arange(12.0).reshape(4, 3) / 100
+WORDS = "are equal in place, direction and spread, and each counts"
+
+
+def said(points=POINTS, ids="abcd", **columns):
+    return say_repeated(measure(Readings.from_columns(points, ids=list(ids), **columns), sd=1e-3))
+
+
+@pytest.mark.parametrize("name", ["bracket_bare", "bracket_left"])
+def test_both_sorts_of_answers_name_them(name):
+    part = read_part(EXAMPLES / "parts" / "bracket_left.step")
+    once = read_readings(EXAMPLES / "readings" / f"{name}.csv")
+    again = once.take([2, 4])
+    twice = concatenate([once, replace(again, ids=("late", "later"))])
+    alone, both = (identify(readings, [part]) for readings in (once, twice))
+    assert WORDS not in alone.message
+    assert f"Readings 3 and late; 5 and later {WORDS}" in both.message
+    assert both.status == alone.status == "recognized"
+    assert len(both.hypotheses[0].pairings) == len(alone.hypotheses[0].pairings) + 2
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-12])
+def test_equal_ones_are_found_and_named_once(shift):
+    assert said() == ""
+    assert said(np.concatenate([POINTS, POINTS[1:2] + shift, POINTS[1:2]]), "abcdef").startswith("Readings b, e and f ")
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"directions": [[0, 0, 1], [0, 1, 0]] * 2},
+        {"normals": [[0, 0, 1], [0, 1, 0]] * 2, "normal_sds": [0.1] * 4},
+        {"sds": [1e-3, 2e-3] * 2},
+        {"radii": [1e-3, 2e-3] * 2},
+    ],
+    ids=lambda columns: next(iter(columns)),
+)
+def test_what_differs_in_anything_is_another_reading(columns):
+    same = np.repeat(POINTS[:2], 2, axis=0)
+    assert said(same).startswith("Readings a and b; c and d ")
+    assert said(same, **columns) == ""
+    assert said(same + 1e-6 * np.arange(4)[:, None]) == ""
+
+
+def test_many_are_counted():
+    points = np.repeat(np.arange(18.0).reshape(6, 3) / 100, 2, axis=0)
+    assert said(points, "abcdefghijkl").startswith("Readings a and b; c and d; e and f (and 3 more such sets) are")
+
+
+def test_beams_that_met_nothing_are_no_readings_of_a_place():
+    free = Readings.from_columns(POINTS, directions=POINTS + 1, max_ranges=np.ones(4), is_free=np.ones(4, dtype=bool))
+    assert say_repeated(measure(free)) == ""
