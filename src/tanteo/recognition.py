@@ -128,8 +128,8 @@ def identify(
         seed=seed,
         beside=(lambda model, Ts: log_free_paths(free, Ts, model, assumed)) if len(free.lengths) else None,
     )
-    says = _gone_through(answer, free, measured.free.ids, parts), say_repeated(measured)
-    return _with_notes(with_elapsed(_said(answer, *says, placed=placed), measure=elapsed), sensed)
+    notes = _gone_through(answer, free, measured.free.ids, parts), say_repeated(measured)
+    return _with_notes(with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed), sensed)
 
 
 def _unlabelled(
