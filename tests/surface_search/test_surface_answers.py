@@ -13,7 +13,11 @@ from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import mirror_part, read_part
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+from tanteo.surface_search.answer import what_limits
+from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.moments import Moments
 from tanteo.surface_search.polish import polish
+from tanteo.surface_search.rounds import search_all
 
 TOUCH, LASER, FLIGHT = SENSORS
 
@@ -337,3 +341,23 @@ def test_the_truth_is_inside_the_reported_modes(targets, name, sensing):
         assert any(value < 35 for value, _ in values)
         if answer.status == "recognized":
             assert values[0][0] < 35
+
+
+def test_what_limits_the_place_of_a_round_part_is_said_too(cylinder):
+    """Of its spin nothing is known at all."""
+    T, touches, _, shared = scene_of(cylinder, 11, 40, base_sd=2e-3)
+    answer = identify_touches(touches, no_paths(), [cylinder], shared=shared)
+    assert answer.status == "recognized"
+    assert "What limits it is not the readings but place of the robot's base" in answer.message
+    assert off(cylinder.part, answer.hypotheses[0].T_world_part, T)[0] < 0.02
+
+
+def test_nothing_is_said_to_limit_it_where_the_posterior_is_much_wider_than_its_curvature(targets):
+    target = targets["bracket_left"]
+    _, touches, _, shared = scene_of(target, 12, 40, base_sd=2e-3)
+    priors = Priors(radius=target.part.radius)
+    found = search_all(touches, no_paths(), [target], priors).maxima[0][1]
+    mode = Mode(target, found, 0, 0.0)
+    assert "robot's base" in what_limits(mode, shared)
+    wide = Moments(np.zeros(6), 4 * mode.covariance, 4 * mode.covariance_given_shared, 0.0)
+    assert what_limits(replace(mode, moments=wide), shared) == ""

@@ -15,15 +15,18 @@ from tanteo.matching.evidence import Priors
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.verdict import corner_sd, part_scale, spins
+from tanteo.matching.verdict import corner_sd, part_scale, spins, without_spins
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.touches import FreePaths, Touches
-from tanteo.typing import Covariances, IntArray
+from tanteo.typing import Covariances, FloatArray, IntArray
 
 _NOTABLE = 0.5
 """Share of the worst corner's standard deviation from which an error that all readings share is worth a sentence."""
+
+_ALIKE = 1.5
+"""Times the standard deviation from the curvature that the whole posterior may have, to be explained by its parts."""
 
 _LESSENED = {
     "robot base": "; more readings do not lessen it, but the same robot, when it goes back, is off by the same",
@@ -129,14 +132,14 @@ def what_limits(mode: Mode, shared: Sequence[SharedError]) -> str:
         shared: the errors behind its ``z``, in that order.
     """
     part, information, start = mode.target.part, mode.found.information[mode.k], 6
-    total = corner_sd(part, np.asarray(np.linalg.inv(pose_information(information))))
-    worst, name, lessened = 0.0, "", ""
+    total, worst, name, lessened = _corner_sd(mode, information), 0.0, "", ""
+    if mode.moments is not None and corner_sd(part, mode.moments.covariance) > _ALIKE * total:
+        return ""  # the curvature of the maximum says little of how far off the pose may be, or why
     for error in shared:
         stop = start + len(error.covariance)
         known = np.array(information)
         known[start:stop, start:stop] += 1e12 * np.eye(stop - start)
-        without = corner_sd(part, np.asarray(np.linalg.inv(pose_information(known))))
-        part_of = float(np.sqrt(max(total**2 - without**2, 0.0)))
+        part_of = float(np.sqrt(max(total**2 - _corner_sd(mode, known) ** 2, 0.0)))
         if part_of > worst:
             worst, name, lessened = part_of, error.meaning or error.name, _lessened(error)
         start = stop
@@ -146,6 +149,13 @@ def what_limits(mode: Mode, shared: Sequence[SharedError]) -> str:
     what = f"{name}, which all readings share: {1e3 * worst:.2g} mm of the {1e3 * total:.2g} mm"
     says = f"What limits it is not the readings but {what}" if worst > known_well else f"Part of it is {what}"
     return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then){lessened}."
+
+
+def _corner_sd(mode: Mode, information: FloatArray) -> float:
+    """Of the worst corner [m], from the information on pose and shared errors; spins of the part are no error."""
+    part, scale = mode.target.part, part_scale(mode.target.part)
+    unit = scale.T @ without_spins(part, pose_information(information)) @ scale
+    return corner_sd(part, scale @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ scale.T)
 
 
 def _lessened(error: SharedError) -> str:
