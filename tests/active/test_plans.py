@@ -27,6 +27,16 @@ TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
 C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
 
 
+def test_a_start_that_is_too_rough_for_any_plan_is_what_is_said(bracket):
+    """10 mm and 5 degrees: touches of its narrow faces may miss, and the others say nothing of one direction."""
+    rough, fine = np.diag(np.repeat([0.01, np.radians(5)], 3)) ** 2, replace(TOUCH, law=NoiseLaw.of(1e-5))
+    found = plan(at_pose(bracket, np.eye(4), rough), fine, 0.5e-3)
+    assert not found.reached
+    assert "with a start so rough" in found.message
+    assert "session" in found.message
+    assert plan(at_pose(bracket, np.eye(4), rough / 100), fine, 0.5e-3).reached
+
+
 @pytest.fixture(scope="module")
 def block(tmp_path_factory):
     path = tmp_path_factory.mktemp("block") / "block.stl"

@@ -8,7 +8,7 @@ own, and the robot's absolute error is added at the end.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 
 _DOUBTFUL = 0.5
 """A plan with a reading that meets its face at a smaller share of them keeps nothing."""
+
+_BETTER = 10.0
+"""Times better that the start would be known, to see whether it is what stands in the way."""
 
 _SWEEPS, _STARTS = 6, 12
 """Rounds of exchanges, and sets drawn at random that are exchanged as well: one alone may end at a poor one."""
@@ -99,7 +102,10 @@ def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95,
     if (within := design.chance(design.prior, tolerance)) >= confidence:
         return _nothing_to_do(start, design, tolerance, within)
     chosen = _chosen(design, tolerance, confidence, most)
-    return _as_plan(start, design, chosen, tolerance, confidence)
+    found = _as_plan(start, design, chosen, tolerance, confidence)
+    if not found.reached and (why := _too_rough(start, probe, design, tolerance, confidence, seed)):
+        return replace(found, message=why)
+    return found
 
 
 def _chosen(design: Design, tolerance: float, confidence: float, most: int) -> IntArray:
@@ -186,6 +192,26 @@ def _doubt(meets: FloatArray) -> str:
         f"The part may be anywhere: reading {k + 1} would meet its face in {meets[k]:.0%} of the cases. Find out "
         "better where it is before you plan."
     )
+
+
+def _too_rough(start: Start, probe: Probe, design: Design, tolerance: float, confidence: float, seed: int) -> str:
+    """That from so rough a start no readings do, where they would if it were better known; empty otherwise."""
+    if _does(design, tolerance, confidence) or design.chance(design.limit, tolerance) < confidence:
+        return ""
+    better = design_of(replace(start, covariances=start.covariances / _BETTER**2), probe, seed)
+    if better is None or not _does(better, tolerance, confidence):
+        return ""
+    before = corner_sd(design.target.part, design.pose(design.prior))
+    return (
+        f"No readings that are chosen beforehand bring {_aim(design, tolerance)}: with a start so rough (worst corner "
+        f"{1e3 * before:.2g} mm, 1 sd) those that would help may miss their faces. Find out better where it is, or "
+        "sense in a session, which chooses each reading by those before."
+    )
+
+
+def _does(design: Design, tolerance: float, confidence: float) -> bool:
+    """Whether all that can be sensed, together, keeps the tolerance."""
+    return design.chance(design.after(np.arange(len(design.rows))), tolerance) >= confidence
 
 
 def _aim(design: Design, tolerance: float) -> str:
