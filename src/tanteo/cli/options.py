@@ -9,7 +9,6 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 
 from tanteo.errors import InputError, ReadingsError, TanteoError
-from tanteo.limits import LARGEST, LEAST_SD
 
 TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 """The words of the command that runs, as they were typed: a report says how to run it again."""
@@ -194,6 +193,8 @@ def _require(name: str, value: float, text: str, *, positive: bool) -> float:
     if not math.isfinite(value) or value < 0 or (positive and value == 0):
         expected = "a positive length" if positive else "a length of zero or more"
         raise InputError(f"{name}: expected {expected}, got '{text}'. Write it as 0.3mm.")
+    from tanteo.limits import LARGEST, LEAST_SD
+
     if value > LARGEST or (positive and value < LEAST_SD):
         least = f"from {LEAST_SD:g} " if positive else ""
         raise InputError(f"{name}: expected a length {least}up to {LARGEST:g} m, got '{text}'. Check its unit.")
@@ -206,6 +207,8 @@ def _three(name: str, values: tuple[float, ...], text: str) -> tuple[float, ...]
             f"{name}: expected three lengths of zero or more (x, y, z of the hand), got '{text}'. "
             "Write it as 1.5,1.5,0.3mm."
         )
+    from tanteo.limits import LARGEST
+
     if max(values) > LARGEST:
         raise InputError(f"{name}: expected lengths up to {LARGEST:g} m, got '{text}'. Check their unit.")
     return values
