@@ -14,7 +14,7 @@ from tanteo.features import SharedError, SharedTerm
 from tanteo.lie import SE3, SO3
 from tanteo.localization import covariance_with_free
 from tanteo.matching import PosePrior, Priors, Table
-from tanteo.matching.belief import equivalent
+from tanteo.matching.belief import equivalent, squared_gaps
 from tanteo.matching.evidence import log_evidence, log_sum, pose_volume
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.prior import alike, prior_log_density, prior_residuals, prior_rows
@@ -128,6 +128,17 @@ def test_poses_that_a_spin_apart_are_one(wheel):
     assert equivalent(wheel, T, others, np.tile(information, (3, 1, 1))).all()
     aside = others @ SE3.exp(np.array([0.0, 0, 2e-3, 0, 0, 0]))
     assert not equivalent(wheel, T, aside, np.tile(information, (3, 1, 1))).any()
+
+
+def test_gaps_are_measured_in_the_frame_of_the_pose_whose_information_it_is(wheel, parts):
+    rng = np.random.default_rng(13)
+    for part, image in ((wheel, turned_about(wheel, 1.9)), (parts["block"], parts["block"].symmetry.Ts[-1])):
+        A = rng.normal(size=(9, 6)) / np.r_[np.full(3, 1e-3), np.full(3, 1e-2)]
+        information = without_spins(part, A.T @ A)
+        other, xi = random_pose(rng), 1e-4 * rng.normal(size=6)
+        T = other @ SE3.exp(xi) @ SE3.inverse(image)
+        gap = squared_gaps(part, T[None], other[None], information[None])[0]
+        assert gap == pytest.approx(xi @ information @ xi, rel=0.01)
 
 
 def test_the_worst_corner_is_that_of_draws(parts):

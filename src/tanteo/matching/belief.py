@@ -18,7 +18,7 @@ from tanteo.matching.tree import Gates, Interpretations, interpret, pair_gates
 from tanteo.matching.unknown import log_unknown
 from tanteo.matching.verify import within_extent
 from tanteo.parts import Part
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms
 
 NEGLIGIBLE = 10.0
 """Log odds below which an explanation by a part is not looked for: less than one in ten thousand."""
@@ -166,7 +166,7 @@ def equivalent(
     *,
     apart: bool = False,
 ) -> BoolArray:
-    """Which of the poses ``others`` ``(F, 4, 4)`` put the part where ``T`` does, up to its symmetry and their noise."""
+    """Which of the poses ``others`` ``(F, 4, 4)``, known so well, put the part where ``T`` does, up to its symmetry."""
     Ts = np.broadcast_to(T, others.shape)
     return np.asarray(squared_gaps(part, Ts, others, information, apart=apart) <= limit, dtype=np.bool_)
 
@@ -180,15 +180,32 @@ def squared_gaps(
         part: the part.
         Ts: poses ``(F, 4, 4)``.
         others: a pose for each ``(F, 4, 4)``.
-        information: of the others ``(F, 6, 6)``.
+        information: of the others, for motions of their own frames ``(F, 6, 6)``.
         apart: whether only what a continuous symmetry makes one is taken as one.
     """
+    return gaps_between(part, Ts, others, information, apart=apart)[1]
+
+
+def gaps_between(
+    part: Part, Ts: Transforms, others: Transforms, information: FloatArray, *, apart: bool = False
+) -> tuple[Tangents, FloatArray]:
+    """Motions from the others to the poses, in the frames of the others ``(F, 6)``, and their squared lengths ``(F,)``.
+
+    Args:
+        part: the part.
+        Ts: as of :func:`squared_gaps`.
+        others: as of :func:`squared_gaps`.
+        information: as of :func:`squared_gaps`.
+        apart: as of :func:`squared_gaps`.
+    """
     turns = part.symmetry.Ts[:1] if apart else part.symmetry.Ts
-    gaps = SE3.inverse(turns)[:, None] @ (SE3.inverse(Ts) @ others)
+    gaps = (SE3.inverse(others) @ Ts) @ turns[:, None]
     if part.symmetry.continuous:
         gaps = without_spin(part, gaps)
     xi = SE3.log(gaps)
-    return np.asarray(np.sum((xi[:, :, None] @ information)[:, :, 0] * xi, axis=-1).min(axis=0))
+    squared = np.sum((xi[:, :, None] @ information)[:, :, 0] * xi, axis=-1)
+    nearest, rows = squared.argmin(axis=0), np.arange(squared.shape[1])
+    return xi[nearest, rows], squared[nearest, rows]
 
 
 def without_spin(part: Part, gaps: Transforms) -> Transforms:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, pose_information, weak_motions
-from tanteo.matching.belief import equivalent
+from tanteo.matching.belief import squared_gaps
 from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.prior import alike
 from tanteo.matching.verdict import off_spins, part_scale, spins, without_spins
@@ -189,7 +189,7 @@ def _not_part_of(mode: Mode, others: list[Mode]) -> list[Mode]:
         return others
     information = np.asarray(np.linalg.pinv(mode.covariance, hermitian=True, rcond=1e-13), dtype=np.float64)
     Ts = np.stack([others[k].found.Ts[others[k].k] for k in own])
-    rows = np.broadcast_to(information, (len(Ts), 6, 6))
-    within = equivalent(mode.target.part, mode.found.Ts[mode.k], Ts, rows, _WITHIN)
-    gone = {k for k, inside in zip(own, within, strict=True) if inside}
+    here, rows = np.broadcast_to(mode.found.Ts[mode.k], Ts.shape), np.broadcast_to(information, (len(Ts), 6, 6))
+    gaps = squared_gaps(mode.target.part, Ts, here, rows)
+    gone = {k for k, gap in zip(own, gaps, strict=True) if gap <= _WITHIN}
     return [other for k, other in enumerate(others) if k not in gone]

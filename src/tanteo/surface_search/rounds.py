@@ -16,11 +16,13 @@ from scipy.special import logsumexp
 from tanteo.matching.evidence import Priors
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.explained import explained, explains_all, leaves_one_of_few, log_mass, scatter
+from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.polish import Polished, polish
+from tanteo.surface_search.regions import groups_of_regions
 from tanteo.surface_search.search import LEAST_ORIENTED, effort_for, groups_of, search
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
-from tanteo.typing import IntArray
+from tanteo.typing import FloatArray, IntArray, Transforms
 
 _MISSING = 0.02
 """Probability of poses found only once up to which a part is taken as searched."""
@@ -65,6 +67,17 @@ class Search:
         """Of those found from one group only."""
         return -np.inf if self.maxima is None else log_mass(self.target, self.maxima, np.flatnonzero(self.times < 2))
 
+    def by_regions(self, touches: Touches, free: FreePaths, priors: Priors) -> Search:
+        """With each maximum found as often as its region was."""
+        if self.maxima is None or np.all(self.times > 1):
+            return self
+
+        def log_density(Ts: Transforms, z: FloatArray) -> FloatArray:
+            return log_posterior(touches, free, Ts, z, self.target, priors)
+
+        groups = groups_of_regions(self.maxima, self.target, log_density)
+        return replace(self, maxima=replace(self.maxima, groups=groups))
+
     def after(self, found: Polished) -> Search:
         """With the finds of another round, which are distinct."""
         if self.maxima is None:
@@ -106,7 +119,8 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
     left, stated = list(range(len(searches))), touches
     for k in range(_ROUNDS if determined else 1):
         for i in left:
-            searches[i] = searches[i].after(_round(touches, free, searches[i], priors, k))
+            found = _round(touches, free, searches[i], priors, k)
+            searches[i] = searches[i].after(found).by_regions(touches, free, priors)
         if k == 0:
             wide, again = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
             if any(s.maxima is not None and explains_all(s.maxima) for s in again):
@@ -151,7 +165,9 @@ def _widened(
         return touches, searches
     wide = touches.widened(ratio)
     again = [
-        Search(s.target, s.groups).after(polish(wide, free, s.maxima.Ts, s.target, priors, groups=s.maxima.groups))
+        Search(s.target, s.groups)
+        .after(polish(wide, free, s.maxima.Ts, s.target, priors, groups=s.maxima.groups))
+        .by_regions(wide, free, priors)
         for s in searches
         if s.maxima is not None
     ]
