@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtrc, logsumexp
+from scipy.special import chdtrc
 
 from tanteo.fitting import SUSPECT
+from tanteo.matching.evidence import log_sum
 from tanteo.matching.verdict import CONFIDENCE
 from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.strays import so_many
@@ -61,7 +62,7 @@ def scatter(found: Sequence[tuple[Target, Polished]]) -> float:
     if not found:
         return 1.0
     mass = np.array([log_mass(target, maxima) for target, maxima in found])
-    if np.exp(mass.max() - logsumexp(mass)) < CONFIDENCE:
+    if np.exp(mass.max() - log_sum(mass)) < CONFIDENCE:
         return 1.0
     best = found[int(np.argmax(mass))][1]
     chi2, dof = _chi_square(best)
@@ -80,4 +81,4 @@ def _chi_square(found: Polished) -> tuple[float, int]:
 def log_mass(target: Target, found: Polished, rows: IntArray | None = None) -> float:
     """Log evidence of some maxima of a part together, all if not given, symmetric poses included."""
     log = found.log_evidence if rows is None else found.log_evidence[rows]
-    return float(logsumexp(log) + np.log(target.part.symmetry.order)) if len(log) else -np.inf
+    return float(log_sum(log) + np.log(target.part.symmetry.order)) if len(log) else -np.inf

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln
 
 from tanteo.lie import SE3
+from tanteo.matching.evidence import log_sum
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 
 LogDensity = Callable[[Transforms, FloatArray], FloatArray]
@@ -136,7 +137,7 @@ def _sampled(
         proposals.append((mean, L))
         u = mean + (normal * spread[:, None]) @ L.T
         us, logs = np.concatenate([us, u]), np.concatenate([logs, at(u) - peak])
-        log_q = logsumexp([_log_t(us, *proposal) for proposal in proposals], axis=0) - np.log(len(proposals))
+        log_q = log_sum([_log_t(us, *proposal) for proposal in proposals], axis=0) - np.log(len(proposals))
         top = float(np.max(logs - log_q))
         w = np.exp(logs - log_q - top)
         mean, C = _weighted(us, np.minimum(w, w.mean() * np.sqrt(len(w))))

@@ -49,7 +49,8 @@ def groups_of_regions(found: Polished, target: Target, log_density: LogDensity) 
     doubtful = np.bitwise_count(found.groups[i] | found.groups[j]) > np.bitwise_count(found.groups[j])
     i, j = i[doubtful], j[doubtful]
     xi, gaps = gaps_between(target.part, found.Ts[j], found.Ts[i], pose_information(found.information[i]))
-    near = np.flatnonzero((gaps <= _NEAR) & _bounded(found, target)[i])
+    near = np.flatnonzero(gaps <= _NEAR)
+    near = near[_bounded(found, target, i[near])]
     i, j, xi = i[near], j[near], xi[near]
     joined = _no_valley(found, i, j, xi, log_density)
     size = len(found.Ts)
@@ -60,11 +61,13 @@ def groups_of_regions(found: Polished, target: Target, log_density: LogDensity) 
     return np.asarray(groups[region])
 
 
-def _bounded(found: Polished, target: Target) -> BoolArray:
-    """At which maxima no motion but that of the part's symmetry is free ``(S,)``: those are sampled in the end."""
+def _bounded(found: Polished, target: Target, rows: IntArray) -> BoolArray:
+    """At which maxima no motion but that of the part's symmetry is free ``(P,)``: those are sampled in the end."""
     scale, fixed = part_scale(target.part), spins(target.part)
-    information = without_spins(target.part, pose_information(found.information))
-    return np.array([len(weak_motions(A, scale, fixed=fixed)) == len(fixed) for A in information])
+    some, back = np.unique(rows, return_inverse=True)
+    information = without_spins(target.part, pose_information(found.information[some]))
+    held = [len(weak_motions(A, scale, fixed=fixed)) == len(fixed) for A in information]
+    return np.array(held, dtype=bool)[back.reshape(-1)]
 
 
 def _no_valley(found: Polished, i: IntArray, j: IntArray, xi: FloatArray, log_density: LogDensity) -> BoolArray:

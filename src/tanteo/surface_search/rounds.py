@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
-from tanteo.matching.evidence import Priors
+from tanteo.matching.evidence import Priors, log_sum
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.explained import explained, explains_all, leaves_one_of_few, log_mass, scatter
 from tanteo.surface_search.likelihood import log_posterior
@@ -133,8 +132,8 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
 
 
 def _once(searches: Sequence[Search]) -> float:
-    total = logsumexp([-np.inf, *(s.log_mass for s in searches)])
-    return float(np.exp(logsumexp([-np.inf, *(s.log_once for s in searches)]) - total)) if np.isfinite(total) else 0.0
+    total = log_sum([-np.inf, *(s.log_mass for s in searches)])
+    return float(np.exp(log_sum([-np.inf, *(s.log_once for s in searches)]) - total)) if np.isfinite(total) else 0.0
 
 
 def _round(touches: Touches, free: FreePaths, s: Search, priors: Priors, k: int) -> Polished:
@@ -183,5 +182,5 @@ def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Pri
     doubtful = k == 0 and leaves_one_of_few(
         searches[best].maxima
     )  # the next round looks for poses that fit but for one
-    total = logsumexp(mass)
+    total = log_sum(mass)
     return [i for i in left if searches[i].log_once > total + np.log(_MISSING) or (doubtful and i == best)]
