@@ -90,18 +90,18 @@ def test_both_placements_show_the_same_difference_of_frames(block, located):
     assert apart @ np.linalg.solve(joint, apart) < 22.5
 
 
-def test_identified_among_real_parts(block):
+def test_identified_among_all_real_parts(block):
     folder = DATA / "step_parts"
     if not folder.is_dir():
         pytest.skip(f"no data at {folder}")
     pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
-    names = ("TO-247-2_Vertical", "Relay_DPDT_Finder_30.22", "LEM_LA25-P", "y-rod-holder", "Potentiometer_Bourns_3006Y")
-    paths = [path for path in sorted(folder.iterdir()) if any(name in path.name for name in names)]
-    others = [prepare_target(tanteo.read_part(path)) for path in paths]
-    assert len(others) >= 4
-    answer = identify_touches(bare_touches("first"), no_paths(), [*others, block])
-    assert answer.status == "recognized"
-    assert answer.hypotheses[0].part == "block"
+    others = [prepare_target(part) for part in tanteo.read_parts([folder]).parts]
+    assert len(others) >= 40
+    for placement in PLACEMENTS:
+        answer = identify_touches(bare_touches(placement), no_paths(), [*others, block])
+        assert answer.status == "recognized"
+        assert answer.hypotheses[0].part == "block"
+        assert answer.hypotheses[0].probability > 0.99
 
 
 def holds(block, answer, truth):
