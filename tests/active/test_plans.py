@@ -71,7 +71,7 @@ def test_what_is_promised_after_a_plan_is_what_linear_least_squares_gives(bracke
     xi = rng.normal(size=(4000, 6)) @ np.linalg.cholesky(C).T
     y = xi @ G.T + np.sqrt(R) * rng.normal(size=(4000, len(rows)))
     gain = C @ G.T @ np.linalg.inv(G @ C @ G.T + np.diag(R))
-    off = np.linalg.norm(np.einsum("cij,sj->sci", design.corners, xi - y @ gain.T), axis=-1).max(axis=1)
+    off = np.linalg.norm(np.einsum("cij,sj->sci", design.moves, xi - y @ gain.T), axis=-1).max(axis=1)
     assert np.mean(off <= tolerance) == pytest.approx(found.readings[-1].within, abs=0.02)
 
 

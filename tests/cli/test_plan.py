@@ -108,3 +108,34 @@ def test_a_file_that_is_not_there_fails(run, tmp_path):
     assert got.code == 1
     assert "--csv" in got.err
     assert io.StringIO(got.out).read() == ""
+
+
+def test_a_named_feature_is_planned_for(run, tmp_path):
+    out, report = tmp_path / "plan.csv", tmp_path / "plan.html"
+    words = ("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm")
+    got = run(*words, "--feature", "edge 3", "--csv", str(out), "--report", str(report))
+    assert got.code == 0
+    assert "edge 3 of bracket_left within 0.5 mm" in got.out
+    assert "edge 3 sd (mm)" in got.out
+    page = report.read_text(encoding="utf-8")
+    assert "edge 3 within 0.5" in page
+    assert "orst corner" not in page.split("<script")[0]
+    rows = list(csv.DictReader(line for line in out.read_text().splitlines() if not line.startswith("#")))
+    document = json.loads(run(*words, "--feature", "edge 3", "--json").out)
+    all_corners = json.loads(run(*words, "--json").out)
+    assert document["feature"] == "edge 3"
+    assert all_corners["feature"] is None
+    assert len(rows) == len(document["readings"]) < len(all_corners["readings"])
+    last = document["readings"][-1]
+    assert last["feature_sd_m"] == pytest.approx(float(rows[-1]["feature_sd_mm"]) / 1e3, abs=1e-7)
+    assert last["feature_sd_m"] < last["worst_corner_sd_m"]
+    assert "feature_sd_m" not in all_corners["readings"][-1]
+
+
+@pytest.mark.parametrize(
+    ("feature", "says"), [("edge 99", "--feature: expected one of a part, got 'edge 99'"), ("left", "'edge 4'")]
+)
+def test_a_feature_that_is_not_there_is_misuse(run, feature, says):
+    got = run("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--feature", feature)
+    assert got.code == 2
+    assert says in got.err

@@ -83,6 +83,8 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
         (("--confidence", "0"), 2, "--confidence: expected a probability"),
         (("--tolerance", "2"), 2, "expected a unit"),
         (("--tolerance", "0mm"), 2, "--tolerance: expected a positive length"),
+        (("--feature", "edge 3"), 2, "--feature: expected --tolerance with 'edge 3'"),
+        (("--feature", "edge 999", "--tolerance", "1mm"), 2, "--feature: expected one of a part, got 'edge 999'"),
         (("--most", "0"), 2, "--most: expected 1 or more"),
         (("--seed", "-1"), 2, "--seed: expected 0 or more"),
         (("--standoff", "0mm"), 2, "--standoff: expected a length"),

@@ -65,7 +65,7 @@ def shared_errors(targets):
     _, T = drawn_truth(start, rng)
     session = Session(
         start, LASER, Sensing(sd=3e-4, robot="generic_6axis_uncalibrated", tip_sd=[1e-3, 1e-3, 3e-4], tolerance=1e-4),
-        POLICIES["nearest"], Stop(tolerance=1e-3),
+        POLICIES["nearest"], Stop(tolerance=1e-3, feature="face 2"),
     )  # fmt: skip
 
     def asked():

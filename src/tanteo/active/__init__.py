@@ -17,6 +17,7 @@ from tanteo.active.measures import (
     mutual_information,
     predict_range,
 )
+from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.plans import Plan, PlannedReading, plan
 from tanteo.active.policies import POLICIES, policy_named
 from tanteo.active.probe import Probe, probe_of
@@ -35,6 +36,7 @@ __all__ = [
     "Discrimination",
     "Distinction",
     "Feature",
+    "Places",
     "Plan",
     "PlannedReading",
     "Policy",
@@ -51,6 +53,7 @@ __all__ = [
     "begin",
     "bhattacharyya",
     "chance_within",
+    "check_feature",
     "corner_distances",
     "discriminate",
     "distinguish",
@@ -61,6 +64,7 @@ __all__ = [
     "information_bounds",
     "kl_divergence",
     "mutual_information",
+    "places_of",
     "plan",
     "policy_named",
     "predict",

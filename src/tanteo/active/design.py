@@ -9,11 +9,12 @@ from scipy.linalg import block_diag
 
 from tanteo.active.belief import begin
 from tanteo.active.candidates import Candidates, propose
+from tanteo.active.places import Places, places_of
 from tanteo.active.probe import Probe
 from tanteo.active.samples import beams, draw, even_normals, predict
 from tanteo.active.start import Start
 from tanteo.lie import SE3
-from tanteo.matching.verdict import corner_moves, observed_covariance
+from tanteo.matching.verdict import observed_covariance
 from tanteo.surface_search import Target
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
@@ -48,7 +49,8 @@ class Design:
         variances: of what is new at each ``(N,)`` [m^2].
         prior: covariance of all of them before ``(D, D)``.
         limit: of the pose, if it were known exactly relative to the robot ``(6, 6)``.
-        corners: how the corners of the part's box move with its pose ``(8, 3, 6)``.
+        places: what has to be within the tolerance, corners or a feature.
+        moves: how these move with the pose ``(K, 3, 6)``.
         meets: share of the poses at which each meets its face ``(N,)``.
     """
 
@@ -60,7 +62,8 @@ class Design:
     variances: FloatArray
     prior: Covariances
     limit: Covariances
-    corners: FloatArray
+    places: Places
+    moves: FloatArray
     meets: FloatArray
 
     def after(self, chosen: IntArray) -> Covariances:
@@ -73,12 +76,12 @@ class Design:
         return C[:6, :6]
 
     def cost(self, squares: FloatArray) -> FloatArray:
-        """Of mean square errors of the corners ``(*batch, 8)``: the worst count most."""
+        """Of mean square errors of the places ``(*batch, K)``: the worst count most."""
         return np.asarray(np.sum(squares**4, axis=-1) ** 0.25)
 
     def squares(self, C: Covariances) -> FloatArray:
-        """Mean square error of every corner ``(8,)``."""
-        return np.einsum("cij,jk,cik->c", self.corners, self.pose(C), self.corners)
+        """Mean square error of every place ``(K,)``."""
+        return np.einsum("cij,jk,cik->c", self.moves, self.pose(C), self.moves)
 
     def cost_of(self, chosen: list[int]) -> float:
         """Cost after some readings."""
@@ -88,24 +91,25 @@ class Design:
         """Cost after each of the candidates is added ``(N,)``."""
         c = self.rows @ C
         s = np.sum(c * self.rows, axis=1) + self.variances
-        moved = np.einsum("cij,nj->nci", self.corners, c[:, :6])
+        moved = np.einsum("cij,nj->nci", self.moves, c[:, :6])
         return self.cost(self.squares(C) - np.sum(moved**2, axis=-1) / s[:, None])
 
     def chance(self, C: Covariances, tolerance: float) -> float:
-        """That all corners are within a tolerance."""
+        """That all places are within a tolerance."""
         values, vectors = np.linalg.eigh(self.pose(C))
         xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
-        off = np.linalg.norm(np.einsum("cij,sj->sci", self.corners, xi), axis=-1).max(axis=1)
+        off = np.linalg.norm(np.einsum("cij,sj->sci", self.moves, xi), axis=-1).max(axis=1)
         return float(np.mean(off <= tolerance))
 
 
-def design_of(start: Start, probe: Probe, seed: int) -> Design | None:
+def design_of(start: Start, probe: Probe, seed: int, feature: str | None = None) -> Design | None:
     """The problem of one part at one rough pose, linear about it; None if the probe reaches no place.
 
     Args:
         start: one part at one rough pose.
         probe: what senses.
         seed: of the places that are tried.
+        feature: name of one that has to be within the tolerance; the corners of the part's box if not given.
     """
     belief, target, T = begin(start), start.targets[0], start.Ts[0]
     candidates = propose(belief, probe, _CANDIDATES, seed)
@@ -129,10 +133,10 @@ def design_of(start: Start, probe: Probe, seed: int) -> Design | None:
         blocks.append(base)
         limit = prior @ np.linalg.solve(prior + base, base)
     points = candidates.origins + ranges[:, None] * candidates.directions
-    own = probe.own_variance(ranges, cosines)
+    own, places = probe.own_variance(ranges, cosines), places_of(target.part, feature)
     return Design(
         target, candidates, faces, points, np.concatenate(rows, axis=1), own, block_diag(*blocks), limit,
-        corner_moves(target.part), share,
+        places, places.moves, share,
     )  # fmt: skip
 
 

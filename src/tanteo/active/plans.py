@@ -2,8 +2,8 @@
 
 About the expected pose everything is linear: a reading adds information along one direction of the pose. The plan is
 chosen by exchanges (Fedorov) from the last plan with a reading more and from sets drawn at random, for the mean square
-error of the corners, the worst counting most. What readings share does not average out in it: a bias is a state of its
-own, and the robot's absolute error is added at the end.
+error of the corners, or of the feature, the worst counting most. What readings share does not average out in it: a bias
+is a state of its own, and the robot's absolute error is added at the end.
 """
 
 from __future__ import annotations
@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.active.design import Design, design_of
+from tanteo.active.places import check_feature, places_of
+from tanteo.active.plan_words import aim, from_too_rough, in_doubt, what_it_brings
 from tanteo.active.probe import Probe
 from tanteo.active.start import Start
 from tanteo.errors import InputError
 from tanteo.matching.verdict import corner_sd, observed_covariance
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
-
-_DOUBTFUL = 0.5
-"""A plan with a reading that meets its face at a smaller share of them keeps nothing."""
+from tanteo.typing import Covariances, IntArray, Transforms, Vectors
 
 _BETTER = 10.0
 """Times better that the start would be known, to see whether it is what stands in the way."""
@@ -40,7 +39,8 @@ class PlannedReading:
         face: name of the face.
         covariance: of the pose after it ``(6, 6)``, part frame [m, rad].
         worst_corner_sd: after it [m].
-        within: chance that all corners are within the tolerance after it.
+        within: chance that all corners, or the feature, are within the tolerance after it.
+        feature_sd: of the feature that the plan is for, where it is worst known, after it [m]; NaN without one.
     """
 
     origin: Vectors
@@ -50,6 +50,12 @@ class PlannedReading:
     covariance: Covariances
     worst_corner_sd: float
     within: float
+    feature_sd: float = float("nan")
+
+    @property
+    def sd(self) -> float:
+        """Of what has to keep the tolerance, where it is worst known [m]."""
+        return self.worst_corner_sd if np.isnan(self.feature_sd) else self.feature_sd
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,10 +66,11 @@ class Plan:
         part: name of the part.
         T_world_part: expected pose ``(4, 4)``.
         readings: the plan.
-        before: worst corner's standard deviation before the first [m].
+        before: standard deviation of the worst corner, or of the feature, before the first [m].
         reached: the tolerance is kept with the confidence, by readings that meet their faces at half or more of the
             places where the part may be; also without any, if enough is known before.
         message: one sentence.
+        feature: name of the one that has to keep the tolerance; None for all corners of the part's box.
     """
 
     part: str
@@ -72,10 +79,19 @@ class Plan:
     before: float
     reached: bool
     message: str
+    feature: str | None = None
 
 
-def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95, most: int = 30, seed: int = 0) -> Plan:
-    """The fewest readings after which all corners are within a tolerance with a confidence.
+def plan(
+    start: Start,
+    probe: Probe,
+    tolerance: float,
+    confidence: float = 0.95,
+    most: int = 30,
+    seed: int = 0,
+    feature: str | None = None,
+) -> Plan:
+    """The fewest readings after which all corners, or a feature, are within a tolerance with a confidence.
 
     Args:
         start: one part at one rough pose (``at_pose``).
@@ -84,21 +100,24 @@ def plan(start: Start, probe: Probe, tolerance: float, confidence: float = 0.95,
         confidence: with which they keep it.
         most: readings at most.
         seed: of the places that are tried.
+        feature: ``face 3``, ``edge 4`` or ``vertex 2`` to place instead of the corners: a face along its normal, an
+            edge across itself.
 
     Raises:
-        InputError: more than one part or pose, or figures that make no sense.
+        InputError: more than one part or pose, figures that make no sense, or a feature that the part does not have.
     """
     if len(start) != 1:
         raise InputError(f"plan: expected one part at one rough pose, got {len(start)}. Plan for each.")
     if not (np.isfinite(tolerance) and tolerance > 0 and 0 < confidence < 1 and most >= 1):
         raise InputError("plan: expected a positive tolerance, a confidence between 0 and 1 and a reading at least.")
-    design = design_of(start, probe, seed)
+    part = start.targets[0].part
+    if feature is not None:
+        check_feature(feature, [part])
+    design = design_of(start, probe, seed, feature)
     if design is None:
-        part = start.targets[0].part
         message = f"The probe reaches no place of {part.name}: give it more room, or another approach."
-        return Plan(
-            part.name, start.Ts[0], (), corner_sd(part, observed_covariance(part, start.covariances[0])), False, message
-        )
+        before = places_of(part, feature).sd(observed_covariance(part, start.covariances[0]))
+        return Plan(part.name, start.Ts[0], (), before, False, message, feature)
     if (within := design.chance(design.prior, tolerance)) >= confidence:
         return _nothing_to_do(start, design, tolerance, within)
     chosen = _chosen(design, tolerance, confidence, most)
@@ -168,71 +187,34 @@ def _as_plan(start: Start, design: Design, chosen: IntArray, tolerance: float, c
         C = design.after(chosen[: n + 1])
         pose = design.pose(C)
         place = c.origins[k], c.directions[k], design.points[k], part.faces[design.faces[k]].name
-        readings.append(PlannedReading(*place, pose, corner_sd(part, pose), design.chance(C, tolerance)))
-    reached, before = readings[-1].within >= confidence, corner_sd(part, design.pose(design.prior))
-    message = _message(design, readings, tolerance, confidence, reached)
-    if reached and (doubt := _doubt(design.meets[chosen])):
+        sd = float("nan") if design.places.feature is None else design.places.sd(pose)
+        readings.append(PlannedReading(*place, pose, corner_sd(part, pose), design.chance(C, tolerance), sd))
+    reached, before = readings[-1].within >= confidence, design.places.sd(design.pose(design.prior))
+    last, doubt = readings[-1], in_doubt(design.meets[chosen])
+    message = what_it_brings(design, len(readings), last.sd, last.within, tolerance, confidence)
+    if reached and doubt:
         reached, message = False, doubt
-    return Plan(part.name, start.Ts[0], tuple(readings), before, reached, message)
+    return Plan(part.name, start.Ts[0], tuple(readings), before, reached, message, design.places.feature)
 
 
 def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float) -> Plan:
     """The plan where enough is known before the first reading."""
-    part = design.target.part
-    message = f"No reading is needed: {_aim(design, tolerance)} from the beginning (P = {within:.3f})."
-    return Plan(part.name, start.Ts[0], (), corner_sd(part, design.pose(design.prior)), True, message)
-
-
-def _doubt(meets: FloatArray) -> str:
-    """Why the plan keeps nothing, where a reading may well miss its face; empty where none does."""
-    k = int(np.argmin(meets))
-    if meets[k] >= _DOUBTFUL:
-        return ""
-    return (
-        f"The part may be anywhere: reading {k + 1} would meet its face in {meets[k]:.0%} of the cases. Find out "
-        "better where it is before you plan."
-    )
+    message = f"No reading is needed: {aim(design, tolerance)} from the beginning (P = {within:.3f})."
+    name, before = design.target.part.name, design.places.sd(design.pose(design.prior))
+    return Plan(name, start.Ts[0], (), before, True, message, design.places.feature)
 
 
 def _too_rough(start: Start, probe: Probe, design: Design, tolerance: float, confidence: float, seed: int) -> str:
     """That from so rough a start no readings do, where they would if it were better known; empty otherwise."""
     if _does(design, tolerance, confidence) or design.chance(design.limit, tolerance) < confidence:
         return ""
-    better = design_of(replace(start, covariances=start.covariances / _BETTER**2), probe, seed)
+    finer = replace(start, covariances=start.covariances / _BETTER**2)
+    better = design_of(finer, probe, seed, design.places.feature)
     if better is None or not _does(better, tolerance, confidence):
         return ""
-    before = corner_sd(design.target.part, design.pose(design.prior))
-    return (
-        f"No readings that are chosen beforehand bring {_aim(design, tolerance)}: with a start so rough (worst corner "
-        f"{1e3 * before:.2g} mm, 1 sd) those that would help may miss their faces. Find out better where it is, or "
-        "sense in a session, which chooses each reading by those before."
-    )
+    return from_too_rough(design, tolerance)
 
 
 def _does(design: Design, tolerance: float, confidence: float) -> bool:
     """Whether all that can be sensed, together, keeps the tolerance."""
     return design.chance(design.after(np.arange(len(design.rows))), tolerance) >= confidence
-
-
-def _aim(design: Design, tolerance: float) -> str:
-    return f"all corners of {design.target.part.name} within {1e3 * tolerance:.{3 if tolerance < 1 else 15}g} mm"
-
-
-def _message(design: Design, readings: list[PlannedReading], tolerance: float, confidence: float, reached: bool) -> str:
-    n, last, aim = len(readings), readings[-1], _aim(design, tolerance)
-    if reached:
-        worst = f"worst corner {1e3 * last.worst_corner_sd:.2g} mm, 1 sd"
-        count = "1 reading brings" if n == 1 else f"{n} readings bring"
-        return f"{count} {aim} (P = {last.within:.3f}); {worst}."
-    if design.chance(design.limit, tolerance) < confidence:
-        never = corner_sd(design.target.part, design.limit)
-        return (
-            f"No number of readings brings {aim}: the robot's own error moves the worst corner by "
-            f"{1e3 * never:.2g} mm (1 sd). Calibrate the robot, or sense relative to something that it must meet."
-        )
-    count = "1 reading does" if n == 1 else f"{n} readings do"
-    least = np.floor(1e3 * last.within) / 1e3  # what is not reached is not rounded up to it
-    return (
-        f"{count} not bring {aim} (P = {least:.3f}); worst corner {1e3 * last.worst_corner_sd:.2g} mm, "
-        "1 sd. Allow more readings, a better sensor, or another approach."
-    )

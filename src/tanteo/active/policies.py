@@ -39,7 +39,7 @@ class Information:
     def choose(self, situation: Situation) -> Choice:
         """The candidate with the largest expected information, or information a second."""
         s, c = situation, situation.candidates
-        samples = draw(s.belief, _SAMPLES, s.tolerance)
+        samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
         predicted = predict(samples, c.origins, c.directions)
         gains = worth = expected_information(samples, predicted, s.probe)
         if s.part_only or (self.part_first and s.part_open):
@@ -65,7 +65,7 @@ class Features:
     def choose(self, situation: Situation) -> Choice:
         """A reading of the feature that is worth most."""
         s = situation
-        samples = draw(s.belief, _SAMPLES, s.tolerance)
+        samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
         predicted = predict(samples, s.candidates.origins, s.candidates.directions)
         alone = expected_information(samples, predicted, s.probe)
         found = features(s.belief, s.candidates)

@@ -10,9 +10,9 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 from tanteo.active.belief import Belief
+from tanteo.active.places import places_of
 from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
-from tanteo.matching.verdict import corner_moves
 from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 
@@ -21,6 +21,9 @@ _KEPT = 0.3
 
 _RMS = 1.6
 """A normal error in space stays within 1.6 times its root mean square with a probability of 95 %."""
+
+_SEEN = 1e-12
+"""Share of the largest mean square motion of the places below which a motion moves none of them."""
 
 _LEAST = 1e-4
 """Modes of less probability are not asked about."""
@@ -54,13 +57,14 @@ class Samples:
         return len(self.part)
 
 
-def draw(belief: Belief, count: int, tolerance: float | None = None) -> Samples:
+def draw(belief: Belief, count: int, tolerance: float | None = None, feature: str | None = None) -> Samples:
     """About so many samples of a belief, more of the likelier modes, spread evenly over each (Sobol).
 
     Args:
         belief: what is known.
         count: of samples; every mode has one at least.
         tolerance: of the corners of the part [m], beyond which nothing more needs to be known; None for none.
+        feature: name of one that has to keep it instead, see :class:`tanteo.active.Stop`.
     """
     alive = np.flatnonzero(belief.weights > _LEAST * belief.weights.max(initial=0.0))
     w = belief.weights[alive] / belief.weights[alive].sum()
@@ -76,7 +80,7 @@ def draw(belief: Belief, count: int, tolerance: float | None = None) -> Samples:
     kept = np.where(many, _KEPT, 1.0)[:, None, None] * C
     Ts = belief.poses[mode] @ SE3.exp(moved)
     kept, Ts = _from_draws(belief, alive, counts, kept, Ts)
-    useful = np.stack([_useful(belief, int(k), tolerance) for k in alive]) if len(alive) else C
+    useful = np.stack([_useful(belief, int(k), tolerance, feature) for k in alive]) if len(alive) else C
     return Samples(belief.start.targets, belief.part[mode], mode, Ts, kept, (w / counts)[which], C, useful[which])
 
 
@@ -99,14 +103,20 @@ def _from_draws(
     return kept, Ts
 
 
-def _useful(belief: Belief, k: int, tolerance: float | None) -> Covariances:
-    """``C (C + L)^-1 C`` of mode ``k``, ``L`` a covariance that just keeps the corners within the tolerance."""
+def _useful(belief: Belief, k: int, tolerance: float | None, feature: str | None) -> Covariances:
+    """``C - (C^-1 + W)^-1`` of mode ``k``, ``W`` the information that just keeps the places within the tolerance.
+
+    Of motions that move none of them, nothing is worth knowing.
+    """
     C = belief.covariances[k]
     if tolerance is None:
         return C
-    J = corner_moves(belief.target(k).part)
-    enough = (tolerance / _RMS) ** 2 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
-    return np.asarray(C @ np.linalg.solve(C + enough, C))
+    J = places_of(belief.target(k).part, feature).moves
+    values, vectors = np.linalg.eigh(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
+    some = values > _SEEN * values[-1]
+    A = np.sqrt(some.sum() * values[some])[:, None] * (_RMS / tolerance) * vectors[:, some].T
+    AC = A @ C
+    return np.asarray(AC.T @ np.linalg.solve(np.eye(len(A)) + AC @ A.T, AC))
 
 
 @cache

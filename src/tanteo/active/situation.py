@@ -27,6 +27,7 @@ class Situation:
         seed: of policies that draw.
         part_only: nobody asks where the part is, only which one.
         part_open: which part it is was asked for and is not known yet.
+        feature: name of one that has to keep the tolerance instead of the corners.
     """
 
     belief: Belief
@@ -38,6 +39,7 @@ class Situation:
     seed: int
     part_only: bool = False
     part_open: bool = False
+    feature: str | None = None
 
     def travel(self) -> FloatArray:
         """From where the probe is to the start of every candidate ``(C,)`` [m]; none before the first reading."""

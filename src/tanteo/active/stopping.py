@@ -8,12 +8,13 @@ import numpy as np
 from scipy.special import entr
 
 from tanteo.active.belief import Belief
+from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.samples import even_normals
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_length
 from tanteo.matching.belief import without_spin
-from tanteo.matching.verdict import corner_moves, observed_covariance
+from tanteo.matching.verdict import observed_covariance
 from tanteo.typing import FloatArray
 
 _SAMPLES = 2048
@@ -32,8 +33,11 @@ class Stop:
 
     Attributes:
         probability: of one part, whatever its pose.
-        tolerance: that all corners of the part's box are to be within [m].
+        tolerance: that all corners of the part's box are to be within, or the feature [m].
         confidence: with which they are.
+        feature: one feature that has to keep the tolerance instead of the corners, ``face 3``, ``edge 4`` or
+            ``vertex 2``: a face along its normal, an edge across itself. Of parts that have none of that name, the
+            corners.
         least_gain: information below which no reading is worth making [nats], but to confirm what is known but for
             "none of these", and where the readings that may still be made tell what little is left to know.
         most: number of readings at which to end in any case.
@@ -44,6 +48,7 @@ class Stop:
     confidence: float = 0.95
     least_gain: float = 0.02
     most: int = 100
+    feature: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("probability", "confidence"):
@@ -52,6 +57,12 @@ class Stop:
                 raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Say 0.99.")
         if self.tolerance is not None:
             check_length("tolerance", self.tolerance, LEAST_SD)
+        if self.feature is not None:
+            check_feature(self.feature)
+            if self.tolerance is None:
+                raise InputError(
+                    f"feature: expected a tolerance with '{self.feature}', got none. Say tolerance=0.5e-3."
+                )
         if self.most < 1 or not self.least_gain >= 0:
             raise InputError("most, least_gain: expected a reading at least, and no negative information.")
 
@@ -68,14 +79,17 @@ class Stop:
                 return ""
             words.append(f"it is {name} ({_short(P[k])})")
         if self.tolerance is not None:
-            inside = chance_within(belief, self.tolerance)
+            inside = self.chance(belief)
             if inside < self.confidence:
                 return ""
-            words.append(
-                f"every corner of {name} is within {1e3 * self.tolerance:.3g} mm of where it is said to be "
-                f"({_short(inside)})"
-            )
+            places = places_of(belief.start.targets[k].part, self.feature)
+            what = f"every corner of {name}" if places.feature is None else places.name
+            words.append(f"{what} is within {1e3 * self.tolerance:.3g} mm of where it is said to be ({_short(inside)})")
         return " and ".join(words)
+
+    def chance(self, belief: Belief) -> float:
+        """That the corners, or the feature, are within the tolerance; NaN where none is asked for."""
+        return float("nan") if self.tolerance is None else chance_within(belief, self.tolerance, self.feature)
 
     def knows_part(self, belief: Belief) -> bool:
         """Whether it is known well enough which part it is; always, where nobody asks."""
@@ -93,7 +107,7 @@ class Stop:
         allowed = 1 - self.probability * rest / belief.of_parts().max()
         if allowed <= 0 or (readings + 1) * belief.unknown > allowed * self.most:
             return False
-        return self.tolerance is None or chance_within(belief, self.tolerance) >= self.confidence * rest
+        return self.tolerance is None or self.chance(belief) >= self.confidence * rest
 
     def settles(self, belief: Belief, gain: float, left: int) -> bool:
         """Whether so many readings, each of which tells little, would tell what is not known yet: part and place.
@@ -111,19 +125,22 @@ class Stop:
         known = belief.of_parts() if self.tolerance is None else belief.weights
         if gain * left < entr(np.append(known, belief.unknown)).sum():
             return False
-        return self.tolerance is None or (
-            chance_within(belief, self.tolerance) >= self.confidence * float(belief.weights.max())
-        )
+        return self.tolerance is None or self.chance(belief) >= self.confidence * float(belief.weights.max())
 
 
 def _short(p: float) -> str:
     return f"P = {p:.4f}" if p < 0.9999 else "P > 0.9999"
 
 
-def chance_within(belief: Belief, tolerance: float) -> float:
-    """Probability that all corners of the part's box are within a tolerance [m] of where the best mode puts them.
+def chance_within(belief: Belief, tolerance: float, feature: str | None = None) -> float:
+    """Probability that all corners of the part's box are within a tolerance of where the best mode puts them.
 
     Other modes of the same part count as far as they put the corners there too; symmetric poses are one.
+
+    Args:
+        belief: what is known.
+        tolerance: how far off they may be [m].
+        feature: name of one that is to be within it instead, see :class:`Stop`.
     """
     if not len(belief.weights):
         return 0.0
@@ -133,7 +150,7 @@ def chance_within(belief: Belief, tolerance: float) -> float:
     total = 0.0
     for k, n in zip(same, counts, strict=True):
         Ts, w = _poses(belief, int(k), int(n))
-        total += float(belief.weights[k] * np.average(corner_distances(belief, best, Ts) <= tolerance, weights=w))
+        total += float(belief.weights[k] * np.average(_distances(belief, best, Ts, feature) <= tolerance, weights=w))
     return total
 
 
@@ -157,7 +174,12 @@ def corner_distances(belief: Belief, k: int, Ts: FloatArray) -> FloatArray:
         k: the mode.
         Ts: poses of the same part ``(S, 4, 4)``.
     """
-    return np.asarray(np.linalg.norm(_corners_moved(belief, k, Ts)[0], axis=-1).max(axis=-1))
+    return _distances(belief, k, Ts)
+
+
+def _distances(belief: Belief, k: int, Ts: FloatArray, feature: str | None = None) -> FloatArray:
+    moved = _moved(belief, k, Ts, places_of(belief.target(k).part, feature))[0]
+    return np.asarray(np.linalg.norm(moved, axis=-1).max(axis=-1))
 
 
 def worst_corner(belief: Belief) -> float:
@@ -171,24 +193,26 @@ def worst_corner(belief: Belief) -> float:
     best = int(np.argmax(belief.weights))
     part, same = belief.target(best).part, np.flatnonzero(belief.part == belief.part[best])
     w = belief.weights[same] / belief.weights[same].sum()
-    moved, R = _corners_moved(belief, best, belief.poses[same])
-    J = R[:, None] @ corner_moves(part)
+    places = places_of(part)
+    moved, R = _moved(belief, best, belief.poses[same], places)
+    J = R[:, None] @ places.moves
     C = np.stack([observed_covariance(part, belief.covariances[k]) for k in same])[:, None]
     off = moved - np.tensordot(w, moved, 1)
     whole = np.tensordot(w, J @ C @ np.swapaxes(J, -1, -2) + off[..., :, None] * off[..., None, :], 1)
     return float(np.sqrt(np.linalg.eigvalsh(whole).max().clip(0.0)))
 
 
-def _corners_moved(belief: Belief, k: int, Ts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """From where mode ``k`` has the corners to where poses have them, in its frame ``(S, 8, 3)``; how these are turned.
+def _moved(belief: Belief, k: int, Ts: FloatArray, places: Places) -> tuple[FloatArray, FloatArray]:
+    """From where mode ``k`` has the places to where poses have them, in its frame ``(S, K, 3)``; how these are turned.
 
-    Of poses that symmetry makes equal, the one at which the worst corner moves least.
+    Of poses that symmetry makes equal, the one at which the worst place moves least.
     """
     part = belief.target(k).part
-    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
     gaps = SE3.inverse(belief.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
     if part.symmetry.continuous:
         gaps = without_spin(part, gaps)
-    moved = SE3.apply(gaps[..., None, :, :], corners) - corners
+    moved = SE3.apply(gaps[..., None, :, :], places.points) - places.points
+    if places.feature is not None:
+        moved = (places.across @ moved[..., None])[..., 0]
     least, rows = np.linalg.norm(moved, axis=-1).max(axis=-1).argmin(axis=0), np.arange(len(Ts))
     return moved[least, rows], gaps[least, rows, :3, :3]

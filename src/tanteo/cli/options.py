@@ -16,7 +16,7 @@ TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 _TYPED_AS = {
     "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
     "as_published": "--as-published", "priors, clutter": "--strays", "table, sd": "--table", "prior, box": "--box",
-    "prior, T_world_part": "--near", "prior, covariance": "--near",
+    "prior, T_world_part": "--near", "prior, covariance": "--near", "feature": "--feature",
 }  # fmt: skip
 """Names in messages of what an option says, and the option."""
 

@@ -43,11 +43,11 @@ def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
     planes, edges = part.planes, part.edges
     return [
         (
-            "plane",
+            "planar face",
             ["area cm2", "normal x", "y", "z", "centre x mm", "y", "z"],
             [
-                [str(i), f"{area * 1e4:.4g}", *_unit(n), *_mm(c)]
-                for i, (area, n, c) in enumerate(zip(planes.areas, planes.normals, planes.centroids, strict=True))
+                [part.faces[f].name, f"{area * 1e4:.4g}", *_unit(n), *_mm(c)]
+                for f, area, n, c in zip(planes.faces, planes.areas, planes.normals, planes.centroids, strict=True)
             ],
         ),
         (

@@ -9,6 +9,7 @@ import typer
 from tanteo.cli.completing import robot_names, sensor_names
 from tanteo.cli.prior_options import Near
 from tanteo.cli.reporting_option import Report
+from tanteo.cli.session_options import Feature
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
@@ -27,6 +28,7 @@ def plan(
         str | None, typer.Option("--tolerance", metavar="LENGTH", help="Of the corners of the part's box, as 0.2mm.")
     ] = None,
     confidence: Annotated[float, typer.Option("--confidence", help="With which the corners keep it.")] = 0.95,
+    feature: Feature = None,
     sensor: Annotated[
         str | None,
         typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.", autocompletion=sensor_names),
@@ -68,8 +70,8 @@ def plan(
     with guarded():
         with misuse():
             options = PlanOptions.read(
-                part=part, distinguish=distinguish or [], tolerance=tolerance, confidence=confidence, sensor=sensor,
-                sd=sd, robot=robot, near=near, approach=approach, standoff=standoff, clearance=clearance, most=most,
-                units=units, csv=csv, seed=seed,
+                part=part, distinguish=distinguish or [], tolerance=tolerance, confidence=confidence, feature=feature,
+                sensor=sensor, sd=sd, robot=robot, near=near, approach=approach, standoff=standoff, clearance=clearance,
+                most=most, units=units, csv=csv, seed=seed,
             )  # fmt: skip
         run_plan(options, report, as_json=json)

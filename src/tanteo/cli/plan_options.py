@@ -23,8 +23,9 @@ class PlanOptions:
 
     Attributes:
         parts: one CAD file, or two to tell apart.
-        tolerance: of the corners [m]; NaN for telling apart.
+        tolerance: of the corners, or of the feature [m]; NaN for telling apart.
         confidence: with which they keep it.
+        feature: name of the one to place instead of the corners, if any.
         probe: what senses.
         near: rough pose of the part; None for that of its file, roughly.
         most: readings at most.
@@ -36,6 +37,7 @@ class PlanOptions:
     parts: tuple[str, ...]
     tolerance: float
     confidence: float
+    feature: str | None
     probe: Probe
     near: PosePrior | None
     most: int
@@ -51,6 +53,7 @@ class PlanOptions:
         distinguish: Sequence[str],
         tolerance: str | None,
         confidence: float,
+        feature: str | None,
         sensor: str | None,
         sd: str | None,
         robot: str | None,
@@ -68,6 +71,7 @@ class PlanOptions:
         Raises:
             InputError: the first one that cannot be meant, named as on the command line.
         """
+        from tanteo.active import check_feature
         from tanteo.cli.options import read_unit
         from tanteo.io.units import parse_length
 
@@ -80,7 +84,11 @@ class PlanOptions:
                 f"--distinguish: expected two parts, got {distinguish[0]} twice. Poses of one part are told apart by a "
                 "session (tanteo sense part --image)."
             )
-        unused = [f"--{n}" for n, v in (("tolerance", tolerance), ("near", near), ("csv", csv)) if v is not None]
+        unused = [
+            f"--{n}"
+            for n, v in (("tolerance", tolerance), ("feature", feature), ("near", near), ("csv", csv))
+            if v is not None
+        ]
         if distinguish and unused:
             raise InputError(f"{', '.join(unused)}: expected with --part, got it with --distinguish. Leave it out.")
         if part is not None and tolerance is None:
@@ -92,10 +100,13 @@ class PlanOptions:
         length = np.nan if tolerance is None else parse_length(tolerance, "--tolerance")
         if length <= 0:
             raise InputError(f"--tolerance: expected a positive length, got '{tolerance}'. Write it as 0.2mm.")
+        if feature is not None:
+            check_feature(feature)
         return cls(
             parts=tuple(distinguish) if part is None else (part,),
             tolerance=length,
             confidence=confidence,
+            feature=feature,
             probe=_probe(sensor, sd, robot, approach, standoff, clearance),
             near=read_pose_prior(None, None, near, None),
             most=most,

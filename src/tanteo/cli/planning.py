@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 
+from tanteo.cli.options import misuse_of_options
 from tanteo.cli.plan_options import PlanOptions
 from tanteo.cli.printing import bold, emit, printable, put, table
 from tanteo.cli.prior_options import prior_words
@@ -42,10 +43,11 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
     from tanteo.surface_search import prepare_target
 
     T, C = _rough(parts[0], options.near)
-    found = plan(
-        at_pose(prepare_target(parts[0]), T, C), options.probe, options.tolerance, options.confidence, options.most,
-        options.seed,
-    )  # fmt: skip
+    with misuse_of_options():
+        found = plan(
+            at_pose(prepare_target(parts[0]), T, C), options.probe, options.tolerance, options.confidence, options.most,
+            options.seed, options.feature,
+        )  # fmt: skip
     if options.csv is not None:
         _write(options.csv, plan_csv(found))
     if as_json:
@@ -80,6 +82,7 @@ def _write(path: str, text: str) -> None:
 
 def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
     """The lines for a person."""
+    worst = plan.feature or "worst corner"
     if options.near is None:
         spread = f"{1e3 * _ROUGH[0]:g} mm and {np.degrees(_ROUGH[1]):g} deg"
         before = f"with its frame at the world's, to {spread} (say --near for another pose)"
@@ -89,7 +92,7 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
         bold(printable(plan.message)),
         f"  sensor      {options.probe.name}",
         f"  from        {_allowed(options.probe)}",
-        f"  part        {printable(plan.part)}, {before}: worst corner {1e3 * plan.before:.3g} mm, 1 sd",
+        f"  part        {printable(plan.part)}, {before}: {worst} {1e3 * plan.before:.3g} mm, 1 sd",
         "",
     ]
     rows = [
@@ -99,12 +102,12 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
             _three(r.direction, 3),
             _three(1e3 * r.point, 1),
             r.face,
-            f"{1e3 * r.worst_corner_sd:.3g}",
+            f"{1e3 * r.sd:.3g}",
             f"{r.within:.3f}",
         )
         for n, r in enumerate(plan.readings, 1)
     ]
-    headers = ("", "from (mm)", "along", "meets (mm)", "face", "worst corner sd (mm)", "P(within)")
+    headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{worst} sd (mm)", "P(within)")
     return (
         [*lines, *table(headers, rows, left=(4,)), "", "Frame: world. Each row is after its reading."]
         if rows

@@ -11,6 +11,7 @@ from tanteo.cli.reporting_option import Report
 from tanteo.cli.session_options import (
     CameraFile,
     Confidence,
+    Feature,
     ImageFile,
     MarksFile,
     MeshUnits,
@@ -123,6 +124,7 @@ def sense_part(
     policy: PolicyName = "information",
     probability: Probability = 0.99,
     tolerance: Tolerance = None,
+    feature: Feature = None,
     confidence: Confidence = 0.95,
     most: Most = 100,
     standoff: Standoff = None,
@@ -151,7 +153,8 @@ def sense_part(
     with guarded():
         with misuse():
             options = read_part_options(
-                policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, most=most,
+                policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
+                most=most,
                 standoff=standoff, seed=seed, units=units,
             )  # fmt: skip
         known = read_pose_prior(None, None, near, prior)

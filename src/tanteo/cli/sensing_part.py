@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
-from tanteo.cli.options import MisuseError
+from tanteo.cli.options import MisuseError, misuse_of_options
 from tanteo.cli.part_live import shown_live
 from tanteo.cli.part_record import kept, write
 from tanteo.cli.printing import emit, printable, put
@@ -54,6 +54,7 @@ def read_part_options(
     probability: float,
     tolerance: str | None,
     confidence: float,
+    feature: str | None,
     most: int,
     standoff: str | None,
     seed: int | None,
@@ -80,7 +81,9 @@ def read_part_options(
     within = None if tolerance is None else parse_length(tolerance, "--tolerance")
     if within is not None and not within > 0:
         raise InputError(f"--tolerance: expected a positive length, got '{tolerance}'. Write it as 2mm.")
-    stop = Stop(probability=probability, tolerance=within, confidence=confidence, most=most)
+    if feature is not None and within is None:
+        raise InputError(f"--feature: expected --tolerance with '{feature}', got none. Say --tolerance 0.5mm.")
+    stop = Stop(probability=probability, tolerance=within, confidence=confidence, most=most, feature=feature)
     unit = None if units is None else read_unit(units)
     return PartOptions(policy, stop, read_standoff(standoff), seed, unit)
 
@@ -117,7 +120,8 @@ def sense_unknown(
     start = seen_or_rough(scene, parts, known, view)
     if start is None:
         nothing_seen(as_json=as_json)
-    session, robot, rules = prepare_run(scene, start, options)
+    with misuse_of_options():
+        session, robot, rules = prepare_run(scene, start, options)
     with kept(session, record), shown_live(verbose=verbose) as watch:
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())

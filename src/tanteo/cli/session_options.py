@@ -17,6 +17,12 @@ Tolerance = Annotated[
     str | None,
     typer.Option("--tolerance", metavar="LENGTH", help="Go on until all corners are placed within it, as 2mm."),
 ]
+Feature = Annotated[
+    str | None,
+    typer.Option(
+        "--feature", metavar="NAME", help="Place this instead of the corners: 'face 3', 'edge 4' or 'vertex 2'."
+    ),
+]
 Confidence = Annotated[float, typer.Option("--confidence", help="With which they are.")]
 Most = Annotated[int, typer.Option("--most", help="Readings after which to stop in any case.")]
 MeshUnits = Annotated[

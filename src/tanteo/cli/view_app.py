@@ -10,6 +10,7 @@ from tanteo.cli.prior_options import Near, PriorPath
 from tanteo.cli.session_options import (
     CameraFile,
     Confidence,
+    Feature,
     ImageFile,
     MarksFile,
     MeshUnits,
@@ -36,6 +37,7 @@ def view(
     policy: PolicyName = "information",
     probability: Probability = 0.99,
     tolerance: Tolerance = None,
+    feature: Feature = None,
     confidence: Confidence = 0.95,
     most: Most = 100,
     standoff: Annotated[
@@ -64,7 +66,8 @@ def view(
         with misuse():
             check_view(record, scene, parts or [], port)
             options = read_part_options(
-                policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, most=most,
+                policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
+                most=most,
                 standoff=standoff, seed=seed, units=units,
             )  # fmt: skip
         require_viser()

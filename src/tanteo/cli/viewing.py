@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tanteo.cli.options import misuse_of_options
 from tanteo.cli.printing import emit, progress
 from tanteo.cli.running import read_all_parts
 from tanteo.cli.sensing_part import PartOptions, nothing_seen, prepare_run, seen_or_rough
@@ -127,7 +128,8 @@ def _handed(scene: SceneFile, start: Start, options: PartOptions) -> Show:
     from tanteo.simulator import Scene
     from tanteo.viewer import hand_show
 
-    session, robot, rules = prepare_run(scene, start, options)
+    with misuse_of_options():
+        session, robot, rules = prepare_run(scene, start, options)
     known = Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None
     truth = tuple(s for s in scene.scene.solids if s not in scene.furniture)
     return hand_show(session, robot, rules, truth, scene.furniture, known, scene.cell.robot)

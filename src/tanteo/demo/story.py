@@ -17,6 +17,7 @@ from tanteo.hand import Workspace
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3, SO3
 from tanteo.matching import Priors
+from tanteo.matching.verdict import box_corners
 from tanteo.parts import Part
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
@@ -68,7 +69,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Told:
     say("")
     say(answer.message)
     moved = SE3.inverse(T) @ answer.hypotheses[0].T_world_part
-    corners = np.stack(np.meshgrid(*targets[name].part.box.T), axis=-1).reshape(8, 3)
+    corners = box_corners(targets[name].part)
     off = np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max()
     say(f"It was {name}, and its worst corner is {1e3 * off:.2f} mm from where it truly is.")
     random = _session(start, "random", seed)

@@ -6,6 +6,7 @@ import numpy as np
 
 from tanteo.active import Belief, Start
 from tanteo.lie import SE3
+from tanteo.matching.verdict import box_corners
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.typing import FloatArray, IntArray, Transforms
 
@@ -67,7 +68,7 @@ def _distances(target: Target, Ts: Transforms, points: FloatArray) -> FloatArray
 
 def _spread(target: Target, Ts: Transforms, most: int) -> Transforms:
     """At most so many of some poses, each the one whose corners are farthest from those of the ones before."""
-    corners = SE3.apply(Ts[:, None], np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3))
+    corners = SE3.apply(Ts[:, None], box_corners(target.part))
     chosen, gaps = [0], np.full(len(Ts), np.inf)
     while True:
         np.minimum(gaps, np.linalg.norm(corners - corners[chosen[-1]], axis=-1).max(axis=1), out=gaps)

@@ -8,6 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.matching.verdict import box_corners
 from tanteo.surface_search import Target
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
@@ -63,5 +64,5 @@ class Occupied:
 
 def _reach(target: Target, T: Transforms) -> FloatArray:
     """Corners of the box in the world outside of which the part is farther away than :data:`FAR` ``(2, 3)`` [m]."""
-    corners = SE3.apply(T, np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3))
+    corners = SE3.apply(T, box_corners(target.part))
     return np.stack([corners.min(axis=0) - FAR, corners.max(axis=0) + FAR])

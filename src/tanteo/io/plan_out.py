@@ -24,16 +24,18 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
             "expected_point_m": numbers(r.point),
             "face": r.face,
             "worst_corner_sd_m": float(r.worst_corner_sd),
+            **({} if plan.feature is None else {"feature_sd_m": float(r.feature_sd)}),
             "within_tolerance": float(r.within),
         }
         for n, r in enumerate(plan.readings, 1)
     ]
     covariance = plan.readings[-1].covariance if plan.readings else None
+    before = "worst_corner_sd_before_m" if plan.feature is None else "feature_sd_before_m"
     return _dumped({
         "schema": "tanteo.plan/1", "version": tanteo.__version__, "part": plan.part, "reached": plan.reached,
         "message": plan.message, "tolerance_m": tolerance, "confidence": confidence,
         "pose": {"frame": "world", "matrix": numbers(plan.T_world_part)},
-        "worst_corner_sd_before_m": float(plan.before), "readings": rows,
+        "feature": plan.feature, before: float(plan.before), "readings": rows,
         "covariance": None if covariance is None else covariance_document(covariance),
     })  # fmt: skip
 
@@ -43,14 +45,16 @@ def plan_csv(plan: Plan) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     out.write(f"# {plan.message}\n# x y z: expected surface point; start: from where; world frame\n")
+    own = [] if plan.feature is None else ["feature_sd_mm"]
     writer.writerow([
         "number", "start_x_mm", "start_y_mm", "start_z_mm", "dx", "dy", "dz", "x_mm", "y_mm", "z_mm", "face",
-        "worst_corner_sd_mm", "within_tolerance",
+        "worst_corner_sd_mm", *own, "within_tolerance",
     ])  # fmt: skip
     for n, r in enumerate(plan.readings, 1):
         mm = [f"{1e3 * v:.4f}" for v in (*r.origin, *r.point)]
         d = [f"{v:.6f}" for v in r.direction]
-        writer.writerow([n, *mm[:3], *d, *mm[3:], r.face, f"{1e3 * r.worst_corner_sd:.4f}", f"{r.within:.4f}"])
+        sds = [f"{1e3 * v:.4f}" for v in (r.worst_corner_sd, r.feature_sd)[: 1 + len(own)]]
+        writer.writerow([n, *mm[:3], *d, *mm[3:], r.face, *sds, f"{r.within:.4f}"])
     return out.getvalue()
 
 

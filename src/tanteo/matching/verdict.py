@@ -184,12 +184,21 @@ def corner_sd(part: Part, covariance: Covariances) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
 
 
+def box_corners(part: Part) -> FloatArray:
+    """Corners of the part's box ``(8, 3)``, in the part frame [m]."""
+    return np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
+
+
 def corner_moves(part: Part) -> FloatArray:
     """How the corners of the part's box move with its pose ``(8, 3, 6)``, in the part frame."""
-    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
-    J = np.zeros((8, 3, 6))
+    return point_moves(box_corners(part))
+
+
+def point_moves(points: FloatArray) -> FloatArray:
+    """How points of the part frame ``(K, 3)`` move with its pose ``(K, 3, 6)``."""
+    J = np.zeros((len(points), 3, 6))
     J[:, :, :3] = np.eye(3)
-    x, y, z = corners.T
+    x, y, z = points.T
     J[:, 0, 4], J[:, 0, 5], J[:, 1, 3], J[:, 1, 5], J[:, 2, 3], J[:, 2, 4] = z, -y, -z, x, y, -x
     return J
 

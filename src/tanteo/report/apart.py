@@ -9,6 +9,7 @@ import numpy as np
 
 from tanteo.active import Distinction, Probe
 from tanteo.lie import SE3
+from tanteo.matching.verdict import box_corners
 from tanteo.parts import Part
 from tanteo.report.answered import switch_row
 from tanteo.report.html import Html, element, join, table
@@ -75,9 +76,7 @@ def _scene(found: Distinction, parts: Sequence[Part]) -> dict[str, Any]:
     there = np.isfinite(found.ranges)
     points = found.origin + found.ranges[there, None] * found.direction
     starts = np.repeat(found.origin[None], len(points), axis=0)
-    corners = [
-        SE3.apply(T, np.stack(np.meshgrid(*p.box.T), axis=-1).reshape(8, 3)) for T, p in zip(Ts, parts, strict=True)
-    ]
+    corners = [SE3.apply(T, box_corners(p)) for T, p in zip(Ts, parts, strict=True)]
     seen = np.concatenate([*corners, starts])
     centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     names = [name for name, ok in zip(found.parts, there, strict=True) if ok]

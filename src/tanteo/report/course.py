@@ -81,7 +81,7 @@ def _corners(session: Session) -> Html:
     places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
     leaders = ["", *(names[s.part] if s.part >= 0 else "" for s in steps)]
     said = tuple(f"after {p}: {v:.3g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
-    tolerance = session.stop.tolerance
+    tolerance = session.stop.tolerance if session.stop.feature is None else None
     goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
     scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
     label = f"Standard deviation of the worst corner after {len(steps)} answers, {values[-1]:.3g} mm at last."

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
+from tanteo.matching.verdict import box_corners
 from tanteo.parts import Part
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.figures import pose_figures
@@ -33,7 +34,7 @@ def plan_page(plan: Plan, part: Part, probe: Probe, tolerance: float, confidence
         plan: The plan.
         part: Its part.
         probe: What senses.
-        tolerance: Of the corners of the part's box [m].
+        tolerance: Of the corners of the part's box, or of the feature [m].
         confidence: With which they are to keep it.
         run: Where it comes from.
     """
@@ -57,14 +58,14 @@ def _front(
     ghost = f"ghosts: off by 1, 2 and 3 sd after the last{times(enlarged)}"
     x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
     facts = [
-        ("Goal", f"all corners within {length(tolerance)}, with {percent(confidence)}"),
-        ("Worst corner before, 1 sd", length(plan.before)),
+        ("Goal", f"{_all(plan)} within {length(tolerance)}, with {percent(confidence)}"),
+        (f"{_worst(plan).capitalize()} before, 1 sd", length(plan.before)),
     ]
     if plan.readings:
         last = plan.readings[-1]
         facts += [
-            (f"Worst corner after {n} reading{'s' * (n > 1)}, 1 sd", length(last.worst_corner_sd)),
-            ("All corners within the tolerance then", percent(last.within)),
+            (f"{_worst(plan).capitalize()} after {n} reading{'s' * (n > 1)}, 1 sd", length(last.sd)),
+            (f"{_all(plan).capitalize()} within the tolerance then", percent(last.within)),
         ]
     facts += [
         ("Sensor", probe.name),
@@ -79,23 +80,24 @@ def _front(
 
 def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     """What each reading brings, as curves and as a table."""
+    of_what = plan.feature or "the worst corner of the part's box"
     lead = (
-        "How well the worst corner of the part's box is expected to be known, one standard deviation, and how probably "
-        "all corners are within the tolerance: before the first reading and after each. The order is the one in which "
-        "they help most; the first ones hardly show before six directions are fixed."
+        f"How well {of_what} is expected to be known, one standard deviation, and how probably {_all(plan)} "
+        f"{'is' if plan.feature else 'are'} within the tolerance: before the first reading and after each. The order "
+        "is the one in which they help most; the first ones hardly show before enough directions are fixed."
     )
     places = ["before", *(str(k) for k in range(1, len(plan.readings) + 1))]
-    sds = MM * np.array([plan.before, *(r.worst_corner_sd for r in plan.readings)])
+    sds = MM * np.array([plan.before, *(r.sd for r in plan.readings)])
     within = np.array([np.nan, *(r.within for r in plan.readings)])
     words = ["before", *(f"after {k}" for k in places[1:])]
-    sd = Curve("worst corner, 1 sd", sds, tuple(f"{w}: {v:.3g} mm" for w, v in zip(words, sds, strict=True)))
+    sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.3g} mm" for w, v in zip(words, sds, strict=True)))
     chance = Curve(
-        "all corners within the tolerance", within,
+        f"{_all(plan)} within the tolerance", within,
         tuple(f"{w}: {percent(v)}" for w, v in zip(words, within, strict=True)),
     )  # fmt: skip
     charts = [
         curve_chart(
-            f"Standard deviation of the worst corner over {len(plan.readings)} readings, {sds[-1]:.3g} mm at last.",
+            f"Standard deviation of {of_what} over {len(plan.readings)} readings, {sds[-1]:.3g} mm at last.",
             [sd], lengths_scale(np.r_[sds, MM * tolerance]), places,
             (MM * tolerance, f"tolerance, {length(tolerance)}"),
         ),
@@ -105,7 +107,8 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
         ),
     ]  # fmt: skip
     headers = (
-        "", "meets", "worst corner, 1 sd [mm]", "P(within)", "from x, y, z [mm]", "along", "meets it at x, y, z [mm]",
+        "", "meets", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "from x, y, z [mm]", "along",
+        "meets it at x, y, z [mm]",
     )  # fmt: skip
     rows = [_row(n, r) for n, r in enumerate(plan.readings, 1)]
     note = element("p", "Frame: world. Each row is after its reading.", class_="note")
@@ -114,9 +117,18 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     )
 
 
+def _worst(plan: Plan) -> str:
+    """Whose deviation counts, where it is largest."""
+    return plan.feature or "worst corner"
+
+
+def _all(plan: Plan) -> str:
+    return plan.feature or "all corners"
+
+
 def _row(n: int, r: PlannedReading) -> tuple[str, ...]:
     return (
-        str(n), r.face, f"{MM * r.worst_corner_sd:.3g}", percent(r.within), _three(MM * r.origin, 1),
+        str(n), r.face, f"{MM * r.sd:.3g}", percent(r.within), _three(MM * r.origin, 1),
         _three(r.direction, 3), _three(MM * r.point, 1),
     )  # fmt: skip
 
@@ -132,7 +144,7 @@ def _figures(plan: Plan) -> Section:
 
 def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
     T = plan.T_world_part
-    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3) @ T[:3, :3].T + T[:3, 3]
+    corners = box_corners(part) @ T[:3, :3].T + T[:3, 3]
     arrows = _arrows(plan)
     points = np.array([r.point for r, _ in arrows]).reshape(-1, 3)
     way = points - np.array([r.origin for r, _ in arrows]).reshape(-1, 3)
@@ -174,4 +186,4 @@ def _arrows(plan: Plan) -> list[tuple[PlannedReading, list[int]]]:
 def _said(plan: Plan, numbers: Sequence[int]) -> str:
     r = plan.readings[numbers[0] - 1]
     name = f"reading {numbers[0]}" if len(numbers) == 1 else f"readings {', '.join(map(str, numbers))}"
-    return f"{name}: {r.face}; worst corner {length(r.worst_corner_sd)} after {numbers[0]}"
+    return f"{name}: {r.face}; {_worst(plan)} {length(r.sd)} after {numbers[0]}"

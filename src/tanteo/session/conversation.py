@@ -18,7 +18,7 @@ from tanteo.active import (
     Start,
     Stop,
     begin,
-    chance_within,
+    check_feature,
     propose,
     update,
     worst_corner,
@@ -69,6 +69,8 @@ class Session:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise InputError(f"seed: expected 0 or more, got {self.seed}. Use 0.")
+        if self.stop.feature is not None:
+            check_feature(self.stop.feature, [target.part for target in self.start.targets])
         self._belief = begin(self.start)
 
     @property
@@ -148,7 +150,7 @@ class Session:
         part_only = stop.tolerance is None and stop.probability is not None
         known = stop.knows_part(belief)
         values = belief, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
-        return Situation(*values, part_only=part_only, part_open=not known)
+        return Situation(*values, part_only=part_only, part_open=not known, feature=stop.feature)
 
     def refuse(self, action: Action) -> None:
         """The reading cannot be made, or was in vain: readings near it are not asked for again."""
@@ -240,7 +242,7 @@ class Session:
         else:
             k = int(np.argmax(b.weights))
             T, part, C = b.poses[k], int(b.part[k]), b.covariances[k]
-            inside = np.nan if self.stop.tolerance is None else chance_within(b, self.stop.tolerance)
+            inside = self.stop.chance(b)
         sd = worst_corner(b)
         return Step(tuple(ids), self._asked, b.of_parts(), b.unknown, T, part, C, sd, float(inside), note)
 

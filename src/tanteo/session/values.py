@@ -155,7 +155,7 @@ class Step:
         part: index of its part; -1 if no part explains the readings.
         covariance: of that pose ``(6, 6)``.
         worst_corner_sd: largest standard deviation of a corner of that part's box, over all poses that it may have [m].
-        within: probability that all corners are within the tolerance; NaN without one.
+        within: probability that all corners, or the feature, are within the tolerance; NaN without one.
         note: what a person should know; empty for nothing.
     """
 

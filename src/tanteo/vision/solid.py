@@ -15,6 +15,7 @@ from scipy.special import logsumexp
 
 from tanteo.lie import SE3
 from tanteo.matching.results import Recognition
+from tanteo.matching.verdict import box_corners
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
@@ -84,7 +85,7 @@ def see_anywhere(
 
 def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
     """Those poses that have the whole part in front of the camera."""
-    corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(-1, 3)
+    corners = box_corners(part)
     depths = T_camera_part[:, 2, :3] @ corners.T + T_camera_part[:, 2, 3:]
     return T_camera_part[np.all(depths > 0, axis=1)]
 
