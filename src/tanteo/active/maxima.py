@@ -16,7 +16,8 @@ from tanteo.matching.prior import PosePrior, prior_residuals, prior_rows
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.distinct import SAME_MAXIMUM
 from tanteo.surface_search.polish import Polished, polish
-from tanteo.surface_search.search import Effort, first_poses
+from tanteo.surface_search.refine import refine
+from tanteo.surface_search.search import Effort, first_poses, narrowing
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 NEGLIGIBLE = 12.0
@@ -51,8 +52,10 @@ def fresh(start: Start, part: int, touches: Touches, widely: bool = False) -> tu
     effort = _WIDELY if widely else _EFFORT
     target, raw = start.targets[part], start.drawn(part, effort.poses)
     own = np.flatnonzero(start.part == part)
-    known = partial(prior_rows, PosePrior(start.Ts[own[0]], start.covariances[own[0]]), target.part)
-    Ts, _ = first_poses(touches, [raw], target, effort, known if len(own) == 1 else None)
+    rough = partial(prior_rows, PosePrior(start.Ts[own[0]], start.covariances[own[0]]), target.part)
+    known = rough if len(own) == 1 else None
+    Ts, _ = first_poses(touches, [raw], target, effort, known)
+    Ts, _ = refine(touches, Ts, target, narrowing(touches, target), 0.0, known)  # else exact readings look astray
     return Ts, _likeliest(start, part, Ts)
 
 

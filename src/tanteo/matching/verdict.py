@@ -18,6 +18,9 @@ CONFIDENCE = 0.95
 _NAMED = 5
 """So many parts are named in a message, the rest are counted."""
 
+_SAME = 1e-3
+"""Relative difference of figures up to which two parts fit alike: rounding of their files, another frame."""
+
 _RESISTS = 0.3
 """A face resists a motion if the motion moves it along its normal by this share of the most it could."""
 
@@ -44,13 +47,13 @@ def verdict(
         alpha: least p-value of an answer.
         cut: whether the search dropped something.
         as_published: the paper has no joint test, so the p-value does not reject.
-        worst: what contradicts the best hypothesis most, in words.
+        worst: what contradicts the best hypothesis most, in words; empty if no reading is far off.
         shares: part and probability of all modes, where not all of them are hypotheses.
         prior_p: p-value of what was known of the pose beforehand, asked by itself, of a part that fits without it:
             among many readings that agree with each other the joint test does not see it.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
-    if hypotheses and prior_p < SUSPECT:
+    if hypotheses and (prior_p < SUSPECT or (hypotheses[0].p_value < alpha and prior_p < alpha and not worst)):
         return "unknown", (
             f"The closest part is {hypotheses[0].part}, but it is not where it was said to be (p = {prior_p:.2g}): "
             "check what was said of the pose beforehand, or leave it out and compare." + note
@@ -66,7 +69,8 @@ def verdict(
         )
     if best.unobserved:
         help_ = best.advice or "sense a face or an edge that resists it"
-        return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} stays free: {help_}." + note
+        stays = "stays" if len(best.unobserved) == 1 else "stay"
+        return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} {stays} free: {help_}." + note
     if best.probability < CONFIDENCE:
         return "ambiguous", _ambiguous_message(hypotheses, unknown, shares) + note
     return "recognized", f"{best.part}, located to {1e3 * best.worst_corner_sd:.2g} mm (1 sd, worst corner)." + note
@@ -85,8 +89,10 @@ def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
 def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float, shares: Sequence[tuple[str, float]]) -> str:
     best, *others = hypotheses
     alike = [h for h in others if _fit_alike(best, h)]
-    if any((h.part, h.file) == (best.part, best.file) for h in alike):
+    itself = [h for h in alike if (h.part, h.file) == (best.part, best.file)]
+    if any(np.allclose(h.T_world_part, best.T_world_part, rtol=0.0, atol=1e-9) for h in itself):
         return f"{best.part} was given more than once, and no reading can tell it from itself: leave the others out."
+    alike = [h for h in alike if h not in itself]
     same = f" {best.part} and {alike[0].part} fit exactly alike: if they are one part, leave one out." if alike else ""
     shares = shares or [(h.part, h.probability) for h in hypotheses]
     names = list(dict.fromkeys([hypotheses[0].part, *(name for name, P in shares if P > 0.01)]))
@@ -100,10 +106,9 @@ def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float, share
 
 
 def _fit_alike(one: Hypothesis, other: Hypothesis) -> bool:
-    """Whether two hypotheses differ in nothing but the part: at one pose, as likely, as well explained."""
-    if not np.allclose(one.T_world_part, other.T_world_part, rtol=0.0, atol=1e-9):
-        return False
-    return bool(np.allclose([one.probability, one.chi2], [other.probability, other.chi2], rtol=1e-6))
+    """Whether two hypotheses differ in nothing but the part and, it may be, its frame: as likely, as well explained."""
+    first, second = ([h.probability, h.chi2, h.rms] for h in (one, other))
+    return bool(np.allclose(first, second, rtol=_SAME, atol=1e-9))
 
 
 def excuse(

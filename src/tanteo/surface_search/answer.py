@@ -16,6 +16,7 @@ from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
 from tanteo.matching.verdict import corner_sd, part_scale, spins, without_spins
+from tanteo.surface_search.explained import chi_square
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.polish import polish
@@ -51,9 +52,10 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
     covariance = mode.covariance + _common_tolerance(touches, mode, faces)
     belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
     known = prior_rows(pose, part, T[None])[0][0]
-    chi2 = float(np.sum(found.residuals[k, belongs] ** 2) + np.sum(found.z[k] ** 2) + np.sum(known**2))
+    chi2, fixed = chi_square(found, k)
+    chi2 += float(np.sum(found.z[k] ** 2) + np.sum(known**2))
     named = pose is not None and pose.T_world_part is not None  # a rough pose names one of the spins, too
-    dof = int(belongs.sum()) + len(known) - (6 - len(free)) - (len(spins(part)) if named else 0)
+    dof = fixed + len(known) + len(free) - (len(spins(part)) if named else 0)
     return hypothesis_at(
         part,
         T,

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from tanteo.fitting import SUSPECT
+from tanteo.localization import pose_information
 from tanteo.matching.evidence import log_sum
 from tanteo.matching.verdict import CONFIDENCE
 from tanteo.surface_search.polish import Polished
@@ -38,7 +39,7 @@ def explained(found: Polished, clutter: float) -> bool:
     strays, n = int(np.sum(found.belongs[0] <= 0.5)), found.belongs.shape[1]
     if so_many(strays, n, clutter) <= _STRAYS:
         return False
-    chi2, dof = _chi_square(found)
+    chi2, dof = chi_square(found, 0)
     return bool(dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE)
 
 
@@ -65,17 +66,34 @@ def scatter(found: Sequence[tuple[Target, Polished]]) -> float:
     if np.exp(mass.max() - log_sum(mass)) < CONFIDENCE:
         return 1.0
     best = found[int(np.argmax(mass))][1]
-    chi2, dof = _chi_square(best)
+    chi2, dof = _of_points(best)
     if dof < _ENOUGH or chdtrc(dof, chi2) > SUSPECT:
         return 1.0
     ratio = float(np.sqrt(chi2 / dof))
     return ratio if ratio <= _MOST_SCATTER else 1.0
 
 
-def _chi_square(found: Polished) -> tuple[float, int]:
-    """Of the readings that the best pose explains, and its degrees of freedom."""
+def chi_square(found: Polished, k: int) -> tuple[float, int]:
+    """Of the readings that a pose explains, points and sensed normals, and its degrees of freedom if none is free.
+
+    Args:
+        found: maxima.
+        k: which of them.
+    """
+    belongs, tilts = found.belongs[k] > 0.5, found.tilts[k]
+    chi2 = float(np.sum(found.residuals[k, belongs] ** 2) + np.sum(tilts[belongs] ** 2))
+    return chi2, int(belongs.sum()) + 2 * int(np.count_nonzero(tilts[belongs])) - 6
+
+
+def _of_points(found: Polished) -> tuple[float, float]:
+    """The same of the points alone at the best pose, which sensed normals help to fix: fewer of them are used up."""
     belongs = found.belongs[0] > 0.5
-    return float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum()) - 6
+    chi2, n = float(np.sum(found.residuals[0, belongs] ** 2)), int(belongs.sum())
+    if not found.tilts[0].any():
+        return chi2, n - 6
+    J = found.rows[0, belongs]
+    used = np.trace(J @ np.linalg.pinv(pose_information(found.information[0]), rcond=1e-12, hermitian=True) @ J.T)
+    return chi2, n - float(np.clip(used, 0.0, 6.0))
 
 
 def log_mass(target: Target, found: Polished, rows: IntArray | None = None) -> float:

@@ -44,6 +44,7 @@ class Polished:
         belongs: probability that each reading is on the surface ``(S, n)``.
         residuals: distance from the surface in standard deviations ``(S, n)``.
         distances: the same in metres ``(S, n)``.
+        tilts: of sensed normals against the surface's, in standard deviations ``(S, n)``; 0 where none was sensed.
         rows: derivative of the standardised residuals by the pose ``(S, n, 6)``.
         kin: log odds of an object that is only like the part, at this pose, before their priors ``(S,)``.
         groups: groups of readings whose first poses led here, a bit each ``(S,)``.
@@ -56,6 +57,7 @@ class Polished:
     belongs: FloatArray
     residuals: FloatArray
     distances: FloatArray
+    tilts: FloatArray
     rows: FloatArray
     kin: FloatArray
     groups: IntArray
@@ -101,8 +103,10 @@ def polish(
     if priors.pose is None or priors.pose.covariance is None:  # a rough pose resists the spin of a round part too
         information = without_spins(target.part, information)
     log = log + pose_volume(information, pose_scale(priors.radius, target.part.centroid))
-    n = len(touches)
-    return Polished(Ts, z, A, log, at.belongs, at.r[:, :n], at.distances, at.J[:, :n, :6], at.log_kin - at.log, groups)
+    n, tilts = len(touches), np.zeros(at.distances.shape)
+    tilts[:, touches.oriented] = np.linalg.norm(at.r[:, n:].reshape(len(Ts), (at.r.shape[1] - n) // 3, 3), axis=2)
+    r, J = at.r[:, :n], at.J[:, :n, :6]
+    return Polished(Ts, z, A, log, at.belongs, r, at.distances, tilts, J, at.log_kin - at.log, groups)
 
 
 def from_blurred(touches: Touches, free: FreePaths, found: Polished, target: Target, priors: Priors) -> Polished:

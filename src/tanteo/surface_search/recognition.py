@@ -37,6 +37,9 @@ _CLOSE = "the readings lie so close together that other places may look like it:
 _BARELY = 2.0
 """Readings that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
 
+_REMARKABLE = 2.0
+"""A reading that is off by fewer standard deviations is not what contradicts a pose."""
+
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
 
@@ -157,10 +160,13 @@ def _shares(modes: Sequence[Mode]) -> list[tuple[str, float]]:
 
 
 def _worst(touches: Touches, mode: Mode) -> str:
-    """The reading that agrees least among those that are on the part."""
-    off = np.abs(mode.found.residuals[mode.k]) * (mode.found.belongs[mode.k] > 0.5)
-    i = int(np.argmax(off))
-    return f"reading {touches.ids[i]}, {off[i]:.1f} sd off" if off[i] > 0 else ""
+    """The reading, or sensed normal, that agrees least among those on the part; empty if none is far off."""
+    found, k = mode.found, mode.k
+    off = np.stack([np.abs(found.residuals[k]), found.tilts[k]]) * (found.belongs[k] > 0.5)
+    tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
+    if off[tilted, i] < _REMARKABLE:
+        return ""
+    return f"{'the normal of ' if tilted else ''}reading {touches.ids[i]}, {off[tilted, i]:.1f} sd off"
 
 
 def _mostly_on(best: Hypothesis, unknown: float) -> bool:

@@ -120,12 +120,12 @@ def search(
     bits, start = np.int64(1) << (number + np.arange(len(groups))), prior_starts(priors.pose)
     Ts = np.concatenate([start, Ts])
     origin = np.concatenate([np.full(len(start), bits.sum()), bits[origin]])
-    Ts, cost = refine(some, Ts, target, _narrowing(some, target), 0.0, beforehand, effort.astray)
+    Ts, cost = refine(some, Ts, target, narrowing(some, target), 0.0, beforehand, effort.astray)
     Ts, origin = _met(some, Ts, cost[:, 0], origin, target)
     found = _maxima(polish(touches, free, Ts, target, priors, groups=origin), target)
     if len(groups[0]) == 2:
         found = _maxima(found.join(from_blurred(touches, free, found, target, priors)), target)
-    turned, origin = turned_about(some, found, target, _narrowing(some, target))
+    turned, origin = turned_about(some, found, target, narrowing(some, target))
     if len(turned):
         others = polish(touches, free, turned, target, priors, groups=origin)
         known = np.repeat([0, -1], [len(found.Ts), len(others.Ts)])
@@ -207,10 +207,14 @@ def _scored(
     ]
 
 
-def _narrowing(touches: Touches, target: Target) -> FloatArray:
-    """Scales of the exact steps: from the error that the grid leaves down to the noise, halved or so at each.
+def narrowing(touches: Touches, target: Target) -> FloatArray:
+    """Scales of the exact steps after :func:`first_poses`: from the error that the grid leaves down to the noise.
 
-    Not below what shared errors do to the readings, which settle later.
+    Halved or so at each; not below what shared errors do to the readings, which settle later.
+
+    Args:
+        touches: the readings.
+        target: the part.
     """
     end = max(3.0, bend(touches))
     start = max(5 / 3 * end, GRID_SD * target.field.step / float(np.median(touches.sd)))
