@@ -82,7 +82,7 @@ def test_facets_of_a_round_part_do_not_fix_its_spin(tmp_path, monkeypatch):
     spin = part_scale(target.part) @ spins(target.part)[0]
     feigned = 1e3 * np.outer(spin, spin)
     found.information[0] += feigned
-    monkeypatch.setattr(modes, "posterior_moments", lambda density, T, z, information: seen.append(information))
+    monkeypatch.setattr(modes, "posterior_moments", lambda density, T, z, information, *_: seen.append(information))
     _weighed(touches, no_paths(), Mode(target, found, 0, 0.0), Priors(radius=0.1))
     assert spin @ found.information[0] @ spin > 1.0
     assert np.abs(seen[0] @ spin).max() < 1e-6

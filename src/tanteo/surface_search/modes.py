@@ -16,7 +16,8 @@ from tanteo.matching.prior import alike
 from tanteo.matching.verdict import off_spins, part_scale, spins, without_spins
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import Moments, posterior_moments
-from tanteo.surface_search.polish import Polished
+from tanteo.surface_search.near_edges import REACH
+from tanteo.surface_search.polish import Polished, information_of_readings
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import Covariances, FloatArray, Tangents
@@ -158,9 +159,23 @@ def _weighed(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> M
         keep[:6, :6] = off_spins(target.part)
         information = keep.T @ information @ keep
     density = partial(_density, touches, free, target, priors)
-    moments = posterior_moments(density, found.Ts[k], found.z[k], information)
+    brittle = _near_edges(touches, mode, priors)
+    moments = posterior_moments(density, found.Ts[k], found.z[k], information, brittle)
     log = mode.log_mass + (0.0 if moments is None else moments.log_mass)
     return Mode(target, found, k, log, moments)
+
+
+def _near_edges(touches: Touches, mode: Mode, priors: Priors) -> FloatArray | None:
+    """Information on the pose that is of readings near edges ``(6, 6)``; None if there is none."""
+    target, found, k = mode.target, mode.found, mode.k
+    T, z = found.Ts[[k]], found.z[[k]]
+    p = SE3.apply(SE3.inverse(T[0]), touches.points + touches.gains @ z[0])
+    near = target.borders.near(p, REACH * touches.sd) & (touches.radii < touches.sd)
+    if not near.any():
+        return None
+    own = information_of_readings(touches, T, z, target, priors)[0, near].sum(axis=0)
+    keep = off_spins(target.part) if target.part.symmetry.continuous else np.eye(6)
+    return np.asarray(keep.T @ own @ keep)
 
 
 def _density(

@@ -5,11 +5,15 @@ then skewed, cut or flat, and the inverse of the curvature at its highest point 
 and between the axes of the supposed ellipsoid tell whether that is so. If a normal density with other moments fits
 them, it is taken; else the moments come from weighted draws (adaptive importance sampling with a heavy-tailed
 proposal, Ionides' truncated weights while it adapts).
+
+Where readings near edges alone resist a motion, the highest point may be a peak on a plain: a bar that was touched
+around its side is held along its axis by the last touch, to a tenth of a millimetre at the peak and by nothing for many
+millimetres beyond, a nat or two lower. Along such motions the density is followed as far as it goes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -23,6 +27,9 @@ from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 LogDensity = Callable[[Transforms, FloatArray], FloatArray]
 """Log posterior density, up to a constant, at poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)``."""
 
+_Proposal = tuple[FloatArray, FloatArray]
+"""Mean and factor of the covariance of a density that is drawn from."""
+
 _PROBED = 2.0
 """The density is looked at this far along each axis of the ellipsoid, and at draws from it."""
 
@@ -31,6 +38,15 @@ _NORMAL = 0.2
 
 _ALIKE = 1.7
 """No variance may be larger than supposed by more than this if a normal density is to be believed beyond there."""
+
+_BRITTLE = 0.9
+"""Share of the information along a motion that readings near edges may have before it is followed to its end."""
+
+_FAR = 2.0 ** np.arange(1, 11)
+"""So far it is followed both ways, in standard deviations of the peak."""
+
+_BEYOND, _FAINT = 0.05, np.exp(-6.0)
+"""Mass beyond the second place over that of the peak from which the peak is not all; density where the plain ends."""
 
 _DRAWS, _ROUNDS, _TAIL = 400, 10, 6
 """Draws in each round, rounds at most, and degrees of freedom of the proposal."""
@@ -59,7 +75,9 @@ class Moments:
     log_mass: float
 
 
-def posterior_moments(log_density: LogDensity, T: Transforms, z: FloatArray, information: FloatArray) -> Moments | None:
+def posterior_moments(
+    log_density: LogDensity, T: Transforms, z: FloatArray, information: FloatArray, brittle: FloatArray | None = None
+) -> Moments | None:
     """Moments about a maximum; None if the normal approximation holds, or if nothing better was found.
 
     Args:
@@ -67,6 +85,7 @@ def posterior_moments(log_density: LogDensity, T: Transforms, z: FloatArray, inf
         T: the maximum ``(4, 4)``.
         z: whitened shared errors there ``(D,)``.
         information: over pose and shared errors ``(6 + D, 6 + D)``; directions without any are left alone.
+        brittle: what of it, on the pose, is of readings near edges alone ``(6, 6)``; None for nothing.
     """
     d = np.diag(information)
     scale = 1 / np.sqrt(np.r_[np.full(3, d[:3].max()), np.full(3, d[3:6].max()), d[6:]])
@@ -85,10 +104,39 @@ def posterior_moments(log_density: LogDensity, T: Transforms, z: FloatArray, inf
     d = axes.shape[1]
     u = np.concatenate([np.zeros((1, d)), _PROBED * np.eye(d), -_PROBED * np.eye(d), _scattered(d)])
     log = at(u)
-    if not np.isfinite(log[0]) or _agree(u, log - log[0] + 0.5 * np.sum(u * u, axis=1)):
+    if not np.isfinite(log[0]):
         return None
-    found = _fitted(u, log - log[0]) or _sampled(at, d, float(log[0]))
+    plains = [] if brittle is None else _plains(at, axes[:6].T @ brittle @ axes[:6], float(log[0]))
+    if not plains and _agree(u, log - log[0] + 0.5 * np.sum(u * u, axis=1)):
+        return None
+    found = (None if plains else _fitted(u, log - log[0])) or _sampled(at, d, float(log[0]), plains)
     return None if found is None else _as_moments(axes, *found)
+
+
+def _plains(at: Callable[[FloatArray], FloatArray], brittle: FloatArray, peak: float) -> list[_Proposal]:
+    """Means and factors of the plains that the peak stands on, one for each motion that leads along one.
+
+    Args:
+        at: log density in the coordinates of the ellipsoid.
+        brittle: share of the information there that is of readings near edges ``(d, d)``.
+        peak: log density at the middle.
+    """
+    values, vectors = np.linalg.eigh(brittle)
+    ways = vectors[:, values > _BRITTLE].T
+    if not len(ways):
+        return []
+    t = np.concatenate([-_FAR[::-1], _FAR])
+    with np.errstate(over="ignore"):
+        density = np.exp(np.minimum(at((ways[:, None] * t[:, None]).reshape(-1, len(brittle))) - peak, 50.0))
+    out = []
+    for way, f in zip(ways, density.reshape(len(ways), len(t)), strict=True):
+        far = np.abs(t) > _PROBED
+        if np.sum(np.abs(np.gradient(t))[far] * f[far]) < _BEYOND * np.sqrt(2 * np.pi):
+            continue
+        low, high = t[f > _FAINT].min(initial=-_PROBED), t[f > _FAINT].max(initial=_PROBED)
+        C = np.eye(len(brittle)) + ((high - low) ** 2 / 12 - 1) * np.outer(way, way)
+        out.append((0.5 * (low + high) * way, np.asarray(np.linalg.cholesky(C), dtype=np.float64)))
+    return out
 
 
 def _agree(u: FloatArray, off: FloatArray) -> bool:
@@ -122,18 +170,21 @@ def _scattered(d: int) -> FloatArray:
 
 
 def _sampled(
-    at: Callable[[FloatArray], FloatArray], d: int, peak: float
+    at: Callable[[FloatArray], FloatArray], d: int, peak: float, plains: Sequence[_Proposal] = ()
 ) -> tuple[FloatArray, FloatArray, float] | None:
     """Mean and covariance in the coordinates of the ellipsoid, and log mass; None if too few draws count.
 
-    Every round draws from what the rounds before it found; all draws count in the end, each weighed against the
-    mixture of all proposals (Cornuet et al. 2012, adaptive multiple importance sampling).
+    First rounds draw from the ellipsoid and along each plain, further ones from what those before found; all draws
+    count in the end, each weighed against the mixture of all proposals (Cornuet et al. 2012, adaptive multiple
+    importance sampling).
     """
-    mean, C = np.zeros(d), np.eye(d)
     us, logs = np.zeros((0, d)), np.zeros(0)
-    proposals: list[tuple[FloatArray, FloatArray]] = []
+    first: list[_Proposal] = [(np.zeros(d), np.eye(d)), *plains]
+    proposals: list[_Proposal] = []
+    mean, C = first[0]
     for normal, spread in _draws(d):
-        L = np.asarray(np.linalg.cholesky(C), dtype=np.float64)
+        k = len(proposals)
+        mean, L = first[k] if k < len(first) else (mean, np.asarray(np.linalg.cholesky(C), dtype=np.float64))
         proposals.append((mean, L))
         u = mean + (normal * spread[:, None]) @ L.T
         us, logs = np.concatenate([us, u]), np.concatenate([logs, at(u) - peak])
@@ -143,7 +194,7 @@ def _sampled(
         mean, C = _weighted(us, np.minimum(w, w.mean() * np.sqrt(len(w))))
         C = C + 1e-6 * np.trace(C) / d * np.eye(d)
         change = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, C).T))
-        if len(proposals) >= _LEAST_ROUNDS and change[0] > 1 / _STEADY and change[-1] < _STEADY:
+        if len(proposals) >= _LEAST_ROUNDS + len(plains) and change[0] > 1 / _STEADY and change[-1] < _STEADY:
             break
     if w.sum() ** 2 < _LEAST * np.sum(w**2):
         return None
