@@ -48,9 +48,9 @@ def explains_all(found: Polished) -> bool:
     return explained(found, clutter=0.0)
 
 
-def leaves_one_of_few(found: Polished | None) -> bool:
+def leaves_one_of_few(found: Polished | None, few: float = _FEW) -> bool:
     """Whether the best pose leaves a reading aside of so few that one astray may have hidden a better pose."""
-    return found is not None and found.belongs.shape[1] < _FEW and bool(np.any(found.belongs[:1] <= 0.5))
+    return found is not None and found.belongs.shape[1] < few and bool(np.any(found.belongs[:1] <= 0.5))
 
 
 def scatter(found: Sequence[tuple[Target, Polished]]) -> float:

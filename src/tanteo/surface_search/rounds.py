@@ -19,6 +19,7 @@ from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.regions import groups_of_regions
 from tanteo.surface_search.search import LEAST_ORIENTED, effort_for, groups_of, search
+from tanteo.surface_search.shared_start import bend
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray, IntArray, Transforms
@@ -31,6 +32,9 @@ _GROUPS = 2
 
 _ROUNDS, _HOPELESS_ROUNDS = 6, 4
 """Rounds at most; and where nothing explains the readings."""
+
+_BENT = 10.0
+"""Shared errors that bend the readings by more standard deviations may hide the right pose from first poses."""
 
 _DETERMINES = 6
 """Readings without normals that can fix a pose; fewer leave a direction free however long one searches."""
@@ -124,7 +128,7 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
             wide, again = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
             if any(s.maxima is not None and explains_all(s.maxima) for s in again):
                 touches, searches = wide, again
-        left = _unfinished(searches, left, k, priors)
+        left = _unfinished(searches, left, k, priors, bend(touches) > _BENT)
         if not left:
             break
     touches, searches = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
@@ -139,7 +143,17 @@ def _once(searches: Sequence[Search]) -> float:
 def _round(touches: Touches, free: FreePaths, s: Search, priors: Priors, k: int) -> Polished:
     number = 0 if k == 0 else k + _GROUPS - 1
     some = s.groups[:_GROUPS] if k == 0 else (s.groups[number % len(s.groups)],)
-    return search(touches, free, s.target, priors, effort_for(touches, s.target, k), some, number)
+    effort = effort_for(touches, s.target, k)
+    if k == 0 or bend(touches) <= _BENT:
+        return search(touches, free, s.target, priors, effort, some, number)
+    z = _supposed(touches, k)
+    one, other = (search(touches, free, s.target, priors, effort, some, number, way * z) for way in (1.0, -1.0))
+    return distinct_maxima(one.join(other), s.target)
+
+
+def _supposed(touches: Touches, k: int) -> FloatArray:
+    """Whitened shared errors ``(D,)`` that round ``k`` supposes: another draw of them in each, the same every time."""
+    return np.asarray(np.random.default_rng((1991, k)).normal(size=touches.gains.shape[-1]))
 
 
 def _found(searches: Sequence[Search]) -> list[tuple[Target, Polished]]:
@@ -173,14 +187,13 @@ def _widened(
     return wide, again
 
 
-def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors) -> list[int]:
-    """Parts to search again after round ``k``."""
+def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors, bent: bool) -> list[int]:
+    """Parts to search again after round ``k``; shared errors may bend the readings far more than their noise."""
     if not any(s.maxima is not None and explained(s.maxima, priors.clutter) for s in searches):
         return left if k + 1 < _HOPELESS_ROUNDS else []
     mass = np.array([s.log_mass for s in searches])
     best = int(np.argmax(mass))
-    doubtful = k == 0 and leaves_one_of_few(
-        searches[best].maxima
-    )  # the next round looks for poses that fit but for one
+    # the next round looks for poses that fit but for one; further ones suppose other errors that readings share
+    doubtful = (k == 0 or bent) and leaves_one_of_few(searches[best].maxima, *([np.inf] if bent else []))
     total = log_sum(mass)
     return [i for i in left if searches[i].log_once > total + np.log(_MISSING) or (doubtful and i == best)]

@@ -98,6 +98,7 @@ def search(
     effort: Effort,
     groups: Sequence[tuple[int, ...]],
     number: int = 0,
+    z: FloatArray | None = None,
 ) -> Polished:
     """The distinct maxima of the likelihood of one part that are found from some groups of readings, best first.
 
@@ -111,11 +112,13 @@ def search(
         effort: how widely to search, for each group.
         groups: readings from which first poses are made: three, or two with normals.
         number: of the first group, for :attr:`Polished.groups`.
+        z: whitened shared errors ``(D,)`` that are supposed for the first poses; none if not given.
     """
-    some = touches.take(np.linspace(0, len(touches) - 1, min(len(touches), _ENOUGH)).astype(np.int64))
+    supposed = touches if z is None else touches.supposing(z)
+    some = supposed.take(np.linspace(0, len(touches) - 1, min(len(touches), _ENOUGH)).astype(np.int64))
     beforehand = partial(prior_rows, priors.pose, target.part) if priors.pose else None
     make = pair_poses if len(groups[0]) == 2 else triple_poses
-    raw = [make(touches, group, target, effort.poses) for group in groups]
+    raw = [make(supposed, group, target, effort.poses) for group in groups]
     Ts, origin = first_poses(some, raw, target, effort, beforehand)
     bits, start = np.int64(1) << (number + np.arange(len(groups))), prior_starts(priors.pose)
     Ts = np.concatenate([start, Ts])

@@ -61,6 +61,10 @@ class Touches:
         """The same with that many times the noise."""
         return replace(self, covs=ratio**2 * self.covs, sd=ratio * self.sd)
 
+    def supposing(self, z: FloatArray) -> Touches:
+        """The same if the whitened shared errors ``(D,)`` were about these: where the readings are then."""
+        return replace(self, points=self.points + self.gains @ z)
+
     def take(self, rows: IntArray) -> Touches:
         """Some of the readings."""
         arrays = {
