@@ -1,4 +1,4 @@
-"""Errors that all readings share, sixty times their noise: first poses are found with other suppositions of them, too."""
+"""Shared errors of sixty times the noise: first poses are made with other suppositions of them, too."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def square_on(target, rng, n=25):
     return touches_of(points, SD, gains=gains), T
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3, 7])
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_pose_that_an_offset_of_sixty_times_the_noise_feigns_is_not_the_answer(seed):
     """An offset along the hand's way looks like a part that is larger: poses 10 mm off leave few readings aside."""
     target = prepare_target(read_part(PARTS / "bracket_left.step"))
