@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal, norm
 
-from bare_scenes import box_centred_pose, nees, no_paths, surface_points, touches_of
+from bare_scenes import beams, box_centred_pose, nees, no_paths, surface_points, touches_of
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.surface_search import prepare_target
 from tanteo.surface_search.cover import covered
+from tanteo.surface_search.likelihood import explain
 from tanteo.surface_search.modes import weigh
 from tanteo.surface_search.near_edges import near_edges
 from tanteo.surface_search.polish import polish
@@ -289,3 +290,21 @@ def test_a_face_that_a_normal_tells_costs_how_far_past_its_border_the_reading_is
     tilt = -0.5 * (m[across] / 0.5) ** 2 - np.log(2 * np.pi * 0.5**2)
     other = norm.logpdf(1.6 * sd, scale=sd) + tilt - 0.5 * 0.8**2
     assert found.log[0] + np.log(block.part.area) == pytest.approx(other, abs=1e-3)
+
+
+def test_a_reading_is_as_far_off_as_its_likelihood_makes_it(parts):
+    """Noise 3 mm beside the beam and 0.3 mm along it: the face that a point is nearest to may be the wrong one."""
+    target, rng = prepare_target(parts["bracket_left"]), np.random.default_rng(5)
+    p, d = beams(target, 3000, rng)
+    near = target.borders.near(p, np.full(len(p), 3e-3))
+    p, d = p[near], d[near]
+    covs = 9e-6 * (np.eye(3) - d[:, :, None] * d[:, None]) + 9e-8 * d[:, :, None] * d[:, None]
+    points = p + np.einsum("nij,nj->ni", np.linalg.cholesky(covs), rng.normal(size=p.shape))
+    touches = replace(touches_of(points, 3e-3, directions=d), covs=covs)
+    T, z, priors = np.eye(4)[None], np.zeros((1, 0)), Priors(radius=target.part.radius)
+    found, nearest = polish(touches, no_paths(), T, target, priors, 0), explain(touches, T, z, target, priors).r[0]
+    on, gate = found.belongs[0] > 0.5, chi2.ppf(0.99, 1)
+    assert on.mean() > 0.95
+    assert np.all(np.abs(found.residuals[0]) <= np.abs(nearest) + 1e-12)
+    assert np.mean(found.residuals[0, on] ** 2 > gate) < 0.02
+    assert np.abs(nearest[on]).max() > 5 > 4 > np.abs(found.residuals[0, on]).max()

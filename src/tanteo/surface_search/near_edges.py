@@ -40,6 +40,8 @@ class NearEdges:
         log: log density if the reading is on the part ``(k,)``.
         gradient: of it by pose and shared errors ``(k, 6 + D)``.
         resistance: information of it given the faces, never negative ``(k, 6 + D, 6 + D)``.
+        off: how far it is off all of the faces together, in standard deviations ``(k,)``: as a normal density would
+            have to be to fall as much below that of a reading in the middle of the likeliest face.
     """
 
     poses: IntArray
@@ -47,6 +49,7 @@ class NearEdges:
     log: FloatArray
     gradient: FloatArray
     resistance: FloatArray
+    off: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +84,11 @@ def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors, near
         nearest: the triangle nearest to each ``(S, n)``.
     """
     seen = _seen(touches, target, R, p, nearest)
-    return None if seen is None else NearEdges(seen.poses, seen.readings, *_mixture(seen, touches, R))
+    if seen is None:
+        return None
+    log, gradient, resistance = _mixture(seen, touches, R)
+    off = np.sqrt(np.maximum(2 * (seen.log.max(axis=1) - log), 0.0))
+    return NearEdges(seen.poses, seen.readings, log, gradient, resistance, off)
 
 
 def log_near_edges(

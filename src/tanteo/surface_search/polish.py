@@ -42,7 +42,8 @@ class Polished:
         information: over pose and shared errors ``(S, 6 + D, 6 + D)``, priors included.
         log_evidence: density of all readings, pose integrated out by Laplace's approximation ``(S,)``.
         belongs: probability that each reading is on the surface ``(S, n)``.
-        residuals: distance from the surface in standard deviations ``(S, n)``.
+        residuals: distance from the surface in standard deviations ``(S, n)``; of readings near edges no more than
+            their likelihood, which knows all faces there, makes of it.
         distances: the same in metres ``(S, n)``.
         tilts: of sensed normals against the surface's, in standard deviations ``(S, n)``; 0 where none was sensed.
         rows: derivative of the standardised residuals by the pose ``(S, n, 6)``.
@@ -105,7 +106,10 @@ def polish(
     log = log + pose_volume(information, pose_scale(priors.radius, target.part.centroid))
     n, tilts = len(touches), np.zeros(at.distances.shape)
     tilts[:, touches.oriented] = np.linalg.norm(at.r[:, n:].reshape(len(Ts), (at.r.shape[1] - n) // 3, 3), axis=2)
-    r, J = at.r[:, :n], at.J[:, :n, :6]
+    r, J = np.array(at.r[:, :n]), at.J[:, :n, :6]
+    if at.edges is not None:
+        there = at.edges.poses, at.edges.readings
+        r[there] = np.clip(r[there], -at.edges.off, at.edges.off)
     return Polished(Ts, z, A, log, at.belongs, r, at.distances, tilts, J, at.log_kin - at.log, groups)
 
 
