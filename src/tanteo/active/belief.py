@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tanteo.active.maxima import NEGLIGIBLE, Maxima, climbed, fresh
+from tanteo.active.maxima import NEGLIGIBLE, Maxima, climbed, fresh, thorough
 from tanteo.active.start import Start
 from tanteo.active.weighing import MATTERS, PartModes, weigh_parts
 from tanteo.lie import SE3
@@ -29,6 +29,9 @@ _DRAWS, _OF_NORMAL = 96, 1 / 8
 
 _DOUBT = 0.2
 """Probability of "none of these" from which all parts are looked at anew."""
+
+_MANY = 6
+"""So many readings that are told at once can fix a pose by themselves: then parts are looked at thoroughly."""
 
 _SURE = 0.99
 """Probability of a part at which all others are looked at anew, once."""
@@ -117,7 +120,8 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
         free: all paths so far on which nothing was met.
     """
     start, searched = before.start, np.flatnonzero(before.of_parts() > MATTERS)
-    found = _climbed(start, *_alive(before), touches, free, searched)
+    known = 0 if before.touches is None else len(before.touches)
+    found = _climbed(start, *_alive(before), touches, free, searched, many=len(touches) >= known + _MANY)
     log_anywhere = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
     log_anywhere += len(free.origins) * np.log1p(-start.priors.clutter)
     weighed = weigh_parts(start, found, touches, free, log_anywhere)
@@ -150,15 +154,17 @@ def _climbed(
     free: FreePaths,
     searched: IntArray,
     widely: bool = False,
+    many: bool = False,
 ) -> list[Maxima]:
-    """Maxima of every part that has a pose, or is searched: looked at anew."""
+    """Maxima of every part that has a pose, or is searched: looked at anew, thoroughly if many readings are new."""
     found = []
     for k in range(len(start.targets)):
         own = start.part[rows] == k
         poses, at = Ts[own], rows[own]
         if len(touches) and k in searched:
-            more, row = fresh(start, k, touches, widely)
-            poses, at = np.concatenate([poses, more]), np.concatenate([at, row])
+            looks = [fresh(start, k, touches, widely), *([thorough(start, k, touches, free)] if many else [])]
+            poses = np.concatenate([poses, *(more for more, _ in looks)])
+            at = np.concatenate([at, *(row for _, row in looks)])
         if len(poses):
             found.append(climbed(start, k, poses, at, touches, free, k in searched))
     return found
