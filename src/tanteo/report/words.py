@@ -27,7 +27,9 @@ def headline(answer: Recognition) -> str:
         return f"It is {best.part}, located to {MM * best.worst_corner_sd:.2g} mm."
     if answer.status == "insufficient":
         free = " and ".join(best.unobserved) or "a direction"
-        return f"{best.part} fits, but it is not located: {free} {'stay' if len(best.unobserved) > 1 else 'stays'} free."
+        return (
+            f"{best.part} fits, but it is not located: {free} {'stay' if len(best.unobserved) > 1 else 'stays'} free."
+        )
     if answer.status == "unknown":
         return f"Probably none of these parts; the nearest is {best.part}."
     likely = list(dict.fromkeys(h.part for h in answer.hypotheses if h.probability > 0.01)) or [best.part]
