@@ -13,7 +13,7 @@ from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, t
 from tanteo.active import Candidates, Stop, around, begin, update
 from tanteo.errors import InputError
 from tanteo.parts import read_part
-from tanteo.sensors import Readings
+from tanteo.sensors import Readings, concatenate
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Done, Sensing
 from tanteo.session.answer import answered
@@ -98,6 +98,86 @@ def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
     session.put(replace(theirs, number=own.number + 6))  # of another session: no number comes twice
     session.put(None)
     assert session.ask().number == own.number + 7
+
+
+def free_beam(name, origin=(0.5, 0.5, 0.5)):
+    """A reading that nobody asked for."""
+    return Readings.from_columns(
+        np.array([origin]), ids=[name], directions=np.array([[0.0, 0.0, 1.0]]), is_free=np.array([True]),
+        max_ranges=np.array([0.1]),
+    )  # fmt: skip
+
+
+def test_only_its_answer_ends_the_wait_of_a_question(targets):
+    """Late, repeated and unasked readings are told while a robot is on its way."""
+    session = new_session(rough(targets))
+    first = session.ask()
+    reading = first.read(true_range(targets[0], np.eye(4), first))
+    assert session.tell(reading).action is first
+    second = session.ask()
+    for other in (free_beam("theirs"), reading):
+        assert session.tell(other).action is None
+        assert session.ask() is second
+    late = first.read(0.9 * first.expected, name="late")
+    assert session.tell(late, first).action is first
+    assert session.ask() is second
+    assert session.tell(late, second).ids == ()  # nothing new answers nothing
+    assert session.ask() is second
+    assert session.tell(second.read(second.expected)).action is second
+    assert session.asked is None
+    assert session.ask().number == 3
+
+
+def known_by(how, action):
+    """The answer to a question as one hand or another tells it."""
+    whole = action.read(action.expected, name="mine")
+    return {
+        "beam": whole,
+        "free": action.read(np.inf, name="mine"),
+        "touch": Readings.from_columns(whole.points, ids=["mine"], directions=whole.directions),
+        "name": Readings.from_columns(whole.points + 1e-3, ids=[action.name]),
+        "one of several": concatenate([free_beam("beside"), whole]),
+        "rounded": replace(whole, points=whole.points.round(7), directions=whole.directions + 1e-7),
+    }[how]
+
+
+@pytest.mark.parametrize("how", ["beam", "free", "touch", "name", "one of several", "rounded"])
+def test_an_answer_is_known_by_its_beam_or_its_name(targets, how):
+    session = new_session(rough(targets))
+    action = session.ask()
+    assert session.tell(known_by(how, action)).action is action
+    assert session.asked is None
+
+
+def test_a_reading_of_another_beam_answers_only_by_word(targets):
+    session = new_session(rough(targets))
+    action = session.ask()
+    one, n = action.read(action.expected, name="mine"), action.direction
+    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    behind = action.origin - 0.01 * n
+    others = [
+        replace(one, points=one.points + 1e-3 * across, ids=("beside",)),
+        replace(one, ranges=one.ranges + 1e-3, ids=("from farther off",)),
+        Readings.from_columns(behind[None], ids=["behind"], directions=n[None]),
+        Readings.from_columns(one.points, ids=["bare point"]),
+    ]
+    for other in others:
+        assert session.tell(other).action is None
+        assert session.asked is action
+    assert session.tell(replace(one, points=one.points + 2e-3, ids=("near",)), action).action is action
+    assert session.asked is None
+
+
+def test_only_the_question_that_waits_is_dropped_when_it_is_refused(targets):
+    session = new_session(rough(targets))
+    first = session.ask()
+    session.put(None)
+    second = session.ask()
+    session.refuse(first)
+    assert session.ask() is second
+    session.refuse(replace(second))  # as it is read from a record
+    assert session.asked is None
+    assert session.refused[0] is first
 
 
 def test_extra_readings_are_taken_and_told_ones_left_out(targets):
@@ -212,6 +292,12 @@ def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     k, T = drawn_truth(start, rng)
     session = new_session(start, seed=seed, tolerance=1e-6, most=1000, least_gain=0.0)
     tell_anything(session, targets[k], T, rng, 6)
+
+
+def test_the_most_that_was_asked_for_is_said_as_it_was(targets):
+    session = new_session(rough(targets), most=2)
+    session.tell(concatenate([free_beam(f"f{k}", (0.5, 0.5, 0.1 * k)) for k in range(3)]))
+    assert session.ask().why == "2 readings were asked for at most, and 3 were made."
 
 
 def test_a_part_out_of_reach_is_said(targets):
