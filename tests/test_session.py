@@ -13,6 +13,7 @@ from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, t
 from tanteo.active import Candidates, Stop, around, begin, update
 from tanteo.errors import InputError
 from tanteo.parts import read_part
+from tanteo.report.words import headline
 from tanteo.sensors import Readings, concatenate
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Done, Sensing
@@ -238,21 +239,42 @@ def test_nothing_is_enough_before_a_reading_met_a_part(targets):
     assert session.answer().status == "insufficient"
 
 
-def test_two_parts_are_ambiguous_however_little_was_asked_for():
-    """Readings on what both steps have, and a goal that half a probability reaches."""
+def two_steps(weights, **stop):
+    """Readings on what both steps have: nothing but what was known beforehand tells which it is."""
     first, second = (prepare_target(read_part(PARTS / f"step_{n}mm.step")) for n in (12, 15))
     start = around([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
-    start = replace(start, Ts=np.stack([np.eye(4)] * 2))  # the files have one frame
+    start = replace(start, Ts=np.stack([np.eye(4)] * 2), weights=np.array(weights))  # the files have one frame
     both = np.flatnonzero(second.surface.closest(first.samples).distances < 1e-6)[:6]
-    session = new_session(start, probability=0.3, tolerance=0.05, confidence=0.3)
+    session = new_session(start, **stop)
     points, n = first.samples[both], first.normals[both]
     session.tell(Readings.from_columns(points, directions=-n, sds=np.full(len(both), 3e-4)))
+    return session
+
+
+def test_two_parts_are_ambiguous_however_little_was_asked_for():
+    """Half a probability is not known, so that the session does not say that it is enough either."""
+    session = two_steps((0.5, 0.5), probability=0.3, tolerance=0.05, confidence=0.3)
     assert session.belief.of_parts().min() > 0.3
-    assert session.ask().reached
+    assert not session.stop.reached(session.belief)
     answer = session.answer(top=1)
     assert answer.status == "ambiguous"
     assert "step_12mm" in answer.message
     assert "step_15mm" in answer.message
+
+
+@pytest.mark.parametrize("tolerance", [None, 0.05])
+def test_what_is_enough_is_an_answer_that_says_how_sure_it_is(tolerance):
+    session = two_steps((0.8, 0.2), probability=0.6, tolerance=tolerance, confidence=0.6)
+    P = session.belief.of_parts()
+    assert 0.6 < P[0] < 0.95
+    assert session.ask().reached
+    answer = session.answer(top=1)
+    assert answer.status == "recognized"
+    assert answer.message.startswith(f"step_12mm (P = {P[0]:.2f})")
+    assert f"it may also be step_15mm (P = {P[1]:.2f}" in answer.message
+    assert f"It is step_12mm ({100 * P[0]:.1f} %)" in headline(answer)
+    session.stop = replace(session.stop, probability=0.99)
+    assert session.answer().status == "ambiguous"
 
 
 def test_what_a_session_cannot_mean_is_refused(targets):
@@ -323,6 +345,32 @@ def test_poses_that_differ_by_less_than_the_tolerance_are_one_answer(targets):
     one = answered(two, Stop(0.98, tolerance=0.02), 0, 5, 0.01)
     assert one.status == "recognized"
     assert one.message == "wedge; the poses that it may have differ by less than the tolerance of 20 mm."
+    modes = tuple(replace(belief.modes[0], probability=p) for p in (0.22, 0.22, 0.22))
+    three = replace(belief, modes=modes, rows=np.zeros(3, dtype=int), unknown=0.34, draws=None)
+    for probability in (0.6, None):
+        enough = Stop(probability, tolerance=0.02, confidence=0.6)
+        assert enough.reached(three)
+        little = answered(three, enough, 0, 5, 0.01)
+        assert little.status == "recognized"
+        assert little.message == (
+            "wedge (P = 0.66); the poses that it may have differ by less than the tolerance of 20 mm; it may also be "
+            "an unknown part (P = 0.34)."
+        )
+    assert answered(three, Stop(0.98, tolerance=0.02), 0, 5, 0.01).status == "unknown"
+    in_some = answered(three, Stop(0.6), 0, 5, 0.01)
+    assert in_some.status == "ambiguous"  # of its poses; which part it is was asked for, and is said
+    assert in_some.message.startswith("It is wedge (P = 0.66), in one of several poses: sense a face")
+    assert in_some.message.endswith("; it may also be an unknown part (P = 0.34).")
+    modes = tuple(replace(belief.modes[0], probability=p) for p in (0.79, 0.06))
+    two = replace(two, modes=modes, unknown=0.15)
+    pose = answered(two, Stop(0.8), 0, 5, 0.01)
+    assert pose.status == "recognized"
+    assert pose.message.startswith("wedge (P = 0.79), located to")
+    assert pose.message.endswith("it may also be an unknown part (P = 0.15) or wedge in another pose (P = 0.06).")
+    modes = tuple(replace(belief.modes[0], probability=p) for p in (0.6, 0.39))
+    two = replace(two, modes=modes, unknown=0.01)
+    face = answered(two, Stop(0.98, tolerance=0.02, feature="face 2"), 0, 5, 0.01)
+    assert "the places that face 2 may have differ by less than" in face.message
 
 
 def test_a_reading_that_contradicts_everything_leaves_none_of_these(targets):
