@@ -23,6 +23,7 @@ from tanteo.active import (
     update,
     worst_corner,
 )
+from tanteo.active.policies import most_told
 from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
@@ -146,10 +147,12 @@ class Session:
             return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
         situation = self._situation(candidates)
         choice = self.policy.choose(situation)
-        left = self.stop.most - self.count
-        if choice.gain < self.stop.least_gain and not self.stop.settles(self._belief, choice.gain, left):
+        left, best = self.stop.most - self.count, choice.gain
+        if np.isnan(best) and self.stop.least_gain > 0:  # a policy that does not ask what a reading tells
+            best = most_told(situation)
+        if best < self.stop.least_gain and not self.stop.settles(self._belief, best, left):
             if not self.stop.confirms(self._belief):
-                return Done(False, f"No reading is worth its cost: the best would tell {choice.gain:.3f} nats.")
+                return Done(False, f"No reading is worth its cost: the best would tell {best:.3f} nats.")
             choice = _to_confirm(situation)
         self._questions += 1
         self._asked = self._action(situation, choice)
