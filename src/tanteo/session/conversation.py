@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from tanteo.active import (
     update,
     worst_corner,
 )
-from tanteo.active.policies import most_told
 from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
@@ -31,6 +30,7 @@ from tanteo.session.answer import answered
 from tanteo.session.names import new_readings
 from tanteo.session.questions import answers, is_same
 from tanteo.session.values import Action, Done, Sensing, Step, Told
+from tanteo.session.worth import all_made, worth_making
 from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500
@@ -139,21 +139,16 @@ class Session:
         if why := self.stop.reached(self._belief):
             return Done(True, f"Enough: {why}.")
         if self.count >= self.stop.most:
-            return Done(False, _all_made(self.stop.most, self.count))
+            return Done(False, all_made(self.stop.most, self.count))
         if not len(self._belief.weights):
             return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
             return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
         situation = self._situation(candidates)
-        choice = self.policy.choose(situation)
-        left, best = self.stop.most - self.count, choice.gain
-        if np.isnan(best) and self.stop.least_gain > 0:  # a policy that does not ask what a reading tells
-            best = most_told(situation)
-        if best < self.stop.least_gain and not self.stop.settles(self._belief, best, left):
-            if not self.stop.confirms(self._belief):
-                return Done(False, f"No reading is worth its cost: the best would tell {best:.3f} nats.")
-            choice = _to_confirm(situation)
+        choice = worth_making(self.stop, situation, self.policy.choose(situation))
+        if isinstance(choice, Done):
+            return choice
         self._questions += 1
         self._asked = self._action(situation, choice)
         return self._asked
@@ -283,16 +278,3 @@ class Session:
         sd = worst_corner(b)
         ids = () if told.readings is None else told.readings.ids
         return Step(ids, told.action, b.of_parts(), b.unknown, T, part, C, sd, float(inside), told.note)
-
-
-def _all_made(most: int, count: int) -> str:
-    """That there are no more readings to make: those that nobody asked for count too, so it may be more than that."""
-    asked = "1 reading was" if most == 1 else f"{most} readings were"
-    made = "1 was" if count == 1 else f"{count} were"
-    return f"{asked} asked for at most, and {made} made."
-
-
-def _to_confirm(situation: Situation) -> Choice:
-    """A reading where a part that is only like the likeliest one may differ: on the face that was sensed least."""
-    choice = POLICIES["largest-face"].choose(situation)
-    return replace(choice, why=f"{choice.why}: a part that is only like this one would differ there")
