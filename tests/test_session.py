@@ -13,7 +13,8 @@ from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, t
 from tanteo.active import Candidates, Stop, around, begin, update
 from tanteo.errors import InputError
 from tanteo.parts import read_part
-from tanteo.sensors import Readings
+from tanteo.report.words import headline
+from tanteo.sensors import Readings, concatenate
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Done, Sensing
 from tanteo.session.answer import answered
@@ -100,6 +101,86 @@ def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
     assert session.ask().number == own.number + 7
 
 
+def free_beam(name, origin=(0.5, 0.5, 0.5)):
+    """A reading that nobody asked for."""
+    return Readings.from_columns(
+        np.array([origin]), ids=[name], directions=np.array([[0.0, 0.0, 1.0]]), is_free=np.array([True]),
+        max_ranges=np.array([0.1]),
+    )  # fmt: skip
+
+
+def test_only_its_answer_ends_the_wait_of_a_question(targets):
+    """Late, repeated and unasked readings are told while a robot is on its way."""
+    session = new_session(rough(targets))
+    first = session.ask()
+    reading = first.read(true_range(targets[0], np.eye(4), first))
+    assert session.tell(reading).action is first
+    second = session.ask()
+    for other in (free_beam("theirs"), reading):
+        assert session.tell(other).action is None
+        assert session.ask() is second
+    late = first.read(0.9 * first.expected, name="late")
+    assert session.tell(late, first).action is first
+    assert session.ask() is second
+    assert session.tell(late, second).ids == ()  # nothing new answers nothing
+    assert session.ask() is second
+    assert session.tell(second.read(second.expected)).action is second
+    assert session.asked is None
+    assert session.ask().number == 3
+
+
+def known_by(how, action):
+    """The answer to a question as one hand or another tells it."""
+    whole = action.read(action.expected, name="mine")
+    return {
+        "beam": whole,
+        "free": action.read(np.inf, name="mine"),
+        "touch": Readings.from_columns(whole.points, ids=["mine"], directions=whole.directions),
+        "name": Readings.from_columns(whole.points + 1e-3, ids=[action.name]),
+        "one of several": concatenate([free_beam("beside"), whole]),
+        "rounded": replace(whole, points=whole.points.round(7), directions=whole.directions + 1e-7),
+    }[how]
+
+
+@pytest.mark.parametrize("how", ["beam", "free", "touch", "name", "one of several", "rounded"])
+def test_an_answer_is_known_by_its_beam_or_its_name(targets, how):
+    session = new_session(rough(targets))
+    action = session.ask()
+    assert session.tell(known_by(how, action)).action is action
+    assert session.asked is None
+
+
+def test_a_reading_of_another_beam_answers_only_by_word(targets):
+    session = new_session(rough(targets))
+    action = session.ask()
+    one, n = action.read(action.expected, name="mine"), action.direction
+    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    behind = action.origin - 0.01 * n
+    others = [
+        replace(one, points=one.points + 1e-3 * across, ids=("beside",)),
+        replace(one, ranges=one.ranges + 1e-3, ids=("from farther off",)),
+        Readings.from_columns(behind[None], ids=["behind"], directions=n[None]),
+        Readings.from_columns(one.points, ids=["bare point"]),
+    ]
+    for other in others:
+        assert session.tell(other).action is None
+        assert session.asked is action
+    assert session.tell(replace(one, points=one.points + 2e-3, ids=("near",)), action).action is action
+    assert session.asked is None
+
+
+def test_only_the_question_that_waits_is_dropped_when_it_is_refused(targets):
+    session = new_session(rough(targets))
+    first = session.ask()
+    session.put(None)
+    second = session.ask()
+    session.refuse(first)
+    assert session.ask() is second
+    session.refuse(replace(second))  # as it is read from a record
+    assert session.asked is None
+    assert session.refused[0] is first
+
+
 def test_extra_readings_are_taken_and_told_ones_left_out(targets):
     start, rng = rough(targets), np.random.default_rng(1)
     k, T = drawn_truth(start, rng)
@@ -158,21 +239,42 @@ def test_nothing_is_enough_before_a_reading_met_a_part(targets):
     assert session.answer().status == "insufficient"
 
 
-def test_two_parts_are_ambiguous_however_little_was_asked_for():
-    """Readings on what both steps have, and a goal that half a probability reaches."""
+def two_steps(weights, **stop):
+    """Readings on what both steps have: nothing but what was known beforehand tells which it is."""
     first, second = (prepare_target(read_part(PARTS / f"step_{n}mm.step")) for n in (12, 15))
     start = around([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
-    start = replace(start, Ts=np.stack([np.eye(4)] * 2))  # the files have one frame
+    start = replace(start, Ts=np.stack([np.eye(4)] * 2), weights=np.array(weights))  # the files have one frame
     both = np.flatnonzero(second.surface.closest(first.samples).distances < 1e-6)[:6]
-    session = new_session(start, probability=0.3, tolerance=0.05, confidence=0.3)
+    session = new_session(start, **stop)
     points, n = first.samples[both], first.normals[both]
     session.tell(Readings.from_columns(points, directions=-n, sds=np.full(len(both), 3e-4)))
+    return session
+
+
+def test_two_parts_are_ambiguous_however_little_was_asked_for():
+    """Half a probability is not known, so that the session does not say that it is enough either."""
+    session = two_steps((0.5, 0.5), probability=0.3, tolerance=0.05, confidence=0.3)
     assert session.belief.of_parts().min() > 0.3
-    assert session.ask().reached
+    assert not session.stop.reached(session.belief)
     answer = session.answer(top=1)
     assert answer.status == "ambiguous"
     assert "step_12mm" in answer.message
     assert "step_15mm" in answer.message
+
+
+@pytest.mark.parametrize("tolerance", [None, 0.05])
+def test_what_is_enough_is_an_answer_that_says_how_sure_it_is(tolerance):
+    session = two_steps((0.8, 0.2), probability=0.6, tolerance=tolerance, confidence=0.6)
+    P = session.belief.of_parts()
+    assert 0.6 < P[0] < 0.95
+    assert session.ask().reached
+    answer = session.answer(top=1)
+    assert answer.status == "recognized"
+    assert answer.message.startswith(f"step_12mm (P = {P[0]:.2f})")
+    assert f"it may also be step_15mm (P = {P[1]:.2f}" in answer.message
+    assert f"It is step_12mm ({100 * P[0]:.1f} %)" in headline(answer)
+    session.stop = replace(session.stop, probability=0.99)
+    assert session.answer().status == "ambiguous"
 
 
 def test_what_a_session_cannot_mean_is_refused(targets):
@@ -214,6 +316,12 @@ def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     tell_anything(session, targets[k], T, rng, 6)
 
 
+def test_the_most_that_was_asked_for_is_said_as_it_was(targets):
+    session = new_session(rough(targets), most=2)
+    session.tell(concatenate([free_beam(f"f{k}", (0.5, 0.5, 0.1 * k)) for k in range(3)]))
+    assert session.ask().why == "2 readings were asked for at most, and 3 were made."
+
+
 def test_a_part_out_of_reach_is_said(targets):
     from dataclasses import replace
 
@@ -237,6 +345,32 @@ def test_poses_that_differ_by_less_than_the_tolerance_are_one_answer(targets):
     one = answered(two, Stop(0.98, tolerance=0.02), 0, 5, 0.01)
     assert one.status == "recognized"
     assert one.message == "wedge; the poses that it may have differ by less than the tolerance of 20 mm."
+    modes = tuple(replace(belief.modes[0], probability=p) for p in (0.22, 0.22, 0.22))
+    three = replace(belief, modes=modes, rows=np.zeros(3, dtype=int), unknown=0.34, draws=None)
+    for probability in (0.6, None):
+        enough = Stop(probability, tolerance=0.02, confidence=0.6)
+        assert enough.reached(three)
+        little = answered(three, enough, 0, 5, 0.01)
+        assert little.status == "recognized"
+        assert little.message == (
+            "wedge (P = 0.66); the poses that it may have differ by less than the tolerance of 20 mm; it may also be "
+            "an unknown part (P = 0.34)."
+        )
+    assert answered(three, Stop(0.98, tolerance=0.02), 0, 5, 0.01).status == "unknown"
+    in_some = answered(three, Stop(0.6), 0, 5, 0.01)
+    assert in_some.status == "ambiguous"  # of its poses; which part it is was asked for, and is said
+    assert in_some.message.startswith("It is wedge (P = 0.66), in one of several poses: sense a face")
+    assert in_some.message.endswith("; it may also be an unknown part (P = 0.34).")
+    modes = tuple(replace(belief.modes[0], probability=p) for p in (0.79, 0.06))
+    two = replace(two, modes=modes, unknown=0.15)
+    pose = answered(two, Stop(0.8), 0, 5, 0.01)
+    assert pose.status == "recognized"
+    assert pose.message.startswith("wedge (P = 0.79), located to")
+    assert pose.message.endswith("it may also be an unknown part (P = 0.15) or wedge in another pose (P = 0.06).")
+    modes = tuple(replace(belief.modes[0], probability=p) for p in (0.6, 0.39))
+    two = replace(two, modes=modes, unknown=0.01)
+    face = answered(two, Stop(0.98, tolerance=0.02, feature="face 2"), 0, 5, 0.01)
+    assert "the places that face 2 may have differ by less than" in face.message
 
 
 def test_a_reading_that_contradicts_everything_leaves_none_of_these(targets):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +11,10 @@ import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
 from tanteo.active import POLICIES, Situation, begin, draw, predict, propose
+from tanteo.active.policies import most_told
 from tanteo.active.utility import about_mode, expected_information
 from tanteo.parts import read_part
+from tanteo.session import Action, Done
 from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -93,10 +97,18 @@ def test_the_part_comes_first_until_it_is_known(start):
     assert both.choose(Situation(*place, True)).index != both.choose(Situation(*place)).index
 
 
-@pytest.mark.parametrize(("probability", "part_open"), [(0.99, True), (0.2, False), (None, False)])
-def test_a_session_says_whether_the_part_is_open(start, probability, part_open):
-    """Before the first reading each of three parts has a third."""
-    session = new_session(start, probability=probability, tolerance=1e-3)
+@pytest.mark.parametrize(
+    ("weights", "probability", "part_open"),
+    [
+        ((0.7, 0.2, 0.1), 0.99, True),
+        ((0.7, 0.2, 0.1), 0.6, False),
+        ((0.4, 0.3, 0.3), 0.2, True),
+        ((1, 1, 1), None, False),
+    ],
+)
+def test_a_session_says_whether_the_part_is_open(start, weights, probability, part_open):
+    """Before the first reading; what is less probable than all else together is not known, whatever is asked for."""
+    session = new_session(replace(start, weights=np.array(weights)), probability=probability, tolerance=1e-3)
     seen = []
 
     class Watched:
@@ -117,3 +129,22 @@ def test_one_part_alone_is_told_from_none_of_these(start):
     rng = np.random.default_rng(3)
     _, T = drawn_truth(alone, rng)
     assert sense(new_session(alone), alone.targets[0], T, rng).reached
+
+
+@pytest.mark.parametrize("policy", ["random", "nearest", "largest-face", "3-2-1"])
+def test_whichever_policy_chooses_it_ends_where_nothing_is_worth_its_cost(start, policy):
+    """Known to hundredths of a millimetre; what a reading of 0.3 mm would tell is computed for all policies."""
+    located = rough(start.targets[2:], (1e-5, 1e-4))
+    session = new_session(located, policy=policy, probability=None, tolerance=1e-6)
+    end = session.ask()
+    assert isinstance(end, Done)
+    assert re.fullmatch(r"No reading is worth its cost: the best would tell 0\.00\d nats\.", end.why)
+    assert isinstance(new_session(located, policy=policy, probability=None, tolerance=1e-6, least_gain=0).ask(), Action)
+    assert np.isnan(new_session(start, policy=policy).ask().gain)  # it was not chosen by that
+
+
+def test_the_best_is_what_the_best_candidate_tells(start):
+    belief = begin(start)
+    candidates = propose(belief, LASER, 300)
+    told = expected_information(*_predicted(belief, candidates), LASER)
+    assert most_told(Situation(belief, candidates, LASER, None, None, 0, 0)) == told.max()

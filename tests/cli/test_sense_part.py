@@ -67,7 +67,8 @@ def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
 def test_what_is_not_reached_exits_with_three(sense):
     code, out, _ = sense("--most", "1", "--tolerance", "1mm")
     assert code == 3
-    assert "which is the most that was asked for" in out
+    assert "1 readings were asked for at most" not in out
+    assert "1 reading was asked for at most" in out
 
 
 def test_the_policies_differ_and_the_seed_repeats(sense):

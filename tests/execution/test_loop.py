@@ -33,6 +33,7 @@ def test_the_part_is_named_and_placed_without_contact(targets, number):
     assert 0 < done.travel < 0.3 * done.seconds
     told = sum(len(v.step.ids) for v in seen if v.step is not None)
     assert session.count == told
+    assert all(v.step.action is v.action for v in seen if v.step is not None)  # the hand is not quite where it was sent
 
 
 def test_the_same_seed_gives_the_same_run(targets):

@@ -134,8 +134,8 @@ def test_a_session_is_resumed_to_the_last_bit_at_any_point(scene, targets, tmp_p
             write_record(session, path)
             again = read_record(path, some)
         asks_the_same(session, again)
-        session.tell(told)
-        again.tell(told)
+        for one in (session, again):
+            one.tell(told, None if scene is plain_touches else one.asked)  # others do not show what they answer
         same(session, again)
     if isinstance(action := session.ask(), Action):  # what cannot be made is not forgotten
         session.refuse(action)
@@ -143,6 +143,41 @@ def test_a_session_is_resumed_to_the_last_bit_at_any_point(scene, targets, tmp_p
     again = read_record(path, some)
     same(session, again)
     asks_the_same(session, again)
+
+
+def test_questions_that_were_replaced_are_counted_too(targets, tmp_path):
+    session, _ = plain_touches(targets)
+    session.ask()
+    session.put(None)
+    write_record(session, tmp_path / "a.json")
+    again = read_record(tmp_path / "a.json", targets)
+    asks_the_same(session, again)
+    assert again.asked.number == 2
+
+
+def test_answers_that_came_late_are_told_again_under_their_questions(targets, tmp_path):
+    session, tells = plain_touches(targets)
+    first = session.ask()
+    session.put(None)
+    session.ask()
+    session.tell(first.read(first.expected), first)
+    session.tell(tells[1]())  # of no question
+    write_record(session, tmp_path / "a.json")
+    again = read_record(tmp_path / "a.json", targets)
+    same(session, again)
+    assert [s.action and s.action.number for s in again.steps] == [1, None]
+    assert again.asked.number == 2
+    asks_the_same(session, again)
+    again.tell(again.asked.read(np.inf))
+    assert again.asked is None
+
+
+def test_what_a_hand_can_make_is_said_again(targets, tmp_path):
+    session, _ = plain_touches(targets)
+    session.able = lambda belief, candidates: candidates.directions[:, 2] < -0.9
+    write_record(session, tmp_path / "a.json")
+    asks_the_same(session, read_record(tmp_path / "a.json", targets, able=session.able))
+    assert read_record(tmp_path / "a.json", targets).ask().direction[2] > -0.9  # asked without
 
 
 def test_parts_are_read_again_from_their_files(targets, tmp_path):
@@ -225,6 +260,7 @@ def test_what_a_record_cannot_hold_is_refused(recorded, tmp_path):
         ({"schema": "tanteo.session/2"}, "schema: expected tanteo.session/1, got tanteo.session/2"),
         ({"sead": 1}, r"expected one of schema, .*, got 'sead'. Did you mean 'seed'"),
         ({"seed": -1}, "seed: expected 0 or more"),
+        ({"questions": 1}, "questions: expected 2 or more, the largest number of a question, got 1"),
         ({"seed": True}, "seed: expected a whole number, got True"),
         ({"stop": {}}, "stop: expected 'probability', got nothing"),
         ({"policy": {"kind": "Best"}}, "policy: expected 'kind' to be one of Information"),

@@ -8,16 +8,29 @@ import numpy as np
 
 from tanteo.active.baselines import LargestFace, Nearest, Random, Scripted321
 from tanteo.active.features import Feature, features, joint_information
-from tanteo.active.samples import draw, predict
+from tanteo.active.samples import Predictions, Samples, draw, predict
 from tanteo.active.situation import Choice, Policy, Situation
 from tanteo.active.utility import about_mode, expected_information
 from tanteo.errors import InputError
+from tanteo.typing import FloatArray
 
 _SAMPLES = 128
 """Poses on which every candidate is tried."""
 
 _ASIDE = 0.01
 """Share of what is told about the pose that counts where only the part is asked for: it decides between equals."""
+
+
+def most_told(situation: Situation) -> float:
+    """What the best candidate is expected to tell [nats], whichever one a policy takes: by this a session ends."""
+    return float(_told(situation)[2].max())
+
+
+def _told(s: Situation) -> tuple[Samples, Predictions, FloatArray]:
+    """Poses, what each candidate would read at them, and what it is expected to tell ``(C,)`` [nats]."""
+    samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
+    predicted = predict(samples, s.candidates.origins, s.candidates.directions)
+    return samples, predicted, expected_information(samples, predicted, s.probe)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +51,9 @@ class Information:
 
     def choose(self, situation: Situation) -> Choice:
         """The candidate with the largest expected information, or information a second."""
-        s, c = situation, situation.candidates
-        samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
-        predicted = predict(samples, c.origins, c.directions)
-        gains = worth = expected_information(samples, predicted, s.probe)
+        s = situation
+        samples, predicted, gains = _told(s)
+        worth = gains
         if s.part_only or (self.part_first and s.part_open):
             worth = _ASIDE * gains + about_mode(samples, predicted, s.probe, samples.part)
         if self.per_second:
@@ -65,9 +77,7 @@ class Features:
     def choose(self, situation: Situation) -> Choice:
         """A reading of the feature that is worth most."""
         s = situation
-        samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
-        predicted = predict(samples, s.candidates.origins, s.candidates.directions)
-        alone = expected_information(samples, predicted, s.probe)
+        samples, predicted, alone = _told(s)
         found = features(s.belief, s.candidates)
         gains = joint_information(found, samples, predicted, s)
         worth = gains / np.array([_seconds(s, feature) for feature in found])

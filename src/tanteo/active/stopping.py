@@ -24,12 +24,14 @@ _FAINT = 0.1
 """Share of the least gain below which a reading is no longer expected to tell anything: so exact are expectations."""
 
 _HALF = 0.5
-"""Probability of "none of these" above which no reading is made to confirm a part."""
+"""Probability of "none of these" above which no reading is made to confirm a part; nothing less probable is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
     """What has to be known before sensing ends; what is None is not asked for.
+
+    Nothing is known that is not more probable than all else together, however little is asked for.
 
     Attributes:
         probability: of one part, whatever its pose.
@@ -80,7 +82,7 @@ class Stop:
             words.append(f"it is {name} ({_short(P[k])})")
         if self.tolerance is not None:
             inside = self.chance(belief)
-            if inside < self.confidence:
+            if inside < max(self.confidence, _HALF):
                 return ""
             places = places_of(belief.start.targets[k].part, self.feature)
             what = f"every corner of {name}" if places.feature is None else places.name
@@ -93,7 +95,9 @@ class Stop:
 
     def knows_part(self, belief: Belief) -> bool:
         """Whether it is known well enough which part it is; always, where nobody asks."""
-        return self.probability is None or bool(belief.of_parts().max(initial=0.0) > self.probability)
+        if self.probability is None:
+            return True
+        return bool(belief.of_parts().max(initial=0.0) > max(self.probability, _HALF))
 
     def confirms(self, belief: Belief) -> bool:
         """Whether more readings on the part are all that is missing: which it is among the parts, and where, is known.

@@ -27,7 +27,9 @@ def plan(
     tolerance: Annotated[
         str | None, typer.Option("--tolerance", metavar="LENGTH", help="Of the corners of the part's box, as 0.2mm.")
     ] = None,
-    confidence: Annotated[float, typer.Option("--confidence", help="With which the corners keep it.")] = 0.95,
+    confidence: Annotated[
+        float | None, typer.Option("--confidence", help="With which the corners keep it.", show_default="0.95")
+    ] = None,
     feature: Feature = None,
     sensor: Annotated[
         str | None,
@@ -52,7 +54,7 @@ def plan(
     clearance: Annotated[
         str | None, typer.Option("--clearance", metavar="LENGTH", help="Room that the probe needs on its way, as 10mm.")
     ] = None,
-    most: Annotated[int, typer.Option("--most", help="Readings at most.")] = 30,
+    most: Annotated[int | None, typer.Option("--most", help="Readings at most.", show_default="30")] = None,
     units: Annotated[
         str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none (STL).")
     ] = None,

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from tanteo.matching import PosePrior
 
 
+_CONFIDENCE, _MOST = 0.95, 30
+"""What holds for a plan where nobody says."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanOptions:
     """Options of ``plan``, in SI units.
@@ -52,7 +56,7 @@ class PlanOptions:
         part: str | None,
         distinguish: Sequence[str],
         tolerance: str | None,
-        confidence: float,
+        confidence: float | None,
         feature: str | None,
         sensor: str | None,
         sd: str | None,
@@ -61,7 +65,7 @@ class PlanOptions:
         approach: str | None,
         standoff: str | None,
         clearance: str | None,
-        most: int,
+        most: int | None,
         units: str | None,
         csv: str | None,
         seed: int,
@@ -84,15 +88,16 @@ class PlanOptions:
                 f"--distinguish: expected two parts, got {distinguish[0]} twice. Poses of one part are told apart by a "
                 "session (tanteo sense part --image)."
             )
-        unused = [
-            f"--{n}"
-            for n, v in (("tolerance", tolerance), ("feature", feature), ("near", near), ("csv", csv))
-            if v is not None
-        ]
+        of_plans = {
+            "tolerance": tolerance, "confidence": confidence, "feature": feature, "near": near, "most": most,
+            "csv": csv,
+        }  # fmt: skip
+        unused = [f"--{name}" for name, value in of_plans.items() if value is not None]
         if distinguish and unused:
             raise InputError(f"{', '.join(unused)}: expected with --part, got it with --distinguish. Leave it out.")
         if part is not None and tolerance is None:
             raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
+        confidence, most = _CONFIDENCE if confidence is None else confidence, _MOST if most is None else most
         if not 0 < confidence < 1:
             raise InputError(f"--confidence: expected a number between 0 and 1, got {confidence:g}. Use 0.95.")
         if most < 1 or seed < 0:

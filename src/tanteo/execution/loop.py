@@ -147,7 +147,7 @@ class _Run:
         motions = self._go(stops)
         note = "" if motions[-1].reached else f"{motions[-1].status}: {motions[-1].message}"
         step, said = self._read(action)
-        if note or step is None or said:
+        if note or step is None or said or not step.ids:  # what brought nothing new would be asked for ever
             self.session.refuse(action)
         return motions, step, "; ".join(text for text in (note, said) if text)
 
@@ -188,7 +188,7 @@ class _Run:
             note = f"{int(of_it.sum())} met furniture" if of_it.any() else ""
         if readings.is_free.all():
             note = "; ".join(text for text in (note, "nothing met") if text)
-        return self.session.tell(readings), note
+        return self.session.tell(readings, action), note
 
 
 def _front_way(hand: Hand, motion: Motion) -> float:

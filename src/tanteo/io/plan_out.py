@@ -1,4 +1,4 @@
-"""Plans as JSON and as CSV: the CSV has the columns of a readings file, so that what is measured can be filled in."""
+"""Plans as JSON and as CSV. The CSV is no readings file, so that nobody takes for measured what is only expected."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tanteo import __version__
-from tanteo.active import Policy, Probe, Start, Stop
+from tanteo.active import Belief, Candidates, Policy, Probe, Start, Stop
 from tanteo.errors import InputError
 from tanteo.io.part_files import PartFile, part_file, parts_of
 from tanteo.io.plain_values import as_plain, made, refused, shown, table
@@ -28,11 +28,11 @@ from tanteo.matching import Priors
 from tanteo.parts import Part
 from tanteo.session import Action, Sensing, Session, Told
 from tanteo.surface_search import Target, prepare_target
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
 SCHEMA = "tanteo.session/1"
 
-_AS_THEY_ARE = "version", "parts", "start", "probe", "stop", "seed", "asked", "refused", "answer"
+_AS_THEY_ARE = "version", "parts", "start", "probe", "stop", "seed", "asked", "refused", "questions", "answer"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +63,7 @@ class SessionRecord:
         told: what was told, in order.
         asked: the question that waited for its answer.
         refused: the questions that could not be answered.
+        questions: the largest number of a question until then.
         answer: the answer then, a document ``tanteo.recognition/1``.
     """
 
@@ -78,6 +79,7 @@ class SessionRecord:
     told: tuple[Told, ...]
     asked: Action | None
     refused: tuple[Action, ...]
+    questions: int
     answer: dict[str, Any]
 
 
@@ -119,6 +121,7 @@ def session_document(session: Session) -> dict[str, Any]:
         ],
         "asked": as_plain(session.asked),
         "refused": [as_plain(action) for action in session.refused],
+        "questions": int(session.questions),
         "answer": recognition_document(session.answer()),
     }
 
@@ -137,24 +140,35 @@ def load_record(path: str | Path) -> SessionRecord:
     kinds: dict[str, Any] = {
         "schema": str, "version": str, "parts": tuple[PartFile, ...], "start": RoughPoses, "probe": Probe,
         "sensing": object, "policy": object, "stop": Stop, "seed": int, "told": tuple[object, ...],
-        "asked": Action | None, "refused": tuple[Action, ...], "answer": object,
+        "asked": Action | None, "refused": tuple[Action, ...], "questions": int,
+        "answer": object,
     }  # fmt: skip
     values = table(document, kinds, str(file))
     if not isinstance(values["answer"], dict):
         raise refused(f"{file}, answer", "a table", values["answer"])
     if values["seed"] < 0:
         raise InputError(f"{file}, seed: expected 0 or more, got {values['seed']}. Correct it.")
+    told = tuple(told_of(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"]))
+    numbered = [action.number for action in (*(t.action for t in told), values["asked"], *values["refused"]) if action]
+    if values["questions"] < (least := max(numbered, default=0)):
+        raise InputError(
+            f"{file}, questions: expected {least} or more, the largest number of a question, got "
+            f"{values['questions']}. Correct it."
+        )
     return SessionRecord(
         source=str(file),
         sensing=sensing_of(values["sensing"], f"{file}, sensing"),
         policy=policy_of(values["policy"], f"{file}, policy"),
-        told=tuple(told_of(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"])),
+        told=told,
         **{key: values[key] for key in _AS_THEY_ARE},
     )
 
 
 def resumed(
-    record: SessionRecord, parts: Sequence[Part | Target], progress: Callable[[int, int], None] | None = None
+    record: SessionRecord,
+    parts: Sequence[Part | Target],
+    progress: Callable[[int, int], None] | None = None,
+    able: Callable[[Belief, Candidates], BoolArray] | None = None,
 ) -> Session:
     """The session of a record: told everything again, it has the same belief and asks the same next.
 
@@ -162,6 +176,8 @@ def resumed(
         record: of the session.
         parts: those of :func:`tanteo.io.part_files.parts_of`, or the same prepared.
         progress: called with (tells done, tells in all) before each.
+        able: which candidates can be made, see :attr:`~tanteo.session.Session.able`: a hand is not in the record, and
+            without it, what it cannot make may be asked for.
 
     Raises:
         InputError: what the record says together cannot be.
@@ -170,7 +186,7 @@ def resumed(
     values = {name: getattr(rough, name) for name in RoughPoses.__slots__}
     targets = tuple(part if isinstance(part, Target) else prepare_target(part) for part in parts)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
-    session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed)
+    session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed, able)
 
     def told() -> Iterator[Told]:
         for k, one in enumerate(record.told):
@@ -179,24 +195,29 @@ def resumed(
             yield one
 
     try:
-        session.resume(told(), record.asked, record.refused)
+        session.resume(told(), record.asked, record.refused, record.questions)
     except InputError as error:
         raise InputError(f"{record.source}, told[{len(session.steps)}]: {error}") from None
     return session
 
 
-def read_record(path: str | Path, parts: Sequence[Part | Target] | None = None) -> Session:
+def read_record(
+    path: str | Path,
+    parts: Sequence[Part | Target] | None = None,
+    able: Callable[[Belief, Candidates], BoolArray] | None = None,
+) -> Session:
     """The session of a record file, at the point where it was written: ask and tell on.
 
     Args:
         path: of the record.
         parts: of the session, loaded again, in any order; read from their files if not given.
+        able: which candidates can be made, see :func:`resumed`.
 
     Raises:
         InputError: the record or a part is not what it was; the message says which and what to do.
     """
     record = load_record(path)
-    return resumed(record, parts_of(record.parts, record.source, parts))
+    return resumed(record, parts_of(record.parts, record.source, parts), able=able)
 
 
 def _document(file: Path) -> dict[str, Any]:

@@ -38,6 +38,8 @@ def verdict(
     worst: str = "",
     shares: Sequence[tuple[str, float]] = (),
     prior_p: float = 1.0,
+    least: float = CONFIDENCE,
+    known: bool = False,
 ) -> tuple[Status, str]:
     """Status and sentence of an answer.
 
@@ -51,6 +53,8 @@ def verdict(
         shares: part and probability of all modes, where not all of them are hypotheses.
         prior_p: p-value of what was known of the pose beforehand, asked by itself, of a part that fits without it:
             among many readings that agree with each other the joint test does not see it.
+        least: probability from which one answer is given; the words say it where it is below what is usual.
+        known: which part it is is known as surely as was asked for, in whatever pose.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
     if hypotheses and (prior_p < SUSPECT or (hypotheses[0].p_value < alpha and prior_p < alpha and not worst)):
@@ -58,7 +62,7 @@ def verdict(
             f"The closest part is {hypotheses[0].part}, but it is not where it was said to be (p = {prior_p:.2g}): "
             "check what was said of the pose beforehand, or leave it out and compare." + note
         )
-    if not hypotheses or unknown > max(h.probability for h in hypotheses):
+    if not hypotheses or (unknown > max(h.probability for h in hypotheses) and not known):
         return "unknown", _unknown_message(hypotheses, unknown) + note
     best = hypotheses[0]
     if best.p_value < alpha and not as_published:
@@ -71,9 +75,37 @@ def verdict(
         help_ = best.advice or "sense a face or an edge that resists it"
         stays = "stays" if len(best.unobserved) == 1 else "stay"
         return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} {stays} free: {help_}." + note
-    if best.probability < CONFIDENCE:
+    if best.probability < least:
         return "ambiguous", _ambiguous_message(hypotheses, unknown, shares) + note
-    return "recognized", f"{best.part}, located to {1e3 * best.worst_corner_sd:.2g} mm (1 sd, worst corner)." + note
+    sure, else_ = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
+    located = f"located to {1e3 * best.worst_corner_sd:.2g} mm (1 sd, worst corner)"
+    return "recognized", f"{best.part}{sure}, {located}{else_}." + note
+
+
+def doubt(
+    best: Hypothesis, unknown: float, shares: Sequence[tuple[str, float]], *, any_pose: bool = False
+) -> tuple[str, str]:
+    """How probable an answer is and what else it may be, in words; both empty for an answer as sure as is usual.
+
+    Args:
+        best: the answer.
+        unknown: probability of "none of these".
+        shares: part and probability of all modes, that of the answer first.
+        any_pose: all poses of its part are the answer.
+    """
+    P, others = best.probability, dict[str, float]()
+    for name, share in shares[1:]:
+        if name == best.part and any_pose:
+            P += share
+            continue
+        what = f"{name} in another pose" if name == best.part else name
+        others[what] = others.get(what, 0.0) + share
+    if P >= CONFIDENCE:
+        return "", ""
+    others["an unknown part"] = unknown
+    words = [f"{name} (P = {share:.2f})" for name, share in sorted(others.items(), key=lambda o: -o[1]) if share > 0.01]
+    else_ = ", ".join(words[:_NAMED][:-1]) + (" or " if len(words[:_NAMED]) > 1 else "") + (words[:_NAMED] or [""])[-1]
+    return f" (P = {P:.2f})", f"; it may also be {else_}" if else_ else ""
 
 
 def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from tanteo.active import Belief, Stop, chance_within
+from tanteo.active import Belief, Stop
+from tanteo.active.places import places_of
 from tanteo.errors import InputError
-from tanteo.matching import PosePrior, Recognition
+from tanteo.matching import Hypothesis, PosePrior, Recognition
 from tanteo.matching.results import Status
-from tanteo.matching.verdict import CONFIDENCE, verdict
+from tanteo.matching.verdict import CONFIDENCE, doubt, verdict
 from tanteo.surface_search.answer import as_hypothesis
 
 _HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough place and the parts."
@@ -14,6 +15,9 @@ _HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough p
 
 def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> Recognition:
     """Status, message and hypotheses; poses that differ by less than the tolerance that was asked for are one.
+
+    What is as sure as was asked for is an answer, also where that is less than :func:`tanteo.identify` would give one
+    at; the message says how sure it is then, and what else it may be.
 
     Args:
         belief: what is known.
@@ -34,8 +38,29 @@ def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> R
         for mode, row in zip(belief.modes[:top], belief.rows, strict=False)
     )
     shares = [(mode.target.part.name, mode.probability) for mode in belief.modes]
-    status, message = verdict(hypotheses, belief.unknown, alpha, shares=shares)
-    if status == "ambiguous" and stop.tolerance is not None and chance_within(belief, stop.tolerance) >= CONFIDENCE:
-        within = f"less than the tolerance of {1e3 * stop.tolerance:.3g} mm"
-        status, message = "recognized", f"{hypotheses[0].part}; the poses that it may have differ by {within}."
+    enough = bool(stop.reached(belief))
+    least = _least(stop, float(belief.of_parts().max(initial=0.0)) if enough else 1.0)
+    status, message = verdict(hypotheses, belief.unknown, alpha, shares=shares, least=least, known=enough)
+    placed = stop.tolerance is not None and (enough or stop.chance(belief) >= CONFIDENCE)
+    if status == "ambiguous" and (placed or enough):
+        status = "recognized" if placed else "ambiguous"
+        message = _in_some_pose(hypotheses[0], belief, stop, shares)
     return Recognition(status, message, hypotheses, belief.unknown, {}, seed)
+
+
+def _least(stop: Stop, part: float) -> float:
+    """Probability from which one pose is the answer, where its part has this one: as sure as was asked for, of both."""
+    asked = CONFIDENCE if stop.probability is None else stop.probability
+    return part * min(CONFIDENCE, max(asked, _HALF))
+
+
+def _in_some_pose(best: Hypothesis, belief: Belief, stop: Stop, shares: list[tuple[str, float]]) -> str:
+    """The part that it is, in whichever of its poses; and whether these differ by less than was asked for."""
+    sure, else_ = doubt(best, belief.unknown, shares, any_pose=True)
+    if stop.tolerance is None:
+        where = "in one of several poses: sense a face that is not where its others would put it"
+        return f"It is {best.part}{sure}, {where}{else_}."
+    within = f"less than the tolerance of {1e3 * stop.tolerance:.3g} mm"
+    feature = places_of(belief.target(0).part, stop.feature).feature
+    what = "the poses that it may have differ" if feature is None else f"the places that {feature} may have differ"
+    return f"{best.part}{sure}; {what} by {within}{else_}."

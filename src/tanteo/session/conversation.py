@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,7 +28,9 @@ from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
 from tanteo.session.answer import answered
 from tanteo.session.names import new_readings
+from tanteo.session.questions import answers, is_same
 from tanteo.session.values import Action, Done, Sensing, Step, Told
+from tanteo.session.worth import all_made, worth_making
 from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500
@@ -120,26 +122,33 @@ class Session:
         """Readings told."""
         return sum(len(r) for r in self._readings)
 
+    @property
+    def questions(self) -> int:
+        """The largest number of a question so far; what is drawn for the next one depends on it."""
+        return self._questions
+
     def ask(self) -> Action | Done:
-        """The next reading to make, or why there is none. Asking twice without telling gives the same."""
+        """The next reading to make, or why there is none.
+
+        A question waits until it is answered, refused or replaced, and is given again until then: whoever was sent may
+        be on the way. Other readings that are told meanwhile change what is known, not the question; ``put(None)``
+        drops it, and the next one is chosen, or the end found, by all that is known.
+        """
         if self._asked is not None:
             return self._asked
         if why := self.stop.reached(self._belief):
             return Done(True, f"Enough: {why}.")
         if self.count >= self.stop.most:
-            return Done(False, f"{self.count} readings were made, which is the most that was asked for.")
+            return Done(False, all_made(self.stop.most, self.count))
         if not len(self._belief.weights):
             return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
             return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
         situation = self._situation(candidates)
-        choice = self.policy.choose(situation)
-        left = self.stop.most - self.count
-        if choice.gain < self.stop.least_gain and not self.stop.settles(self._belief, choice.gain, left):
-            if not self.stop.confirms(self._belief):
-                return Done(False, f"No reading is worth its cost: the best would tell {choice.gain:.3f} nats.")
-            choice = _to_confirm(situation)
+        choice = worth_making(self.stop, situation, self.policy.choose(situation))
+        if isinstance(choice, Done):
+            return choice
         self._questions += 1
         self._asked = self._action(situation, choice)
         return self._asked
@@ -153,9 +162,14 @@ class Session:
         return Situation(*values, part_only=part_only, part_open=not known, feature=stop.feature)
 
     def refuse(self, action: Action) -> None:
-        """The reading cannot be made, or was in vain: readings near it are not asked for again."""
+        """The reading cannot be made, or was in vain: readings near it are not asked for again.
+
+        The question that waits is dropped only if it is this one.
+        """
         self._refused.append(action)
-        self._asked = None
+        self._questions = max(self._questions, action.number)
+        if is_same(action, self._asked):
+            self._asked = None
 
     def put(self, action: Action | None) -> None:
         """A question that somebody else chose, in place of the one that waits: the next :meth:`ask` gives it.
@@ -167,40 +181,58 @@ class Session:
         if action is not None:
             self._questions = max(self._questions, action.number)
 
-    def tell(self, readings: Readings) -> Step:
-        """Take readings into the belief: the answer to the last question, or any others, at any time.
+    def tell(self, readings: Readings, action: Action | None = None) -> Step:
+        """Take readings into the belief: the answer to a question, or any others, at any time.
 
-        A name that was told before with the same values is left out; with others, it gets a new name.
+        A name that was told before with the same values is left out; with others, it gets a new name. The question
+        that waits is answered by readings of its beam or of its name, as :meth:`Action.read` makes them, and by what
+        is said to answer it; it waits on after all others, and where nothing is new.
+
+        Args:
+            readings: what came of it.
+            action: the question that they answer, where they do not show it themselves: a hand is never quite where
+                it was sent. It may be an earlier one, to which the answer comes late.
 
         Raises:
             InputError: the readings cannot be made into measurements; nothing has changed then.
         """
-        return self._take(*new_readings(self._readings, readings))
+        fresh, note = new_readings(self._readings, readings)
+        asked = self._asked
+        if action is None and fresh is not None and asked is not None and answers(fresh, asked):
+            action = asked
+        return self._take(Told(action, fresh, note))
 
-    def resume(self, told: Iterable[Told], asked: Action | None = None, refused: Iterable[Action] = ()) -> None:
+    def resume(
+        self, told: Iterable[Told], asked: Action | None = None, refused: Iterable[Action] = (), questions: int = 0
+    ) -> None:
         """Take what another session was told, in its order: belief and next question are then the same as there.
 
         Args:
             told: by that session, see :attr:`told`.
             asked: its question that waited for an answer.
             refused: its questions that could not be answered, see :attr:`refused`.
+            questions: the largest number of its questions, see :attr:`questions`.
         """
-        self._refused.extend(refused)
-        self._questions = max([0, *(action.number for action in self._refused)])
+        for action in refused:
+            self.refuse(action)
         for one in told:
-            self.put(one.action)
-            self._take(one.readings, one.note)
+            self._take(one)
         self.put(asked)
+        self._questions = max(self._questions, questions)
 
-    def _take(self, fresh: Readings | None, note: str) -> Step:
-        belief = self._belief
+    def _take(self, told: Told) -> Step:
+        belief, fresh, action = self._belief, told.readings, told.action
         if fresh is not None:
             belief = update(belief, *self.sensing.touches(concatenate([*self._readings, fresh])))
-        step = self._step(belief, () if fresh is None else fresh.ids, note)
+        step = self._step(belief, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before
-        self._belief, self._asked = belief, None
+        self._belief = belief
         self._readings += [] if fresh is None else [fresh]
         self._steps.append(step)
+        if action is not None:
+            self._questions = max(self._questions, action.number)
+        if fresh is not None and is_same(action, self._asked):
+            self._asked = None
         return step
 
     def answer(self, top: int = 5, alpha: float = 0.01) -> Recognition:
@@ -235,7 +267,7 @@ class Session:
             part.faces[c.face[k]].name, choice.gain, choice.why,
         )  # fmt: skip
 
-    def _step(self, b: Belief, ids: Sequence[str], note: str) -> Step:
+    def _step(self, b: Belief, told: Told) -> Step:
         if not len(b.weights):
             nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
             T, part, C, inside = nowhere
@@ -244,10 +276,5 @@ class Session:
             T, part, C = b.poses[k], int(b.part[k]), b.covariances[k]
             inside = self.stop.chance(b)
         sd = worst_corner(b)
-        return Step(tuple(ids), self._asked, b.of_parts(), b.unknown, T, part, C, sd, float(inside), note)
-
-
-def _to_confirm(situation: Situation) -> Choice:
-    """A reading where a part that is only like the likeliest one may differ: on the face that was sensed least."""
-    choice = POLICIES["largest-face"].choose(situation)
-    return replace(choice, why=f"{choice.why}: a part that is only like this one would differ there")
+        ids = () if told.readings is None else told.readings.ids
+        return Step(ids, told.action, b.of_parts(), b.unknown, T, part, C, sd, float(inside), told.note)

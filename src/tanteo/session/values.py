@@ -98,6 +98,11 @@ class Action:
         return SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=-1), self.origin)
 
     @property
+    def name(self) -> str:
+        """Of the reading that answers it."""
+        return f"a{self.number}"
+
+    @property
     def words(self) -> str:
         """One line for a person."""
         x, y, z = 1e3 * self.origin
@@ -117,7 +122,7 @@ class Action:
         """
         if np.isnan(distance) or distance <= 0:
             raise InputError(f"distance: expected a positive length or infinity, got {distance}. Leave it out.")
-        names, free = [name or f"a{self.number}"], not np.isfinite(distance)
+        names, free = [name or self.name], not np.isfinite(distance)
         if free or distance > self.max_range:
             return Readings.from_columns(
                 self.origin[None], ids=names, directions=self.direction[None], is_free=np.array([True]),
@@ -148,7 +153,7 @@ class Step:
 
     Attributes:
         ids: names of the readings.
-        action: the question that they answer; None where nothing was asked.
+        action: the question that they answer; None where they answer none.
         probabilities: of every part ``(P,)``.
         unknown: of "none of these".
         T_world_part: likeliest pose ``(4, 4)``.
@@ -176,7 +181,7 @@ class Told:
     """What was told at once, as a record keeps it.
 
     Attributes:
-        action: the question that it answers; None where nothing was asked.
+        action: the question that it answers; None where it answers none.
         readings: those of it that were new; None if all of them had been told before.
         note: what a person should know; empty for nothing.
     """
