@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.matching import Hypothesis, Recognition
-from tanteo.matching.verdict import corner_sd
+from tanteo.matching.verdict import CONFIDENCE, corner_sd
 from tanteo.parts import Part
 from tanteo.report.sensed import Sensed
 
@@ -24,11 +24,14 @@ def headline(answer: Recognition) -> str:
         return "None of the parts explains the readings." if known else "Too little was sensed to say anything."
     best = answer.hypotheses[0]
     if answer.status == "recognized":
-        return f"It is {best.part}, located to {MM * best.worst_corner_sd:.2g} mm."
+        P = sum(h.probability for h in answer.hypotheses if h.part == best.part)
+        sure = "" if P >= CONFIDENCE else f" ({percent(P)})"
+        return f"It is {best.part}{sure}, located to {MM * best.worst_corner_sd:.2g} mm."
     if answer.status == "insufficient":
         free = " and ".join(best.unobserved) or "a direction"
-        stays = "stay" if len(best.unobserved) > 1 else "stays"
-        return f"{best.part} fits, but it is not located: {free} {stays} free."
+        return (
+            f"{best.part} fits, but it is not located: {free} {'stay' if len(best.unobserved) > 1 else 'stays'} free."
+        )
     if answer.status == "unknown":
         return f"Probably none of these parts; the nearest is {best.part}."
     likely = list(dict.fromkeys(h.part for h in answer.hypotheses if h.probability > 0.01)) or [best.part]
