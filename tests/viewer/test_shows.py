@@ -12,10 +12,10 @@ import pytest
 
 import tanteo.viewer
 from tanteo.lie import SE3
-from tanteo.sensors import measure
+from tanteo.sensors import Readings, measure
 from tanteo.session import Action
 from tanteo.simulator import Scene, Solid, box
-from tanteo.viewer import Snapshot
+from tanteo.viewer import Snapshot, bare_show
 from tanteo.viewer.laser import NOISE, simulated
 from tanteo.viewer.picking import picked
 from viewer_scenes import TRUE, maker
@@ -147,3 +147,20 @@ def test_viser_is_imported_by_the_page_alone():
     ]
     code = "import sys; sys.modules['viser'] = None; import tanteo.viewer, tanteo.cli.app"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_whatever_is_read_answers_what_was_asked(targets):
+    """A probe that says a bare point, under a name of its own, is not sent to the same place again."""
+    session = maker(targets, most=3)(0, "information").session
+    bare = lambda action: Readings.from_columns(  # noqa: E731
+        (action.origin + action.expected * action.direction)[None], ids=[f"point {session.count}"], sds=np.array([1e-3])
+    )
+    told = []
+
+    class Looks:
+        def place(self, note):
+            assert session.asked is None
+            told.append(session.steps[-1].action.number)
+
+    bare_show(session, bare, ()).run(Looks())
+    assert told == [1, 2, 3]

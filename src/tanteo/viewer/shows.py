@@ -63,7 +63,7 @@ def bare_show(
 
     def run(watch: Watch) -> Done:
         while isinstance(action := session.ask(), Action):
-            step = session.tell(read(action))
+            step = session.tell(read(action), action)
             watch.place(step.note)
         return action
 
