@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3
-from tanteo.localization import pose_information
+from tanteo.localization import pose_information, weak_motions
 from tanteo.matching.evidence import Priors
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
@@ -76,7 +76,7 @@ def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) ->
     """P-value of what was known of the pose beforehand, beside the readings: 1 without.
 
     Without it the readings fit somewhere near as well or better: by how much, beside the squared distance of the pose
-    from what was said, is chi-square of as many degrees as it says something of.
+    from what was said, is chi-square of as many degrees as both say something of.
 
     Args:
         touches: the readings.
@@ -91,7 +91,9 @@ def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) ->
     alone = replace(priors, pose=None)
     apart = polish(touches, free, T, mode.target, alone)
     log = log_posterior(touches, free, np.concatenate([T, apart.Ts]), np.concatenate([z, apart.z]), mode.target, alone)
-    return float(chdtrc(len(known), max(known @ known + 2 * (log[1] - log[0]), 0.0)))
+    left = weak_motions(pose_information(apart.information[0]), part_scale(part))  # there it is as it was said to be
+    dof = max(len(known) - len(left), 1)
+    return float(chdtrc(dof, max(known @ known + 2 * (log[1] - log[0]), 0.0)))
 
 
 def faces_met(touches: Touches, mode: Mode) -> IntArray:

@@ -42,6 +42,7 @@ class NearEdges:
         resistance: information of it given the faces, never negative ``(k, 6 + D, 6 + D)``.
         off: how far it is off all of the faces together, in standard deviations ``(k,)``: as a normal density would
             have to be to fall as much below that of a reading in the middle of the likeliest face.
+        tilts: of its sensed normal against that of the likeliest face, likewise; 0 where none was sensed ``(k,)``.
     """
 
     poses: IntArray
@@ -50,6 +51,7 @@ class NearEdges:
     gradient: FloatArray
     resistance: FloatArray
     off: FloatArray
+    tilts: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,9 +88,12 @@ def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors, near
     seen = _seen(touches, target, R, p, nearest)
     if seen is None:
         return None
-    log, gradient, resistance = _mixture(seen, touches, R)
-    off = np.sqrt(np.maximum(2 * (seen.log.max(axis=1) - log), 0.0))
-    return NearEdges(seen.poses, seen.readings, log, gradient, resistance, off)
+    log, share, gradient, resistance = _mixture(seen, touches, R)
+    off, own = np.sqrt(np.maximum(2 * (seen.log.max(axis=1) - log), 0.0)), np.zeros(len(log))
+    if seen.tilts is not None:
+        k = seen.with_normal
+        own[k] = np.linalg.norm(seen.tilts.gap[np.arange(len(k)), share[k].argmax(axis=1)], axis=1)
+    return NearEdges(seen.poses, seen.readings, log, gradient, resistance, off, own)
 
 
 def log_near_edges(
@@ -177,8 +182,8 @@ def _log_sum(log: FloatArray) -> FloatArray:
         return np.asarray(safe + np.log(np.exp(log - safe[:, None]).sum(axis=1)))
 
 
-def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log density ``(k,)``, its gradient, and the information if the faces were known."""
+def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Log density ``(k,)``, shares of the faces ``(k, F)``, gradient, and the information if the faces were known."""
     faces, at, d, s2, slant, t = seen.faces, seen.at, seen.d, seen.s2, seen.slant, seen.t
     gains = np.swapaxes(R[seen.poses], 1, 2) @ touches.gains[seen.readings]
     cover, pull, hold = covered(seen.beta, seen.beyond, faces.reflex)
@@ -199,7 +204,7 @@ def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, 
         rows = np.concatenate([rows, more], axis=2)
     gradient = np.sum(share[..., None] * slopes, axis=1)
     rows = (np.sqrt(share)[..., None, None] * rows).reshape(len(at), -1, rows.shape[-1])
-    return total, gradient, np.swapaxes(rows, 1, 2) @ rows
+    return total, share, gradient, np.swapaxes(rows, 1, 2) @ rows
 
 
 def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:

@@ -45,7 +45,8 @@ class Polished:
         residuals: distance from the surface in standard deviations ``(S, n)``; of readings near edges no more than
             their likelihood, which knows all faces there, makes of it.
         distances: the same in metres ``(S, n)``.
-        tilts: of sensed normals against the surface's, in standard deviations ``(S, n)``; 0 where none was sensed.
+        tilts: of sensed normals against the surface's, in standard deviations ``(S, n)``, likewise; 0 where none was
+            sensed.
         rows: derivative of the standardised residuals by the pose ``(S, n, 6)``.
         kin: log odds of an object that is only like the part, at this pose, before their priors ``(S,)``.
         groups: groups of readings whose first poses led here, a bit each ``(S,)``.
@@ -109,7 +110,7 @@ def polish(
     r, J = np.array(at.r[:, :n]), at.J[:, :n, :6]
     if at.edges is not None:
         there = at.edges.poses, at.edges.readings
-        r[there] = np.clip(r[there], -at.edges.off, at.edges.off)
+        r[there], tilts[there] = np.clip(r[there], -at.edges.off, at.edges.off), at.edges.tilts
     return Polished(Ts, z, A, log, at.belongs, r, at.distances, tilts, J, at.log_kin - at.log, groups)
 
 
