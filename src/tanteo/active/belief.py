@@ -30,8 +30,9 @@ _DRAWS, _OF_NORMAL = 96, 1 / 8
 _DOUBT = 0.2
 """Probability of "none of these" from which all parts are looked at anew."""
 
-_MANY = 6
-"""So many readings that are told at once can fix a pose by themselves: then parts are looked at thoroughly."""
+_MANY, _JUST_ENOUGH = 6, (6, 7, 8)
+"""So many readings told at once can fix a pose by themselves, and just enough do so in several ways: then parts are
+looked at thoroughly."""
 
 _SURE = 0.99
 """Probability of a part at which all others are looked at anew, once."""
@@ -120,8 +121,9 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
         free: all paths so far on which nothing was met.
     """
     start, searched = before.start, np.flatnonzero(before.of_parts() > MATTERS)
-    known = 0 if before.touches is None else len(before.touches)
-    found = _climbed(start, *_alive(before), touches, free, searched, many=len(touches) >= known + _MANY)
+    known, told = 0 if before.touches is None else len(before.touches), len(touches)
+    just = known < told and told in _JUST_ENOUGH
+    found = _climbed(start, *_alive(before), touches, free, searched, thoroughly=just or told >= known + _MANY)
     log_anywhere = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
     log_anywhere += len(free.origins) * np.log1p(-start.priors.clutter)
     weighed = weigh_parts(start, found, touches, free, log_anywhere)
@@ -154,15 +156,15 @@ def _climbed(
     free: FreePaths,
     searched: IntArray,
     widely: bool = False,
-    many: bool = False,
+    thoroughly: bool = False,
 ) -> list[Maxima]:
-    """Maxima of every part that has a pose, or is searched: looked at anew, thoroughly if many readings are new."""
+    """Maxima of every part that has a pose, or is searched: looked at anew."""
     found = []
     for k in range(len(start.targets)):
         own = start.part[rows] == k
         poses, at = Ts[own], rows[own]
         if len(touches) and k in searched:
-            looks = [fresh(start, k, touches, widely), *([thorough(start, k, touches, free)] if many else [])]
+            looks = [fresh(start, k, touches, widely), *([thorough(start, k, touches, free)] if thoroughly else [])]
             poses = np.concatenate([poses, *(more for more, _ in looks)])
             at = np.concatenate([at, *(row for _, row in looks)])
         if len(poses):
