@@ -34,6 +34,11 @@ from tanteo.typing import BoolArray, Vectors
 _CANDIDATES = 500
 """Readings among which one is chosen."""
 
+_NOWHERE = (
+    "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
+    "approach or a better rough pose."
+)
+
 _LIKE = 0.15
 """A reading is like a refused one within this angle [rad], and a place of this share of the stand-off."""
 
@@ -132,7 +137,7 @@ class Session:
             return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
-            return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
+            return Done(False, _NOWHERE)
         situation = self._situation(candidates)
         choice = self.policy.choose(situation)
         left = self.stop.most - self.count
