@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER
-from tanteo.active import at_pose, begin, propose
+from sensing_scenes import LASER, rough
+from tanteo.active import at_pose, begin, probe_of, propose
 from tanteo.active.candidates import Candidates, has_room, within_cone
+from tanteo.active.samples import beams
+from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
+from tanteo.sensors import sensor_preset
 from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -136,7 +139,8 @@ def test_starts_keep_clear_of_the_part_wherever_it_may_be():
         near.append(np.mean(target.distance(SE3.apply(to_part, c.origins))[0] < TOUCH.clearance))
     assert near[0] < 0.008
     assert near[1] > 0.03
-    assert not len(propose(begin(at_pose(target, np.eye(4), 25 * C)), TOUCH, 300))
+    block = prepare_target(read_part(PARTS / "block.step"))
+    assert not len(propose(begin(rough([block], (0.03, 0.15))), replace(TOUCH, clearance=0.01), 300))
 
 
 def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
@@ -145,3 +149,27 @@ def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
     first, second = (propose(belief, TOUCH, 200) for belief in beliefs)
     np.testing.assert_array_equal(first.origins, second.origins)
     np.testing.assert_array_less(TOUCH.clearance, target.distance(second.origins)[0])
+
+
+def test_readings_nearer_than_the_sensor_begins_to_read_are_improbable():
+    """Of new draws of a rough place; and those that are nearest in the middle are what is left out."""
+    target, C = prepare_target(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
+    belief, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
+    Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)
+    for least in (0.065, 0.0):
+        c = propose(belief, replace(LASER, min_range=least), 300)
+        share.append(np.mean(beams(target, Ts, c.origins, c.directions)[0] < 0.065))
+        assert len(c) > 30
+    assert share[0] < 0.015
+    assert share[1] > 2 * share[0]
+
+
+def test_a_probe_has_the_least_range_of_its_sensor_and_answers_to_nothing_nearer():
+    probe = probe_of(sensor_preset("keyence_il300"))
+    assert probe.min_range == 0.16
+    np.testing.assert_array_equal(
+        probe.answers(np.array([0.15, 0.16, 0.3, 0.5]), np.ones(4)), [False, True, True, False]
+    )
+    assert probe_of(sensor_preset("touch_trigger_cnc")).min_range == 0
+    with pytest.raises(InputError, match="where it begins to read"):
+        replace(probe, standoff=0.1)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.active.belief import Belief
 from tanteo.active.probe import Probe
-from tanteo.active.samples import even_normals
+from tanteo.active.samples import draw, even_normals, predict
 from tanteo.lie import SE3, SO3
 from tanteo.matching.verdict import box_corners
 from tanteo.surface_search import Target
@@ -25,6 +25,9 @@ _STEPS = 4
 
 _DRAWS, _LEAST_DRAWS = 64, 8
 """Poses of all modes that a way must keep clear of, and the least of each."""
+
+_TOO_NEAR = 0.01
+"""Probability that a reading is nearer than the sensor's least range, up to which it may be."""
 
 _BEYOND, _ENOUGH = (1.5, 1.0), 0.25
 """Their spread in that of the belief, where that leaves such a share of the ways; the last in any case."""
@@ -80,7 +83,15 @@ def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0, *, an
         none, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         return Candidates(nowhere, nowhere, none, none, np.zeros(0))
     joint = Candidates(*(np.concatenate([getattr(c, name) for c in some]) for name in Candidates.__slots__))
-    return joint.take(has_room(belief, joint, probe, anywhere=anywhere))
+    joint = joint.take(has_room(belief, joint, probe, anywhere=anywhere))
+    return joint.take(_far_enough(belief, joint, probe)) if probe.min_range > 0 and len(joint) else joint
+
+
+def _far_enough(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArray:
+    """Readings that are improbably too near for the sensor ``(C,)``; those for which it is least, if it is for most."""
+    samples = draw(belief, _DRAWS)
+    near = (predict(samples, candidates.origins, candidates.directions).ranges < probe.min_range) @ samples.weights
+    return np.asarray(near <= max(_TOO_NEAR, float(np.quantile(near, _ENOUGH))))
 
 
 def _on_mode(belief: Belief, k: int, probe: Probe, count: int, seed: int) -> Candidates:
