@@ -200,7 +200,8 @@ class Session:
     def _take(self, fresh: Readings | None, note: str) -> Step:
         belief = self._belief
         if fresh is not None:
-            belief = update(belief, *self.sensing.touches(concatenate([*self._readings, fresh])))
+            touches, free = self.sensing.touches(concatenate([*self._readings, fresh]))
+            belief = update(belief, touches, free if self.probe.contact else free.up_to(self.probe.max_incidence))
         step = self._step(belief, () if fresh is None else fresh.ids, note)
         # only now, all of it: who interrupts the long work above finds the session as it was before
         self._belief, self._asked = belief, None
