@@ -40,7 +40,7 @@ class Information:
         """The candidate with the largest expected information, or information a second."""
         s, c = situation, situation.candidates
         samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
-        predicted = predict(samples, c.origins, c.directions)
+        predicted = predict(samples, c.origins, c.directions, s.probe)
         gains = worth = expected_information(samples, predicted, s.probe)
         if s.part_only or (self.part_first and s.part_open):
             worth = _ASIDE * gains + about_mode(samples, predicted, s.probe, samples.part)
@@ -66,7 +66,7 @@ class Features:
         """A reading of the feature that is worth most."""
         s = situation
         samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
-        predicted = predict(samples, s.candidates.origins, s.candidates.directions)
+        predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe)
         alone = expected_information(samples, predicted, s.probe)
         found = features(s.belief, s.candidates)
         gains = joint_information(found, samples, predicted, s)

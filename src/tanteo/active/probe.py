@@ -122,8 +122,11 @@ class Probe:
         along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2
         if self.contact:
             return np.asarray((along + repeat2) / cosines**2)
-        across = (0.5 * self.beam_half_angle * ranges) ** 2
-        return np.asarray(along + across * (1 / cosines**2 - 1) + repeat2 / cosines**2)
+        return np.asarray(along + self.cone_variance(ranges, cosines) + repeat2 / cosines**2)
+
+    def cone_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
+        """What the cone adds to it on a plane, as the echo comes from any of its rays."""
+        return np.asarray((0.5 * self.beam_half_angle * ranges) ** 2 * (1 / cosines**2 - 1))
 
     def answers(self, ranges: FloatArray, cosines: FloatArray) -> BoolArray:
         """Whether there is a reading at these ranges and incidences."""
