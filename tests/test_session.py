@@ -10,13 +10,13 @@ import pytest
 
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
-from tanteo.active import Candidates, Stop, around, begin, update
+from tanteo.active import Candidates, Stop, around, at_pose, begin, update
 from tanteo.errors import InputError
 from tanteo.parts import read_part
 from tanteo.report.words import headline
 from tanteo.sensors import Readings, concatenate
 from tanteo.sensors.law import NoiseLaw
-from tanteo.session import Done, Sensing
+from tanteo.session import Action, Done, Sensing, Session
 from tanteo.session.answer import answered
 from tanteo.surface_search import prepare_target
 
@@ -422,3 +422,18 @@ def test_only_what_can_be_made_is_asked(targets):
     none = new_session(rough(targets))
     none.able = lambda belief, candidates: np.zeros(len(candidates), dtype=bool)
     assert "reaches no place" in none.ask().why
+
+
+@pytest.mark.parametrize(("tilt", "contact", "speaks"), [(70, False, False), (70, True, True), (40, False, True)])
+def test_no_echo_from_a_face_that_is_too_oblique_for_the_probe_says_nothing(tilt, contact, speaks):
+    """Beams at the middle of the top, from beyond and within the incidence to which the probe answers."""
+    target, angle = prepare_target(read_part(PARTS / "block.step")), np.radians(tilt)
+    low, high = target.part.box
+    along = np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    origin = np.array([*0.5 * (low + high)[:2], high[2]]) - 0.05 * along
+    session = Session(at_pose(target, np.eye(4), 1e-10 * np.eye(6)), replace(LASER, contact=contact), Sensing(sd=3e-4))
+    action, before = Action(1, origin, along, 0.2, 0.05, "block", "top", 0.0, ""), session.belief.unknown
+    assert true_range(target, np.eye(4), action) == pytest.approx(0.05)
+    session.tell(action.read(np.inf))
+    assert (session.belief.unknown > 2 * before) == speaks
+    assert speaks or session.belief.unknown < 1.2 * before

@@ -8,11 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER
-from tanteo.active import at_pose, begin, propose
+from sensing_scenes import LASER, rough
+from tanteo.active import at_pose, begin, probe_of, propose
 from tanteo.active.candidates import Candidates, has_room, within_cone
+from tanteo.active.samples import beams
+from tanteo.errors import InputError
+from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.lie import SE3
+from tanteo.matching import Priors
 from tanteo.parts import read_part
+from tanteo.sensors import sensor_preset
 from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -73,3 +78,98 @@ def test_straight_against_the_approach_the_nearest_is_a_unit_direction_on_the_ed
     got = within_cone(-NARROW.approach[None], NARROW)[0]
     assert np.linalg.norm(got) == pytest.approx(1.0, abs=1e-12)
     assert got @ NARROW.approach == pytest.approx(np.cos(NARROW.cone), abs=1e-12)
+
+
+TOUCH = replace(LASER, contact=True, standoff=0.05, clearance=0.008)
+
+
+def over_the_top(belief, gap, thick=0.01):
+    """A plate so far over the part, larger than it on all sides."""
+    corners = SE3.apply(belief.poses[0], belief.target(0).part.vertices)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    bottom = np.r_[low[:2] - 0.3, high[2] + gap]
+    return ForbiddenBox("plate", bottom, np.r_[high[:2] + 0.3, bottom[2] + thick])
+
+
+@pytest.mark.parametrize("probe", [replace(LASER, standoff=0.08), replace(TOUCH, standoff=0.08)])
+def test_no_way_to_the_part_leads_through_a_forbidden_box(belief, probe):
+    """A plate between the starts and the part: the starts have room, the ways have not; a touch keeps its clearance."""
+    plate = over_the_top(belief, 0.03)
+    free, kept = (propose(belief, replace(probe, workspace=Workspace.everywhere(f)), 400) for f in ((), [plate]))
+    for c, most in ((free, 0.5), (kept, 0.0)):
+        way = c.origins[:, None] + np.linspace(0, 1, 200)[:, None] * (c.aims - c.origins)[:, None]
+        gaps = plate.distances(way)[0]
+        crossed = gaps.min(axis=1) < 0
+        assert crossed.mean() <= most
+        assert crossed.any() == (c is free)
+        if probe.contact and c is kept:  # but for the end, where the tip is as near to the part
+            assert gaps[:, :179].min() >= probe.clearance - 1e-9
+    assert len(kept) > 50
+
+
+def test_a_touch_stays_inside_the_workspace_up_to_the_part_and_a_beam_need_not(belief):
+    """The far half of the part is out of bounds; starts before it have room."""
+    middle = SE3.apply(belief.poses[0], belief.target(0).part.centroid)[2]
+    for probe, out in ((TOUCH, False), (replace(TOUCH, contact=False), True)):
+        c = propose(belief, replace(probe, workspace=Workspace.above(middle)), 400)
+        assert (c.aims[:, 2] < middle).any() == out
+        assert len(c) > 20
+
+
+def test_a_thin_part_that_lies_on_a_forbidden_table_can_be_touched_from_above():
+    target = prepare_target(read_part(PARTS / "block.step"))
+    belief, low = begin(at_pose(target, np.eye(4), 1e-8 * np.eye(6))), target.part.box[0]
+    table = ForbiddenBox("table", np.r_[low[:2] - 1, low[2] - 0.1], np.r_[low[:2] + 2, low[2]])
+    thick = replace(TOUCH, clearance=0.06, standoff=0.1, workspace=Workspace.everywhere([table]))
+    assert target.part.box[1, 2] - low[2] < thick.clearance
+    c = propose(belief, thick, 300)
+    assert len(c) > 20
+    np.testing.assert_allclose(c.directions, np.tile([0, 0, -1.0], (len(c), 1)), atol=1e-9)
+
+
+def test_starts_keep_clear_of_the_part_wherever_it_may_be():
+    """Of new draws of a rough place, not only of the pose in its middle; where that leaves nothing, nothing is left."""
+    target = prepare_target(read_part(PARTS / "bracket_left.step"))
+    C = np.diag(np.repeat([0.008, 0.2], 3) ** 2)
+    belief, rng, near = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(5), []
+    to_part = SE3.inverse(SE3.exp(rng.normal(size=(2000, 6)) @ np.linalg.cholesky(C).T))[:, None]
+    for anywhere in (True, False):
+        c = propose(belief, TOUCH, 300, anywhere=anywhere)
+        assert len(c) > 40
+        near.append(np.mean(target.distance(SE3.apply(to_part, c.origins))[0] < TOUCH.clearance))
+    assert near[0] < 0.008
+    assert near[1] > 0.03
+    block = prepare_target(read_part(PARTS / "block.step"))
+    assert not len(propose(begin(rough([block], (0.03, 0.15))), replace(TOUCH, clearance=0.01), 300))
+
+
+def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
+    target, C = prepare_target(read_part(PARTS / "block.step")), np.diag(np.repeat([0.012, 0.12], 3) ** 2)
+    beliefs = [begin(at_pose(target, np.eye(4), C, Priors(unknown=u))) for u in (0.05, 0.9999)]
+    first, second = (propose(belief, TOUCH, 200) for belief in beliefs)
+    np.testing.assert_array_equal(first.origins, second.origins)
+    np.testing.assert_array_less(TOUCH.clearance, target.distance(second.origins)[0])
+
+
+def test_readings_nearer_than_the_sensor_begins_to_read_are_improbable():
+    """Of new draws of a rough place; and those that are nearest in the middle are what is left out."""
+    target, C = prepare_target(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
+    belief, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
+    Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)
+    for least in (0.065, 0.0):
+        c = propose(belief, replace(LASER, min_range=least), 300)
+        share.append(np.mean(beams(target, Ts, c.origins, c.directions)[0] < 0.065))
+        assert len(c) > 30
+    assert share[0] < 0.015
+    assert share[1] > 2 * share[0]
+
+
+def test_a_probe_has_the_least_range_of_its_sensor_and_answers_to_nothing_nearer():
+    probe = probe_of(sensor_preset("keyence_il300"))
+    assert probe.min_range == 0.16
+    np.testing.assert_array_equal(
+        probe.answers(np.array([0.15, 0.16, 0.3, 0.5]), np.ones(4)), [False, True, True, False]
+    )
+    assert probe_of(sensor_preset("touch_trigger_cnc")).min_range == 0
+    with pytest.raises(InputError, match="where it begins to read"):
+        replace(probe, standoff=0.1)

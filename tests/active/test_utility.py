@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, new_session, rough, sense
-from tanteo.active import Probe, Start, at_pose, begin, draw, expected_information, predict, propose
+from tanteo.active import (
+    Probe,
+    Start,
+    at_pose,
+    begin,
+    distinguish,
+    draw,
+    expected_information,
+    predict,
+    probe_of,
+    propose,
+)  # fmt: skip
 from tanteo.active.samples import beams
 from tanteo.active.utility import about_mode, about_pose
 from tanteo.errors import InputError
@@ -168,7 +179,6 @@ def test_candidates_can_be_made(bracket):
 
 def test_the_variance_of_a_probe_is_that_of_the_measurement():
     """Against ``measure``: the same range, direction and preset; along the surface's normal, over the cosine."""
-    from tanteo.active import probe_of
     from tanteo.sensors import Readings, measure
 
     preset, robot = sensor_preset("vl53l4cd"), robot_preset("abb_irb1600_uncalibrated")
@@ -191,3 +201,58 @@ def test_the_variance_of_a_probe_is_that_of_the_measurement():
 def test_a_probe_that_makes_no_sense_is_refused(bad):
     with pytest.raises(InputError, match="probe"):
         Probe("p", NoiseLaw.of(1e-4), **bad)
+
+
+CONE = replace(LASER, beam_half_angle=np.radians(8), max_incidence=np.radians(75), standoff=0.08, clearance=0.005)
+
+
+def random_rays(target, T, origin, direction, rng, n=3000):
+    """Which rays, drawn evenly from the spot of the cone, are answered, and their depths along its axis."""
+    slope, turn = np.tan(CONE.beam_half_angle) * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * np.pi, n)
+    u, v = np.linalg.svd(direction[None])[2][1:]
+    rays = direction + slope[:, None] * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)
+    long = np.sqrt(1 + slope**2)
+    d, cosine, _, _ = beams(target, T[None], np.tile(origin, (n, 1)), rays / long[:, None])
+    return CONE.answers(d[:, 0], cosine[:, 0]), d[:, 0] / long
+
+
+def test_the_echo_of_a_cone_comes_from_any_of_its_rays(bracket):
+    """Share, mean and variance against rays at random, also where the spot crosses an edge."""
+    start, rng = at(bracket, (1e-4, 1e-3)), np.random.default_rng(8)
+    c = propose(begin(start), CONE, 80)
+    samples = draw(begin(start), 32)
+    p = predict(samples, c.origins, c.directions, CONE)
+    echo = np.where(CONE.answers(p.ranges, p.cosines), p.shares, 0.0) @ samples.weights
+    drawn = [random_rays(bracket, start.Ts[0], o, d, rng) for o, d in zip(c.origins, c.directions, strict=True)]
+    truth = np.array([answers.mean() for answers, _ in drawn])
+    assert (truth < 0.95).sum() > 10
+    assert np.abs(echo - truth).max() < 0.15
+    assert np.abs(echo - truth).mean() < 0.02
+    sure = truth > 0.3
+    sds = np.array([depths[answers].std() if answers.any() else 0.0 for answers, depths in drawn])
+    got = np.sqrt(
+        (p.scatter + CONE.cone_variance(np.where(p.met, p.ranges, 0.1), np.maximum(p.cosines, 0.1))) @ samples.weights
+    )
+    assert (np.abs(got - sds) < 2e-3 + 0.35 * sds)[sure].mean() > 0.95
+
+
+def test_a_thin_beam_is_one_ray_and_on_a_plane_so_is_a_cone(bracket):
+    start = at(bracket, (1e-4, 1e-3))
+    c, samples = propose(begin(start), LASER, 60), draw(begin(start), 16)
+    plain, thin, wide = (predict(samples, c.origins, c.directions, p) for p in (None, LASER, CONE))
+    for name in ("ranges", "cosines", "variances", "shares", "scatter"):
+        np.testing.assert_array_equal(getattr(plain, name), getattr(thin, name))
+    flat = (wide.shares == 1) & (wide.scatter < 1e-10) & (plain.cosines > 0.999)
+    assert flat.sum() > 50
+    assert (np.abs(wide.ranges - plain.ranges)[flat] < 1e-3 * plain.ranges[flat]).mean() > 0.9  # but for low steps
+    np.testing.assert_allclose(wide.variances[flat], plain.variances[flat], rtol=1e-9)
+
+
+def test_hit_or_miss_of_a_wide_cone_is_not_promised_to_tell_two_parts_apart():
+    """Steps 3 mm apart, past the edge: for the axis a sure hit and a sure miss, for the cone neither."""
+    pair = [prepare_target(read_part(PARTS / f"step_{k}mm.step")) for k in (12, 15)]
+    wide = probe_of(sensor_preset("vl53l0x"))
+    found = distinguish(*pair, wide)
+    assert found.information < 0.15
+    assert "% of the time" in found.message
+    assert distinguish(*pair, replace(wide, beam_half_angle=0.0)).tells

@@ -75,7 +75,7 @@ def test_before_the_first_reading_every_part_is_possible(targets):
 def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
     hand, belief = gripper(), believed(targets)
     probe = hand_probe(hand, RULES, 0.04)
-    candidates = propose(belief, probe, 120)
+    candidates = propose(belief, probe, 120, anywhere=False)
     able = reachable(hand, RULES, probe.retreat)(belief, candidates)
     assert 0 < able.sum() < len(candidates)
     possible = Possible.of(belief)

@@ -105,3 +105,24 @@ def test_no_limits(body):
 def test_limits_that_are_none(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("room", [0.0, 0.03])
+def test_a_way_leads_through_a_box_where_some_place_on_it_is_inside(room):
+    """Against many places on every way; ways along a side of the box, too."""
+    rng, box = np.random.default_rng(2), ForbiddenBox("same", BOX.low - room, BOX.high + room, POSED)
+    starts, ends = rng.uniform(-0.4, 0.6, (2, 3000, 3))
+    ends[::3, 0], ends[::7, 1:] = starts[::3, 0], starts[::7, 1:]
+    starts, ends = SE3.apply(POSED, starts), SE3.apply(POSED, ends)
+    places = starts[:, None] + np.linspace(0, 1, 400)[:, None] * (ends - starts)[:, None]
+    gaps = box.distances(places)[0].min(axis=1)
+    sure = np.abs(gaps) > 2e-3
+    assert 300 < (gaps[sure] < 0).sum() < 2000
+    np.testing.assert_array_equal(BOX.crossed(starts, ends, room)[sure], gaps[sure] < 0)
+
+
+def test_a_way_that_ends_on_a_box_or_runs_along_it_does_not_lead_through():
+    box = ForbiddenBox("table", np.array([-1.0, -1, -1]), np.array([1.0, 1, 0]))
+    starts = np.array([[0, 0, 0.3], [-2.0, 0, 0], [0, 0, 0.3], [0, 0, 0.3]])
+    ends = np.array([[0, 0, 0.0], [2.0, 0, 0], [0, 0, -1e-6], [0, 0, -2.0]])
+    np.testing.assert_array_equal(box.crossed(starts, ends), [False, False, True, True])

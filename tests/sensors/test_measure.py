@@ -199,6 +199,11 @@ ORIGIN = np.zeros((1, 3))
         ({"points": ORIGIN}, {"sd": 1e-3, "robot": "xam"}, "Did you mean 'xarm'"),
         ({"points": ORIGIN, "ranges": [5.0]}, {"sensor": "vl53l0x"}, "expected 0.03 to 1.2 m from 'vl53l0x', got 5 m"),
         (
+            {"points": ORIGIN, "ranges": [0.01]},
+            {"sensor": "vl53l0x"},
+            "got 0.01 m. Leave it out, for nothing is",
+        ),
+        (
             {"ranges": [0.5], "sensors": ["eye"], "Ts_world_hand": np.eye(4)[None]},
             {"sd": 1e-3},
             "sits on the hand, got no rig",

@@ -1,5 +1,6 @@
 """Paths on which nothing was met, exactly known or somewhere in a cone."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 
 import tanteo
 from tanteo.matching import Priors
-from tanteo.surface_search import FreePaths, prepare_target
-from tanteo.surface_search.free_space import log_free_paths
+from tanteo.sensors import Readings, measure
+from tanteo.surface_search import FreePaths, as_free_paths, prepare_target
+from tanteo.surface_search.free_space import gone_through, log_free_paths
 
 PRIORS = Priors(radius=0.1)
 C = PRIORS.clutter
@@ -52,3 +54,35 @@ def test_a_cone_that_grazes_a_border_passes_beside_it_with_about_its_share(block
     assert 0.2 < share < 0.45
     assert abs((np.exp(log(block, path)) - C) / (1 - 2 * C) - share) < 0.25
     assert log(block, path) > np.log(C) + 1.5
+
+
+def slanted(target, incidence, limit, slope=0.0):
+    """A path that meets the middle of the top at an angle, of a sensor that answers up to another."""
+    low, high = target.part.box
+    middle = np.array([*(0.5 * (low + high))[:2], high[2]])
+    along = np.array([np.sin(incidence), 0.0, -np.cos(incidence)])
+    return FreePaths((middle - 0.1 * along)[None], along[None], np.array([0.2]), np.zeros(1), np.array([slope]), limit)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.02])
+def test_a_path_that_meets_a_face_beyond_the_limit_of_its_sensor_says_as_much_as_one_that_passes(block, slope):
+    for degrees in (0, 30, 55, 65, 80):
+        angle, limit = np.radians(degrees), np.radians([60.0])
+        said = log(block, slanted(block, angle, limit, slope))
+        assert said == pytest.approx(np.log1p(-C) if degrees > 60 else np.log(C))
+        assert (gone_through(slanted(block, angle, limit), np.eye(4), block)[0] > 0) == (degrees < 60)
+        unknown = replace(slanted(block, angle, limit), incidences=np.zeros(0))
+        assert log(block, unknown) == pytest.approx(np.log(C))
+
+
+def test_the_limit_comes_from_the_preset_of_the_sensor_and_a_touch_has_none():
+    def paths(**how):
+        readings = Readings.from_columns(
+            np.zeros((1, 3)), directions=np.eye(3)[2:], is_free=np.array([True]), max_ranges=np.array([0.2])
+        )
+        return as_free_paths(measure(readings, **how), 0.0)
+
+    assert paths(sensor="keyence_il300").incidences == pytest.approx(np.radians(30))
+    assert paths(sensor="keyence_il300").up_to(0.2).incidences == pytest.approx(0.2)
+    assert paths(sensor="touch_probe_hobby").incidences == pytest.approx(np.pi / 2)
+    assert paths(sd=1e-3).incidences == pytest.approx(np.pi / 2)

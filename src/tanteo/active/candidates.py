@@ -8,18 +8,29 @@ import numpy as np
 
 from tanteo.active.belief import Belief
 from tanteo.active.probe import Probe
+from tanteo.active.samples import draw, even_normals, predict
 from tanteo.lie import SE3, SO3
+from tanteo.matching.verdict import box_corners
 from tanteo.surface_search import Target
-from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _LIVE = 0.003
-"""Modes of at least this probability must be given a wide berth."""
+"""Modes of at least this probability, if it is one of the parts, must be given a wide berth."""
 
 _LIKELY = 0.01
 """Modes of at least this probability are aimed at."""
 
 _STEPS = 4
 """Places along the way in that are checked for room."""
+
+_DRAWS, _LEAST_DRAWS = 64, 8
+"""Poses of all modes that a way must keep clear of, and the least of each."""
+
+_TOO_NEAR = 0.01
+"""Probability that a reading is nearer than the sensor's least range, up to which it may be."""
+
+_BEYOND, _ENOUGH = (1.5, 1.0), 0.25
+"""Their spread in that of the belief, where that leaves such a share of the ways; the last in any case."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +64,7 @@ class Candidates:
         return np.asarray(self.origins + self.ranges[:, None] * self.directions)
 
 
-def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0) -> Candidates:
+def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0, *, anywhere: bool = True) -> Candidates:
     """Readings on the likelier modes, about as many as asked for, that keep clear of every mode that is alive.
 
     Args:
@@ -61,6 +72,7 @@ def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0) -> Ca
         probe: what senses, and where it may come from.
         count: of readings.
         seed: which places of the surfaces are tried.
+        anywhere: keep clear of the part wherever the belief says that it may be, not only at the pose of each mode.
     """
     w = belief.weights
     likely = np.flatnonzero(w >= min(_LIKELY, w.max(initial=0.0)))
@@ -71,7 +83,15 @@ def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0) -> Ca
         none, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         return Candidates(nowhere, nowhere, none, none, np.zeros(0))
     joint = Candidates(*(np.concatenate([getattr(c, name) for c in some]) for name in Candidates.__slots__))
-    return joint.take(has_room(belief, joint, probe))
+    joint = joint.take(has_room(belief, joint, probe, anywhere=anywhere))
+    return joint.take(_far_enough(belief, joint, probe)) if probe.min_range > 0 and len(joint) else joint
+
+
+def _far_enough(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArray:
+    """Readings that are improbably too near for the sensor ``(C,)``; those for which it is least, if it is for most."""
+    samples = draw(belief, _DRAWS)
+    near = (predict(samples, candidates.origins, candidates.directions).ranges < probe.min_range) @ samples.weights
+    return np.asarray(near <= max(_TOO_NEAR, float(np.quantile(near, _ENOUGH))))
 
 
 def _on_mode(belief: Belief, k: int, probe: Probe, count: int, seed: int) -> Candidates:
@@ -112,21 +132,88 @@ def within_cone(directions: Vectors, probe: Probe) -> Vectors:
     return np.where((along >= np.cos(probe.cone))[:, None], directions, edge)
 
 
-def has_room(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArray:
-    """Whether start and way in are inside the workspace and clear of every live mode ``(C,)``."""
+def has_room(belief: Belief, candidates: Candidates, probe: Probe, *, anywhere: bool = True) -> BoolArray:
+    """Whether all of the way is inside the workspace, and start and way in clear of every live mode ``(C,)``.
+
+    Clear of a mode is clear of its pose and, ``anywhere``, of draws about it, so that the part is not met wherever it
+    may be.
+    """
     back = np.linspace(0.0, probe.retreat, _STEPS)
     way = candidates.origins[:, None] - back[:, None] * candidates.directions[:, None]
     ok: BoolArray = np.all(probe.workspace.rooms(way)[0] >= probe.clearance, axis=(1, 2))
-    for k in np.flatnonzero(belief.weights >= _LIVE):
+    ok &= _reached_freely(candidates, probe)
+    live = np.flatnonzero(belief.weights >= _LIVE * belief.weights.sum())
+    gaps = np.zeros((len(live), *way.shape[:2]))
+    for gap, k in zip(gaps, live, strict=True):
         rows = np.flatnonzero(ok)
-        if not len(rows):
+        gap[rows] = _distances(belief.target(int(k)), SE3.inverse(belief.poses[k]), way[rows])
+        ok[rows] = gap[rows].min(axis=1) >= probe.clearance
+    return _clear_anywhere(belief, live, way, gaps, ok, probe.clearance) if anywhere else ok
+
+
+def _clear_anywhere(
+    belief: Belief, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, clearance: float
+) -> BoolArray:
+    """Which of the ways that are clear of the live modes' poses are so of draws about them ``(C,)``.
+
+    Of draws wider than the belief, if that leaves enough to choose from; else of its own.
+    """
+    w = belief.weights[live] / max(belief.weights.sum(), 1e-300)
+    counts = np.maximum(_LEAST_DRAWS, np.round(_DRAWS * w)).astype(np.int64)
+    clear = ok
+    for beyond in _BEYOND:
+        clear = ok.copy()
+        for gap, k, count in zip(gaps, live, counts, strict=True):
+            xi = beyond * even_normals(int(count))
+            clear[clear] = _clear_of_draws(belief, int(k), xi, way[clear], gap[clear], clearance)
+        if clear.sum() >= _ENOUGH * ok.sum():
             break
-        target, to_part = belief.target(int(k)), SE3.inverse(belief.poses[k])
-        gaps = _distances(target, SE3.apply(to_part, way[rows]))
-        ok[rows] = gaps.min(axis=1) >= probe.clearance
+    return clear
+
+
+def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
+    """Whether nothing forbidden is on the way from the start, or its retreat, to the aim ``(C,)``.
+
+    A beam is as thin as a line. A touch needs its room up to where it comes as near to the part; from there on its tip
+    goes alone, so that a thin part may lie on a forbidden table.
+    """
+    c, boxes = candidates, probe.workspace.forbidden
+    aims, last = c.aims, np.maximum(c.ranges - probe.clearance, 0.0) if probe.contact else np.zeros(len(c))
+    near = c.origins + last[:, None] * c.directions
+    behind = c.origins - probe.retreat * c.directions
+    met = [box.crossed(behind, near, probe.clearance) | box.crossed(near, aims) for box in boxes]
+    ok = ~np.any(met, axis=0) if boxes else np.ones(len(c), dtype=bool)
+    if probe.contact:
+        ok &= np.all(probe.workspace.rooms(near)[0] >= probe.clearance, axis=1)
+        ok &= np.all(probe.workspace.rooms(aims)[0] >= 0.0, axis=1)
+    return np.asarray(ok)
+
+
+def _clear_of_draws(
+    belief: Belief, k: int, xi: FloatArray, way: Vectors, gaps: FloatArray, clearance: float
+) -> BoolArray:
+    """Whether ways keep clear of a mode's part wherever it may be ``(n,)``.
+
+    Args:
+        belief: what is known.
+        k: the mode.
+        xi: the draws, in standard deviations ``(D, 6)``.
+        way: places of each way ``(n, P, 3)``.
+        gaps: of each from the part at the mode's pose ``(n, P)`` [m].
+        clearance: to keep [m].
+    """
+    target, T = belief.target(k), belief.poses[k]
+    values, vectors = np.linalg.eigh(belief.covariances[k])
+    Ts = T @ SE3.exp(xi @ (vectors * np.sqrt(values.clip(0.0))).T)
+    corners = box_corners(target.part)
+    most = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max()
+    ok = np.ones(len(way), dtype=bool)
+    rows, places = np.nonzero(gaps < clearance + most)  # no part of the part moves farther than a corner of its box
+    least = _distances(target, SE3.inverse(Ts)[:, None], way[rows, places]).min(axis=0)
+    ok[rows[least < clearance]] = False
     return ok
 
 
-def _distances(target: Target, points: Vectors) -> FloatArray:
-    """To the surface, negative inside: from the grid, less what that may be off."""
-    return np.asarray(target.field(points)[0] - 0.5 * target.field.step)
+def _distances(target: Target, to_part: Transforms, points: Vectors) -> FloatArray:
+    """Of world points from the surface, negative inside: from the grid, less what that may be off."""
+    return np.asarray(target.field(SE3.apply(to_part, points))[0] - 0.5 * target.field.step)

@@ -112,7 +112,7 @@ def design_of(start: Start, probe: Probe, seed: int, feature: str | None = None)
         feature: name of one that has to be within the tolerance; the corners of the part's box if not given.
     """
     belief, target, T = begin(start), start.targets[0], start.Ts[0]
-    candidates = propose(belief, probe, _CANDIDATES, seed)
+    candidates = propose(belief, probe, _CANDIDATES, seed, anywhere=False)
     if not len(candidates):
         return None
     share = _steadiness(start, candidates)

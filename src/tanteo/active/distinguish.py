@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.active.belief import Belief, begin
 from tanteo.active.candidates import Candidates, propose
 from tanteo.active.probe import Probe
+from tanteo.active.rays import has_cone
 from tanteo.active.samples import draw, predict
 from tanteo.active.start import Start
 from tanteo.active.utility import about_mode
@@ -104,22 +105,23 @@ def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, s
     k = int(np.lexsort((told.sum(axis=0), told.min(axis=0)))[-1])
     twin = int(np.argmin(told[:, k]))
     here = draw(begin(start), 1)  # the middle of every pose
-    seen = predict(here, candidates.origins[k : k + 1], candidates.directions[k : k + 1])
+    seen = predict(here, candidates.origins[k : k + 1], candidates.directions[k : k + 1], probe)
     rows = [int(np.flatnonzero(here.mode == mode)[0]) for mode in (0, 1 + twin)]
     ranges = seen.ranges[0, rows]
     answers = probe.answers(ranges, seen.cosines[0, rows])
     own = probe.variance(np.where(answers, ranges, 1.0), np.where(answers, seen.cosines[0, rows], 1.0))
-    sds = np.sqrt(own + seen.variances[0, rows])
+    sds = np.sqrt(own + seen.variances[0, rows] + seen.scatter[0, rows])
+    ranges, echoes = np.where(answers, ranges, np.inf), _echoes(belief, candidates.take(np.array([k])), probe)
     return Distinction(
-        names, candidates.origins[k], candidates.directions[k], np.where(answers, ranges, np.inf), sds,
-        twins[twin], float(told[twin, k]), _message(names, np.where(answers, ranges, np.inf), float(told[twin, k])),
+        names, candidates.origins[k], candidates.directions[k], ranges, sds,
+        twins[twin], float(told[twin, k]), _message(names, ranges, echoes[[0, 1 + twin]], float(told[twin, k])),
     )  # fmt: skip
 
 
 def _told(belief: Belief, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
     """What each reading tells about which part it is, if the second is known to be at each of its places ``(k, C)``."""
     samples = draw(belief, _SAMPLES * (1 + twins))
-    predicted = predict(samples, candidates.origins, candidates.directions)
+    predicted = predict(samples, candidates.origins, candidates.directions, probe)
     out = []
     for twin in range(1, 1 + twins):
         rows = np.flatnonzero((samples.mode == 0) | (samples.mode == twin))
@@ -128,6 +130,15 @@ def _told(belief: Belief, candidates: Candidates, probe: Probe, twins: int) -> F
         of_two = {f.name: getattr(predicted, f.name)[:, rows] for f in fields(predicted)}
         out.append(about_mode(replace(samples, weights=w / w.sum(), **some), replace(predicted, **of_two), probe))
     return np.minimum(out, np.log(2))
+
+
+def _echoes(belief: Belief, one: Candidates, probe: Probe) -> FloatArray:
+    """How often a reading by a cone has an echo at every mode; 1 for a thin beam."""
+    if not has_cone(probe):
+        return np.ones(len(belief.weights))
+    samples = draw(belief, _SAMPLES * len(belief.weights))
+    echo = predict(samples, one.origins, one.directions, probe).shares[0]
+    return np.asarray(np.bincount(samples.mode, echo) / np.bincount(samples.mode))
 
 
 def laid_on(first: Target, second: Target) -> Transforms:
@@ -171,8 +182,9 @@ def located(target: Target, sd: float) -> Covariances:
     return np.asarray(sd**2 * 3 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0)))
 
 
-def _message(names: tuple[str, str], ranges: FloatArray, told: float) -> str:
+def _message(names: tuple[str, str], ranges: FloatArray, echoes: FloatArray, told: float) -> str:
     words = ["nothing" if np.isinf(r) else f"{1e3 * r:.2f} mm" for r in ranges]
+    words = [w if e in (0, 1) else f"{w}, {e:.0%} of the time" for w, e in zip(words, echoes, strict=True)]
     if told < 0.05:
         both = f"{words[0]} for both" if words[0] == words[1] else f"{words[0]} and {words[1]}, which its noise hides"
         return f"No single reading of this sensor tells {names[0]} from {names[1]}: the best reads {both}."

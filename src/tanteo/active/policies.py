@@ -29,7 +29,7 @@ def most_told(situation: Situation) -> float:
 def _told(s: Situation) -> tuple[Samples, Predictions, FloatArray]:
     """Poses, what each candidate would read at them, and what it is expected to tell ``(C,)`` [nats]."""
     samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
-    predicted = predict(samples, s.candidates.origins, s.candidates.directions)
+    predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe)
     return samples, predicted, expected_information(samples, predicted, s.probe)
 
 

@@ -24,6 +24,7 @@ class Probe:
         beam_half_angle: of the cone [rad]; 0 for a touch or a thin beam.
         contact: it touches: its noise is the same in every direction.
         max_range: how far it reaches [m].
+        min_range: nearer than this it does not answer [m].
         max_incidence: angle to the surface's normal up to which it answers [rad].
         shared_sd: of the errors that its readings share, along the beam [m].
         repeat_sd: of the hand's place from reading to reading, in every direction [m].
@@ -58,6 +59,7 @@ class Probe:
     workspace: Workspace = field(default_factory=Workspace.everywhere)
     speed: float = 0.1
     seconds: float = 2.0
+    min_range: float = 0.0
 
     def __post_init__(self) -> None:
         lengths = ("max_range", "standoff", "clearance", "retreat", "speed")
@@ -70,6 +72,11 @@ class Probe:
             raise InputError(
                 f"probe '{self.name}', standoff: expected a stand-off within range, {1e3 * self.max_range:g} mm at "
                 f"most, got {1e3 * self.standoff:g} mm. Start nearer."
+            )
+        if self.standoff < self.min_range:
+            raise InputError(
+                f"probe '{self.name}', standoff: expected {1e3 * self.min_range:g} mm or more, where it begins to "
+                f"read, got {1e3 * self.standoff:g} mm. Start farther off."
             )
         if not 0 < self.max_incidence < np.pi / 2:
             got = f"got {np.degrees(self.max_incidence):g} deg. Correct it."
@@ -84,7 +91,7 @@ class Probe:
                 f"probe '{self.name}', law: expected a standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got "
                 f"{sd:g}. Correct it."
             )
-        others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds")
+        others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds", "min_range")
         for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
             raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
         if self.approach is not None:
@@ -115,12 +122,16 @@ class Probe:
         along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2
         if self.contact:
             return np.asarray((along + repeat2) / cosines**2)
-        across = (0.5 * self.beam_half_angle * ranges) ** 2
-        return np.asarray(along + across * (1 / cosines**2 - 1) + repeat2 / cosines**2)
+        return np.asarray(along + self.cone_variance(ranges, cosines) + repeat2 / cosines**2)
+
+    def cone_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
+        """What the cone adds to it on a plane, as the echo comes from any of its rays."""
+        return np.asarray((0.5 * self.beam_half_angle * ranges) ** 2 * (1 / cosines**2 - 1))
 
     def answers(self, ranges: FloatArray, cosines: FloatArray) -> BoolArray:
         """Whether there is a reading at these ranges and incidences."""
-        return np.asarray((ranges <= self.max_range) & (cosines >= np.cos(self.max_incidence)))
+        within = (ranges >= self.min_range) & (ranges <= self.max_range)
+        return np.asarray(within & (cosines >= np.cos(self.max_incidence)))
 
 
 def probe_of(preset: SensorPreset, robot: RobotPreset | None = None, **where: object) -> Probe:
@@ -137,13 +148,9 @@ def probe_of(preset: SensorPreset, robot: RobotPreset | None = None, **where: ob
     far = 0.3 if preset.is_contact else preset.max_range
     standoff = min(0.05, far) if preset.is_contact else float(np.clip(0.05, 1.2 * preset.min_range, 0.8 * far))
     standoff = float(where.get("standoff", standoff))  # type: ignore[arg-type]
-    if not preset.is_contact and standoff < preset.min_range:
-        raise InputError(
-            f"probe '{preset.name}', standoff: expected {1e3 * preset.min_range:g} mm or more, where it begins to "
-            f"read, got {1e3 * standoff:g} mm. Start farther off."
-        )
     values: dict[str, object] = {
         "name": preset.name, "law": preset.law, "contact": preset.is_contact, "max_range": far,
+        "min_range": 0.0 if preset.is_contact else preset.min_range,
         "beam_half_angle": float(np.nan_to_num(preset.beam_half_angle)),
         "max_incidence": min(preset.max_incidence, np.radians(80.0)),
         "shared_sd": float(np.hypot(preset.bias_std, preset.bias_prop_std * standoff)),

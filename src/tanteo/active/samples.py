@@ -11,7 +11,9 @@ from scipy.stats import qmc
 
 from tanteo.active.belief import Belief
 from tanteo.active.places import places_of
-from tanteo.lie import SE3, SO3
+from tanteo.active.probe import Probe
+from tanteo.active.rays import has_cone, of_cone, rays_met
+from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
@@ -139,6 +141,8 @@ class Predictions:
         spreads: from that of its mode ``(C, S)`` [m^2].
         useful: from the part of that which is worth knowing ``(C, S)`` [m^2].
         faces: index of the part's face that is met ``(C, S)``; -1 for none.
+        shares: of the rays of the beam's cone, those that are answered ``(C, S)``; 1 for a thin beam.
+        scatter: variance of the range from ray to ray beyond that on one plane ``(C, S)`` [m^2]; 0 for a thin beam.
     """
 
     ranges: FloatArray
@@ -147,6 +151,8 @@ class Predictions:
     spreads: FloatArray
     useful: FloatArray
     faces: IntArray
+    shares: FloatArray
+    scatter: FloatArray
 
     @property
     def met(self) -> BoolArray:
@@ -154,24 +160,31 @@ class Predictions:
         return np.isfinite(self.ranges)
 
 
-def predict(samples: Samples, origins: Vectors, directions: Vectors) -> Predictions:
+def predict(samples: Samples, origins: Vectors, directions: Vectors, probe: Probe | None = None) -> Predictions:
     """What beams would read, by rays on every sample; ``math.md`` section 7, end, for the variance.
+
+    The echo of a cone comes from any one of its rays: some may meet the part, and others nothing or another face.
 
     Args:
         samples: where the parts may be.
         origins: of the beams, world ``(C, 3)`` [m].
         directions: unit, world ``(C, 3)``.
+        probe: what senses, if its cone is to count.
     """
     C, S = len(origins), len(samples)
     ranges, cosines, faces = np.full((C, S), np.inf), np.zeros((C, S)), np.full((C, S), -1, dtype=np.int64)
-    variances, spreads, useful = np.zeros((3, C, S))
+    variances, spreads, useful, scatter = np.zeros((4, C, S))
+    shares = np.ones((C, S))
     for k in np.unique(samples.part):
         some = np.flatnonzero(samples.part == k)
         d, cosine, face, g = beams(samples.targets[k], samples.Ts[some], origins, directions)
+        if probe is not None and has_cone(probe):
+            rays = samples.targets[k], samples.Ts[some], origins, directions, (d, cosine, g), probe
+            d, cosine, g, shares[:, some], scatter[:, some] = of_cone(*rays)
         for form, A in ((variances, samples.covariances), (spreads, samples.whole), (useful, samples.useful)):
             form[:, some] = np.sum((g[:, :, None, :] @ A[some])[:, :, 0] * g, axis=-1)
         ranges[:, some], cosines[:, some], faces[:, some] = d, cosine, face
-    return Predictions(ranges, cosines, variances, spreads, useful, faces)
+    return Predictions(ranges, cosines, variances, spreads, useful, faces, shares, scatter)
 
 
 def beams(
@@ -188,13 +201,6 @@ def beams(
     Returns:
         ``(C, S)`` three times (infinite, 0 and -1 for a miss), and the derivatives ``(C, S, 6)``.
     """
-    R, t = Ts[:, :3, :3], Ts[:, :3, 3]
-    local = ((origins[:, None] - t)[:, :, None, :] @ R)[:, :, 0]
-    along = (directions[:, None, None, :] @ R)[:, :, 0]
-    hits = target.surface.cast(local, along)
-    hit = hits.triangles >= 0
-    n = target.surface.normals[hits.triangles]
-    cosine = np.where(hit, np.abs(np.sum(n * along, axis=-1)), 0.0)
-    x = local + np.where(hit, hits.distances, 0.0)[..., None] * along
-    g = np.concatenate([n, SO3.cross(x, n)], axis=-1) / np.maximum(cosine, 1e-3)[..., None]
-    return hits.distances, cosine, np.where(hit, target.part.triangle_face[hits.triangles], -1), -g
+    met = rays_met(target, Ts, origins, directions[:, None])
+    faces = np.where(met.triangles >= 0, target.part.triangle_face[met.triangles], -1)
+    return met.distances, met.cosines, faces, met.derivatives()

@@ -13,7 +13,7 @@ from scipy.special import entr
 
 from tanteo.active.probe import Probe
 from tanteo.active.samples import Predictions, Samples
-from tanteo.typing import BoolArray, FloatArray, IntArray
+from tanteo.typing import FloatArray, IntArray
 
 _BLOCK = 16
 """Readings whose pairs of samples are compared at once: as many as stay in the processor's cache."""
@@ -35,9 +35,9 @@ def expected_information(samples: Samples, predicted: Predictions, probe: Probe)
 
 def about_pose(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
     """What each reading tells about the pose once the mode is known ``(C,)`` [nats]; nothing by missing."""
-    answers, own = _own(predicted, probe)
-    share = np.where(answers, predicted.useful / (predicted.spreads + own), 0.0)
-    return np.asarray(-0.5 * np.log1p(-np.minimum(share, 1 - 1e-12)) @ samples.weights)
+    echo, own = _own(predicted, probe)
+    share = np.where(echo > 0, predicted.useful / (predicted.spreads + own), 0.0)
+    return np.asarray((-0.5 * np.log1p(-np.minimum(share, 1 - 1e-12)) * echo) @ samples.weights)
 
 
 def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: IntArray | None = None) -> FloatArray:
@@ -53,8 +53,8 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
     names, group = np.unique(groups, return_inverse=True)
     if len(names) < 2:
         return np.zeros(len(predicted.ranges))
-    answers, own = _own(predicted, probe)
-    w = np.where(answers, samples.weights, 0.0)
+    echo, own = _own(predicted, probe)
+    w, answers = echo * samples.weights, echo > 0
     hit = w.sum(axis=1)
     member = (group[:, None] == np.arange(len(names))).astype(np.float64)
     total, hits = samples.weights @ member, w @ member
@@ -69,10 +69,11 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
     return np.asarray(np.maximum(miss, 0.0) + np.concatenate([np.zeros(0), *told]))
 
 
-def _own(predicted: Predictions, probe: Probe) -> tuple[BoolArray, FloatArray]:
-    """Where there is an answer, and the variance of the reading itself ``(C, S)``."""
+def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
+    """Probability of an answer, and the variance of the reading itself ``(C, S)``."""
     answers = predicted.met & probe.answers(predicted.ranges, predicted.cosines)
-    return answers, probe.variance(np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0))
+    own = probe.variance(np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0))
+    return np.where(answers, predicted.shares, 0.0), own + predicted.scatter
 
 
 def _between(w: FloatArray, means: FloatArray, variances: FloatArray, member: FloatArray) -> FloatArray:

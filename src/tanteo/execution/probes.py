@@ -64,6 +64,7 @@ def hand_probe(
         law=law,
         beam_half_angle=float(model.beam_half_angle[k]),
         max_range=float(min(model.max_range[k], 1.0)),
+        min_range=float(model.min_range[k]),
         max_incidence=min(float(model.max_incidence[k]), np.radians(75.0)),
         shared_sd=float(np.sqrt(model.bias_sd[k] ** 2 + mount[2] ** 2 + (mount[6] * standoff) ** 2)),
         repeat_sd=repeat,

@@ -13,6 +13,9 @@ from tanteo.hand.body import Body
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
+_STILL = 1e-12
+"""A way along which a coordinate changes less than this is square to it [m]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForbiddenBox:
@@ -54,6 +57,18 @@ class ForbiddenBox:
         away = np.where((far > 0)[..., None], outside / np.where(far > 0, far, 1.0)[..., None], nearest)
         away = away * np.where(local < 0, -1.0, 1.0)
         return far + np.minimum(beyond.max(axis=-1), 0.0), np.asarray(away @ self.T_world_box[:3, :3].T)
+
+    def crossed(self, starts: Vectors, ends: Vectors, room: float = 0.0) -> BoolArray:
+        """Whether straight ways ``(*batch, 3)`` lead through the box, ``room`` larger on all sides ``(*batch,)``.
+
+        A way that only touches it does not.
+        """
+        to_box = SE3.inverse(self.T_world_box)
+        here, there = SE3.apply(to_box, starts), SE3.apply(to_box, ends)
+        along = np.where(np.abs(there - here) < _STILL, _STILL, there - here)
+        at = (self.low - room - here) / along, (self.high + room - here) / along  # shares of the way
+        enters, leaves = np.minimum(*at).max(axis=-1), np.maximum(*at).min(axis=-1)
+        return np.asarray((enters < leaves) & (enters < 1) & (leaves > 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -179,7 +179,12 @@ def _check_ranges(readings: Readings, devices: Sequence[Device], numbers: IntArr
     bad = np.flatnonzero(~readings.is_free & ((readings.ranges < nearest) | (readings.ranges > farthest)))
     if len(bad):
         i = bad[0]
+        what = (
+            "Leave it out, for nothing is known of it; a session is told so by refuse()"
+            if readings.ranges[i] < nearest[i]
+            else "Drop the row, or give it status none"
+        )
         raise ReadingsError(
             f"range of reading '{readings.ids[i]}': expected {nearest[i]:g} to {farthest[i]:g} m from "
-            f"'{devices[numbers[i]].name}', got {readings.ranges[i]:g} m. Drop the row, or give it status none."
+            f"'{devices[numbers[i]].name}', got {readings.ranges[i]:g} m. {what}."
         )

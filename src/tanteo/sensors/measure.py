@@ -246,10 +246,13 @@ def _one(name: str, sd: float, meaning: str) -> SharedError:
 def _free_beams(readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray) -> FreeBeams:
     free = readings.is_free
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
+    touches = [d.preset is not None and d.preset.is_contact for d in devices]  # a tip is stopped however it comes
+    limits = np.where(touches, np.pi / 2, [d.max_incidence for d in devices])[numbers]
     return FreeBeams(
         ids=tuple(np.array(readings.ids, dtype=object)[free]),
         origins=placed.points[free],
         directions=placed.directions[free],
         lengths=placed.lengths[free],
         half_angles=np.nan_to_num(half_angles[free]),
+        max_incidences=limits[free],
     )

@@ -23,6 +23,8 @@ class FreeBeams:
         directions: Unit directions, ``(m, 3)``.
         lengths: How far they were free, ``(m,)``.
         half_angles: Half angles of the cones [rad], 0 where unknown, ``(m,)``.
+        max_incidences: Incidence up to which a surface is answered to [rad], a right angle where unknown and for a
+            touch, ``(m,)``.
     """
 
     ids: tuple[str, ...]
@@ -30,9 +32,10 @@ class FreeBeams:
     directions: Vectors
     lengths: FloatArray
     half_angles: FloatArray
+    max_incidences: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("origins", "directions", "lengths", "half_angles"):
+        for name in ("origins", "directions", "lengths", "half_angles", "max_incidences"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
     def __len__(self) -> int:

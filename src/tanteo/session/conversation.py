@@ -36,6 +36,11 @@ from tanteo.typing import BoolArray, Vectors
 _CANDIDATES = 500
 """Readings among which one is chosen."""
 
+_NOWHERE = (
+    "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
+    "approach or a better rough pose."
+)
+
 _LIKE = 0.15
 """A reading is like a refused one within this angle [rad], and a place of this share of the stand-off."""
 
@@ -144,7 +149,7 @@ class Session:
             return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
-            return Done(False, "The probe reaches no place of the part: give it more room, or another approach.")
+            return Done(False, _NOWHERE)
         situation = self._situation(candidates)
         choice = worth_making(self.stop, situation, self.policy.choose(situation))
         if isinstance(choice, Done):
@@ -223,7 +228,8 @@ class Session:
     def _take(self, told: Told) -> Step:
         belief, fresh, action = self._belief, told.readings, told.action
         if fresh is not None:
-            belief = update(belief, *self.sensing.touches(concatenate([*self._readings, fresh])))
+            touches, free = self.sensing.touches(concatenate([*self._readings, fresh]))
+            belief = update(belief, touches, free if self.probe.contact else free.up_to(self.probe.max_incidence))
         step = self._step(belief, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before
         self._belief = belief

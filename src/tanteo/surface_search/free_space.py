@@ -1,4 +1,7 @@
-"""What beams have been through: no material lies before a hit, none on a path on which nothing was met."""
+"""What beams have been through: no material lies before a hit, none on a path on which nothing was met.
+
+None that the sensor would have answered to, that is: a face that lies more obliquely than its limit sends no echo back.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +76,7 @@ def _passed(free: FreePaths, Ts: Transforms, target: Target | PartModel) -> tupl
     assert target.part is not None
     local = (free.origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3]
     along = np.einsum("sji,nj->sni", Ts[:, :3, :3], free.directions)
-    hits = target.surface.cast(local, along).distances
+    hits = _echoes(target, local, along, free.incidences)
     end = free.lengths - free.margin - 0.01 * target.part.diagonal
     passed = (hits >= end).astype(np.float64)
     s, n = np.nonzero((hits < end) & (free.slopes > 0))
@@ -81,5 +84,13 @@ def _passed(free: FreePaths, Ts: Transforms, target: Target | PartModel) -> tupl
         beside = along[s, n, None] + 2 * free.slopes[n, None, None] * _across(along[s, n])
         beside /= np.linalg.norm(beside, axis=-1, keepdims=True)
         start = np.broadcast_to(local[s, n, None], beside.shape)
-        passed[s, n] = 0.5 * np.mean(target.surface.cast(start, beside).distances >= end[n, None], axis=1)
-    return passed, np.asarray(hits)
+        echoes = _echoes(target, start, beside, free.incidences[n, None])
+        passed[s, n] = 0.5 * np.mean(echoes >= end[n, None], axis=1)
+    return passed, hits
+
+
+def _echoes(target: Target | PartModel, starts: Vectors, along: Vectors, incidences: FloatArray) -> FloatArray:
+    """Distances of what rays meet first; infinite where that is met at more than these angles."""
+    hits = target.surface.cast(starts, along)
+    cosines = np.abs(np.sum(target.surface.normals[hits.triangles] * along, axis=-1))
+    return np.where(cosines >= np.cos(incidences) - 1e-12, hits.distances, np.inf)

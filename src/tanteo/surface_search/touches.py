@@ -85,6 +85,8 @@ class FreePaths:
         margin: how much of the end is not certain ``(m,)``.
         slopes: how far beside them they may have been, one standard deviation in either direction across, over the way
             along them ``(m,)``; zero if not given. A cone's echo comes from any of its rays.
+        incidences: up to which a surface would have been met ``(m,)`` [rad]; a right angle if not given. A path on
+            which one lies more obliquely says nothing.
     """
 
     origins: Vectors
@@ -92,10 +94,17 @@ class FreePaths:
     lengths: FloatArray
     margin: FloatArray
     slopes: FloatArray = field(default_factory=lambda: np.zeros(0))
+    incidences: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         if len(self.slopes) != len(self.lengths):
             object.__setattr__(self, "slopes", np.zeros(len(self.lengths)))
+        if len(self.incidences) != len(self.lengths):
+            object.__setattr__(self, "incidences", np.full(len(self.lengths), np.pi / 2))
+
+    def up_to(self, incidence: float) -> FreePaths:
+        """The same of a sensor that answers to no greater incidence [rad]."""
+        return replace(self, incidences=np.minimum(self.incidences, incidence))
 
     @classmethod
     def none(cls) -> FreePaths:
@@ -107,7 +116,9 @@ def as_free_paths(measured: PointMeasurements, margin: float) -> FreePaths:
     """The free beams of some measurements."""
     beams = measured.free
     slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
-    return FreePaths(beams.origins, beams.directions, beams.lengths, np.full(len(beams), margin), slopes)
+    return FreePaths(
+        beams.origins, beams.directions, beams.lengths, np.full(len(beams), margin), slopes, beams.max_incidences
+    )
 
 
 def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None) -> Touches:

@@ -32,7 +32,7 @@ def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number
         return "There is nothing where you clicked: click on a part or near one."
     mode, face, point, inward = hit
     ways = _ways(session.probe, mode, face, point, inward)
-    ways = ways.take(has_room(session.belief, ways, session.probe))
+    ways = ways.take(has_room(session.belief, ways, session.probe, anywhere=False))
     if not len(ways):
         return "There is no room to sense that: click on another place."
     if session.able is not None:
