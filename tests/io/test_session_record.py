@@ -174,10 +174,13 @@ def test_answers_that_came_late_are_told_again_under_their_questions(targets, tm
 
 def test_what_a_hand_can_make_is_said_again(targets, tmp_path):
     session, _ = plain_touches(targets)
-    session.able = lambda belief, candidates: candidates.directions[:, 2] < -0.9
+    write_record(session, tmp_path / "free.json")
+    without = read_record(tmp_path / "free.json", targets).ask().direction
+    session.able = lambda belief, candidates: candidates.directions @ without < 0.5
     write_record(session, tmp_path / "a.json")
     asks_the_same(session, read_record(tmp_path / "a.json", targets, able=session.able))
-    assert read_record(tmp_path / "a.json", targets).ask().direction[2] > -0.9  # asked without
+    assert session.ask().direction @ without < 0.5
+    assert read_record(tmp_path / "a.json", targets).ask().direction @ without > 0.99  # the record does not keep it
 
 
 def test_parts_are_read_again_from_their_files(targets, tmp_path):
