@@ -174,6 +174,7 @@ def test_answers_that_came_late_are_told_again_under_their_questions(targets, tm
 
 def test_what_a_hand_can_make_is_said_again(targets, tmp_path):
     session, _ = plain_touches(targets)
+    session.put(None)  # no question waits
     write_record(session, tmp_path / "free.json")
     without = read_record(tmp_path / "free.json", targets).ask().direction
     session.able = lambda belief, candidates: candidates.directions @ without < 0.5
