@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from tanteo.active import Belief, Stop
+import numpy as np
+
+from tanteo.active import Belief, Stop, worst_corner
 from tanteo.active.places import places_of
 from tanteo.errors import InputError
 from tanteo.matching import Hypothesis, PosePrior, Recognition
 from tanteo.matching.results import Status
 from tanteo.matching.verdict import CONFIDENCE, doubt, verdict
+from tanteo.session.values import Step, Told
 from tanteo.surface_search.answer import as_hypothesis
 
 _HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough place and the parts."
@@ -64,3 +67,17 @@ def _in_some_pose(best: Hypothesis, belief: Belief, stop: Stop, shares: list[tup
     feature = places_of(belief.target(0).part, stop.feature).feature
     what = "the poses that it may have differ" if feature is None else f"the places that {feature} may have differ"
     return f"{best.part}{sure}; {what} by {within}{else_}."
+
+
+def step_of(belief: Belief, stop: Stop, told: Told) -> Step:
+    """What is known after something was told."""
+    if not len(belief.weights):
+        nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
+        T, part, C, inside = nowhere
+    else:
+        k = int(np.argmax(belief.weights))
+        T, part, C = belief.poses[k], int(belief.part[k]), belief.covariances[k]
+        inside = stop.chance(belief)
+    ids = () if told.readings is None else told.readings.ids
+    known = belief.of_parts(), belief.unknown, T, part, C, worst_corner(belief), float(inside)
+    return Step(ids, told.action, *known, told.note)

@@ -11,7 +11,6 @@ from tanteo.active import (
     POLICIES,
     Belief,
     Candidates,
-    Choice,
     Policy,
     Probe,
     Situation,
@@ -21,14 +20,13 @@ from tanteo.active import (
     check_feature,
     propose,
     update,
-    worst_corner,
 )
 from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
-from tanteo.session.answer import answered
+from tanteo.session.answer import answered, step_of
 from tanteo.session.names import new_readings
-from tanteo.session.questions import answers, is_same
+from tanteo.session.questions import action_of, answers, is_same, unlike
 from tanteo.session.values import Action, Done, Sensing, Step, Told
 from tanteo.session.worth import all_made, worth_making
 from tanteo.typing import BoolArray, Vectors
@@ -40,9 +38,6 @@ _NOWHERE = (
     "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
     "approach or a better rough pose."
 )
-
-_LIKE = 0.15
-"""A reading is like a refused one within this angle [rad], and a place of this share of the stand-off."""
 
 
 @dataclass(slots=True, eq=False)
@@ -155,7 +150,7 @@ class Session:
         if isinstance(choice, Done):
             return choice
         self._questions += 1
-        self._asked = self._action(situation, choice)
+        self._asked = action_of(situation, choice, self._questions)
         return self._asked
 
     def _situation(self, candidates: Candidates) -> Situation:
@@ -230,7 +225,7 @@ class Session:
         if fresh is not None:
             touches, free = self.sensing.touches(concatenate([*self._readings, fresh]))
             belief = update(belief, touches, free if self.probe.contact else free.up_to(self.probe.max_incidence))
-        step = self._step(belief, told)
+        step = step_of(belief, self.stop, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before
         self._belief = belief
         self._readings += [] if fresh is None else [fresh]
@@ -252,10 +247,7 @@ class Session:
 
     def _open(self, candidates: Candidates) -> Candidates:
         """The candidates that can be made and are not like one that was refused."""
-        for action in self._refused:
-            away = np.linalg.norm(candidates.origins - action.origin, axis=1)
-            turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
-            candidates = candidates.take((away > _LIKE * action.expected) | (turned > _LIKE))
+        candidates = unlike(candidates, self._refused)
         if self.able is None or not len(candidates):
             return candidates
         return candidates.take(self.able(self._belief, candidates))
@@ -263,24 +255,3 @@ class Session:
     def _place(self) -> Vectors | None:
         asked = [s.action for s in self._steps if s.action is not None]
         return asked[-1].origin if asked else None
-
-    def _action(self, s: Situation, choice: Choice) -> Action:
-        k = choice.index
-        c, mode = s.candidates, int(s.candidates.mode[k])
-        part = s.belief.target(mode).part
-        return Action(
-            self._questions, c.origins[k], c.directions[k], self.probe.max_range, float(c.ranges[k]), part.name,
-            part.faces[c.face[k]].name, choice.gain, choice.why,
-        )  # fmt: skip
-
-    def _step(self, b: Belief, told: Told) -> Step:
-        if not len(b.weights):
-            nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
-            T, part, C, inside = nowhere
-        else:
-            k = int(np.argmax(b.weights))
-            T, part, C = b.poses[k], int(b.part[k]), b.covariances[k]
-            inside = self.stop.chance(b)
-        sd = worst_corner(b)
-        ids = () if told.readings is None else told.readings.ids
-        return Step(ids, told.action, b.of_parts(), b.unknown, T, part, C, sd, float(inside), told.note)

@@ -1,14 +1,42 @@
-"""Which question a reading answers: readings come late, twice, or without being asked for."""
+"""Questions: from a choice to one, which are like it, and which one a reading answers.
+
+Readings come late, twice, or without being asked for.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from tanteo.active import Candidates, Choice, Situation
 from tanteo.sensors import Readings
 from tanteo.session.values import Action
 
 _SAME = 1e-5
 """Starts [m] and unit directions that differ by less are one: what a file in millimetres rounds is far less."""
+
+_LIKE = 0.15
+"""A reading is like a refused one within this angle [rad], and a place of this share of the stand-off."""
+
+
+def action_of(situation: Situation, choice: Choice, number: int) -> Action:
+    """The question of that number that makes the chosen reading."""
+    k, c = choice.index, situation.candidates
+    part = situation.belief.target(int(c.mode[k])).part
+    return Action(
+        number, c.origins[k], c.directions[k], situation.probe.max_range, float(c.ranges[k]), part.name,
+        part.faces[c.face[k]].name, choice.gain, choice.why,
+    )  # fmt: skip
+
+
+def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
+    """The candidates that are not like a question that was refused."""
+    for action in refused:
+        away = np.linalg.norm(candidates.origins - action.origin, axis=1)
+        turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
+        candidates = candidates.take((away > _LIKE * action.expected) | (turned > _LIKE))
+    return candidates
 
 
 def is_same(one: Action | None, other: Action | None) -> bool:
