@@ -337,7 +337,7 @@ def test_calls_refused(run, tmp_path, parts, args, code, message, monkeypatch):
         ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,plane\n10,0,0,A,plane\n20,0,0,A,plane\n", "not on one line"),
         ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,edge\n0,0,0,A,edge\n", "got coincident ones"),
         ("x_mm,y_mm,z_mm,dx,dy,dz,status,max_mm\n0,0,0,0,0,1,none,400\n", "no reading that met anything"),
-        ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,vertex\n", "stays free"),
+        ("x_mm,y_mm,z_mm,feature,kind\n0,0,0,A,vertex\n", "stay free"),
         (
             "x_mm,y_mm,z_mm,feature,kind\n"
             + "".join(f"{k},{k},{k},{label},edge\n" * 2 for k, label in enumerate("ABCD")),
