@@ -155,18 +155,31 @@ def test_a_reading_of_another_beam_answers_only_by_word(targets):
     action = session.ask()
     one, n = action.read(action.expected, name="mine"), action.direction
     across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    behind = action.origin - 0.01 * n
+    behind, askew = action.origin - 0.01 * n, n + 0.3 * across
     others = [
-        replace(one, points=one.points + 1e-3 * across, ids=("beside",)),
-        replace(one, ranges=one.ranges + 1e-3, ids=("from farther off",)),
+        replace(one, points=one.points + 0.3 * action.expected * across, ids=("beside",)),
+        replace(one, directions=(askew / np.linalg.norm(askew))[None], ids=("askew",)),
         Readings.from_columns(behind[None], ids=["behind"], directions=n[None]),
-        Readings.from_columns(one.points, ids=["bare point"]),
+        replace(one, ids=("a7",)),
     ]
     for other in others:
         assert session.tell(other).action is None
         assert session.asked is action
-    assert session.tell(replace(one, points=one.points + 2e-3, ids=("near",)), action).action is action
+    far = replace(one, points=one.points + 0.3 * action.expected * across, ids=("said",))
+    assert session.tell(far, action).action is action
     assert session.asked is None
+
+
+def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
+    """And a touch of which only the place is known: asked again for ever, no loop would end."""
+    session = new_session(rough(targets))
+    for aside in (None, 0.02):
+        action = session.ask()
+        one = action.read(action.expected)
+        turned = None if aside is None else one.directions + np.array([[0.0, aside, 0.0]])
+        told = Readings.from_columns(one.points + 2e-3, ids=[f"probe {action.number}"], directions=turned)
+        assert session.tell(told).action is action
+        assert session.ask() is not action
 
 
 def test_only_the_question_that_waits_is_dropped_when_it_is_refused(targets):

@@ -185,13 +185,13 @@ class Session:
         """Take readings into the belief: the answer to a question, or any others, at any time.
 
         A name that was told before with the same values is left out; with others, it gets a new name. The question
-        that waits is answered by readings of its beam or of its name, as :meth:`Action.read` makes them, and by what
-        is said to answer it; it waits on after all others, and where nothing is new.
+        that waits is answered by readings of about its beam or of its name, as :meth:`Action.read` makes them, and by
+        what is said to answer it; it waits on after all others, and where nothing is new.
 
         Args:
             readings: what came of it.
-            action: the question that they answer, where they do not show it themselves: a hand is never quite where
-                it was sent. It may be an earlier one, to which the answer comes late.
+            action: the question that they answer, where they do not show it themselves. It may be an earlier one, to
+                which the answer comes late.
 
         Raises:
             InputError: the readings cannot be made into measurements; nothing has changed then.

@@ -5,6 +5,7 @@ Readings come late, twice, or without being asked for.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,11 +14,11 @@ from tanteo.active import Candidates, Choice, Situation
 from tanteo.sensors import Readings
 from tanteo.session.values import Action
 
-_SAME = 1e-5
-"""Starts [m] and unit directions that differ by less are one: what a file in millimetres rounds is far less."""
+_OF_A_QUESTION = re.compile(r"a\d+")
+"""Names of readings that answer questions."""
 
 _LIKE = 0.15
-"""A reading is like a refused one within this angle [rad], and a place of this share of the stand-off."""
+"""A reading is like a question within this angle [rad], and a place of this share of the stand-off."""
 
 
 def action_of(situation: Situation, choice: Choice, number: int) -> Action:
@@ -48,17 +49,22 @@ def is_same(one: Action | None, other: Action | None) -> bool:
 
 
 def answers(readings: Readings, action: Action) -> bool:
-    """Whether some of the readings are what :meth:`Action.read` makes of an answer: by its beam, or by its name.
+    """Whether some of the readings answer a question: by the name that :meth:`Action.read` gives, or by their beam.
+
+    A robot is never quite where it was sent, and a touch may not say which way it came: a reading is of the question's
+    beam if it is as near to it as one that would not be asked again after a refusal. One that bears the name of another
+    question is not.
 
     Args:
         readings: as they were told.
         action: the question.
     """
-    free = readings.is_free
+    if action.name in readings.ids:
+        return True
+    near, away = _LIKE * max(action.expected, 0.0), readings.points - action.origin
+    along = away @ action.direction
+    beside = np.linalg.norm(away - along[:, None] * action.direction, axis=1)
     turned = np.linalg.norm(readings.directions - action.direction, axis=1)
-    reach = np.where(free, 0.0, readings.ranges)
-    away = readings.points - action.origin
-    reach = np.where(np.isnan(reach), away @ action.direction, reach)  # of a touch that does not say how far it went
-    off = np.linalg.norm(away - reach[:, None] * action.direction, axis=1)
-    beam = (turned < _SAME) & (off < _SAME) & (free | (reach > 0))  # what is not known, NaN, is no beam
-    return bool(beam.any()) or action.name in readings.ids
+    there = np.where(readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0))
+    others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids])
+    return bool(np.any(there & ~(turned > _LIKE) & ~others))  # where it is not known, NaN, the way does not count
