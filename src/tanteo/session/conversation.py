@@ -131,15 +131,15 @@ class Session:
         """The next reading to make, or why there is none.
 
         A question waits until it is answered, refused or replaced, and is given again until then: whoever was sent may
-        be on the way. Other readings that are told meanwhile change what is known, not the question; ``put(None)``
-        drops it, and the next one is chosen, or the end found, by all that is known.
+        be on the way. Other readings that are told meanwhile may show that enough is known; else they do not change the
+        question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
-        if self._asked is not None:
-            return self._asked
         if why := self.stop.reached(self._belief):
             return Done(True, f"Enough: {why}.")
         if self.count >= self.stop.most:
             return Done(False, all_made(self.stop.most, self.count))
+        if self._asked is not None:
+            return self._asked
         if not len(self._belief.weights):
             return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
