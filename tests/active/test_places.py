@@ -15,6 +15,7 @@ from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching.verdict import corner_moves, corner_sd
 from tanteo.parts import read_part
+from tanteo.report.drawn import feature_lines
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Session
 from tanteo.surface_search import prepare_target
@@ -169,3 +170,18 @@ def test_of_several_parts_one_has_to_have_it(wedge, flange):
     with pytest.raises(InputError, match="wedge: face 0 to 6, flange: face 0 to 12"):
         Session(start, LASER, stop=Stop(tolerance=1e-3, feature="face 13"))
     assert replace(Stop(tolerance=1e-3), feature="face 12").feature == "face 12"
+
+
+def test_lines_that_show_a_feature_are_on_it(wedge, flange):
+    """A face by its outline, holes too; an edge by itself; a vertex by a cross about it."""
+    for part in (wedge.part, flange.part):
+        for k in part.planes.faces:
+            lines, (n,) = feature_lines(part, f"face {k}"), part.planes.normals[part.planes.faces == k]
+            height = lines.reshape(-1, 3) @ n
+            np.testing.assert_allclose(height, height[0], atol=1e-9)
+            ends = np.unique(lines.reshape(-1, 3).round(9), axis=0, return_counts=True)[1]
+            assert np.all(ends == 2)  # closed
+    assert len(feature_lines(wedge.part, "face 2")) >= 4
+    np.testing.assert_array_equal(feature_lines(wedge.part, "edge 7")[0], wedge.part.edges.ends[7])
+    cross = feature_lines(wedge.part, "vertex 3")
+    np.testing.assert_allclose(cross.mean(axis=1), np.tile(wedge.part.corners.points[3], (3, 1)), atol=1e-12)

@@ -134,6 +134,7 @@ def test_a_named_feature_is_planned_for(run, tmp_path):
     assert "edge 3 sd (mm)" in got.out
     page = report.read_text(encoding="utf-8")
     assert "edge 3 within 0.5" in page
+    assert "readings place edge 3 of bracket_left." in page
     assert "orst corner" not in page.split("<script")[0]
     rows = list(csv.DictReader(line for line in out.read_text().splitlines() if not line.startswith("#")))
     document = json.loads(run(*words, "--feature", "edge 3", "--json").out)

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
+from tanteo.lie import SE3
 from tanteo.matching.verdict import box_corners
 from tanteo.parts import Part
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
+from tanteo.report.drawn import feature_lines
 from tanteo.report.figures import pose_figures
 from tanteo.report.ghosts import Way, find_ways
 from tanteo.report.html import element, join, table
@@ -49,12 +51,16 @@ def _front(
     plan: Plan, probe: Probe, tolerance: float, confidence: float, run: Run, ways: Sequence[Way], enlarged: int
 ) -> Front:
     n = len(plan.readings)
-    title = f"No plan for {plan.part} keeps the tolerance."
+    what = plan.part if plan.feature is None else f"{plan.feature} of {plan.part}"
+    title = f"No plan for {what} keeps the tolerance."
     if plan.reached:
         count = f"{n} readings place" if n > 1 else "1 reading places" if n else "No reading is needed to place"
-        title = f"{count} {plan.part}."
+        title = f"{count} {what}."
     layers = [Layer("readings", "planned readings"), Layer("names", "numbers")]
-    legend = [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
+    if plan.feature is not None:
+        layers.append(Layer("sticks", plan.feature))
+    legend = [("stick", f"{plan.feature}, which has to keep the tolerance")] if plan.feature is not None else []
+    legend += [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
     ghost = f"ghosts: off by 1, 2 and 3 sd after the last{times(enlarged)}"
     x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
     facts = [
@@ -153,6 +159,7 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
     seen = np.concatenate([corners, starts])
     centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     size = 2 * float(np.linalg.norm(seen - centre, axis=1).max())
+    lines = np.zeros((0, 2, 3)) if plan.feature is None else SE3.apply(T, feature_lines(part, plan.feature)) - centre
     return {
         **view_document(centre, size),
         "seen": packed(seen - centre),
@@ -168,7 +175,7 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
         "free": "",
         "hypotheses": [
             {
-                "part": 0, "pose": pose_numbers(T, centre), "wrong": [0] * len(points), "sticks": "",
+                "part": 0, "pose": pose_numbers(T, centre), "wrong": [0] * len(points), "sticks": packed(lines),
                 "ghosts": ghost_numbers(ways, centre),
             }
         ],
