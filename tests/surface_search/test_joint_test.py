@@ -43,6 +43,15 @@ def test_p_values_of_right_poses_with_sensed_normals_are_even(bracket, n):
     assert 0.3 < np.mean(p) < 0.7
 
 
+@pytest.mark.parametrize("seed", [0, 70])
+def test_a_normal_near_an_edge_is_compared_with_the_face_that_the_reading_is_of(bracket, seed):
+    """The nearest face is square to it: two hundred standard deviations."""
+    touches, T = oriented(bracket, 7, np.random.default_rng((20261227, 2, seed)), 1e-3, 5e-3)
+    best = identify_touches(touches, no_paths(), [bracket]).hypotheses[0]
+    assert off(bracket.part, best.T_world_part, T)[0] < 3e-3
+    assert best.p_value > 0.01
+
+
 def test_normals_that_are_worse_than_stated_are_what_contradicts(bracket):
     touches, _ = with_normals(bracket, 20, 3, worse=2.0)
     answer = identify_touches(touches, no_paths(), [bracket])
