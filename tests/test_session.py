@@ -182,6 +182,17 @@ def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
         assert session.ask() is not action
 
 
+@pytest.mark.parametrize("expected", [np.nan, np.inf, 0.0])
+def test_a_question_that_expects_nothing_is_answered_by_its_beam(targets, expected):
+    """Put by somebody who did not say after which way: it would be asked again for ever."""
+    session = new_session(rough(targets))
+    action = replace(session.ask(), expected=expected)
+    session.put(action)
+    told = Readings.from_columns((action.origin + 0.1 * action.direction)[None], ids=["mine"])
+    assert session.tell(told).action is action
+    assert session.asked is None
+
+
 def test_only_the_question_that_waits_is_dropped_when_it_is_refused(targets):
     session = new_session(rough(targets))
     first = session.ask()

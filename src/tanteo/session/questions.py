@@ -61,10 +61,11 @@ def answers(readings: Readings, action: Action) -> bool:
     """
     if action.name in readings.ids:
         return True
-    near, away = _LIKE * max(action.expected, 0.0), readings.points - action.origin
+    far = action.expected if 0 < action.expected < np.inf else action.max_range  # who asked may not have said
+    near, away = _LIKE * far, readings.points - action.origin
     along = away @ action.direction
     beside = np.linalg.norm(away - along[:, None] * action.direction, axis=1)
     turned = np.linalg.norm(readings.directions - action.direction, axis=1)
     there = np.where(readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0))
-    others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids])
+    others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids], dtype=bool)
     return bool(np.any(there & ~(turned > _LIKE) & ~others))  # where it is not known, NaN, the way does not count
