@@ -1,61 +1,26 @@
-"""Weighted draws from the posterior of the pose of one part, by importance sampling about all its maxima at once.
-
-Errors that the readings share are not drawn: at a given pose what a reading says of them is linear and normal, so they
-are integrated out there, by two steps from where the nearest maximum expects them. What is left has six dimensions,
-whatever the rig.
-"""
+"""Weighted draws from the posterior of the pose of one part, by importance sampling about all its maxima at once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.active.proposals import Proposals
 from tanteo.active.start import Start
-from tanteo.matching import Priors
+from tanteo.matching import PosePrior
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
-from tanteo.surface_search.likelihood import (
-    Explained,
-    explain,
-    log_beside_readings,
-    log_hit_or_stray,
-    normal_equations,
-)
-from tanteo.surface_search.strays import log_density, log_density_of_kin
+from tanteo.surface_search.given_pose import GivenPose, given_pose
+from tanteo.surface_search.sheets import all_over
 from tanteo.typing import FloatArray, IntArray, Tangents, Transforms
-
-_STEPS = 2
-"""Steps to the shared errors that are expected at a pose."""
 
 ENOUGH = 200.0
 """Effective draws with which the weights are believed."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Density:
-    """The posterior at some poses.
-
-    Attributes:
-        log: density, the shared errors integrated out ``(S,)``.
-        kin: log odds of an object that is only like the part, there, before their priors ``(S,)``.
-        z: whitened shared errors that are expected there ``(S, D)``.
-        spreads: covariances about them ``(S, D, D)``.
-    """
-
-    log: FloatArray
-    kin: FloatArray
-    z: FloatArray
-    spreads: FloatArray
-
-    def first(self, n: int) -> Density:
-        """At the first of the poses."""
-        return Density(*(getattr(self, name)[:n] for name in self.__slots__))
-
-    def join(self, other: Density) -> Density:
-        """These and others."""
-        return Density(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in self.__slots__))
+_FAINT = 14.0
+"""Log odds below the heaviest at which draws are not kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,40 +44,11 @@ class Posterior:
         """The part."""
         return self.start.targets[self.part]
 
-    def __call__(self, Ts: Transforms, z: FloatArray) -> Density:
+    def __call__(self, Ts: Transforms, z: FloatArray) -> GivenPose:
         """At poses ``(S, 4, 4)``, looked at from shared errors ``(S, D)``."""
-        priors, D = replace(self.start.priors, pose=None), z.shape[1]
-        spreads, log = np.zeros((len(Ts), D, D)), np.zeros(len(Ts))
-        if D:
-            z, spreads = self._expected(Ts, z, priors)
-            log = 0.5 * np.linalg.slogdet(spreads)[1]
-        densities = log_hit_or_stray(self.touches, Ts, z, self.target, priors)
-        of_readings = log_density(*densities, priors.clutter)
-        log = log + of_readings + log_beside_readings(self.free, Ts, z, self.target, priors)
-        kin = log_density_of_kin(*densities) - of_readings
-        return Density(log + self.start.log_density(self.part, Ts), kin, z, spreads)
-
-    def _expected(self, Ts: Transforms, z: FloatArray, priors: Priors) -> tuple[FloatArray, FloatArray]:
-        """Shared errors that are expected at the poses, and their covariances."""
-        bare = replace(self.touches, reach=np.zeros(len(self.touches)))  # what blocks a beam now may not when they move
-        spreads = np.zeros((len(Ts), z.shape[1], z.shape[1]))
-        for _ in range(_STEPS):
-            at = _before_shared(explain(bare, Ts, z, self.target, priors))
-            A, b = normal_equations(bare, at, z)
-            spreads = np.asarray(np.linalg.inv(A[:, 6:, 6:]))
-            z = z + (spreads @ b[:, 6:, None])[..., 0]
-        return z, spreads
-
-
-def _before_shared(at: Explained) -> Explained:
-    """The same with each reading as probable on the surface as it is while the shared errors are unknown.
-
-    With the errors that are expected a reading may look astray that one of them explains.
-    """
-    n = at.log_hit.shape[1]
-    shared = np.sum(at.J[:, :n, 6:] ** 2, axis=2)
-    wider = 0.5 * at.r[:, :n] ** 2 * shared / (1 + shared) - 0.5 * np.log1p(shared)
-    return replace(at, log_hit=at.log_hit + wider)
+        priors = replace(self.start.priors, pose=None)
+        at = given_pose(self.touches, self.free, self.target, priors, Ts, z)
+        return replace(at, log=at.log + self.start.log_density(self.part, Ts))
 
 
 def truncated(log: FloatArray) -> FloatArray:
@@ -126,7 +62,7 @@ def truncated(log: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighted:
-    """Draws with weights, round after round; each weighs against the mixture of the proposals of all rounds.
+    """Draws with weights.
 
     Attributes:
         posterior: of one part.
@@ -136,7 +72,7 @@ class Weighted:
         x: the same as perturbations from every maximum ``(J, S, 6)``.
         at: the posterior there.
         tops: log density at the maxima ``(J,)``.
-        log_weights: posterior over the mixture of all proposals ``(S,)``.
+        log_weights: posterior over the density that they are drawn from ``(S,)``.
         effective: number of draws that carry the weight.
     """
 
@@ -145,16 +81,10 @@ class Weighted:
     each: FloatArray
     Ts: Transforms
     x: Tangents
-    at: Density
+    at: GivenPose
     tops: FloatArray
-    log_weights: FloatArray = field(init=False)
-    effective: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        log = self.at.log - (log_sum(self.each, axis=(0, 1)) - np.log(len(self.proposals)))
-        w = np.exp(log - log.max()) if np.isfinite(log.max()) else np.ones(len(log))
-        object.__setattr__(self, "log_weights", truncated(log))
-        object.__setattr__(self, "effective", float(w.sum() ** 2 / np.sum(w**2)))
+    log_weights: FloatArray
+    effective: float
 
     @property
     def owner(self) -> IntArray:
@@ -172,7 +102,34 @@ def drawn(posterior: Posterior, about: Proposals) -> Weighted:
     Ts, z = about.draw(0)
     both = posterior(np.concatenate([Ts, about.Ts]), np.concatenate([z, about.z]))
     x = about.coordinates(Ts)
-    return Weighted(posterior, (about,), about.log_density(x)[None], Ts, x, both.first(len(Ts)), both.log[len(Ts) :])
+    return _weighed(posterior, (about,), about.log_density(x)[None], Ts, x, both.first(len(Ts)), both.log[len(Ts) :])
+
+
+def drawn_all_over(posterior: Posterior, about: Proposals, prior: PosePrior) -> Weighted:
+    """Draws from all that the readings leave of the one rough pose of a part, whatever maxima of it are known."""
+    priors = replace(posterior.start.priors, pose=prior)
+    all_ = all_over(posterior.touches, posterior.target, priors, posterior, about.Ts)
+    some = np.flatnonzero(all_.log_weights > all_.log_weights.max() - _FAINT)
+    x, log = about.coordinates(all_.Ts[some]), all_.log_weights[some] + np.log(len(some))
+    at = GivenPose(*(getattr(all_.at, name)[some] for name in GivenPose.__slots__))
+    values = all_.Ts[some], x, at, all_.tops.log, truncated(log), all_.effective
+    return Weighted(posterior, (about,), about.log_density(x)[None], *values)
+
+
+def _weighed(
+    posterior: Posterior,
+    proposals: tuple[Proposals, ...],
+    each: FloatArray,
+    Ts: Transforms,
+    x: Tangents,
+    at: GivenPose,
+    tops: FloatArray,
+) -> Weighted:
+    """Each draw against the mixture of the proposals of all rounds."""
+    log = at.log - (log_sum(each, axis=(0, 1)) - np.log(len(proposals)))
+    w = np.exp(log - log.max()) if np.isfinite(log.max()) else np.ones(len(log))
+    effective = float(w.sum() ** 2 / np.sum(w**2))
+    return Weighted(posterior, proposals, each, Ts, x, at, tops, truncated(log), effective)
 
 
 def sampled(draws: Weighted, rounds: int) -> Weighted:
@@ -193,4 +150,4 @@ def _another(draws: Weighted) -> Weighted:
     each = np.concatenate([old, np.stack([p.log_density(x) for p in proposals])], axis=-1)
     at = draws.at.join(draws.posterior(Ts, z))
     both = np.concatenate([draws.Ts, Ts]), np.concatenate([draws.x, x], axis=1)
-    return Weighted(draws.posterior, proposals, each, *both, at, draws.tops)
+    return _weighed(draws.posterior, proposals, each, *both, at, draws.tops)

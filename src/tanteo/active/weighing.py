@@ -14,13 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active.importance import ENOUGH, Posterior, Weighted, drawn, sampled
+from tanteo.active.importance import ENOUGH, Posterior, Weighted, drawn, drawn_all_over, sampled
 from tanteo.active.maxima import Maxima, more
 from tanteo.active.proposals import Proposals
 from tanteo.active.start import Start
 from tanteo.lie import SE3
+from tanteo.matching import PosePrior
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Touches
+from tanteo.surface_search.modes import has_image_near
 from tanteo.surface_search.moments import Moments
 from tanteo.surface_search.polish import Polished
 from tanteo.typing import FloatArray, IntArray, Transforms
@@ -33,6 +35,9 @@ _REACH = 25.0
 
 _ROUNDS = 4
 """Rounds at most."""
+
+_LIKELY, _LEAST, _MOST = 0.03, 3, 8
+"""Probability of a part from which draws are made from all over what so many readings leave of its rough pose."""
 
 _FEW, _HEAVY = 50.0, 16
 """Effective draws of the first round below which maxima may be missing; heavy draws from which they are looked for."""
@@ -104,10 +109,20 @@ def weigh_parts(
     none = log_anywhere - np.log1p(-start.priors.unknown)
     total = float(log_sum([none, *(log_sum(p.log_mass) for p in known), *(draws.log_mass for _, draws in glances)]))
     for maxima, draws in glances:
-        if draws.effective < ENOUGH and draws.log_mass > total + np.log(MATTERS):
+        likely = draws.log_mass > total + np.log(_LIKELY)
+        if likely and _LEAST <= len(touches) <= _MOST and (prior := _one_rough_pose(start, maxima.part)) is not None:
+            draws = drawn_all_over(draws.posterior, draws.proposals[0], prior)
+        elif draws.effective < ENOUGH and draws.log_mass > total + np.log(MATTERS):
             maxima, draws = _closely(start, maxima, draws, touches, free)
         done[maxima.part] = _as_modes(maxima, draws)
     return [done[f.part] for f in alive]
+
+
+def _one_rough_pose(start: Start, part: int) -> PosePrior | None:
+    """That of a part which has no other, nor one that symmetry makes equal to it; None if it has."""
+    own = np.flatnonzero(start.part == part)
+    prior = PosePrior(start.Ts[own[0]], start.covariances[own[0]])
+    return None if len(own) > 1 or has_image_near(start.targets[part].part, prior) else prior
 
 
 def _glance(start: Start, maxima: Maxima, touches: Touches, free: FreePaths) -> tuple[Maxima, Weighted]:

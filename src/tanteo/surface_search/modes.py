@@ -12,12 +12,14 @@ from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, pose_information, weak_motions
 from tanteo.matching.belief import squared_gaps
 from tanteo.matching.evidence import Priors, log_sum
-from tanteo.matching.prior import alike
+from tanteo.matching.prior import PosePrior, alike
 from tanteo.matching.verdict import off_spins, part_scale, spins, without_spins
+from tanteo.parts import Part
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import Moments, posterior_moments
 from tanteo.surface_search.near_edges import REACH
 from tanteo.surface_search.polish import Polished, information_of_readings
+from tanteo.surface_search.sheets import pieces
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import Covariances, FloatArray, Tangents
@@ -27,6 +29,12 @@ NEGLIGIBLE = 12.0
 
 _WEIGHED, _MOST = 0.03, 4
 """Modes of at least this probability, and no more of them, are weighed over their whole region."""
+
+_FEW = 12
+"""So many readings, or fewer, may leave a rough pose on sheets: then draws from all of it are weighed."""
+
+_IMAGE = 7.0
+"""A symmetric pose that is so many standard deviations off the rough one is not meant."""
 
 _WITHIN = 9.0
 """Squared Mahalanobis distance from a weighed mode within which another maximum is part of it."""
@@ -110,7 +118,7 @@ def weigh(
         for k, log in enumerate(maxima.log_evidence)
     ]
     modes.sort(key=lambda mode: -mode.log_mass)
-    weighed: list[Mode] = []
+    modes, weighed = _by_draws(touches, free, modes, log_unknown, priors)
     for _ in range(_MOST):
         if not modes or modes[0].log_mass <= _total(modes + weighed, log_unknown) + np.log(_WEIGHED):
             break
@@ -142,6 +150,38 @@ def log_none(log_anywhere: float, log_kin: FloatArray, priors: Priors) -> float:
     """
     kin = float(log_sum(log_kin)) if len(log_kin) else -np.inf
     return float(np.logaddexp(np.log1p(-priors.kin) + log_anywhere, np.log(priors.unknown) + np.log(priors.kin) + kin))
+
+
+def _by_draws(
+    touches: Touches, free: FreePaths, modes: list[Mode], log_unknown: float, priors: Priors
+) -> tuple[list[Mode], list[Mode]]:
+    """Modes that are left to weigh; and those of parts of which a rough pose is known that few readings do not fix."""
+    pose = priors.pose
+    if pose is None or pose.T_world_part is None or pose.T_world_part.ndim > 2 or len(touches) > _FEW:
+        return modes, []
+    left, weighed = modes, []
+    floor = _total(modes, log_unknown) - NEGLIGIBLE
+    for best in {id(mode.target): mode for mode in reversed(modes)}.values():
+        if best.log_mass < floor or has_image_near(best.target.part, pose):
+            continue
+        found, rest = best.found, best.log_mass - float(best.found.log_evidence[best.k])
+        of_part = [
+            Mode(best.target, found, p.k, p.log_mass + rest, p.moments)
+            for p in pieces(touches, free, best.target, found, priors)
+        ]
+        if of_part:
+            left = [mode for mode in left if mode.target is not best.target]
+            weighed += of_part
+    return left, weighed
+
+
+def has_image_near(part: Part, pose: PosePrior) -> bool:
+    """Whether another pose that symmetry makes equal is not excluded by the rough pose."""
+    assert pose.T_world_part is not None
+    assert pose.root is not None
+    x = SE3.log(part.symmetry.Ts) @ pose.root.T
+    gaps = np.sum(x * x, axis=1)
+    return bool(np.any((gaps > 1e-12) & (gaps < _IMAGE**2)))
 
 
 def _total(modes: Sequence[Mode], log_unknown: float) -> float:

@@ -1,0 +1,105 @@
+"""What readings say of a pose: errors that they share are not drawn, but integrated out there.
+
+At a given pose what a reading says of them is linear and normal, so two steps from where they are expected to be do.
+What is left of the posterior has six dimensions, whatever the rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.matching.evidence import Priors
+from tanteo.surface_search.likelihood import (
+    Explained,
+    explain,
+    log_beside_readings,
+    log_hit_or_stray,
+    normal_equations,
+)
+from tanteo.surface_search.strays import log_density, log_density_of_kin
+from tanteo.surface_search.target import Target
+from tanteo.surface_search.touches import FreePaths, Touches
+from tanteo.typing import FloatArray, Transforms
+
+_STEPS = 2
+"""Steps to the shared errors that are expected at a pose."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GivenPose:
+    """The posterior at some poses.
+
+    Attributes:
+        log: density, the shared errors integrated out ``(S,)``.
+        kin: log odds of an object that is only like the part, there, before their priors ``(S,)``.
+        z: whitened shared errors that are expected there ``(S, D)``.
+        spreads: covariances about them ``(S, D, D)``.
+    """
+
+    log: FloatArray
+    kin: FloatArray
+    z: FloatArray
+    spreads: FloatArray
+
+    def first(self, n: int) -> GivenPose:
+        """At the first of the poses."""
+        return GivenPose(*(getattr(self, name)[:n] for name in self.__slots__))
+
+    def join(self, other: GivenPose) -> GivenPose:
+        """These and others."""
+        return GivenPose(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in self.__slots__))
+
+
+Posterior = Callable[[Transforms, FloatArray], GivenPose]
+"""The posterior of a part at poses ``(S, 4, 4)``, looked at from whitened shared errors ``(S, D)``."""
+
+
+def given_pose(
+    touches: Touches, free: FreePaths, target: Target, priors: Priors, Ts: Transforms, z: FloatArray
+) -> GivenPose:
+    """The posterior at poses, over "anywhere" as :func:`log_posterior`, errors that the readings share integrated out.
+
+    Args:
+        touches: all readings that met something.
+        free: all paths on which nothing was met.
+        target: the part.
+        priors: rate of clutter, the size of the workspace, what is known of the pose.
+        Ts: poses ``(S, 4, 4)``.
+        z: whitened shared errors from which those that are expected are looked for ``(S, D)``.
+    """
+    spreads, log = np.zeros((len(Ts), z.shape[1], z.shape[1])), np.zeros(len(Ts))
+    if z.shape[1]:
+        z, spreads = _expected(touches, Ts, z, target, priors)
+        log = 0.5 * np.linalg.slogdet(spreads)[1]
+    densities = log_hit_or_stray(touches, Ts, z, target, priors)
+    of_readings = log_density(*densities, priors.clutter)
+    log = log + of_readings + log_beside_readings(free, Ts, z, target, priors)
+    return GivenPose(log, log_density_of_kin(*densities) - of_readings, z, spreads)
+
+
+def _expected(
+    touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors
+) -> tuple[FloatArray, FloatArray]:
+    """Shared errors that are expected at the poses, and their covariances."""
+    bare = replace(touches, reach=np.zeros(len(touches)))  # what blocks a beam now may not when they move
+    spreads = np.zeros((len(Ts), z.shape[1], z.shape[1]))
+    for _ in range(_STEPS):
+        at = _before_shared(explain(bare, Ts, z, target, priors))
+        A, b = normal_equations(bare, at, z)
+        spreads = np.asarray(np.linalg.inv(A[:, 6:, 6:]))
+        z = z + (spreads @ b[:, 6:, None])[..., 0]
+    return z, spreads
+
+
+def _before_shared(at: Explained) -> Explained:
+    """The same with each reading as probable on the surface as it is while the shared errors are unknown.
+
+    With the errors that are expected a reading may look astray that one of them explains.
+    """
+    n = at.log_hit.shape[1]
+    shared = np.sum(at.J[:, :n, 6:] ** 2, axis=2)
+    wider = 0.5 * at.r[:, :n] ** 2 * shared / (1 + shared) - 0.5 * np.log1p(shared)
+    return replace(at, log_hit=at.log_hit + wider)
