@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from tanteo.active.maxima import NEGLIGIBLE, Maxima, climbed, fresh, thorough
+from tanteo.active.maxima import NEGLIGIBLE, Maxima, climbed, fresh
 from tanteo.active.start import Start
 from tanteo.active.weighing import MATTERS, PartModes, weigh_parts
 from tanteo.lie import SE3
@@ -30,9 +31,9 @@ _DRAWS, _OF_NORMAL = 96, 1 / 8
 _DOUBT = 0.2
 """Probability of "none of these" from which all parts are looked at anew."""
 
-_MANY, _JUST_ENOUGH = 6, (6, 7, 8)
-"""So many readings told at once can fix a pose by themselves, and just enough do so in several ways: then parts are
-looked at thoroughly."""
+_FEW, _MANY = range(3, 9), 6
+"""So many readings leave a rough pose on sheets, or fix it in several ways; so many told at once may be of a pose that
+nothing alive leads to: then draws are made from all that the readings leave of it."""
 
 _SURE = 0.99
 """Probability of a part at which all others are looked at anew, once."""
@@ -122,22 +123,29 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
     """
     start, searched = before.start, np.flatnonzero(before.of_parts() > MATTERS)
     known, told = 0 if before.touches is None else len(before.touches), len(touches)
-    just = known < told and told in _JUST_ENOUGH
-    found = _climbed(start, *_alive(before), touches, free, searched, thoroughly=just or told >= known + _MANY)
+    all_over = told in _FEW or told >= known + _MANY
+    found = _climbed(start, *_alive(before), touches, free, searched)
     log_anywhere = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
     log_anywhere += len(free.origins) * np.log1p(-start.priors.clutter)
-    weighed = weigh_parts(start, found, touches, free, log_anywhere)
+    weigh = partial(weigh_parts, start, touches=touches, free=free, log_anywhere=log_anywhere, all_over=all_over)
+    weighed = weigh(found)
     after = _believe(start, touches, free, log_anywhere, weighed)
     if after.unknown > _DOUBT:  # nothing that is known explains them
         found = _climbed(start, *_alive(after), touches, free, np.unique(start.part), widely=True)
-        return _believe(start, touches, free, log_anywhere, weigh_parts(start, found, touches, free, log_anywhere))
+        return _believe(
+            start,
+            touches,
+            free,
+            log_anywhere,
+            weigh_parts(start, found, touches, free, log_anywhere, all_over=all_over),
+        )
     rest = np.setdiff1d(start.part, searched)
     if len(rest) and _settles(before, after):
         others = [f for f in found if f.part in rest]
         Ts = np.concatenate([np.zeros((0, 4, 4)), *(f.found.Ts for f in others)])
         rows = np.concatenate([np.zeros(0, dtype=np.int64), *(f.rows for f in others)])
         found = [f for f in found if f.part not in rest] + _climbed(start, Ts, rows, touches, free, rest)
-        again = weigh_parts(start, found, touches, free, log_anywhere, [p for p in weighed if p.part not in rest])
+        again = weigh(found, known=[p for p in weighed if p.part not in rest])
         return _believe(start, touches, free, log_anywhere, again)
     return after
 
@@ -156,7 +164,6 @@ def _climbed(
     free: FreePaths,
     searched: IntArray,
     widely: bool = False,
-    thoroughly: bool = False,
 ) -> list[Maxima]:
     """Maxima of every part that has a pose, or is searched: looked at anew."""
     found = []
@@ -164,9 +171,8 @@ def _climbed(
         own = start.part[rows] == k
         poses, at = Ts[own], rows[own]
         if len(touches) and k in searched:
-            looks = [fresh(start, k, touches, widely), *([thorough(start, k, touches, free)] if thoroughly else [])]
-            poses = np.concatenate([poses, *(more for more, _ in looks)])
-            at = np.concatenate([at, *(row for _, row in looks)])
+            anew, of = fresh(start, k, touches, widely)
+            poses, at = np.concatenate([poses, anew]), np.concatenate([at, of])
         if len(poses):
             found.append(climbed(start, k, poses, at, touches, free, k in searched))
     return found

@@ -17,7 +17,7 @@ from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.distinct import SAME_MAXIMUM
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.refine import refine
-from tanteo.surface_search.search import Effort, effort_for, first_poses, groups_of, narrowing, search
+from tanteo.surface_search.search import Effort, first_poses, narrowing
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 NEGLIGIBLE = 12.0
@@ -28,9 +28,6 @@ _CLIMB, _FEW = 6, 2
 
 _EFFORT, _WIDELY = Effort(1000, 10, 24, 8), Effort(3000, 10, 72, 24)
 """How widely a part is looked at anew, and if nothing that was found explains the readings."""
-
-_GROUPS = 2
-"""Groups of readings from which a thorough look makes its first poses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,27 +57,6 @@ def fresh(start: Start, part: int, touches: Touches, widely: bool = False) -> tu
     Ts, _ = first_poses(touches, [raw], target, effort, known)
     Ts, _ = refine(touches, Ts, target, narrowing(touches, target), 0.0, known)  # else exact readings look astray
     return Ts, _likeliest(start, part, Ts)
-
-
-def thorough(start: Start, part: int, touches: Touches, free: FreePaths) -> tuple[Transforms, IntArray]:
-    """As :func:`fresh`, from groups of readings as where nothing is known: none if the part has several rough poses.
-
-    Of readings that are told one by one the poses alive are few and near; of many at once a pose may fit that no
-    rough pose leads to straight away.
-
-    Args:
-        start: what was assumed beforehand.
-        part: index of the part.
-        touches: all readings that met something, six at least.
-        free: all paths on which nothing was met.
-    """
-    own, target = np.flatnonzero(start.part == part), start.targets[part]
-    if len(own) > 1:
-        return np.zeros((0, 4, 4)), own[:0]
-    priors = replace(start.priors, pose=PosePrior(start.Ts[own[0]], start.covariances[own[0]]))
-    groups = groups_of(touches, target, _GROUPS)
-    Ts = search(touches, free, target, priors, effort_for(touches, target, 0), groups).Ts
-    return Ts, np.repeat(own, len(Ts))
 
 
 def _likeliest(start: Start, part: int, Ts: Transforms) -> IntArray:

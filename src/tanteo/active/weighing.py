@@ -36,8 +36,8 @@ _REACH = 25.0
 _ROUNDS = 4
 """Rounds at most."""
 
-_LIKELY, _LEAST, _MOST = 0.03, 3, 8
-"""Probability of a part from which draws are made from all over what so many readings leave of its rough pose."""
+_LIKELY = 0.03
+"""Probability of a part from which draws are made from all that the readings leave of its rough pose."""
 
 _FEW, _HEAVY = 50.0, 16
 """Effective draws of the first round below which maxima may be missing; heavy draws from which they are looked for."""
@@ -91,6 +91,8 @@ def weigh_parts(
     free: FreePaths,
     log_anywhere: float,
     known: Sequence[PartModes] = (),
+    *,
+    all_over: bool = False,
 ) -> list[PartModes]:
     """Modes of all parts that are not hopeless, the more draws the more a part matters.
 
@@ -101,6 +103,7 @@ def weigh_parts(
         free: all paths on which nothing was met.
         log_anywhere: log evidence of readings anywhere, the prior of "none of these" included.
         known: parts of the same maxima and readings that are weighed already.
+        all_over: likely parts of one rough pose are weighed by draws from all that the readings leave of it.
     """
     best = max((f.masses[0] for f in found if len(f.masses)), default=-np.inf)
     alive = [f for f in found if len(f.masses) and f.masses[0] > best - _REACH]
@@ -110,7 +113,7 @@ def weigh_parts(
     total = float(log_sum([none, *(log_sum(p.log_mass) for p in known), *(draws.log_mass for _, draws in glances)]))
     for maxima, draws in glances:
         likely = draws.log_mass > total + np.log(_LIKELY)
-        if likely and _LEAST <= len(touches) <= _MOST and (prior := _one_rough_pose(start, maxima.part)) is not None:
+        if all_over and likely and (prior := _one_rough_pose(start, maxima.part)) is not None:
             draws = drawn_all_over(draws.posterior, draws.proposals[0], prior)
         elif draws.effective < ENOUGH and draws.log_mass > total + np.log(MATTERS):
             maxima, draws = _closely(start, maxima, draws, touches, free)
