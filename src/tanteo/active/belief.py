@@ -31,7 +31,7 @@ _DRAWS, _OF_NORMAL = 96, 1 / 8
 _DOUBT = 0.2
 """Probability of "none of these" from which all parts are looked at anew."""
 
-_FEW, _MANY = range(3, 9), 6
+_FEW, _MANY = range(3, 13), 6
 """So many readings leave a rough pose on sheets, or fix it in several ways; so many told at once may be of a pose that
 nothing alive leads to: then draws are made from all that the readings leave of it."""
 

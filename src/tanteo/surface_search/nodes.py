@@ -9,7 +9,7 @@ Bardsley et al. 2014); a density is as wide along the sheet as some of them lie 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
@@ -135,6 +135,7 @@ def of_rough_pose(
     end = max(3.0, bend(touches))
     scales = np.geomspace(max(_misfit(pose, target) / float(np.median(touches.sd)), 2 * end), end, _STEPS)
     Ts, _ = refine(touches, drawn, target, scales, 0.0, own)
+    Ts, _ = start_of(touches, Ts, target, replace(priors, pose=PosePrior(drawn, pose.covariance)))
     return about(touches, target, priors, posterior, np.concatenate([also, Ts]))
 
 
@@ -157,8 +158,7 @@ def about(
     middle = target.part.centroid
     T_part_middle, M = SE3.from_parts(np.eye(3), middle), motions_about(middle)
     T = pose.T_world_part @ T_part_middle
-    z = start_of(touches, Ts, target, priors)[1]
-    at = posterior(Ts, z)
+    at = posterior(Ts, np.zeros((len(Ts), touches.gains.shape[-1])))
     A, _ = normal_equations(touches, explain(touches, Ts, at.z, target, priors), at.z)
     x = SE3.log(SE3.inverse(T) @ Ts @ T_part_middle)
     J, root = M @ SE3.right_jacobian(x), _NARROWER * pose.root @ M

@@ -13,7 +13,7 @@ from tanteo.matching.prior import add_prior
 from tanteo.matching.verdict import without_spins
 from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.likelihood import explain, log_beside_readings, normal_equations
-from tanteo.surface_search.refine import moved
+from tanteo.surface_search.refine import moved, step_to
 from tanteo.surface_search.shared_start import start_of
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
@@ -177,7 +177,7 @@ def _climb(
     log, A, b = look(Ts, z, active)
     damping = np.full(len(Ts), _LEAST_DAMPING)
     for k in range(iterations):
-        step = _solve(M.T @ A[active] @ M, b[active] @ M, damping[active])
+        step = step_to(M.T @ A[active] @ M, b[active] @ M, damping[active])
         new = moved(Ts[active], step[:, :6], target.part.centroid), z[active] + step[:, 6:]
         new_log, new_A, new_b = look(*new, active)
         gain = new_log - log[active]
@@ -191,15 +191,3 @@ def _climb(
         if not len(active):
             break
     return Ts, z
-
-
-def _solve(A: FloatArray, b: FloatArray, damping: FloatArray) -> FloatArray:
-    """Damped steps, which stay put along directions that nothing resists."""
-    d = np.array(np.einsum("sii->si", A))
-    for block in (slice(0, 3), slice(3, 6)):  # what only rounding resists is not known a million million times worse
-        d[:, block] = np.maximum(d[:, block], 1e-6 * d[:, block].max(axis=1, keepdims=True))
-    scale = 1 / np.sqrt(np.where(d > 0, d, 1.0))
-    unit = A * scale[:, :, None] * scale[:, None, :] + damping[:, None, None] * np.eye(A.shape[1])
-    step = scale * np.linalg.solve(unit, (scale * b)[..., None])[..., 0]
-    turn = np.linalg.norm(step[:, 3:6], axis=1)
-    return step * np.minimum(1.0, 0.2 / np.maximum(turn, 1e-12))[:, None]

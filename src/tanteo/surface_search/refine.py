@@ -106,6 +106,24 @@ def damped(A: FloatArray, b: FloatArray) -> FloatArray:
     return step * np.minimum(1.0, 0.35 / np.maximum(turn, 1e-12))[:, None]
 
 
+def step_to(A: FloatArray, b: FloatArray, damping: FloatArray) -> FloatArray:
+    """Steps over pose and shared errors that stay put along directions that nothing resists, and follow weak ones.
+
+    Args:
+        A: information ``(S, 6 + D, 6 + D)``.
+        b: gradient ``(S, 6 + D)``.
+        damping: share of the information that is added to it ``(S,)``.
+    """
+    d = np.array(np.einsum("sii->si", A))
+    for block in (slice(0, 3), slice(3, 6)):  # what only rounding resists is not known a million million times worse
+        d[:, block] = np.maximum(d[:, block], 1e-6 * d[:, block].max(axis=1, keepdims=True))
+    scale = 1 / np.sqrt(np.where(d > 0, d, 1.0))
+    unit = A * scale[:, :, None] * scale[:, None, :] + damping[:, None, None] * np.eye(A.shape[1])
+    step = scale * np.linalg.solve(unit, (scale * b)[..., None])[..., 0]
+    turn = np.linalg.norm(step[:, 3:6], axis=1)
+    return step * np.minimum(1.0, 0.2 / np.maximum(turn, 1e-12))[:, None]
+
+
 def moved(Ts: Transforms, step: FloatArray, middle: Vectors) -> Transforms:
     """Poses ``(S, 4, 4)`` after steps ``(S, 6)`` of a frame at ``middle`` of the part ``(3,)``.
 

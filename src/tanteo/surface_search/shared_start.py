@@ -13,13 +13,19 @@ from tanteo.lie import SO3
 from tanteo.localization import motions_about
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import add_prior
-from tanteo.surface_search.refine import damped, moved
+from tanteo.surface_search.refine import moved, step_to
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import FloatArray, Transforms
 
 _HARMLESS = 1.0
 """Shared errors that put no reading farther off than this many standard deviations of its noise need no start."""
+
+_RANK, _MOST = 1e-6, 100.0
+"""Share below which a motion, or a reading, is taken as of no weight; standard deviations that are far enough."""
+
+_DAMPING = 1e-7
+"""Share of the information that is added to it: shared errors and pose move together along weak valleys."""
 
 _FAR, _NEAR = 2.0, 3.0
 """Readings keep half their weight up to this many times the shared errors at first; up to this many sd at last."""
@@ -51,21 +57,38 @@ def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -
         priors: what is known of the pose: of each, if it says so.
     """
     D = touches.gains.shape[-1]
-    z, far = np.zeros((len(Ts), D)), _FAR * bend(touches)
-    if far <= _FAR * _HARMLESS or not len(Ts):
+    z = np.zeros((len(Ts), D))
+    if not D or not len(Ts):
         return Ts, z
-    M = motions_about(target.part.centroid, 6 + D)
-    for scale in np.geomspace(max(far, _NEAR), _NEAR, 3 + int(np.ceil(np.log2(max(far / _NEAR, 1.0))))):
+    far = _FAR * np.maximum(bend(touches), _alone(_residuals(touches, Ts, z, target)[1]))
+    if far.max() <= _FAR * _HARMLESS:
+        return Ts, z
+    M, far = motions_about(target.part.centroid, 6 + D), far.clip(_NEAR)[:, None]
+    for share in np.linspace(0, 1, 3 + int(np.ceil(np.log2(far.max() / _NEAR)))):
         r, J = _residuals(touches, Ts, z, target)
-        w = 1 / (1 + (r / scale) ** 2)
+        w = 1 / (1 + (r / (far * (_NEAR / far) ** share)) ** 2)
         JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
         A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
         A[:, 6:, 6:] += np.eye(D)
         b[:, 6:] -= z
         add_prior(priors.pose, target.part, Ts, A, b)
-        step = damped(M.T @ A @ M, b @ M)
+        step = step_to(M.T @ A @ M, b @ M, np.full(len(Ts), _DAMPING))
         Ts, z = moved(Ts, step[:, :6], target.part.centroid), z + step[:, 6:]
     return Ts, z
+
+
+def _alone(J: FloatArray) -> FloatArray:
+    """How far shared errors put one reading off, in standard deviations, once all others are met: the most ``(S,)``.
+
+    Where the others just fix the pose, errors that hardly bend the readings are all the more in the one that is left.
+    """
+    motions, gains = J[..., :6], J[..., 6:]
+    U, s, _ = np.linalg.svd(motions, full_matrices=False)
+    U = np.where((s > _RANK * s[:, :1])[:, None], U, 0.0)
+    left = np.linalg.norm(gains - U @ (np.swapaxes(U, 1, 2) @ gains), axis=2)
+    own = 1 - np.sum(U * U, axis=2)
+    alone = np.where(own > _RANK, left / np.maximum(own, _RANK), 0.0)
+    return np.asarray(alone.max(axis=1).clip(max=_MOST))
 
 
 def _residuals(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> tuple[FloatArray, FloatArray]:
