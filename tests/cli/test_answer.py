@@ -120,7 +120,7 @@ def test_outliers_say_how_far_off_they_are():
 
 def test_same_robot_covariance_is_in_the_words_and_the_document():
     same = hypothesis(covariance_same_robot=1e-8 * np.eye(6))
-    assert any("same robot  x 0.1 y 0.1 z 0.1 mm" in line for line in answer_lines(recognition(same)))
+    assert any("unshared    x 0.1 y 0.1 z 0.1 mm" in line for line in answer_lines(recognition(same)))
     (h,) = recognition_document(recognition(same))["hypotheses"]
     assert h["covariance_same_robot"]["order"] == "x y z rx ry rz"
 

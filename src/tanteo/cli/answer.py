@@ -76,7 +76,7 @@ def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
     ]
     if best.covariance_same_robot is not None:
         same = np.sqrt(np.diag(best.covariance_same_robot))[:3] * 1e3
-        lines.append("  same robot  " + "x {:.3g} y {:.3g} z {:.3g} mm, with the shared errors known".format(*same))
+        lines.append("  unshared    " + "x {:.3g} y {:.3g} z {:.3g} mm, if shared errors were known".format(*same))
     if best.symmetry_order > 1:
         lines.append(f"  symmetry    {best.symmetry_order} equivalent poses, reported as one")
     if best.symmetry_axis is not None:

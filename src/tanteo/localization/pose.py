@@ -34,7 +34,8 @@ class PoseEstimate:
         T_world_part: pose ``(4, 4)``.
         covariance: ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad], shared errors included.
             Free directions carry the variance of a uniform draw over ``length`` and over a full turn.
-        covariance_same_robot: the same with the shared errors known: what matters for going back with the same robot.
+        covariance_same_robot: the same with the shared errors known: where they are the robot's base alone, how well
+            the same robot finds the part again.
         free: motions ``(k, 6)`` that no pairing resists, part frame, pure translations first [m, rad].
         unobserved: the same in words.
         chi2: joint squared Mahalanobis distance of the pairings.

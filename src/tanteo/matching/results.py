@@ -34,7 +34,8 @@ class Hypothesis:
         pairings: reading id and model feature, for every explained reading.
         outlier_distances: how far each outlier is from the surface [m]; NaN where that is not known.
         covariance_same_robot: the same covariance with the errors that all readings share (robot, tip, sensor bias)
-            taken as known: what counts for going back to the part with the same robot. None if nothing is shared.
+            taken as known; None if nothing is shared. Where the robot's base is the only one of them, and nothing was
+            said of where the part is in the world, it is how well the same robot finds the part again.
         symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
             not an error, and not in ``unobserved``. None for other parts.
         advice: what to sense to observe the first free direction; empty if there is none.

@@ -52,7 +52,7 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str,
     ]
     if hypothesis.covariance_same_robot is not None and not hypothesis.unobserved:
         same = corner_sd(part, hypothesis.covariance_same_robot)
-        rows.insert(2, ("The same, going back with the same robot", length(same)))
+        rows.insert(2, ("The same, if the errors that all readings share were known", length(same)))
     if wrong:
         rows.append(("Wrong readings", _wrong(hypothesis)))
     if hypothesis.unobserved:

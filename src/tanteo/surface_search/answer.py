@@ -49,7 +49,8 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
     """
     part, found, k = mode.target.part, mode.found, mode.k
     T, free, faces = found.Ts[k], mode.free, faces_met(touches, mode)
-    covariance = mode.covariance + _common_tolerance(touches, mode, faces)
+    common, common_given = _common_tolerance(touches, mode, faces)
+    given = mode.covariance_given_shared
     belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
     known = prior_rows(pose, part, T[None])[0][0]
     chi2, fixed = chi_square(found, k)
@@ -59,7 +60,7 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
     return hypothesis_at(
         part,
         T,
-        covariance,
+        mode.covariance + common,
         free=free,
         probability=mode.probability,
         chi2=chi2,
@@ -68,7 +69,7 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         outliers=tuple(name for name, ok in zip(touches.ids, belongs, strict=True) if not ok),
         pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
         outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
-        covariance_same_robot=mode.covariance_given_shared,
+        covariance_same_robot=None if given is None else given + common_given,
     )
 
 
@@ -103,27 +104,33 @@ def faces_met(touches: Touches, mode: Mode) -> IntArray:
     return mode.target.part.triangle_face[near.triangles]
 
 
-def _common_tolerance(touches: Touches, mode: Mode, faces: IntArray) -> Covariances:
-    """What the covariance lacks because a made face deviates as a whole, not anew at every reading ``(6, 6)``.
+def _common_tolerance(touches: Touches, mode: Mode, faces: IntArray) -> tuple[Covariances, Covariances]:
+    """What the covariances lack because a made face deviates as a whole, not anew at every reading, twice ``(6, 6)``.
 
     The estimate weighs readings as if their deviations were independent; for that estimator, readings of one face
-    with one deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``.
+    with one deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``. First with the shared errors
+    that are estimated beside the pose, then as if these were known.
     """
     if touches.tolerance == 0:
-        return np.zeros((6, 6))
+        return np.zeros((6, 6)), np.zeros((6, 6))
     found, k, free = mode.found, mode.k, mode.free
-    J, w = found.rows[k], found.belongs[k]
+    J, w, R = found.rows[k], found.belongs[k], found.Ts[k][:3, :3]
     sd = 1 / np.linalg.norm(J[:, :3], axis=1)  # the translation part of a row is the normal over its sd
-    weighted = J * (w * touches.tolerance / sd)[:, None]
+    shared = -np.einsum("ni,nid->nd", J[:, :3] @ R.T, touches.gains)
+    weighted = np.concatenate([J, shared], axis=1) * (w * touches.tolerance / sd)[:, None]
     rows = free @ np.linalg.inv(part_scale(mode.target.part))
     hold = 1e9 * np.abs(found.information[k]).max()
     held = np.array(found.information[k])
     held[:6, :6] += hold * rows.T @ rows
-    gain = np.linalg.inv(held)[:6, :6]
     extra = -weighted.T @ weighted
     for face in np.unique(faces):
         together = weighted[faces == face].sum(axis=0)
         extra = extra + np.outer(together, together)
+    return _gained(np.linalg.inv(held)[:6], extra), _gained(np.linalg.inv(held[:6, :6]), extra[:6, :6])
+
+
+def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
+    """``gain extra gain'``, without what is negative of it."""
     values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
     return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
 
