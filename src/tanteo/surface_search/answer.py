@@ -42,16 +42,18 @@ _LESSENED = {
 def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -> Hypothesis:
     """The hypothesis: the pose at the maximum, with the covariance of the posterior about it.
 
+    Of what a box leaves of it the mean is the answer; what is said of readings and faces is of the maximum.
+
     Args:
         touches: the readings.
         mode: where they are on a part.
         pose: what was known of it beforehand; the joint test asks whether the readings agree with that, too.
     """
     part, found, k = mode.target.part, mode.found, mode.k
-    T, free, faces = found.Ts[k], mode.free, faces_met(touches, mode)
+    T, free, faces = mode.T_world_part, mode.free, faces_met(touches, mode)
     covariance = mode.covariance + _common_tolerance(touches, mode, faces)
     belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
-    known = prior_rows(pose, part, T[None])[0][0]
+    known = prior_rows(pose, part, found.Ts[[k]])[0][0]
     chi2, fixed = chi_square(found, k)
     chi2 += float(np.sum(found.z[k] ** 2) + np.sum(known**2))
     named = pose is not None and pose.T_world_part is not None  # a rough pose names one of the spins, too
