@@ -110,7 +110,7 @@ def one(kind, seed, k):
     answer = identify_touches(touches, no_paths(), [target], priors=priors)
     best = answer.hypotheses[0]
     value, dof = nees(target.part, best.T_world_part, best.covariance, T)
-    right = "bar" in kind or "rough" in kind or off(target.part, best.T_world_part, T)[0] < FAR
+    right = "bar" in kind or "rough" in kind or kind == "bias" or off(target.part, best.T_world_part, T)[0] < FAR
     return {
         "status": answer.status, "right": bool(right), "inside": bool(inside(value, dof)), "nees": float(value),
         "dof": int(dof), "p": float(best.p_value), "contradicted": "contradict" in answer.message,

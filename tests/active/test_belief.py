@@ -23,7 +23,7 @@ from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 from tanteo.surface_search.likelihood import explain, log_posterior
-from tanteo.surface_search.recognition import unknown_log_density
+from tanteo.surface_search.weighed import unknown_log_density
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 LASER = SENSORS[1]

@@ -145,6 +145,21 @@ def test_a_rough_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
         assert faces == set(part.planes.faces[planes])
 
 
+def test_a_pose_at_the_border_of_a_box_is_the_mean_of_what_is_inside(parts):
+    part, rng = parts["bracket_left"], np.random.default_rng(11)
+    readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
+    alone = identify(readings, [part]).hypotheses[0]
+    centre = SE3.apply(alone.T_world_part, part.centroid)
+    for outside, status in ((5e-5, "recognized"), (5e-3, "unknown")):
+        box = centre + np.array([[outside, -0.02, -0.02], [0.04, 0.02, 0.02]])
+        answer = identify(readings, [part], priors=Priors(pose=PosePrior(box=box)))
+        assert answer.status == status
+        best = answer.hypotheses[0]
+        assert SE3.apply(best.T_world_part, part.centroid)[0] > box[0, 0] - 1e-2 * outside
+        assert np.linalg.det(best.covariance) < np.linalg.det(alone.covariance)
+    assert "not where it was said to be" in answer.message
+
+
 def test_a_table_at_another_height_is_named(parts):
     part, rng = parts["block"], np.random.default_rng(10)
     T = SE3.exp(np.array([0.2, 0.1, 0.3, 0, 0, 0.7]))

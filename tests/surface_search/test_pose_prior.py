@@ -14,9 +14,10 @@ from tanteo.matching import PosePrior, Priors, Table
 from tanteo.matching.prior import prior_rows
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, Touches, identify_touches, prepare_target
-from tanteo.surface_search.answer import as_hypothesis, p_of_prior
+from tanteo.surface_search.answer import as_hypothesis
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.polish import polish
+from tanteo.surface_search.said import p_of_prior
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, touche
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
-from tanteo.surface_search import identify_touches, prepare_target, recognition, rounds
+from tanteo.surface_search import identify_touches, prepare_target, rounds, weighed
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.rounds import Search, search_all
 
@@ -151,7 +151,7 @@ def test_a_reading_left_aside_of_few_asks_for_a_wider_round(target, monkeypatch,
 def test_poses_that_the_search_met_only_once_are_mentioned(target, monkeypatch, once, said):
     rng = np.random.default_rng(9)
     touches, _, _ = scene(target, box_centred_pose(rng), LASER, 5, rng)
-    monkeypatch.setattr(recognition, "search_all", lambda *given: replace(search_all(*given), once=once))
+    monkeypatch.setattr(weighed, "search_all", lambda *given: replace(search_all(*given), once=once))
     answer = identify_touches(touches, no_paths(), [target])
     assert answer.status == "insufficient"
     assert ("36 % of the probability is in poses that the search met only once" in answer.message) == said

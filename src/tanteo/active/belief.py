@@ -22,7 +22,7 @@ from tanteo.localization import pose_information
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.modes import Mode, log_none
-from tanteo.surface_search.recognition import unknown_log_density
+from tanteo.surface_search.weighed import unknown_log_density
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _DRAWS, _OF_NORMAL = 96, 1 / 8

@@ -16,8 +16,9 @@ from scipy.special import chdtrc, logsumexp
 from tanteo.lie import SE3, SO3
 from tanteo.localization import PoseEstimate
 from tanteo.matching.belief import Mode
+from tanteo.matching.box import SURE, left_by
 from tanteo.matching.model import PartModel
-from tanteo.matching.prior import PosePrior, log_between, log_place_of_unknown, prior_log_density, prior_rows
+from tanteo.matching.prior import PosePrior, log_density_within, log_place_of_unknown, prior_rows
 from tanteo.matching.verdict import part_scale
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
@@ -134,15 +135,27 @@ def _placed(one: Located, prior: PosePrior, radius: float) -> tuple[Located, flo
     free, fixed = _still_free(part, one, J[0])
     log = -0.5 * chi2 + 0.5 * np.linalg.slogdet(P)[1] - 0.5 * np.linalg.slogdet(H)[1]
     covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
-    log += float(prior_log_density(replace(prior, box=None), part, T[None], radius)[0])
-    log += _in_box(part, prior, T, covariance, radius)
-    same = np.linalg.inv(np.linalg.inv(one.covariance_same_robot) + J[0].T @ J[0])
+    log += float(log_density_within(prior, radius))
+    same = np.asarray(np.linalg.inv(np.linalg.inv(one.covariance_same_robot) + J[0].T @ J[0]), dtype=np.float64)
+    prior_p = float(chdtrc(max(J.shape[1] - fixed, 1), chi2)) if J.shape[1] else 1.0
     out = replace(
         one, T_world_part=T, covariance=covariance, covariance_same_robot=same, free=free,
-        chi2=one.chi2 + chi2, dof=one.dof + J.shape[1] - fixed,
-        prior_p=float(chdtrc(max(J.shape[1] - fixed, 1), chi2)) if J.shape[1] else 1.0,
+        chi2=one.chi2 + chi2, dof=one.dof + J.shape[1] - fixed, prior_p=prior_p,
     )  # fmt: skip
-    return out, log
+    return _in_box(part, prior, out, log)
+
+
+def _in_box(part: Part, prior: PosePrior, one: Located, log: float) -> tuple[Located, float]:
+    """The pose with what a box leaves of its distribution, and the log of how much more probable that makes it."""
+    if prior.box is None:
+        return one, log
+    Ts, Cs = np.stack([one.T_world_part] * 2), np.stack([one.covariance, one.covariance_same_robot])
+    left = left_by(prior.box, part, Ts, Cs)
+    log, share = log + float(left.log_share[0]), float(np.exp(left.log_share[0]))
+    if share > SURE or len(one.free):
+        return one, log
+    T, (C, same), p = Ts[0] @ SE3.exp(left.means[0]), left.covariances, min(one.prior_p, share)
+    return replace(one, T_world_part=T, covariance=C, covariance_same_robot=same, prior_p=p), log
 
 
 def _fused(
@@ -190,14 +203,3 @@ def _still_free(part: Part, one: Located, J: FloatArray) -> tuple[Tangents, int]
     scale, left = part_scale(part), turn[resisted < 1] @ wide
     basis, _ = np.linalg.qr(np.linalg.solve(scale, left.T))
     return np.asarray((scale @ basis).T, dtype=np.float64), int(np.sum(resisted >= 1))
-
-
-def _in_box(part: Part, prior: PosePrior, T: Transforms, covariance: Covariances, radius: float) -> float:
-    """Log of the share of the pose's distribution that puts the centroid into the box, over that of "anywhere"."""
-    if prior.box is None:
-        return 0.0
-    rows = np.concatenate([np.eye(3), -SO3.hat(part.centroid)], axis=1)
-    world = T[:3, :3] @ rows
-    sd = np.sqrt(np.einsum("ai,ij,aj->a", world, covariance, world))
-    low, high = (prior.box - SE3.apply(T, part.centroid)) / sd
-    return float(log_between(low, high).sum() + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0])))

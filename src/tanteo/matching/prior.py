@@ -164,20 +164,29 @@ def prior_log_density(prior: PosePrior | None, part: Part, Ts: Transforms, radiu
         prior: what is known.
         part: the part.
         Ts: poses ``(S, 4, 4)``.
+        radius: as for :func:`log_density_within`.
+    """
+    return np.asarray(np.where(in_box(prior, part, Ts), log_density_within(prior, radius), -np.inf))
+
+
+def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
+    """The same within the box, if there is one: one number, or ``(S,)`` if the prior has as many rough poses.
+
+    Args:
+        prior: what is known.
         radius: of the workspace [m]: anywhere is a cube of twice that and every attitude.
     """
-    log = np.zeros(len(Ts))
+    log = np.zeros(())
     if prior is None:
         return log
     if prior.covariance is not None:
-        log += 3 * np.log(2 * radius) + np.log(8 * np.pi**2)
-        log -= 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(prior.covariance)[1]
+        log = log + 3 * np.log(2 * radius) + np.log(8 * np.pi**2)
+        log = log - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(prior.covariance)[1]
     if prior.table is not None:
-        log += np.log(2 * radius) - 0.5 * np.log(2 * np.pi) - np.log(prior.table.sd)
+        log = log + np.log(2 * radius) - 0.5 * np.log(2 * np.pi) - np.log(prior.table.sd)
     if prior.box is not None:
-        share = 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0]))
-        log += np.where(in_box(prior, part, Ts), share, -np.inf)
-    return log
+        log = log + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0]))
+    return np.asarray(log)
 
 
 def log_place_of_unknown(prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float) -> float:

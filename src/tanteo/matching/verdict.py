@@ -38,6 +38,7 @@ def verdict(
     worst: str = "",
     shares: Sequence[tuple[str, float]] = (),
     prior_p: float = 1.0,
+    elsewhere: str = "",
     least: float = CONFIDENCE,
     known: bool = False,
 ) -> tuple[Status, str]:
@@ -53,13 +54,16 @@ def verdict(
         shares: part and probability of all modes, where not all of them are hypotheses.
         prior_p: p-value of what was known of the pose beforehand, asked by itself, of a part that fits without it:
             among many readings that agree with each other the joint test does not see it.
+        elsewhere: the part that explains what was sensed far better where it was not said to be; empty if none does.
         least: probability from which one answer is given; the words say it where it is below what is usual.
         known: which part it is is known as surely as was asked for, in whatever pose.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
-    if hypotheses and (prior_p < SUSPECT or (hypotheses[0].p_value < alpha and prior_p < alpha and not worst)):
+    doubted = prior_p < SUSPECT or (hypotheses and hypotheses[0].p_value < alpha and prior_p < alpha and not worst)
+    if elsewhere or (hypotheses and doubted):
+        closest = elsewhere or hypotheses[0].part
         return "unknown", (
-            f"The closest part is {hypotheses[0].part}, but it is not where it was said to be (p = {prior_p:.2g}): "
+            f"The closest part is {closest}, but it is not where it was said to be (p = {prior_p:.2g}): "
             "check what was said of the pose beforehand, or leave it out and compare." + note
         )
     if not hypotheses or (unknown > max(h.probability for h in hypotheses) and not known):

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3
-from tanteo.localization import pose_information, weak_motions
-from tanteo.matching.evidence import Priors
+from tanteo.localization import pose_information
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
 from tanteo.matching.verdict import corner_sd, part_scale, spins, without_spins
 from tanteo.surface_search.explained import chi_square
-from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.modes import Mode
-from tanteo.surface_search.polish import polish
-from tanteo.surface_search.touches import FreePaths, Touches
+from tanteo.surface_search.touches import Touches
 from tanteo.typing import Covariances, FloatArray, IntArray
 
 _NOTABLE = 0.5
@@ -42,17 +37,19 @@ _LESSENED = {
 def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -> Hypothesis:
     """The hypothesis: the pose at the maximum, with the covariance of the posterior about it.
 
+    Of what a box leaves of it the mean is the answer; what is said of readings and faces is of the maximum.
+
     Args:
         touches: the readings.
         mode: where they are on a part.
         pose: what was known of it beforehand; the joint test asks whether the readings agree with that, too.
     """
     part, found, k = mode.target.part, mode.found, mode.k
-    T, free, faces = found.Ts[k], mode.free, faces_met(touches, mode)
+    T, free, faces = mode.T_world_part, mode.free, faces_met(touches, mode)
     common, common_given = _common_tolerance(touches, mode, faces)
     given = mode.covariance_given_shared
     belongs, names = found.belongs[k] > 0.5, [part.faces[f].name for f in faces]
-    known = prior_rows(pose, part, T[None])[0][0]
+    known = prior_rows(pose, part, found.Ts[[k]])[0][0]
     chi2, fixed = chi_square(found, k)
     chi2 += float(np.sum(found.z[k] ** 2) + np.sum(known**2))
     named = pose is not None and pose.T_world_part is not None  # a rough pose names one of the spins, too
@@ -71,30 +68,6 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
         covariance_same_robot=None if given is None else given + common_given,
     )
-
-
-def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> float:
-    """P-value of what was known of the pose beforehand, beside the readings: 1 without.
-
-    Without it the readings fit somewhere near as well or better: by how much, beside the squared distance of the pose
-    from what was said, is chi-square of as many degrees as both say something of.
-
-    Args:
-        touches: the readings.
-        free: paths on which nothing was met.
-        mode: the answer.
-        priors: what is assumed beforehand.
-    """
-    part, T, z = mode.target.part, mode.found.Ts[[mode.k]], mode.found.z[[mode.k]]
-    known = prior_rows(priors.pose, part, T)[0][0]
-    if not len(known):
-        return 1.0
-    alone = replace(priors, pose=None)
-    apart = polish(touches, free, T, mode.target, alone)
-    log = log_posterior(touches, free, np.concatenate([T, apart.Ts]), np.concatenate([z, apart.z]), mode.target, alone)
-    left = weak_motions(pose_information(apart.information[0]), part_scale(part))  # there it is as it was said to be
-    dof = max(len(known) - len(left), 1)
-    return float(chdtrc(dof, max(known @ known + 2 * (log[1] - log[0]), 0.0)))
 
 
 def faces_met(touches: Touches, mode: Mode) -> IntArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo.lie import SO3
 from tanteo.matching.evidence import Priors
-from tanteo.matching.prior import prior_log_density, prior_residuals
+from tanteo.matching.prior import log_density_within, prior_residuals
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
 from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
@@ -113,6 +113,8 @@ def log_posterior(
 ) -> FloatArray:
     """Log density of readings, pose and shared errors ``(S,)``, that of the pose over "anywhere".
 
+    A box has no border here: outside it is as dense as inside (:mod:`within`).
+
     Args:
         touches: the readings.
         free: paths on which nothing was met.
@@ -131,9 +133,7 @@ def log_beside_readings(free: FreePaths, Ts: Transforms, z: FloatArray, target: 
     if priors.pose is None:
         return np.asarray(log)
     r = prior_residuals(priors.pose, target.part, Ts)
-    return np.asarray(
-        log + prior_log_density(priors.pose, target.part, Ts, priors.radius) - 0.5 * np.sum(r * r, axis=1)
-    )
+    return np.asarray(log + log_density_within(priors.pose, priors.radius) - 0.5 * np.sum(r * r, axis=1))
 
 
 def _placed(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> _Placed:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,8 @@ from tanteo.surface_search.polish import Polished, information_of_readings
 from tanteo.surface_search.sheets import pieces
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
-from tanteo.typing import Covariances, FloatArray, Tangents
+from tanteo.surface_search.within import cut, log_within, within
+from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 
 NEGLIGIBLE = 12.0
 """Log odds below the best mode at which another is not reported."""
@@ -51,6 +52,8 @@ class Mode:
         log_mass: log evidence, the part's own probability and symmetry included.
         moments: of the posterior about it, where it is not normal or was not looked at.
         probability: posterior over all parts, poses and "none of these".
+        shift: of the pose that is the answer from the maximum, where a box left only some of what is about it
+            ``(6,)``: to the mean of that, of which the moments are then.
     """
 
     target: Target
@@ -59,6 +62,13 @@ class Mode:
     log_mass: float
     moments: Moments | None = None
     probability: float = 0.0
+    shift: Tangents | None = None
+
+    @property
+    def T_world_part(self) -> Transforms:
+        """The pose that is the answer ``(4, 4)``."""
+        T = self.found.Ts[self.k]
+        return T if self.shift is None else np.asarray(T @ SE3.exp(self.shift))
 
     @property
     def free(self) -> Tangents:
@@ -133,7 +143,7 @@ def weigh(
     log_unknown = log_none(log_unknown, kin - np.log1p(-priors.unknown), priors)
     total = _total(modes, log_unknown)
     kept = [
-        Mode(m.target, m.found, m.k, m.log_mass, m.moments, float(np.exp(m.log_mass - total)))
+        replace(_in_box(m, priors), probability=float(np.exp(m.log_mass - total)))
         for m in modes
         if m.log_mass > total - NEGLIGIBLE
     ]
@@ -200,9 +210,28 @@ def _weighed(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> M
         information = keep.T @ information @ keep
     density = partial(_density, touches, free, target, priors)
     brittle = _near_edges(touches, mode, priors)
-    moments = posterior_moments(density, found.Ts[k], found.z[k], information, brittle)
-    log = mode.log_mass + (0.0 if moments is None else moments.log_mass)
-    return Mode(target, found, k, log, moments)
+    inside = within(priors, target.part)
+    moments = posterior_moments(density, found.Ts[k], found.z[k], information, brittle, inside)
+    if moments is None:
+        return mode
+    log = mode.log_mass - float(log_within(priors, target.part, found.Ts[[k]], found.information[[k]])[0])
+    return replace(mode, log_mass=log + cut(priors, target.part, found.Ts[k], moments).log_mass, moments=moments)
+
+
+def _in_box(mode: Mode, priors: Priors) -> Mode:
+    """The mode with the moments of what a box leaves of it, if that is not all; its mass is of that already."""
+    if within(priors, mode.target.part) is None or len(mode.free) > len(spins(mode.target.part)):
+        return mode
+    moments = mode.moments
+    if moments is None:
+        given = mode.covariance_given_shared
+        moments = Moments(np.zeros(6), mode.covariance, mode.covariance if given is None else given, 0.0)
+    left = cut(priors, mode.target.part, mode.found.Ts[mode.k], moments)
+    if left.share == 1:
+        return mode
+    about = np.outer(left.mean, left.mean)
+    covariances = left.covariance - about, left.covariance_given_shared - about
+    return replace(mode, shift=left.mean, moments=Moments(np.zeros(6), *covariances, left.log_mass, left.share))
 
 
 def _near_edges(touches: Touches, mode: Mode, priors: Priors) -> FloatArray | None:
@@ -233,8 +262,9 @@ def _one_region(best: Mode, other: Mode) -> Mode:
     seen = other.moments
     mean = seen.mean + SE3.log(SE3.inverse(best.found.Ts[best.k]) @ other.found.Ts[other.k])
     shift = np.outer(mean, mean) - np.outer(seen.mean, seen.mean)
-    moments = Moments(mean, seen.covariance + shift, seen.covariance_given_shared + shift, seen.log_mass)
-    return Mode(best.target, best.found, best.k, max(best.log_mass, other.log_mass), moments)
+    covariances = seen.covariance + shift, seen.covariance_given_shared + shift
+    moments = Moments(mean, *covariances, seen.log_mass, seen.share)
+    return replace(best, log_mass=max(best.log_mass, other.log_mass), moments=moments)
 
 
 def _not_part_of(mode: Mode, others: list[Mode]) -> list[Mode]:

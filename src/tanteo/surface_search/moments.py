@@ -21,8 +21,9 @@ import numpy as np
 from scipy.special import gammaln
 
 from tanteo.lie import SE3
+from tanteo.matching.box import SURE
 from tanteo.matching.evidence import log_sum
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.typing import BoolArray, Covariances, FloatArray, Tangents, Transforms
 
 LogDensity = Callable[[Transforms, FloatArray], FloatArray]
 """Log posterior density, up to a constant, at poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)``."""
@@ -67,16 +68,23 @@ class Moments:
         covariance: of the pose about the maximum, which is not its mean: mean squares and products ``(6, 6)``.
         covariance_given_shared: the same if the shared errors were known ``(6, 6)``.
         log_mass: log of its integral over that of the normal density with the curvature of the maximum.
+        share: of the posterior that a box left, of which alone all this is; 1 if it was not looked at.
     """
 
     mean: Tangents
     covariance: Covariances
     covariance_given_shared: Covariances
     log_mass: float
+    share: float = 1.0
 
 
 def posterior_moments(
-    log_density: LogDensity, T: Transforms, z: FloatArray, information: FloatArray, brittle: FloatArray | None = None
+    log_density: LogDensity,
+    T: Transforms,
+    z: FloatArray,
+    information: FloatArray,
+    brittle: FloatArray | None = None,
+    within: Callable[[Transforms], BoolArray] | None = None,
 ) -> Moments | None:
     """Moments about a maximum; None if the normal approximation holds, or if nothing better was found.
 
@@ -86,6 +94,7 @@ def posterior_moments(
         z: whitened shared errors there ``(D,)``.
         information: over pose and shared errors ``(6 + D, 6 + D)``; directions without any are left alone.
         brittle: what of it, on the pose, is of readings near edges alone ``(6, 6)``; None for nothing.
+        within: which poses are in a box, of which alone draws count, if enough are.
     """
     d = np.diag(information)
     scale = 1 / np.sqrt(np.r_[np.full(3, d[:3].max()), np.full(3, d[3:6].max()), d[6:]])
@@ -101,6 +110,9 @@ def posterior_moments(
         x = u @ axes.T
         return log_density(T @ SE3.exp(x[:, :6]), z + x[:, 6:])
 
+    def inside(u: FloatArray) -> BoolArray:
+        return np.ones(len(u), dtype=bool) if within is None else within(T @ SE3.exp(u @ axes[:6].T))
+
     d = axes.shape[1]
     u = np.concatenate([np.zeros((1, d)), _PROBED * np.eye(d), -_PROBED * np.eye(d), _scattered(d)])
     log = at(u)
@@ -109,7 +121,7 @@ def posterior_moments(
     plains = [] if brittle is None else _plains(at, axes[:6].T @ brittle @ axes[:6], float(log[0]))
     if not plains and _agree(u, log - log[0] + 0.5 * np.sum(u * u, axis=1)):
         return None
-    found = (None if plains else _fitted(u, log - log[0])) or _sampled(at, d, float(log[0]), plains)
+    found = (None if plains else _fitted(u, log - log[0])) or _sampled(at, d, float(log[0]), plains, inside)
     return None if found is None else _as_moments(axes, *found)
 
 
@@ -145,7 +157,7 @@ def _agree(u: FloatArray, off: FloatArray) -> bool:
     return bool(np.all(np.abs(off[:along]) <= 2 * _NORMAL) and np.sqrt(np.mean(off[along:] ** 2)) <= _NORMAL)
 
 
-def _fitted(u: FloatArray, log: FloatArray) -> tuple[FloatArray, FloatArray, float] | None:
+def _fitted(u: FloatArray, log: FloatArray) -> tuple[FloatArray, FloatArray, float, float] | None:
     """Mean, covariance and log mass of the normal density that fits best; None if none fits."""
     d = u.shape[1]
     if not np.isfinite(log).all():
@@ -159,7 +171,7 @@ def _fitted(u: FloatArray, log: FloatArray) -> tuple[FloatArray, FloatArray, flo
         return None
     C = np.asarray(np.linalg.inv(H), dtype=np.float64)
     mean = np.asarray(C @ x[1 : 1 + d])
-    return mean, C, float(x[0] + 0.5 * mean @ H @ mean + 0.5 * np.linalg.slogdet(C)[1])
+    return mean, C, float(x[0] + 0.5 * mean @ H @ mean + 0.5 * np.linalg.slogdet(C)[1]), 1.0
 
 
 @cache
@@ -170,9 +182,13 @@ def _scattered(d: int) -> FloatArray:
 
 
 def _sampled(
-    at: Callable[[FloatArray], FloatArray], d: int, peak: float, plains: Sequence[_Proposal] = ()
-) -> tuple[FloatArray, FloatArray, float] | None:
-    """Mean and covariance in the coordinates of the ellipsoid, and log mass; None if too few draws count.
+    at: Callable[[FloatArray], FloatArray],
+    d: int,
+    peak: float,
+    plains: Sequence[_Proposal],
+    inside: Callable[[FloatArray], BoolArray],
+) -> tuple[FloatArray, FloatArray, float, float] | None:
+    """Mean, covariance and log mass, in the coordinates of the ellipsoid, of the share inside; None of too few draws.
 
     First rounds draw from the ellipsoid and along each plain, further ones from what those before found; all draws
     count in the end, each weighed against the mixture of all proposals (Cornuet et al. 2012, adaptive multiple
@@ -196,10 +212,23 @@ def _sampled(
         change = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, C).T))
         if len(proposals) >= _LEAST_ROUNDS + len(plains) and change[0] > 1 / _STEADY and change[-1] < _STEADY:
             break
-    if w.sum() ** 2 < _LEAST * np.sum(w**2):
+    if _effective(w) < _LEAST:
         return None
+    left = w * inside(us)
+    share = float(left.sum() / w.sum())
+    w, share = (left, share) if share < SURE and _effective(left) > _LEAST else (w, 1.0)
     log_mass = top + float(np.log(w.mean())) - 0.5 * d * np.log(2 * np.pi)
-    return *_weighted(us, w), log_mass
+    return *_weighted(us, w), log_mass, share
+
+
+def effective(log_weights: FloatArray) -> float:
+    """Number of draws that carry the weight; none if all of them have none."""
+    top = log_weights.max(initial=-np.inf)
+    return _effective(np.exp(log_weights - top)) if np.isfinite(top) else 0.0
+
+
+def _effective(w: FloatArray) -> float:
+    return float(w.sum() ** 2 / max(np.sum(w * w), 1e-300))
 
 
 def _log_t(u: FloatArray, mean: FloatArray, L: FloatArray) -> FloatArray:
@@ -230,7 +259,7 @@ def _draws(d: int) -> tuple[tuple[FloatArray, FloatArray], ...]:
     return tuple(out)
 
 
-def _as_moments(axes: FloatArray, mean: FloatArray, C: FloatArray, log_mass: float) -> Moments:
+def _as_moments(axes: FloatArray, mean: FloatArray, C: FloatArray, log_mass: float, share: float) -> Moments:
     joint = axes @ C @ axes.T
     pose = joint[:6, :6]
     given = pose
@@ -238,4 +267,4 @@ def _as_moments(axes: FloatArray, mean: FloatArray, C: FloatArray, log_mass: flo
         given = pose - joint[:6, 6:] @ np.linalg.solve(joint[6:, 6:], joint[6:, :6])
     shift = (axes @ mean)[:6]
     about = np.outer(shift, shift)
-    return Moments(shift, pose + about, given + about, log_mass)
+    return Moments(shift, pose + about, given + about, log_mass, share)

@@ -17,6 +17,7 @@ from tanteo.surface_search.refine import moved, step_to
 from tanteo.surface_search.shared_start import start_of
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
+from tanteo.surface_search.within import log_within
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 HOPELESS = 30.0
@@ -40,7 +41,8 @@ class Polished:
         Ts: poses ``(S, 4, 4)``.
         z: whitened shared errors ``(S, D)``.
         information: over pose and shared errors ``(S, 6 + D, 6 + D)``, priors included.
-        log_evidence: density of all readings, pose integrated out by Laplace's approximation ``(S,)``.
+        log_evidence: density of all readings, pose integrated out by Laplace's approximation, over a box if there is
+            one, in which the maximum itself need not be ``(S,)``.
         belongs: probability that each reading is on the surface ``(S, n)``.
         residuals: distance from the surface in standard deviations ``(S, n)``; of readings near edges no more than
             their likelihood, which knows all faces there, makes of it.
@@ -105,6 +107,7 @@ def polish(
     if priors.pose is None or priors.pose.covariance is None:  # a rough pose resists the spin of a round part too
         information = without_spins(target.part, information)
     log = log + pose_volume(information, pose_scale(priors.radius, target.part.centroid))
+    log = log + log_within(priors, target.part, Ts, A)
     n, tilts = len(touches), np.zeros(at.distances.shape)
     tilts[:, touches.oriented] = np.linalg.norm(at.r[:, n:].reshape(len(Ts), (at.r.shape[1] - n) // 3, 3), axis=2)
     r, J = np.array(at.r[:, :n]), at.J[:, :n, :6]

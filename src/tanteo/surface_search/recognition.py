@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -10,24 +12,17 @@ from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
-from tanteo.matching.prior import log_place_of_unknown
 from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
-from tanteo.surface_search.answer import as_hypothesis, p_of_prior, what_limits
-from tanteo.surface_search.modes import Mode, weigh
-from tanteo.surface_search.rounds import search_all
+from tanteo.surface_search.answer import as_hypothesis, what_limits
+from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.said import what_was_said
 from tanteo.surface_search.strays import so_many
-from tanteo.surface_search.target import MOST_SAMPLES, Target, finer, prepare_target
+from tanteo.surface_search.target import Target, prepare_target
 from tanteo.surface_search.touches import FreePaths, Touches
-from tanteo.typing import FloatArray
-
-_PER_SPREAD = 8
-"""Samples of the surface across the readings: with fewer a search for places would pass over some that fit."""
-
-_MOST_ORIENTED = 1000
-"""Samples for readings with normals, whose table of pairs of samples grows with the square of their number."""
+from tanteo.surface_search.weighed import search_and_weigh
 
 _PATCH = 0.2
 """Share of the part's size that readings have to reach over, or the pose to be roughly known, for one answer."""
@@ -92,24 +87,22 @@ def identify_touches(
     priors = sized(priors, max(_part(part).radius for part in parts))
     fitting = [part for part in parts if _large_enough(touches, _part(part))]
     targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
-    if priors.pose is None or priors.pose.T_world_part is None:
-        targets = [finer(target, _spread(touches) / _PER_SPREAD, _most_samples(touches)) for target in targets]
     clock.lap("prepare")
     centroid = np.mean([_part(part).centroid for part in parts], axis=0)
-    log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
-    log_unknown += log_place_of_unknown(priors.pose, centroid, touches.points.mean(axis=0), priors.radius)
-    found = search_all(touches, free, targets, priors)
+    look = partial(search_and_weigh, touches, free, targets, len(parts), centroid)
+    found = look(priors)
     clock.lap("search")
-    if found.ratio > 1:
-        touches = touches.widened(found.ratio)
-    modes, unknown = weigh(touches, free, found.maxima, log_unknown, len(parts), priors)
+    modes, unknown, touches = found.modes, found.unknown, found.touches
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
     worst = _worst(touches, modes[0]) if modes else ""
-    fits = bool(modes) and modes[0].probability >= unknown
-    prior_p = p_of_prior(touches, free, modes[0], priors) if fits else 1.0
-    status, message = verdict(hypotheses, unknown, alpha, worst=worst, shares=_shares(modes), prior_p=prior_p)
-    if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown):
+    without = partial(look, replace(priors, pose=None))
+    said = what_was_said(found, free, hypotheses[0] if hypotheses else None, priors, without, alpha)
+    clock.lap("compare")
+    status, message = verdict(
+        hypotheses, unknown, alpha, worst=worst, shares=_shares(modes), prior_p=said.p, elsewhere=said.elsewhere
+    )
+    if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown) and not said.elsewhere:
         message = _strays_message(hypotheses[0], unknown)
     if status == "recognized" and _close_together(touches, modes[0], priors):
         status, message = "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
@@ -119,21 +112,11 @@ def identify_touches(
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
-def _spread(touches: Touches) -> float:
-    """How far most of the readings reach [m], no less than their noise."""
-    off = np.linalg.norm(touches.points - np.median(touches.points, axis=0), axis=1)
-    return max(2 * float(np.quantile(off, 0.75)), 4 * _PER_SPREAD * float(np.median(touches.sd)))
-
-
 def _close_together(touches: Touches, best: Mode, priors: Priors) -> bool:
     """Whether the readings are of a small patch, which many a part has twice, and nothing else says where it is."""
     placed = priors.pose is not None and priors.pose.T_world_part is not None
     off = np.linalg.norm(touches.points - np.median(touches.points, axis=0), axis=1)
     return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.target.part.diagonal
-
-
-def _most_samples(touches: Touches) -> int:
-    return _MOST_ORIENTED if touches.oriented.any() else MOST_SAMPLES
 
 
 def _without_breadth(touches: Touches) -> str:
@@ -220,10 +203,3 @@ def _large_enough(touches: Touches, part: Part) -> bool:
     reach = np.sort(np.linalg.norm(touches.points - centre, axis=1) - 4 * touches.sd - touches.radii)
     shared = 4 * np.sqrt(np.sum(touches.gains**2) / max(len(touches), 1))
     return bool(reach[int(0.75 * (len(reach) - 1))] - shared <= part.diagonal)
-
-
-def unknown_log_density(touches: Touches, priors: Priors) -> FloatArray:
-    """Log density of each reading if the part is none of these: anywhere in the workspace ``(n,)``."""
-    ball = np.log(4 / 3 * np.pi * priors.radius**3)
-    log: FloatArray = np.where(touches.directed, -np.log(2 * priors.radius), -ball)
-    return np.asarray(log - np.where(touches.oriented, np.log(4 * np.pi), 0.0))

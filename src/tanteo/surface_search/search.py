@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from tanteo.matching.evidence import Priors
-from tanteo.matching.prior import in_box, prior_rows, prior_starts
+from tanteo.matching.prior import prior_rows, prior_starts
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.polish import HOPELESS, Polished, from_blurred, polish
 from tanteo.surface_search.refine import SETTLING, Known, refine
@@ -28,6 +28,7 @@ from tanteo.surface_search.starts import (
 from tanteo.surface_search.target import GRID_SD, Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.turned import turned_about
+from tanteo.surface_search.within import log_within
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 _ENOUGH = 40
@@ -133,7 +134,7 @@ def search(
         others = polish(touches, free, turned, target, priors, groups=origin)
         known = np.repeat([0, -1], [len(found.Ts), len(others.Ts)])
         found = _maxima(found.join(others), target, known)
-    return found.take(np.flatnonzero(in_box(priors.pose, target.part, found.Ts)))
+    return found.take(np.flatnonzero(log_within(priors, target.part, found.Ts, found.information) > -HOPELESS))
 
 
 def _maxima(found: Polished, target: Target, apart: IntArray | None = None) -> Polished:

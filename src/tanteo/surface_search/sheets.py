@@ -16,17 +16,19 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
+from tanteo.matching.box import SURE
 from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.freedom import pose_scale
+from tanteo.matching.prior import in_box
 from tanteo.matching.verdict import off_spins
 from tanteo.parts import Part
 from tanteo.surface_search.given_pose import GivenPose, Posterior, given_pose
-from tanteo.surface_search.moments import Moments
+from tanteo.surface_search.moments import Moments, effective
 from tanteo.surface_search.nodes import Nodes, about, of_rough_pose
 from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
-from tanteo.typing import FloatArray, IntArray, Tangents, Transforms
+from tanteo.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms
 
 _ROUNDS, _ENOUGH, _LEAST = 5, 200.0, 40.0
 """Rounds at most; effective draws with which no more are needed; with which the weights are believed at all."""
@@ -85,8 +87,7 @@ class Drawn:
     @property
     def effective(self) -> float:
         """Number of draws that carry the weight."""
-        w = np.exp(self.log_weights - self.log_weights.max())
-        return float(w.sum() ** 2 / np.sum(w * w))
+        return effective(self.log_weights)
 
     @property
     def owner(self) -> IntArray:
@@ -107,10 +108,11 @@ def pieces(touches: Touches, free: FreePaths, target: Target, found: Polished, p
     found = found.take(np.flatnonzero(found.log_evidence > found.log_evidence[0] - _HOPELESS)[:_MAXIMA])
     posterior = partial(given_pose, touches, free, target, priors)
     drawn = all_over(touches, target, priors, posterior, found.Ts)
-    if drawn.effective < _LEAST:
+    inside = in_box(priors.pose, target.part, drawn.Ts)
+    if drawn.effective < _LEAST or effective(np.where(inside, drawn.log_weights, -np.inf)) < _LEAST:
         return []
     log_anywhere = float(np.linalg.slogdet(pose_scale(priors.radius, target.part.centroid))[1])
-    return _pieces(target.part, found, replace(drawn, log_weights=drawn.log_weights - log_anywhere))
+    return _pieces(target.part, found, replace(drawn, log_weights=drawn.log_weights - log_anywhere), inside)
 
 
 def all_over(touches: Touches, target: Target, priors: Priors, posterior: Posterior, maxima: Transforms) -> Drawn:
@@ -143,8 +145,8 @@ def all_over(touches: Touches, target: Target, priors: Priors, posterior: Poster
         log_q = np.concatenate([log_q, added.log_density(x)[None]])
 
 
-def _pieces(part: Part, found: Polished, drawn: Drawn) -> list[Piece]:
-    """Draws to modes: those about maxima that are far apart beside their spread."""
+def _pieces(part: Part, found: Polished, drawn: Drawn, inside: BoolArray) -> list[Piece]:
+    """Draws to modes: those about maxima that are far apart beside their spread; of draws outside a box nothing."""
     owner, w = drawn.owner, np.exp(drawn.log_weights)
     share = np.bincount(owner, weights=w, minlength=len(found.Ts))
     left, out = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > 0], []
@@ -154,11 +156,15 @@ def _pieces(part: Part, found: Polished, drawn: Drawn) -> list[Piece]:
         near = [i for i, gap in zip(left, _gaps(found.Ts[k], found.Ts[left], moments), strict=True) if gap < _ONE]
         left, owner = [i for i in left if i not in near], np.where(np.isin(owner, near), k, owner)
         mine = w * (owner == k)
-        if not near and _is_normal(found, k, drawn, mine):
+        left_in = float(mine[inside].sum() / mine.sum())
+        if not near and left_in > SURE and _is_normal(found, k, drawn, mine):
             out.append(Piece(k, float(found.log_evidence[k]), None))
-        else:
+        elif left_in > SURE:
             moments = _moments(part, found, k, drawn, mine) if near else moments
             out.append(Piece(k, float(np.log(mine.sum())), moments))
+        elif left_in > 0:
+            moments = replace(_moments(part, found, k, drawn, mine * inside), share=left_in)
+            out.append(Piece(k, float(np.log(mine[inside].sum())), moments))
     return sorted(out, key=lambda piece: -piece.log_mass)
 
 
