@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3
-from tanteo.localization import pose_information, weak_motions
+from tanteo.localization import SharedGiven, pose_information, weak_motions
 from tanteo.matching.evidence import Priors
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
@@ -69,6 +69,7 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
         outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
         covariance_same_robot=mode.covariance_given_shared,
+        shared=SharedGiven.at(found.z[k], found.information[k]) if found.z.shape[1] else None,
     )
 
 
