@@ -126,7 +126,8 @@ def identify(
         as_published=as_published,
         priors=priors,
         seed=seed,
-        beside=(lambda model, Ts: log_free_paths(free, Ts, model, assumed)) if len(free.lengths) else None,
+        beside=(lambda model, Ts, z: log_free_paths(free, Ts, z, model, assumed)) if len(free) else None,
+        shared=measured.shared,
     )
     notes = _gone_through(answer, free, measured.free.ids, parts), say_repeated(measured)
     return _with_notes(with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed), sensed)
@@ -157,12 +158,12 @@ def _prepared(part: Part | PartModel) -> PartModel:
 
 
 def _gone_through(answer: Recognition, free: FreePaths, ids: Sequence[str], parts: Sequence[Part]) -> str:
-    """A sentence on the paths on which nothing was met, though the best answer's part is in their way."""
-    if not answer.hypotheses or not len(free.lengths):
+    """A sentence on the paths on which nothing was met, though the best answer's part is surely in their way."""
+    if not answer.hypotheses or not len(free):
         return ""
     best = answer.hypotheses[0]
     model = _prepared(next(part for part in parts if part.name == best.part))
-    short = gone_through(free, best.T_world_part, model)
+    short = gone_through(free, best.T_world_part, best.covariance, best.shared, model)
     rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
     if not len(rows):
         return ""

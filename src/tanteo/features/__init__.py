@@ -10,6 +10,8 @@ from tanteo.features.feature import (
     collect_shared,
     cross_covariance,
     feature_covariance,
+    shared_root,
+    stacked_covariance,
 )
 from tanteo.features.kinds import (
     CIRCLE,
@@ -50,4 +52,6 @@ __all__ = [
     "reframe",
     "reframe_feature",
     "reframe_near",
+    "shared_root",
+    "stacked_covariance",
 ]

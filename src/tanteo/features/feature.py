@@ -130,3 +130,20 @@ def collect_shared(features: Sequence[Feature]) -> tuple[tuple[SharedError, ...]
             A[:, start[term.error.name] : start[term.error.name] + term.gain.shape[1]] += term.gain
         gains.append(A)
     return tuple(errors.values()), C, tuple(gains)
+
+
+def stacked_covariance(errors: Sequence[SharedError]) -> Covariances:
+    """Of all these shared errors as one vector ``c``, which know nothing of each other ``(D, D)``."""
+    D = sum(len(error.covariance) for error in errors)
+    C, start = np.zeros((D, D)), 0
+    for error in errors:
+        stop = start + len(error.covariance)
+        C[start:stop, start:stop], start = error.covariance, stop
+    return C
+
+
+def shared_root(errors: Sequence[SharedError]) -> FloatArray:
+    """What makes shared errors of whitened ones, ``c = root z`` with ``z`` unit normal ``(D, D)``."""
+    C = stacked_covariance(errors)
+    values, vectors = np.linalg.eigh(C) if len(C) else (np.zeros(0), C)
+    return np.asarray(vectors * np.sqrt(values.clip(0)))

@@ -6,6 +6,7 @@ from tanteo.localization.pairing import ModelFeature, Pairing, build_blocks
 from tanteo.localization.pose import PoseEstimate, estimate_pose
 from tanteo.localization.relations import RELATIONS, Relation, relation_between
 from tanteo.localization.scaling import motion_scale, motions_about
+from tanteo.localization.shared_given import SharedGiven
 from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
 from tanteo.localization.summary import covariance_with_free
 
@@ -16,6 +17,7 @@ __all__ = [
     "Pairing",
     "PoseEstimate",
     "Relation",
+    "SharedGiven",
     "Solution",
     "assemble",
     "build_blocks",

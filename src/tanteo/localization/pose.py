@@ -13,6 +13,7 @@ from tanteo.features import SharedError
 from tanteo.localization.observability import describe_motion, free_motions
 from tanteo.localization.pairing import Pairing, build_blocks, model_length, model_middle
 from tanteo.localization.scaling import motion_scale
+from tanteo.localization.shared_given import SharedGiven
 from tanteo.localization.solve import Block, Solution, gauss_newton, pose_information, take
 from tanteo.localization.start import first_poses
 from tanteo.localization.summary import (
@@ -44,6 +45,7 @@ class PoseEstimate:
         distances: squared Mahalanobis distance of each pairing at the estimate, under its own noise.
         alternatives: other poses ``(k, 4, 4)`` that fit about as well (undirected edges, few points).
         shared: estimated shared errors by name, with their standard deviations.
+        shared_given: the same errors, one after the other, given the pose.
         status: ``located`` or ``insufficient``.
         message: one sentence.
     """
@@ -59,6 +61,7 @@ class PoseEstimate:
     distances: FloatArray
     alternatives: Transforms
     shared: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    shared_given: SharedGiven = field(default_factory=SharedGiven.none)
     status: str = "located"
     message: str = ""
 
@@ -153,6 +156,7 @@ def _report(
         distances=distances,
         alternatives=alternatives(solution, best, covariance),
         shared=shared_estimates(solution.z[best], information, N, L, errors, scale),
+        shared_given=SharedGiven.at(solution.z[best], information).mapped(L),
         status="insufficient" if insufficient else "located",
         message=_message(unobserved, p_value),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc
 
-from tanteo.localization import describe_motion
+from tanteo.localization import SharedGiven, describe_motion
 from tanteo.matching.results import Hypothesis
 from tanteo.matching.verdict import corner_sd, excuse, part_scale, where_to_sense, world_axis
 from tanteo.parts import Part
@@ -26,6 +26,7 @@ def hypothesis_at(
     pairings: tuple[tuple[str, str], ...] = (),
     outlier_distances: tuple[float, ...] = (),
     covariance_same_robot: Covariances | None = None,
+    shared: SharedGiven | None = None,
 ) -> Hypothesis:
     """One answer, whatever it was found from.
 
@@ -42,6 +43,7 @@ def hypothesis_at(
         pairings: reading id and model feature of those that do.
         outlier_distances: of the outliers from the surface [m].
         covariance_same_robot: with shared errors known; None if nothing is shared.
+        shared: these errors, whitened, given the pose; None likewise.
     """
     words = tuple(describe_motion(xi, T_world_part, part_scale(part)) for xi in free)
     unobserved, observed = excuse(part, free, words, covariance)
@@ -65,6 +67,7 @@ def hypothesis_at(
         covariance_same_robot=covariance_same_robot,
         symmetry_axis=world_axis(part, T_world_part),
         advice=_advice(part, T_world_part, free),
+        shared=shared,
     )
 
 

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, logsumexp
 
+from tanteo.features import SharedError, shared_root, stacked_covariance
 from tanteo.lie import SE3, SO3
-from tanteo.localization import PoseEstimate
+from tanteo.localization import PoseEstimate, SharedGiven
 from tanteo.matching.belief import Mode
 from tanteo.matching.box import SURE, left_by
 from tanteo.matching.model import PartModel
@@ -29,8 +30,8 @@ _STEPS, _SETTLED = 20, 1e-9
 _DRAWS = 64
 """Of a pose, over which what else is known is averaged."""
 
-Beside = Callable[[PartModel, Transforms], FloatArray]
-"""Log probability ``(S,)`` of something that was seen, of a part at poses ``(S, 4, 4)``."""
+Beside = Callable[[PartModel, Transforms, FloatArray], FloatArray]
+"""Log probability ``(S,)`` of something, given a part at poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)``."""
 
 _LEAST = 1e-300
 """Of a probability: what underflowed is not impossible."""
@@ -71,6 +72,17 @@ class Located:
         known = estimate.covariance, estimate.covariance_same_robot, estimate.free, estimate.chi2, estimate.dof
         return cls(mode, estimate, estimate.T_world_part, *known)
 
+    def shared_given(self, errors: Sequence[SharedError]) -> SharedGiven:
+        """Errors that readings share, whitened and in this order, given the pose; those of no feature are as stated."""
+        own, covariance = self.estimate.shared_given, stacked_covariance(errors)
+        names = np.repeat([error.name for error in errors], [len(error.covariance) for error in errors])
+        rows = np.concatenate([np.flatnonzero(names == name) for name in ["", *self.estimate.shared]])
+        mean, follows = np.zeros(len(names)), np.zeros((len(names), 6))
+        mean[rows], follows[rows], covariance[np.ix_(rows, rows)] = own.mean, own.follows, own.covariance
+        white = np.asarray(np.linalg.pinv(shared_root(errors)), dtype=np.float64)
+        moved = SE3.log(SE3.inverse(self.estimate.T_world_part) @ self.T_world_part)
+        return SharedGiven(mean, follows, covariance).mapped(white).about(moved)
+
 
 def place(
     found: Sequence[Located], unknown: float, prior: PosePrior, middle: Vectors, radius: float
@@ -94,21 +106,26 @@ def place(
     return _reweighed(placed, unknown, np.array(logs), log_place_of_unknown(prior, centroid, middle, radius))
 
 
-def weigh_beside(found: Sequence[Located], unknown: float, beside: Beside) -> tuple[tuple[Located, ...], float]:
+def weigh_beside(
+    found: Sequence[Located], unknown: float, beside: Beside, shared: Sequence[SharedError] = ()
+) -> tuple[tuple[Located, ...], float]:
     """Weigh poses by something else that depends on them, averaged over their distributions.
 
     Args:
         found: poses, all that matter.
         unknown: probability of none of the parts.
-        beside: log probability of it, of a part at poses ``(S, 4, 4)``; none of the parts takes it as it is.
+        beside: log probability of it, of a part at poses; none of the parts takes it as it is.
+        shared: errors that move what was seen as they move the readings.
 
     Returns:
         As of :func:`place`.
     """
-    logs, draws = [], np.random.default_rng(1991).normal(size=(_DRAWS, 6))
+    rng, logs = np.random.default_rng(1991), []
+    draws, others = (rng.normal(size=(_DRAWS, d)) for d in (6, len(stacked_covariance(shared))))
     for one in found:
-        Ts = one.T_world_part @ SE3.exp(draws @ np.linalg.cholesky(one.covariance).T)
-        logs.append(float(logsumexp(beside(one.mode.model, Ts)) - np.log(_DRAWS)))
+        xi = draws @ np.linalg.cholesky(one.covariance).T
+        z = one.shared_given(shared).drawn(xi, others)
+        logs.append(float(logsumexp(beside(one.mode.model, one.T_world_part @ SE3.exp(xi), z)) - np.log(_DRAWS)))
     return _reweighed(found, unknown, np.array(logs), 0.0)
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.features import SharedError
 from tanteo.fitting import Sides
 from tanteo.lie import SE3
 from tanteo.localization import ModelFeature, Pairing, estimate_pose
@@ -41,6 +42,7 @@ def identify_features(
     priors: Priors | None = None,
     seed: int = 0,
     beside: Beside | None = None,
+    shared: Sequence[SharedError] = (),
 ) -> Recognition:
     """Which of the parts the sensed features belong to, and its pose.
 
@@ -55,6 +57,7 @@ def identify_features(
         priors: what is assumed beforehand; the radius is that of the largest part if not given.
         seed: recorded in the answer; this search draws nothing.
         beside: log probability of something else that was seen, of a part at some poses.
+        shared: errors that the features share, in the order in which ``beside`` and the hypotheses have them.
 
     Returns:
         The answer, whatever its status; nothing is raised for an unkind world.
@@ -83,9 +86,9 @@ def identify_features(
     if priors.pose is not None:
         found, unknown = place(found, unknown, priors.pose, sensed.middle, priors.radius)
     if beside is not None:
-        found, unknown = weigh_beside(found, unknown, beside)
+        found, unknown = weigh_beside(found, unknown, beside, shared)
     modes = tuple(one.mode for one in found) if more else modes
-    hypotheses = tuple(_hypothesis(sensed, one, tolerance) for one in found[:top])
+    hypotheses = tuple(_hypothesis(sensed, one, tolerance, shared) for one in found[:top])
     clock.lap("locate")
     worst = _worst(sensed, modes[0], tolerance) if hypotheses and hypotheses[0].p_value < alpha else ""
     shares = [(mode.model.name, mode.probability) for mode in modes]
@@ -152,7 +155,7 @@ def _located(sensed: Sensed, mode: Mode, tolerance: float) -> Located:
     return Located.by_features(mode, estimate)
 
 
-def _hypothesis(sensed: Sensed, one: Located, tolerance: float) -> Hypothesis:
+def _hypothesis(sensed: Sensed, one: Located, tolerance: float, shared: Sequence[SharedError]) -> Hypothesis:
     mode, part = one.mode, one.mode.model.part
     assert part is not None
     pairings = pairings_of(sensed, mode, tolerance)
@@ -170,6 +173,7 @@ def _hypothesis(sensed: Sensed, one: Located, tolerance: float) -> Hypothesis:
         pairings=tuple((r, p.model.name) for p in pairings for r in p.sensed.readings or (p.sensed.label,)),
         outlier_distances=distances,
         covariance_same_robot=one.covariance_same_robot if one.estimate.shared else None,
+        shared=one.shared_given(shared) if shared else None,
     )
 
 

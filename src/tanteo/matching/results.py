@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from tanteo.localization import SharedGiven
 from tanteo.typing import Covariances, FloatArray, Transforms
 
 Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
@@ -39,6 +40,8 @@ class Hypothesis:
         symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
             not an error, and not in ``unobserved``. None for other parts.
         advice: what to sense to observe the first free direction; empty if there is none.
+        shared: errors that all readings share, whitened and in the order of the measurements, given the pose; None if
+            nothing is shared.
     """
 
     part: str
@@ -60,6 +63,7 @@ class Hypothesis:
     covariance_same_robot: Covariances | None = None
     symmetry_axis: FloatArray | None = None
     advice: str = ""
+    shared: SharedGiven | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,25 +9,24 @@ offset (in the hand's frame), each sensor's bias and scale (along its beam) and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.features import SharedError
-from tanteo.lie import SO3
 from tanteo.limits import LARGEST, LEAST_SD
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
-from tanteo.sensors.noise import beam_cov, body_jacobian
+from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig
-from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+from tanteo.sensors.shared import Common, aims_of, base, of_devices, tip
+from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 _ACROSS_FLOOR = 1e-2
 """Least spread across a beam, as a share of the spread along it: keeps covariances invertible."""
-
-Shared = list[tuple[SharedError, FloatArray]]
 
 
 def measure(
@@ -63,19 +62,20 @@ def measure(
         raise InputError(f"sd: expected one standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}.")
     devices, numbers = find_devices(readings, sensor, rig)
     placed = place(readings, devices, numbers)
-    hit = ~readings.is_free
+    free = readings.is_free
+    hit = ~free
     sds = _spreads(readings, placed, devices, numbers, sd)
     points, radii = _surface_points(readings, placed)
     covs = _independent(readings, placed, devices, numbers, sds, radii)
-    shared: Shared = []
+    shared = list[Common]()
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)
-        shared += _base(points, robot)
+        shared.append(base(points, placed, free, robot))
     if tip_sd is not None:
-        shared += _tip(readings, placed, hit, tip_sd)
-    aims = _aims(readings, placed)
+        shared.append(tip(readings, placed, tip_sd))
+    aims = aims_of(readings, placed)
     covs = covs + _unaimed_bias(aims, devices, numbers)
-    shared += _device_errors(placed, aims, devices, numbers, hit)
+    shared += of_devices(placed, aims, devices, numbers, free)
     return PointMeasurements(
         ids=tuple(np.array(readings.ids, dtype=object)[hit]),
         points=points[hit],
@@ -86,10 +86,10 @@ def measure(
         normal_sds=readings.normal_sds[hit],
         features=tuple(np.array(readings.features, dtype=object)[hit]),
         kinds=tuple(np.array(readings.kinds, dtype=object)[hit]),
-        shared=tuple(error for error, _ in shared),
-        jacobians=tuple(J[hit] for _, J in shared),
+        shared=tuple(one.error for one in shared),
+        jacobians=tuple(one.points[hit] for one in shared),
         rows=np.flatnonzero(hit),
-        free=_free_beams(readings, placed, devices, numbers),
+        free=_free_beams(readings, placed, devices, numbers, shared),
         taken_off=(readings.radii - radii)[hit],
     )
 
@@ -159,91 +159,15 @@ def _repeatability(readings: Readings, points: Vectors, robot: RobotPreset) -> C
     return np.asarray(robot.pos_repeat_std**2 * np.eye(3) + robot.rot_repeat_std**2 * turned)
 
 
-def _base(points: Vectors, robot: RobotPreset) -> Shared:
-    """Rigid left error of the world about its origin: ``delta p = v + w x p`` (``math.md`` section 6)."""
-    variances = np.repeat([robot.pos_abs_std**2, robot.rot_abs_std**2], 3)
-    error = SharedError("robot base", np.diag(variances), f"absolute error of the robot ({robot.name}) [m, rad]")
-    J = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
-    return [(error, J)]
-
-
-def _tip(readings: Readings, placed: Placed, hit: BoolArray, tip_sd: npt.ArrayLike) -> Shared:
-    """Tip offset in the hand's frame: moves a touch by ``R_world_hand c``; ranges of the rig have no tip."""
-    tip_sd = np.asarray(tip_sd, dtype=np.float64)
-    if tip_sd.shape != (3,) or not np.isfinite(tip_sd).all() or (tip_sd < 0).any() or not tip_sd.any():
-        raise InputError(f"tip_sd: expected three lengths of zero or more [m], got {tip_sd.tolist()}. Say 1,1,0.3mm.")
-    if tip_sd.max() > LARGEST:
-        raise InputError(f"tip_sd: expected lengths up to {LARGEST:g} m, got {tip_sd.max():g} m. Check their unit.")
-    touched = hit & ~placed.by_rig
-    lost = np.flatnonzero(touched & ~readings.has_hand)
-    if len(lost):
-        raise InputError(
-            f"tip_sd: expected the hand's pose beside every reading, got none for '{readings.ids[lost[0]]}'. "
-            "Add the columns hand_x_mm, hand_y_mm, hand_z_mm, hand_qw, hand_qx, hand_qy, hand_qz."
-        )
-    error = SharedError("tip offset", np.diag(tip_sd**2), "offset of the tip in the hand's frame [m]")
-    return [(error, np.where(touched[:, None, None], readings.Ts_world_hand[:, :3, :3], 0.0))]
-
-
-def _aims(readings: Readings, placed: Placed) -> Vectors:
-    """The direction in which a device's bias acts: the beam or touch, else against the normal, else NaN."""
-    return np.where(np.isnan(placed.directions), -readings.normals, placed.directions)
-
-
 def _unaimed_bias(aims: Vectors, devices: tuple[Device, ...], numbers: IntArray) -> Covariances:
     """Bias of rows whose direction is unknown: it cannot be shared, so it widens the independent part."""
     bias = np.array([d.bias_sd for d in devices])[numbers]
     return np.where(np.isnan(aims[:, 0]), bias**2, 0.0)[:, None, None] * np.eye(3)
 
 
-def _device_errors(
-    placed: Placed, aims: Vectors, devices: tuple[Device, ...], numbers: IntArray, hit: BoolArray
-) -> Shared:
-    """Bias, scale and mounting of every device that gave a point; zones of one device share them."""
-    out: Shared = []
-    units: dict[str, Device] = {}
-    for device in devices:
-        units.setdefault(device.unit, device)
-    own = np.array([list(units).index(device.unit) for device in devices])[numbers]
-    for k, (unit, device) in enumerate(units.items()):
-        rows = hit & (own == k)
-        aimed = rows & ~np.isnan(aims[:, 0])
-        ranged = aimed & ~np.isnan(placed.ranges)
-        if device.bias_sd > 0 and aimed.any():
-            J = np.where(aimed[:, None], aims, 0.0)[..., None]
-            out.append((_one(f"bias of {unit}", device.bias_sd, "along the beam [m]"), J))
-        if device.mount is not None and device.mount.cov_scale.any():
-            out += _mount_and_scale(placed, device, rows & placed.by_rig)
-            continue
-        if device.scale_sd > 0 and ranged.any():
-            J = np.where(ranged[:, None], aims * placed.ranges[:, None], 0.0)[..., None]
-            out.append((_one(f"scale of {unit}", device.scale_sd, "along the beam, per range [1]"), J))
-        mount = rows & placed.by_rig
-        if device.mount is not None and device.mount.cov_mount.any() and mount.any():
-            J = np.zeros((len(rows), 3, 6))
-            J[mount] = body_jacobian(placed.T_world_units[mount], placed.points[mount])
-            meaning = "mounting of the sensor on the hand, body error [m, rad]"
-            out.append((SharedError(f"mounting of {unit}", device.mount.cov_mount, meaning), J))
-    return out
-
-
-def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray) -> Shared:
-    """Mounting and scale of a calibrated sensor, which were found together: one error of seven numbers."""
-    if not rows.any():
-        return []
-    J = np.zeros((len(rows), 3, 7))
-    J[rows, :, :6] = body_jacobian(placed.T_world_units[rows], placed.points[rows])
-    # the more it reads too far, the nearer is what it met
-    J[rows, :, 6] = -placed.ranges[rows, None] * placed.directions[rows]
-    meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
-    return [(SharedError(f"mounting and scale of {device.unit}", device.cov_unit, meaning), J)]
-
-
-def _one(name: str, sd: float, meaning: str) -> SharedError:
-    return SharedError(name, np.array([[sd**2]]), meaning)
-
-
-def _free_beams(readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray) -> FreeBeams:
+def _free_beams(
+    readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray, shared: Sequence[Common]
+) -> FreeBeams:
     free = readings.is_free
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
     touches = [d.preset is not None and d.preset.is_contact for d in devices]  # a tip is stopped however it comes
@@ -255,4 +179,6 @@ def _free_beams(readings: Readings, placed: Placed, devices: tuple[Device, ...],
         lengths=placed.lengths[free],
         half_angles=np.nan_to_num(half_angles[free]),
         max_incidences=limits[free],
+        jacobians=tuple(one.points[free] for one in shared),
+        turns=tuple(one.turns[free] for one in shared),
     )

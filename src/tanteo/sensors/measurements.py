@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import SharedError
+from tanteo.features import SharedError, shared_root, stacked_covariance
 from tanteo.frames import check_covariances, frozen_array
 from tanteo.sensors.noise import beam_cov
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
@@ -17,6 +17,9 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 class FreeBeams:
     """Beams that met nothing: the space along them is empty. World frame, metres.
 
+    With the shared errors ``c_k`` of the measurements, the true origin ``i`` is ``origins[i] + sum_k jacobians[k][i] @
+    c_k``, and the true direction ``directions[i] + sum_k turns[k][i] @ c_k``.
+
     Attributes:
         ids: Names of the readings.
         origins: Where the beams start, ``(m, 3)``.
@@ -25,6 +28,8 @@ class FreeBeams:
         half_angles: Half angles of the cones [rad], 0 where unknown, ``(m,)``.
         max_incidences: Incidence up to which a surface is answered to [rad], a right angle where unknown and for a
             touch, ``(m,)``.
+        jacobians: One ``(m, 3, d)`` a shared error of the measurements: how the origins move with it.
+        turns: The same of the directions.
     """
 
     ids: tuple[str, ...]
@@ -33,10 +38,14 @@ class FreeBeams:
     lengths: FloatArray
     half_angles: FloatArray
     max_incidences: FloatArray
+    jacobians: tuple[FloatArray, ...]
+    turns: tuple[FloatArray, ...]
 
     def __post_init__(self) -> None:
         for name in ("origins", "directions", "lengths", "half_angles", "max_incidences"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        for name in ("jacobians", "turns"):
+            object.__setattr__(self, name, tuple(frozen_array(J) for J in getattr(self, name)))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -134,9 +143,15 @@ class PointMeasurements:
 
     def stacked(self) -> tuple[FloatArray, Covariances]:
         """All shared errors as one vector ``c``: the Jacobians ``(n, 3, D)`` and the covariance ``(D, D)``."""
-        D = sum(len(e.covariance) for e in self.shared)
-        C, start = np.zeros((D, D)), 0
-        for error in self.shared:
-            stop = start + len(error.covariance)
-            C[start:stop, start:stop], start = error.covariance, stop
-        return np.concatenate([np.zeros((len(self), 3, 0)), *self.jacobians], axis=-1), C
+        J = np.concatenate([np.zeros((len(self), 3, 0)), *self.jacobians], axis=-1)
+        return J, stacked_covariance(self.shared)
+
+    def whitened(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Gains by all shared errors as unit normal ones ``z``, where what is true is what is measured + gain z.
+
+        Returns:
+            Of points ``(n, 3, D)``, and of origins and directions of free beams ``(m, 3, D)``.
+        """
+        root, none = shared_root(self.shared), np.zeros((len(self.free), 3, 0))
+        origins, turns = (np.concatenate([none, *Js], axis=-1) for Js in (self.free.jacobians, self.free.turns))
+        return self.stacked()[0] @ root, origins @ root, turns @ root

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3
-from tanteo.localization import pose_information
+from tanteo.localization import SharedGiven, pose_information
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
@@ -67,6 +67,7 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
         outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
         covariance_same_robot=None if given is None else given + common_given,
+        shared=SharedGiven.at(found.z[k], found.information[k]) if found.z.shape[1] else None,
     )
 
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors
+from tanteo.matching.evidence import Priors, log_sum
+from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.likelihood import (
     Explained,
     explain,
@@ -26,6 +28,9 @@ from tanteo.typing import FloatArray, Transforms
 
 _STEPS = 2
 """Steps to the shared errors that are expected at a pose."""
+
+_DRAWS = 16
+"""Shared errors over which paths are averaged where readings at a pose leave open how far beside it the paths were."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,8 +81,40 @@ def given_pose(
         log = 0.5 * np.linalg.slogdet(spreads)[1]
     densities = log_hit_or_stray(touches, Ts, z, target, priors)
     of_readings = log_density(*densities, priors.clutter)
-    log = log + of_readings + log_beside_readings(free, Ts, z, target, priors)
+    log = log + of_readings + log_beside_readings(FreePaths.none(), Ts, z, target, priors)
+    log += _log_paths(touches, free, target, priors, Ts, z, spreads)
     return GivenPose(log, log_density_of_kin(*densities) - of_readings, z, spreads)
+
+
+def _log_paths(
+    touches: Touches,
+    free: FreePaths,
+    target: Target,
+    priors: Priors,
+    Ts: Transforms,
+    z: FloatArray,
+    spreads: FloatArray,
+) -> FloatArray:
+    """Log probability of the free paths ``(S,)``, averaged over shared errors if these may move them beside a pose."""
+    log = log_free_paths(free, Ts, z, target, priors)
+    if not free.moved:
+        return log
+    root = np.linalg.cholesky(spreads)
+    ends = free.gains + free.lengths[:, None, None] * free.turns
+    off = [np.linalg.norm(J.reshape(-1, z.shape[1]) @ root, axis=2).max(axis=1) for J in (free.gains, ends)]
+    rows = np.flatnonzero(np.maximum(*off) > np.median(touches.sd))
+    if len(rows):
+        drawn = z[rows] + np.einsum("kd,sed->kse", _chance(z.shape[1]), root[rows])
+        each = [log_free_paths(free, Ts[rows], one, target, priors) for one in drawn]
+        log[rows] = log_sum(each, axis=0) - np.log(len(each))
+    return log
+
+
+@cache
+def _chance(D: int) -> FloatArray:
+    """The same standard normal draws every time ``(K, D)``."""
+    half = np.random.default_rng((1991, 12, D)).normal(size=(_DRAWS // 2, D))
+    return np.concatenate([half, -half])
 
 
 def _expected(

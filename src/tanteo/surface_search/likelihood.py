@@ -129,7 +129,7 @@ def log_posterior(
 
 def log_beside_readings(free: FreePaths, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> FloatArray:
     """What :func:`log_posterior` adds to the likelihood: shared errors, prior of the pose, free paths ``(S,)``."""
-    log = log_free_paths(free, Ts, target, priors) - 0.5 * np.sum(z * z, axis=1)
+    log = log_free_paths(free, Ts, z, target, priors) - 0.5 * np.sum(z * z, axis=1)
     if priors.pose is None:
         return np.asarray(log)
     r = prior_residuals(priors.pose, target.part, Ts)

@@ -172,7 +172,7 @@ def _climb(
         A, b = normal_equations(touches, at, z)
         log = at.log - 0.5 * np.sum(z * z, axis=1)
         log += add_prior(priors.pose, target.part, Ts, A, b, rows)
-        return log + log_free_paths(free, Ts, target, priors), A, b
+        return log + log_free_paths(free, Ts, z, target, priors), A, b
 
     Ts, z = start_of(touches, Ts, target, priors)
     Ts, z, active = np.array(Ts), np.array(z), np.arange(len(Ts))

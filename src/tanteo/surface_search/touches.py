@@ -87,6 +87,10 @@ class FreePaths:
             along them ``(m,)``; zero if not given. A cone's echo comes from any of its rays.
         incidences: up to which a surface would have been met ``(m,)`` [rad]; a right angle if not given. A path on
             which one lies more obliquely says nothing.
+        gains: how origins move with the whitened shared errors of the readings, true origin = origin + gain z,
+            ``(m, 3, D)``; not at all if not given.
+        turns: the same of directions ``(m, 3, D)``.
+        moved: whether any path moves; follows from ``gains`` and ``turns``.
     """
 
     origins: Vectors
@@ -95,16 +99,49 @@ class FreePaths:
     margin: FloatArray
     slopes: FloatArray = field(default_factory=lambda: np.zeros(0))
     incidences: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gains: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    turns: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    moved: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.slopes) != len(self.lengths):
             object.__setattr__(self, "slopes", np.zeros(len(self.lengths)))
         if len(self.incidences) != len(self.lengths):
             object.__setattr__(self, "incidences", np.full(len(self.lengths), np.pi / 2))
+        for name in ("gains", "turns"):
+            if len(getattr(self, name)) != len(self.lengths):
+                object.__setattr__(self, name, np.zeros((len(self.lengths), 3, 0)))
+        object.__setattr__(self, "moved", bool(self.gains.any() or self.turns.any()))
+
+    def __len__(self) -> int:
+        return len(self.lengths)
 
     def up_to(self, incidence: float) -> FreePaths:
         """The same of a sensor that answers to no greater incidence [rad]."""
         return replace(self, incidences=np.minimum(self.incidences, incidence))
+
+    def take(self, rows: IntArray) -> FreePaths:
+        """Some of the paths."""
+        names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "gains", "turns"
+        return FreePaths(*(getattr(self, name)[rows] for name in names))
+
+    def unmoved(self) -> FreePaths:
+        """The same as if they were exactly where they are said to be."""
+        none = np.zeros((len(self), 3, 0))
+        return replace(self, gains=none, turns=none)
+
+    def at(self, z: FloatArray) -> tuple[Vectors, Vectors]:
+        """Origins and directions where the whitened shared errors are these ``(S, D)``.
+
+        Returns:
+            Both ``(S, m, 3)`` [m], or ``(m, 3)`` if nothing moves them.
+        """
+        if not self.moved:
+            return self.origins, self.directions
+        shifts, turns = (z @ J.reshape(-1, z.shape[1]).T for J in (self.gains, self.turns))
+        along = self.directions + turns.reshape(len(z), len(self), 3)
+        along /= np.linalg.norm(along, axis=2, keepdims=True)
+        return self.origins + shifts.reshape(len(z), len(self), 3), along
 
     @classmethod
     def none(cls) -> FreePaths:
@@ -114,11 +151,11 @@ class FreePaths:
 
 def as_free_paths(measured: PointMeasurements, margin: float) -> FreePaths:
     """The free beams of some measurements."""
-    beams = measured.free
+    beams, (_, gains, turns) = measured.free, measured.whitened()
     slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
-    return FreePaths(
-        beams.origins, beams.directions, beams.lengths, np.full(len(beams), margin), slopes, beams.max_incidences
-    )
+    margins = np.full(len(beams), margin)
+    lines = beams.origins, beams.directions, beams.lengths
+    return FreePaths(*lines, margins, slopes, beams.max_incidences, gains, turns)
 
 
 def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None) -> Touches:
@@ -129,8 +166,7 @@ def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: Float
         tolerance: sd of the made surface against its CAD [m].
         reach: known free path before each point ``(n,)`` [m]: the range of a beam.
     """
-    (J, C), (points, independent, radii) = measured.stacked(), measured.centres()
-    values, vectors = np.linalg.eigh(C) if len(C) else (np.zeros(0), np.zeros((0, 0)))
+    points, independent, radii = measured.centres()
     covs = independent + tolerance**2 * np.eye(3)
     return Touches(
         measured.ids,
@@ -141,7 +177,7 @@ def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: Float
         np.nan_to_num(measured.normals),
         np.nan_to_num(measured.normal_sds, nan=np.pi),
         np.zeros(len(measured)) if reach is None else np.nan_to_num(reach),
-        J @ (vectors * np.sqrt(values.clip(0))),
+        measured.whitened()[0],
         np.sqrt(np.linalg.eigvalsh(covs)[:, -1]),
         tolerance,
     )

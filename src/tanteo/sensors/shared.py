@@ -1,0 +1,126 @@
+"""Errors that readings share: what each of them is, and how it moves points and free beams.
+
+A free beam has an origin and a direction. What moves the frame that it is known in moves both; the bias and the scale
+of a sensor move neither, for they are of ranges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tanteo.errors import InputError
+from tanteo.features import SharedError
+from tanteo.lie import SO3
+from tanteo.limits import LARGEST
+from tanteo.sensors.devices import Device, Placed
+from tanteo.sensors.noise import body_jacobian
+from tanteo.sensors.presets import RobotPreset
+from tanteo.sensors.readings import Readings
+from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Common:
+    """A shared error ``c`` of ``d`` numbers, and what it does to all readings, free beams among them.
+
+    Attributes:
+        error: what it is.
+        points: how points, and origins of free beams, move: ``+= points @ c`` ``(n, 3, d)``.
+        turns: how directions of free beams do ``(n, 3, d)``; zero for the others.
+    """
+
+    error: SharedError
+    points: FloatArray
+    turns: FloatArray
+
+
+def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -> Common:
+    """Rigid left error of the world about its origin: ``delta p = v + w x p`` (``math.md`` section 6)."""
+    variances = np.repeat([robot.pos_abs_std**2, robot.rot_abs_std**2], 3)
+    error = SharedError("robot base", np.diag(variances), f"absolute error of the robot ({robot.name}) [m, rad]")
+    J = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
+    turns = np.zeros_like(J)
+    turns[free, :, 3:] = -SO3.hat(placed.directions[free])
+    return Common(error, J, turns)
+
+
+def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> Common:
+    """Tip offset in the hand's frame: moves a touch, or its way, by ``R_world_hand c``; ranges have no tip."""
+    tip_sd = np.asarray(tip_sd, dtype=np.float64)
+    if tip_sd.shape != (3,) or not np.isfinite(tip_sd).all() or (tip_sd < 0).any() or not tip_sd.any():
+        raise InputError(f"tip_sd: expected three lengths of zero or more [m], got {tip_sd.tolist()}. Say 1,1,0.3mm.")
+    if tip_sd.max() > LARGEST:
+        raise InputError(f"tip_sd: expected lengths up to {LARGEST:g} m, got {tip_sd.max():g} m. Check their unit.")
+    touched = ~placed.by_rig
+    lost = np.flatnonzero(touched & ~readings.has_hand)
+    if len(lost):
+        raise InputError(
+            f"tip_sd: expected the hand's pose beside every reading, got none for '{readings.ids[lost[0]]}'. "
+            "Add the columns hand_x_mm, hand_y_mm, hand_z_mm, hand_qw, hand_qx, hand_qy, hand_qz."
+        )
+    error = SharedError("tip offset", np.diag(tip_sd**2), "offset of the tip in the hand's frame [m]")
+    J = np.where(touched[:, None, None], readings.Ts_world_hand[:, :3, :3], 0.0)
+    return Common(error, J, np.zeros_like(J))
+
+
+def aims_of(readings: Readings, placed: Placed) -> Vectors:
+    """The direction in which a device's bias acts: the beam or touch, else against the normal, else NaN."""
+    return np.where(np.isnan(placed.directions), -readings.normals, placed.directions)
+
+
+def of_devices(
+    placed: Placed, aims: Vectors, devices: tuple[Device, ...], numbers: IntArray, free: BoolArray
+) -> list[Common]:
+    """Bias, scale and mounting of every device; zones of one device share them."""
+    out: list[Common] = []
+    units: dict[str, Device] = {}
+    for device in devices:
+        units.setdefault(device.unit, device)
+    own = np.array([list(units).index(device.unit) for device in devices])[numbers]
+    for k, (unit, device) in enumerate(units.items()):
+        rows = own == k
+        aimed = rows & ~free & ~np.isnan(aims[:, 0])
+        ranged = aimed & ~np.isnan(placed.ranges)
+        if device.bias_sd > 0 and aimed.any():
+            J = np.where(aimed[:, None], aims, 0.0)[..., None]
+            out.append(_one(f"bias of {unit}", device.bias_sd, "along the beam [m]", J))
+        if device.mount is not None and device.mount.cov_scale.any():
+            out += _mount_and_scale(placed, device, rows & placed.by_rig, free)
+            continue
+        if device.scale_sd > 0 and ranged.any():
+            J = np.where(ranged[:, None], aims * placed.ranges[:, None], 0.0)[..., None]
+            out.append(_one(f"scale of {unit}", device.scale_sd, "along the beam, per range [1]", J))
+        mount = rows & placed.by_rig
+        if device.mount is not None and device.mount.cov_mount.any() and mount.any():
+            meaning = "mounting of the sensor on the hand, body error [m, rad]"
+            error = SharedError(f"mounting of {unit}", device.mount.cov_mount, meaning)
+            out.append(Common(error, *_mounted(placed, mount, free)))
+    return out
+
+
+def _mounted(placed: Placed, rows: BoolArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """How the body error of its sensor moves points, and turns directions of free beams ``(n, 3, 6)``."""
+    J, turns, open_ = np.zeros((len(rows), 3, 6)), np.zeros((len(rows), 3, 6)), rows & free
+    J[rows] = body_jacobian(placed.T_world_units[rows], placed.points[rows])
+    ahead = placed.points[open_] + placed.directions[open_]
+    turns[open_] = body_jacobian(placed.T_world_units[open_], ahead) - J[open_]
+    return J, turns
+
+
+def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: BoolArray) -> list[Common]:
+    """Mounting and scale of a calibrated sensor, which were found together: one error of seven numbers."""
+    if not rows.any():
+        return []
+    mounted, turns = _mounted(placed, rows, free)
+    # the more it reads too far, the nearer is what it met
+    nearer = np.where((rows & ~free)[:, None], -placed.ranges[:, None] * placed.directions, 0.0)[..., None]
+    meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
+    error = SharedError(f"mounting and scale of {device.unit}", device.cov_unit, meaning)
+    return [Common(error, np.concatenate([mounted, nearer], axis=2), np.pad(turns, [(0, 0), (0, 0), (0, 1)]))]
+
+
+def _one(name: str, sd: float, meaning: str, J: FloatArray) -> Common:
+    return Common(SharedError(name, np.array([[sd**2]]), meaning), J, np.zeros_like(J))
