@@ -54,7 +54,7 @@ def boxed(size):
 def patch():
     """Six touches of 0.3 mm on a block of 200 x 150 x 80 mm."""
     target, C = boxed((200, 150, 80)), np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
-    probe = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
+    probe = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.06)
     planned = plan(at_pose(target, np.eye(4), C), probe, 1e-6, most=6)
     corner = np.array([0.2, 0.15, 0.08])
     # three on the top, two on a long side, one on a short side, all within 40 mm of one corner

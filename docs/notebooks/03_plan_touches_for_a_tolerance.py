@@ -45,7 +45,8 @@ probe = Probe("touch probe", NoiseLaw.of(SD), contact=True, standoff=0.05, clear
 # --------
 #
 # About the expected pose everything is linear: a touch adds information along one direction of the pose, and the plan
-# is the set that leaves the corners the least to be off by.
+# is the set that leaves the corners the least to be off by. Where the part lies elsewhere, some touches pass beside it:
+# the probability is over all places where it may lie, and enough is touched that it is reached all the same.
 
 found = plan(start, probe, TOLERANCE)
 print(found.message)
@@ -115,8 +116,8 @@ print(f"every touch met the part: {all_met.sum():2d} placements, the tolerance k
 print(f"one or more met nothing:  {(~all_met).sum():2d} placements, the tolerance kept in {(kept & ~all_met).sum()}")
 
 # %%
-# Where every touch meets the part the plan keeps what it promises, P = 0.96. Where the part is so far off the drawing
-# that a touch passes beside it, there is less to locate it from. The plan cannot know; the answer does, and says so:
+# The plan promises P = 0.956, over all placements. Where the part is so far off the drawing that a touch passes beside
+# it, there is less to locate it from; the plan has counted on that. Where it is not enough, the answer says so:
 
 for k in np.flatnonzero(~kept):
     print(f"off {off[k]:.2f} mm, said {said[k]:.2f} mm (1 sd); every touch met: {'yes' if all_met[k] else 'no'}")

@@ -32,6 +32,16 @@ def test_a_plan_as_text_csv_and_json(run, tmp_path):
     assert len(document["readings"]) == len(rows)
     assert document["readings"][0]["origin_m"][0] == pytest.approx(float(rows[0]["start_x_mm"]) / 1e3, abs=1e-7)
     assert document["covariance"]["frame"] == "part"
+    last = document["readings"][-1]
+    assert 0.95 <= document["within_tolerance"] == last["within_tolerance"] <= last["within_tolerance_if_met"]
+    assert last["within_tolerance"] == pytest.approx(float(rows[-1]["within_tolerance"]), abs=1e-4)
+    assert last["within_tolerance_if_met"] == pytest.approx(float(rows[-1]["within_tolerance_if_met"]), abs=1e-4)
+    assert last["meets_face"] == pytest.approx(float(rows[-1]["meets_face"]), abs=1e-4)
+    assert document["all_meet"] <= min(r["meets_face"] for r in document["readings"])
+    assert document["room"] > 0.9
+    words = " ".join(got.out.split())
+    assert f"P = {last['within_tolerance']:.3f} over all placements" in words
+    assert f"{last['within_tolerance_if_met']:.3f} if every reading meets its face" in words
 
 
 def test_where_the_part_roughly_is_can_be_said(run):
@@ -49,6 +59,23 @@ def test_a_tolerance_out_of_reach_exits_with_3(run):
     got = run("plan", "--part", BRACKET, "--tolerance", "0.01mm", "--sd", "1mm", "--most", "4")
     assert got.code == 3
     assert "4 readings do not bring" in got.out
+
+
+def test_a_start_too_close_for_a_rough_pose_is_said_and_no_plan(run):
+    got = run(
+        "plan", "--part", str(PARTS / "step_12mm.step"), "--sensor", "ball_tip_on_cobot", "--standoff", "8mm",
+        "--clearance", "4mm", "--near", "0,0,0mm 0,0,0deg +- 5mm 3deg", "--tolerance", "0.7mm", "--most", "10",
+    )  # fmt: skip
+    assert got.code == 3
+    assert "within 4 mm of the part, or in it" in " ".join(got.out.split())
+
+
+def test_a_sensor_that_needs_less_room_is_told_how_much(run):
+    words = "plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--tolerance", "1mm"
+    got = run(*words)
+    assert got.code == 3
+    assert "--clearance 3.2mm" in " ".join(got.out.split())
+    assert "reaches no place" not in run(*words, "--clearance", "3.2mm", "--most", "2").out
 
 
 def test_two_parts_are_told_apart(run, tmp_path):

@@ -14,6 +14,7 @@ from report_scenes import ROUGH, TOUCH, TRUTH
 from tanteo.active import at_pose, distinguish, plan
 from tanteo.report import Run, distinction_page, plan_page
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
+from tanteo.report.words import percent
 from tanteo.surface_search import prepare_target
 
 RUN = Run("tanteo plan --part wedge.stl")
@@ -53,6 +54,11 @@ def test_its_words_table_and_curves_say_the_same(planned, wedge):
         assert f"<td>{1e3 * r.worst_corner_sd:.3g}</td>" in page
     assert "tolerance, 0.2 mm" in page
     assert "wanted, 95.0 %" in page
+    last = planned.readings[-1]
+    assert "All corners within the tolerance then, wherever the part lies" in page
+    assert f"<dd>{percent(last.within)}</dd>" in page
+    assert f"as in {percent(planned.all_meet)} of the placements" in page
+    assert f"<td>{percent(last.within_if_met)}</td>" in page
 
 
 def test_a_reading_that_is_made_twice_has_one_arrow(planned, wedge):

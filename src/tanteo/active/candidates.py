@@ -138,8 +138,7 @@ def has_room(belief: Belief, candidates: Candidates, probe: Probe, *, anywhere: 
     Clear of a mode is clear of its pose and, ``anywhere``, of draws about it, so that the part is not met wherever it
     may be.
     """
-    back = np.linspace(0.0, probe.retreat, _STEPS)
-    way = candidates.origins[:, None] - back[:, None] * candidates.directions[:, None]
+    way = _way(candidates, probe)
     ok: BoolArray = np.all(probe.workspace.rooms(way)[0] >= probe.clearance, axis=(1, 2))
     ok &= _reached_freely(candidates, probe)
     live = np.flatnonzero(belief.weights >= _LIVE * belief.weights.sum())
@@ -212,6 +211,24 @@ def _clear_of_draws(
     least = _distances(target, SE3.inverse(Ts)[:, None], way[rows, places]).min(axis=0)
     ok[rows[least < clearance]] = False
     return ok
+
+
+def clear_at(target: Target, T: Transforms, Ts: Transforms, candidates: Candidates, probe: Probe) -> BoolArray:
+    """Whether start and way in keep clear of a part at poses ``(S, 4, 4)`` about ``T``: ``(S, C)``."""
+    way = _way(candidates, probe)
+    gaps, corners = _distances(target, SE3.inverse(T), way), box_corners(target.part)
+    most = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
+    s, c, p = np.nonzero(gaps < probe.clearance + most[:, None, None])  # nothing moves farther than a corner of the box
+    near = _distances(target, SE3.inverse(Ts[s]), way[c, p]) < probe.clearance
+    ok = np.ones((len(Ts), len(candidates)), dtype=bool)
+    ok[s[near], c[near]] = False
+    return ok
+
+
+def _way(candidates: Candidates, probe: Probe) -> Vectors:
+    """Places on the way in, the start first ``(C, P, 3)``."""
+    back = np.linspace(0.0, probe.retreat, _STEPS)
+    return candidates.origins[:, None] - back[:, None] * candidates.directions[:, None]
 
 
 def _distances(target: Target, to_part: Transforms, points: Vectors) -> FloatArray:

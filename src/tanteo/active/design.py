@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.special import gammaincc
 
 from tanteo.active.belief import begin
 from tanteo.active.candidates import Candidates, propose
+from tanteo.active.placements import Placements, Promise, placements
 from tanteo.active.places import Places, places_of
 from tanteo.active.probe import Probe
-from tanteo.active.samples import beams, draw, even_normals, predict
+from tanteo.active.samples import beams, even_normals
 from tanteo.active.start import Start
 from tanteo.lie import SE3
 from tanteo.matching.verdict import observed_covariance
@@ -21,8 +23,8 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 _CANDIDATES = 800
 """Readings among which the plan is chosen."""
 
-_STEADY, _LEAST = 0.9, 40
-"""Share of the possible poses at which a reading must meet its face; at least so many readings are kept."""
+_LEAST = 40
+"""So many readings are kept at least, however rarely they meet their faces."""
 
 _TINY = 1e-9
 """Share of the variances that is left where nothing needs to be known."""
@@ -42,6 +44,7 @@ class Design:
 
     Attributes:
         target: the part.
+        probe: what senses.
         candidates: readings that can be made.
         faces: index of the face that each meets ``(N,)``.
         points: where it does, world ``(N, 3)`` [m].
@@ -51,10 +54,12 @@ class Design:
         limit: of the pose, if it were known exactly relative to the robot ``(6, 6)``.
         places: what has to be within the tolerance, corners or a feature.
         moves: how these move with the pose ``(K, 3, 6)``.
-        meets: share of the poses at which each meets its face ``(N,)``.
+        chosen_by: placements by which readings are chosen.
+        judged_by: others, by which the choice is judged.
     """
 
     target: Target
+    probe: Probe
     candidates: Candidates
     faces: IntArray
     points: Vectors
@@ -64,7 +69,8 @@ class Design:
     limit: Covariances
     places: Places
     moves: FloatArray
-    meets: FloatArray
+    chosen_by: Placements
+    judged_by: Placements
 
     def after(self, chosen: IntArray) -> Covariances:
         """Covariance of pose, bias and base after some readings."""
@@ -98,11 +104,56 @@ class Design:
         """That all places are within a tolerance."""
         values, vectors = np.linalg.eigh(self.pose(C))
         xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
-        off = np.linalg.norm(np.einsum("cij,sj->sci", self.moves, xi), axis=-1).max(axis=1)
-        return float(np.mean(off <= tolerance))
+        return float(np.mean(self._off(xi) <= tolerance))
+
+    def kept(self, chosen: IntArray, tolerance: float) -> float:
+        """Share of the placements at which all places are within a tolerance, by the readings that meet their faces."""
+        out, known, total = self.judged_by, np.linalg.inv(self.prior), 0.0
+        for met, k in out.patterns(chosen):
+            C = self.after(chosen[met])
+            rest = C @ known  # what of the first error no reading has seen
+            values, vectors = np.linalg.eigh(C - rest @ C)
+            noise = out.noise[k] @ (vectors * np.sqrt(values.clip(0.0))).T
+            total += np.sum(self._off((noise - (out.errors[k] @ rest.T)[:, None])[..., :6]) <= tolerance)
+        return float(total / (len(out) * out.noise.shape[1]))
+
+    def _off(self, xi: FloatArray) -> FloatArray:
+        """How far the worst place is off at perturbations of the pose ``(*batch, 6)`` [m]."""
+        return np.asarray(np.linalg.norm(np.einsum("cij,...j->...ci", self.moves, xi), axis=-1).max(axis=-1))
+
+    def lost_with_each(self, chosen: list[int], tolerance: float) -> FloatArray:
+        """About the share of the placements where the tolerance is lost, each of the candidates added ``(N,)``."""
+        by, lost = self.chosen_by, np.zeros(len(self.rows))
+        rows = np.array(chosen, dtype=np.int64)
+        for met, k in by.patterns(rows):
+            C, meets = self.after(rows[met]), by.meets[k].sum(axis=0)
+            without = self._lost(self.cost(self.squares(C)), tolerance)
+            lost += meets * self._lost(self.with_each(C), tolerance) + (len(k) - meets) * without
+        return lost / len(by)
+
+    def _lost(self, costs: FloatArray, tolerance: float) -> FloatArray:
+        """Chance that an error in space of such mean squares is larger than the tolerance."""
+        return np.asarray(gammaincc(1.5, 1.5 * tolerance**2 / costs))
+
+    def promise(self, chosen: IntArray, tolerance: float) -> Promise:
+        """What some readings bring."""
+        if_met = self.chance(self.after(chosen), tolerance)
+        shares = (of[:, chosen].all(axis=1).mean() for of in (self.judged_by.meets, self.judged_by.room))
+        return Promise(self.kept(chosen, tolerance), if_met, *map(float, shares))
+
+    def best(self, tolerance: float) -> float:
+        """Share of the placements at which all that can be sensed, together, keeps the tolerance."""
+        return self.kept(np.arange(len(self.rows)), tolerance)
+
+    def steadied(self) -> Design:
+        """With readings that count the less, the less often they meet their faces."""
+        share = np.maximum(self.chosen_by.meets.mean(axis=0), 1 / len(self.chosen_by))
+        return replace(self, variances=self.variances / share**2)
 
 
-def design_of(start: Start, probe: Probe, seed: int, feature: str | None = None) -> Design | None:
+def design_of(
+    start: Start, probe: Probe, seed: int, feature: str | None = None, steady: float = 0.9, room: float = 0.98
+) -> Design | None:
     """The problem of one part at one rough pose, linear about it; None if the probe reaches no place.
 
     Args:
@@ -110,38 +161,48 @@ def design_of(start: Start, probe: Probe, seed: int, feature: str | None = None)
         probe: what senses.
         seed: of the places that are tried.
         feature: name of one that has to be within the tolerance; the corners of the part's box if not given.
+        steady: share of the placements at which a reading must meet its face; less if few do.
+        room: share of them at which the probe must have room for it; less if it rarely has.
     """
-    belief, target, T = begin(start), start.targets[0], start.Ts[0]
-    candidates = propose(belief, probe, _CANDIDATES, seed, anywhere=False)
+    target, T = start.targets[0], start.Ts[0]
+    candidates = propose(begin(start), probe, _CANDIDATES, seed, anywhere=False)
     if not len(candidates):
         return None
-    share = _steadiness(start, candidates)
-    kept = share >= min(_STEADY, np.sort(share)[::-1][min(_LEAST, len(share)) - 1])
-    candidates, share = candidates.take(kept), share[kept]
+    prior, limit = _prior(start, probe)
+    chosen_by, judged_by = placements(target, T, prior, candidates, probe)
+    kept = _steadiest(chosen_by, steady, room)
+    candidates = candidates.take(kept)
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
-    prior = observed_covariance(target.part, start.covariances[0])
-    prior = prior + _TINY * start.covariances[0]  # invertible, where a round part may spin
-    rows, blocks, limit = [g], [prior], np.zeros((6, 6))
+    rows = [g]
     if probe.shared_sd > 0:
         rows.append(np.ones((len(g), 1)))
-        blocks.append(np.full((1, 1), probe.shared_sd**2))
     if max(probe.base_sds) > 0:  # the robot is off: all that it reads moves as if the part had moved the other way
-        A = SE3.adjoint_inverse(T)
-        base = (A * np.repeat(np.square(np.maximum(probe.base_sds, _EXACT)), 3)) @ A.T
         rows.append(-g)
-        blocks.append(base)
-        limit = prior @ np.linalg.solve(prior + base, base)
     points = candidates.origins + ranges[:, None] * candidates.directions
     own, places = probe.own_variance(ranges, cosines), places_of(target.part, feature)
     return Design(
-        target, candidates, faces, points, np.concatenate(rows, axis=1), own, block_diag(*blocks), limit,
-        places, places.moves, share,
+        target, probe, candidates, faces, points, np.concatenate(rows, axis=1), own, prior, limit, places,
+        places.moves, chosen_by.take(kept), judged_by.take(kept),
     )  # fmt: skip
 
 
-def _steadiness(start: Start, candidates: Candidates) -> FloatArray:
-    """Share of the poses that the part may have at which each candidate meets its face ``(N,)``."""
-    samples = draw(begin(start), 64)
-    faces = predict(samples, candidates.origins, candidates.directions).faces
-    return np.asarray((faces == candidates.face[:, None]) @ samples.weights)
+def _steadiest(among: Placements, steady: float, room: float) -> IntArray:
+    """Candidates that reach both shares of the placements, or so many that come nearest."""
+    margin = np.minimum(among.meets.mean(axis=0) - steady, among.room.mean(axis=0) - room)
+    return np.flatnonzero(margin >= min(0.0, np.sort(margin)[::-1][min(_LEAST, len(margin)) - 1]))
+
+
+def _prior(start: Start, probe: Probe) -> tuple[Covariances, Covariances]:
+    """Covariance of pose, bias and base, and that of the pose if it were known exactly relative to the robot."""
+    pose = observed_covariance(start.targets[0].part, start.covariances[0])
+    pose = pose + _TINY * start.covariances[0]  # invertible, where a round part may spin
+    blocks, limit = [pose], np.zeros((6, 6))
+    if probe.shared_sd > 0:
+        blocks.append(np.full((1, 1), probe.shared_sd**2))
+    if max(probe.base_sds) > 0:
+        A = SE3.adjoint_inverse(start.Ts[0])
+        base = (A * np.repeat(np.square(np.maximum(probe.base_sds, _EXACT)), 3)) @ A.T
+        blocks.append(base)
+        limit = pose @ np.linalg.solve(pose + base, base)
+    return block_diag(*blocks), limit

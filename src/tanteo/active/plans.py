@@ -3,7 +3,9 @@
 About the expected pose everything is linear: a reading adds information along one direction of the pose. The plan is
 chosen by exchanges (Fedorov) from the last plan with a reading more and from sets drawn at random, for the mean square
 error of the corners, or of the feature, the worst counting most. What readings share does not average out in it: a bias
-is a state of its own, and the robot's absolute error is added at the end.
+is a state of its own, and the robot's absolute error is added at the end. Then placements are drawn from what is known
+beforehand, at each of which only the readings count that meet their faces: readings are exchanged and added until the
+tolerance is kept over all of them.
 """
 
 from __future__ import annotations
@@ -12,9 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.active.choosing import choose
 from tanteo.active.design import Design, design_of
 from tanteo.active.places import check_feature, places_of
-from tanteo.active.plan_words import aim, from_too_rough, in_doubt, what_it_brings
+from tanteo.active.plan_words import (
+    aim,
+    from_too_rough,
+    in_doubt,
+    reaches_nothing,
+    too_close,
+    what_it_brings,
+)
 from tanteo.active.probe import Probe
 from tanteo.active.start import Start
 from tanteo.errors import InputError
@@ -24,8 +34,14 @@ from tanteo.typing import Covariances, IntArray, Transforms, Vectors
 _BETTER = 10.0
 """Times better that the start would be known, to see whether it is what stands in the way."""
 
-_SWEEPS, _STARTS = 6, 12
-"""Rounds of exchanges, and sets drawn at random that are exchanged as well: one alone may end at a poor one."""
+_LESS_STEADY = (0.8, 0.95), (0.5, 0.9)
+"""Shares of the placements at which a reading must meet its face, and have room, where steadier ones do not do."""
+
+_WORTH = 0.02
+"""Chance that those must add, if they do not do either."""
+
+_LESS = 0.5, 0.25, 0.1
+"""Clearances that are tried where no place is reached, in stand-offs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +55,10 @@ class PlannedReading:
         face: name of the face.
         covariance: of the pose after it ``(6, 6)``, part frame [m, rad].
         worst_corner_sd: after it [m].
-        within: chance that all corners, or the feature, are within the tolerance after it.
+        within: chance that all corners, or the feature, are within the tolerance after it, wherever the part turns
+            out to lie: only those of the readings count that meet their faces there.
+        within_if_met: the same if it and all before meet their faces, as the covariance has it.
+        meets: share of the placements at which it meets its face.
         feature_sd: of the feature that the plan is for, where it is worst known, after it [m]; NaN without one.
     """
 
@@ -50,6 +69,8 @@ class PlannedReading:
     covariance: Covariances
     worst_corner_sd: float
     within: float
+    within_if_met: float
+    meets: float
     feature_sd: float = float("nan")
 
     @property
@@ -67,10 +88,12 @@ class Plan:
         T_world_part: expected pose ``(4, 4)``.
         readings: the plan.
         before: standard deviation of the worst corner, or of the feature, before the first [m].
-        reached: the tolerance is kept with the confidence, by readings that meet their faces at half or more of the
-            places where the part may be; also without any, if enough is known before.
+        reached: the tolerance is kept with the confidence wherever the part turns out to lie, by readings that meet
+            their faces at half or more of the placements; also without any, if enough is known before.
         message: one sentence.
         feature: name of the one that has to keep the tolerance; None for all corners of the part's box.
+        all_meet: share of the placements at which every reading meets its face.
+        room: share of the placements at which all starts, and the ways there, are clear of the part.
     """
 
     part: str
@@ -80,6 +103,8 @@ class Plan:
     reached: bool
     message: str
     feature: str | None = None
+    all_meet: float = 1.0
+    room: float = 1.0
 
 
 def plan(
@@ -97,7 +122,7 @@ def plan(
         start: one part at one rough pose (``at_pose``).
         probe: what senses.
         tolerance: of the corners of the part's box [m].
-        confidence: with which they keep it.
+        confidence: with which they keep it, wherever the part turns out to lie.
         most: readings at most.
         seed: of the places that are tried.
         feature: ``face 3``, ``edge 4`` or ``vertex 2`` to place instead of the corners: a face along its normal, an
@@ -115,86 +140,52 @@ def plan(
         check_feature(feature, [part])
     design = design_of(start, probe, seed, feature)
     if design is None:
-        message = f"The probe reaches no place of {part.name}: give it more room, or another approach."
         before = places_of(part, feature).sd(observed_covariance(part, start.covariances[0]))
-        return Plan(part.name, start.Ts[0], (), before, False, message, feature)
+        return Plan(part.name, start.Ts[0], (), before, False, _nowhere(start, probe, seed), feature)
     if (within := design.chance(design.prior, tolerance)) >= confidence:
         return _nothing_to_do(start, design, tolerance, within)
-    chosen = _chosen(design, tolerance, confidence, most)
+    design, chosen, can = _steadiest(start, probe, tolerance, confidence, most, seed, design)
     found = _as_plan(start, design, chosen, tolerance, confidence)
-    if not found.reached and (why := _too_rough(start, probe, design, tolerance, confidence, seed)):
-        return replace(found, message=why)
+    if not (found.reached or can) and (why := _too_rough(start, probe, design, found, tolerance, confidence, seed)):
+        found = replace(found, message=why)
+    if why := too_close(design, found.room):
+        found = replace(found, message=f"{found.message} {why}")
     return found
 
 
-def _chosen(design: Design, tolerance: float, confidence: float, most: int) -> IntArray:
-    """The fewest candidates that keep the tolerance, or the best of the most that are allowed."""
-    chosen: list[int] = []
-    while len(chosen) < min(most, len(design.rows)):
-        starts = [_extended(design, chosen), *_drawn(len(design.rows), len(chosen) + 1)]
-        chosen = min((_exchanged(design, start) for start in starts), key=design.cost_of)
-        if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
+def _steadiest(
+    start: Start, probe: Probe, tolerance: float, confidence: float, most: int, seed: int, design: Design
+) -> tuple[Design, IntArray, bool]:
+    """The problem with readings that are as steady as may be, what is chosen, and whether all of them would do."""
+    can = design.best(tolerance)
+    chosen = choose(design, tolerance, confidence, most, can=can >= confidence)
+    for steady, room in _LESS_STEADY:
+        if (kept := design.kept(chosen, tolerance)) >= confidence:
             break
-        if design.chance(design.limit, tolerance) < confidence:
-            break  # the robot's own error is too large for any number of readings
-    return _ordered(design, chosen)
-
-
-def _drawn(count: int, n: int) -> list[list[int]]:
-    """Sets of ``n`` candidates, the same every time."""
-    rng = np.random.default_rng((1991, n))
-    return [rng.choice(count, n, replace=False).tolist() for _ in range(_STARTS)]
-
-
-def _extended(design: Design, chosen: list[int]) -> list[int]:
-    cost = design.with_each(design.after(np.array(chosen, dtype=np.int64)))
-    cost[chosen] = np.inf
-    return [*chosen, int(np.argmin(cost))]
-
-
-def _exchanged(design: Design, chosen: list[int]) -> list[int]:
-    """No swap of one reading makes it better."""
-    cost = design.cost_of(chosen)
-    for _ in range(_SWEEPS):
-        before = cost
-        for k in range(len(chosen)):
-            others = chosen[:k] + chosen[k + 1 :]
-            costs = design.with_each(design.after(np.array(others, dtype=np.int64)))
-            costs[others] = np.inf
-            j = int(np.argmin(costs))
-            if costs[j] < cost * (1 - 1e-9):
-                chosen, cost = [*chosen[:k], j, *chosen[k + 1 :]], float(costs[j])
-        if cost > before * (1 - 1e-3):
-            break
-    return chosen
-
-
-def _ordered(design: Design, chosen: list[int]) -> IntArray:
-    """The reading that helps most first."""
-    order: list[int] = []
-    left = list(chosen)
-    while left:
-        cost = design.with_each(design.after(np.array(order, dtype=np.int64)))
-        order.append(min(left, key=lambda k: cost[k]))
-        left.remove(order[-1])
-    return np.array(order, dtype=np.int64)
+        other = design_of(start, probe, seed, design.places.feature, steady, room)
+        if other is None or (best := other.best(tolerance)) < max(can, kept) + _WORTH * (best < confidence):
+            continue
+        now = choose(other, tolerance, confidence, most, can=best >= confidence)
+        if other.kept(now, tolerance) >= min(kept + _WORTH, confidence):
+            design, chosen, can = other, now, best
+    return design, chosen, can >= confidence
 
 
 def _as_plan(start: Start, design: Design, chosen: IntArray, tolerance: float, confidence: float) -> Plan:
-    part, c = design.target.part, design.candidates
+    part, c, meets = design.target.part, design.candidates, design.judged_by.meets
     readings = []
     for n, k in enumerate(chosen):
-        C = design.after(chosen[: n + 1])
-        pose = design.pose(C)
+        pose, brings = design.pose(design.after(chosen[: n + 1])), design.promise(chosen[: n + 1], tolerance)
         place = c.origins[k], c.directions[k], design.points[k], part.faces[design.faces[k]].name
         sd = float("nan") if design.places.feature is None else design.places.sd(pose)
-        readings.append(PlannedReading(*place, pose, corner_sd(part, pose), design.chance(C, tolerance), sd))
-    reached, before = readings[-1].within >= confidence, design.places.sd(design.pose(design.prior))
-    last, doubt = readings[-1], in_doubt(design.meets[chosen])
-    message = what_it_brings(design, len(readings), last.sd, last.within, tolerance, confidence)
-    if reached and doubt:
+        chances = brings.within, brings.if_met, float(meets[:, k].mean())
+        readings.append(PlannedReading(*place, pose, corner_sd(part, pose), *chances, sd))
+    reached, before = brings.within >= confidence, design.places.sd(design.pose(design.prior))
+    message = what_it_brings(design, len(readings), readings[-1].sd, brings, tolerance, confidence)
+    if brings.if_met >= confidence and (doubt := in_doubt(np.array([r.meets for r in readings]), brings.within)):
         reached, message = False, doubt
-    return Plan(part.name, start.Ts[0], tuple(readings), before, reached, message, design.places.feature)
+    what = part.name, start.Ts[0], tuple(readings), before, reached, message, design.places.feature
+    return Plan(*what, brings.all_meet, brings.room)
 
 
 def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float) -> Plan:
@@ -204,17 +195,23 @@ def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float
     return Plan(name, start.Ts[0], (), before, True, message, design.places.feature)
 
 
-def _too_rough(start: Start, probe: Probe, design: Design, tolerance: float, confidence: float, seed: int) -> str:
+def _nowhere(start: Start, probe: Probe, seed: int) -> str:
+    """Why no place is reached: with less room around the probe, some may be."""
+    for share in _LESS:
+        clearance = float(f"{share * probe.standoff:.2g}")
+        if clearance < probe.clearance and design_of(start, replace(probe, clearance=clearance), seed) is not None:
+            return reaches_nothing(start.targets[0].part.name, probe, clearance)
+    return reaches_nothing(start.targets[0].part.name, probe)
+
+
+def _too_rough(
+    start: Start, probe: Probe, design: Design, found: Plan, tolerance: float, confidence: float, seed: int
+) -> str:
     """That from so rough a start no readings do, where they would if it were better known; empty otherwise."""
-    if _does(design, tolerance, confidence) or design.chance(design.limit, tolerance) < confidence:
+    if design.chance(design.limit, tolerance) < confidence:
         return ""
     finer = replace(start, covariances=start.covariances / _BETTER**2)
     better = design_of(finer, probe, seed, design.places.feature)
-    if better is None or not _does(better, tolerance, confidence):
+    if better is None or better.best(tolerance) < confidence:
         return ""
-    return from_too_rough(design, tolerance)
-
-
-def _does(design: Design, tolerance: float, confidence: float) -> bool:
-    """Whether all that can be sensed, together, keeps the tolerance."""
-    return design.chance(design.after(np.arange(len(design.rows))), tolerance) >= confidence
+    return from_too_rough(design, tolerance, found.readings[-1].within)

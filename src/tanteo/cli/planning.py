@@ -104,15 +104,17 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
             r.face,
             f"{1e3 * r.sd:.3g}",
             f"{r.within:.3f}",
+            f"{r.within_if_met:.3f}",
+            f"{r.meets:.0%}",
         )
         for n, r in enumerate(plan.readings, 1)
     ]
-    headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{worst} sd (mm)", "P(within)")
-    return (
-        [*lines, *table(headers, rows, left=(4,)), "", "Frame: world. Each row is after its reading."]
-        if rows
-        else lines
-    )
+    headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{worst} sd (mm)", "P(within)", "if met", "meets")
+    notes = [
+        "Frame: world. Each row is after its reading. 'P(within)' is over all placements that the part may have,",
+        "'meets' the share of them at which the reading meets its face; sd and 'if met' are where all so far do.",
+    ]
+    return [*lines, *table(headers, rows, left=(4,)), "", *notes] if rows else lines
 
 
 def _allowed(probe: Probe) -> str:

@@ -26,6 +26,8 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
             "worst_corner_sd_m": float(r.worst_corner_sd),
             **({} if plan.feature is None else {"feature_sd_m": float(r.feature_sd)}),
             "within_tolerance": float(r.within),
+            "within_tolerance_if_met": float(r.within_if_met),
+            "meets_face": float(r.meets),
         }
         for n, r in enumerate(plan.readings, 1)
     ]
@@ -36,6 +38,8 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
         "message": plan.message, "tolerance_m": tolerance, "confidence": confidence,
         "pose": {"frame": "world", "matrix": numbers(plan.T_world_part)},
         "feature": plan.feature, before: float(plan.before), "readings": rows,
+        "within_tolerance": float(plan.readings[-1].within) if plan.readings else None,
+        "all_meet": float(plan.all_meet), "room": float(plan.room),
         "covariance": None if covariance is None else covariance_document(covariance),
     })  # fmt: skip
 
@@ -48,13 +52,15 @@ def plan_csv(plan: Plan) -> str:
     own = [] if plan.feature is None else ["feature_sd_mm"]
     writer.writerow([
         "number", "start_x_mm", "start_y_mm", "start_z_mm", "dx", "dy", "dz", "x_mm", "y_mm", "z_mm", "face",
-        "worst_corner_sd_mm", *own, "within_tolerance",
+        "worst_corner_sd_mm", *own, "within_tolerance", "within_tolerance_if_met", "meets_face",
     ])  # fmt: skip
     for n, r in enumerate(plan.readings, 1):
         mm = [f"{1e3 * v:.4f}" for v in (*r.origin, *r.point)]
         d = [f"{v:.6f}" for v in r.direction]
         sds = [f"{1e3 * v:.4f}" for v in (r.worst_corner_sd, r.feature_sd)[: 1 + len(own)]]
-        writer.writerow([n, *mm[:3], *d, *mm[3:], r.face, *sds, f"{r.within:.4f}"])
+        writer.writerow(
+            [n, *mm[:3], *d, *mm[3:], r.face, *sds, *(f"{v:.4f}" for v in (r.within, r.within_if_met, r.meets))]
+        )
     return out.getvalue()
 
 

@@ -71,7 +71,11 @@ def _front(
         last = plan.readings[-1]
         facts += [
             (f"{_worst(plan).capitalize()} after {n} reading{'s' * (n > 1)}, 1 sd", length(last.sd)),
-            (f"{_all(plan).capitalize()} within the tolerance then", percent(last.within)),
+            (f"{_all(plan).capitalize()} within the tolerance then, wherever the part lies", percent(last.within)),
+            (
+                f"The same if every reading meets its face, as in {percent(plan.all_meet)} of the placements",
+                percent(last.within_if_met),
+            ),
         ]
     facts += [
         ("Sensor", probe.name),
@@ -90,17 +94,19 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     lead = (
         f"How well {of_what} is expected to be known, one standard deviation, and how probably {_all(plan)} "
         f"{'is' if plan.feature else 'are'} within the tolerance: before the first reading and after each. The order "
-        "is the one in which they help most; the first ones hardly show before enough directions are fixed."
+        "is the one in which they help most; the first ones hardly show before enough directions are fixed. The "
+        "standard deviation is for placements of the part where all readings so far meet their faces."
     )
     places = ["before", *(str(k) for k in range(1, len(plan.readings) + 1))]
     sds = MM * np.array([plan.before, *(r.sd for r in plan.readings)])
     within = np.array([np.nan, *(r.within for r in plan.readings)])
     words = ["before", *(f"after {k}" for k in places[1:])]
     sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.3g} mm" for w, v in zip(words, sds, strict=True)))
-    chance = Curve(
-        f"{_all(plan)} within the tolerance", within,
-        tuple(f"{w}: {percent(v)}" for w, v in zip(words, within, strict=True)),
-    )  # fmt: skip
+    if_met = np.array([np.nan, *(r.within_if_met for r in plan.readings)])
+    chances = [
+        Curve(name, v, tuple(f"{w}: {percent(p)}" for w, p in zip(words, v, strict=True)), style)
+        for style, (name, v) in enumerate((("over all placements", within), ("if all meet their faces", if_met)))
+    ]
     charts = [
         curve_chart(
             f"Standard deviation of {of_what} over {len(plan.readings)} readings, {sds[-1]:.3g} mm at last.",
@@ -109,15 +115,19 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
         ),
         curve_chart(
             f"Probability to be within the tolerance, {percent(within[-1])} at last.",
-            [chance], SHARES, places, (confidence, f"wanted, {percent(confidence)}"),
+            chances, SHARES, places, (confidence, f"wanted, {percent(confidence)}"),
         ),
     ]  # fmt: skip
     headers = (
-        "", "meets", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "from x, y, z [mm]", "along",
-        "meets it at x, y, z [mm]",
+        "", "meets", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "if all meet", "this one does",
+        "from x, y, z [mm]", "along", "meets it at x, y, z [mm]",
     )  # fmt: skip
     rows = [_row(n, r) for n, r in enumerate(plan.readings, 1)]
-    note = element("p", "Frame: world. Each row is after its reading.", class_="note")
+    said = (
+        "Frame: world. Each row is after its reading. P(within) is over all placements that the part may have; 'this "
+        "one does' is the share of them at which the reading meets its face."
+    )
+    note = element("p", said, class_="note")
     return Section(
         "steps", "What each reading brings", lead, (join([*charts, table(headers, rows, class_="plain"), note]),)
     )
@@ -134,8 +144,8 @@ def _all(plan: Plan) -> str:
 
 def _row(n: int, r: PlannedReading) -> tuple[str, ...]:
     return (
-        str(n), r.face, f"{MM * r.sd:.3g}", percent(r.within), _three(MM * r.origin, 1),
-        _three(r.direction, 3), _three(MM * r.point, 1),
+        str(n), r.face, f"{MM * r.sd:.3g}", percent(r.within), percent(r.within_if_met), percent(r.meets),
+        _three(MM * r.origin, 1), _three(r.direction, 3), _three(MM * r.point, 1),
     )  # fmt: skip
 
 
