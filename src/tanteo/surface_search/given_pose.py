@@ -77,7 +77,8 @@ def given_pose(
     densities = log_hit_or_stray(touches, Ts, z, target, priors)
     of_readings = log_density(*densities, priors.clutter)
     log = log + of_readings + log_beside_readings(free, Ts, z, target, priors)
-    return GivenPose(log, log_density_of_kin(*densities) - of_readings, z, spreads)
+    kin = log_density_of_kin(*densities, priors.clutter, touches.places)
+    return GivenPose(log, kin - of_readings, z, spreads)
 
 
 def _expected(
