@@ -29,6 +29,9 @@ _NOTABLE = 0.5
 _ALIKE = 1.5
 """Times the standard deviation from the curvature that the whole posterior may have, to be explained by its parts."""
 
+_REMARKABLE = 2.0
+"""A reading that is off by fewer standard deviations is not what contradicts a pose."""
+
 _LESSENED = {
     "robot base": "; more readings do not lessen it, but the same robot, when it goes back, is off by the same",
     "tip offset": ", or turn the hand more between readings",
@@ -94,6 +97,16 @@ def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) ->
     left = weak_motions(pose_information(apart.information[0]), part_scale(part))  # there it is as it was said to be
     dof = max(len(known) - len(left), 1)
     return float(chdtrc(dof, max(known @ known + 2 * (log[1] - log[0]), 0.0)))
+
+
+def worst_reading(touches: Touches, mode: Mode) -> str:
+    """The reading, or sensed normal, that agrees least among those on the part; empty if none is far off."""
+    found, k = mode.found, mode.k
+    off = np.stack([np.abs(found.residuals[k]), found.tilts[k]]) * (found.belongs[k] > 0.5)
+    tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
+    if off[tilted, i] < _REMARKABLE:
+        return ""
+    return f"{'the normal of ' if tilted else ''}reading {touches.ids[i]}, {off[tilted, i]:.1f} sd off"
 
 
 def faces_met(touches: Touches, mode: Mode) -> IntArray:

@@ -15,7 +15,7 @@ from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
-from tanteo.surface_search.answer import as_hypothesis, p_of_prior, what_limits
+from tanteo.surface_search.answer import as_hypothesis, p_of_prior, what_limits, worst_reading
 from tanteo.surface_search.modes import Mode, weigh
 from tanteo.surface_search.rounds import search_all
 from tanteo.surface_search.strays import so_many
@@ -36,9 +36,6 @@ _CLOSE = "the readings lie so close together that other places may look like it:
 
 _BARELY = 2.0
 """Readings that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
-
-_REMARKABLE = 2.0
-"""A reading that is off by fewer standard deviations is not what contradicts a pose."""
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
@@ -105,7 +102,7 @@ def identify_touches(
     modes, unknown = weigh(touches, free, found.maxima, log_unknown, len(parts), priors)
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
-    worst = _worst(touches, modes[0]) if modes else ""
+    worst = worst_reading(touches, modes[0]) if modes else ""
     fits = bool(modes) and modes[0].probability >= unknown
     prior_p = p_of_prior(touches, free, modes[0], priors) if fits else 1.0
     status, message = verdict(hypotheses, unknown, alpha, worst=worst, shares=_shares(modes), prior_p=prior_p)
@@ -157,16 +154,6 @@ def _without_breadth(touches: Touches) -> str:
 
 def _shares(modes: Sequence[Mode]) -> list[tuple[str, float]]:
     return [(mode.target.part.name, mode.probability) for mode in modes]
-
-
-def _worst(touches: Touches, mode: Mode) -> str:
-    """The reading, or sensed normal, that agrees least among those on the part; empty if none is far off."""
-    found, k = mode.found, mode.k
-    off = np.stack([np.abs(found.residuals[k]), found.tilts[k]]) * (found.belongs[k] > 0.5)
-    tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
-    if off[tilted, i] < _REMARKABLE:
-        return ""
-    return f"{'the normal of ' if tilted else ''}reading {touches.ids[i]}, {off[tilted, i]:.1f} sd off"
 
 
 def _mostly_on(best: Hypothesis, unknown: float) -> bool:
