@@ -12,12 +12,14 @@ from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
 from tanteo.active import Candidates, Stop, around, at_pose, begin, update
 from tanteo.errors import InputError
+from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.report.words import headline
 from tanteo.sensors import Readings, concatenate
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Done, Sensing, Session
 from tanteo.session.answer import answered
+from tanteo.session.moved import moved
 from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
@@ -338,6 +340,111 @@ def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     k, T = drawn_truth(start, rng)
     session = new_session(start, seed=seed, tolerance=1e-6, most=1000, least_gain=0.0)
     tell_anything(session, targets[k], T, rng, 6)
+
+
+def test_millimetres_are_no_free_beam(targets):
+    action = new_session(rough(targets)).ask()
+    with pytest.raises(InputError, match=r"Did you mean 0\.0987, that many millimetres"):
+        action.read(98.7)
+    for distance in (np.inf, 1.5 * action.max_range):
+        assert action.read(distance).is_free.all()
+
+
+def test_a_rough_pose_that_the_readings_contradict_ends_the_session_and_is_said(targets):
+    """All six of its errors are over twice what was said; the readings agree, and a wider rough pose explains them."""
+    start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(3)
+    T = start.Ts[2] @ SE3.exp(np.linalg.cholesky(start.covariances[2]) @ np.full(6, 2.3))
+    session = new_session(start, tolerance=1e-3, most=40)
+    end, answer = sense(session, targets[2], T, rng), session.answer()
+    assert not end.reached
+    assert session.belief.of_parts()[2] > 0.95
+    assert end.why == answer.message
+    assert answer.status == "unknown"
+    assert answer.message.startswith("The closest part is wedge, but it is not where it was said to be")
+    assert "wider rough pose can be told the same readings" in end.why
+    wide = new_session(rough(targets, (0.025, 0.175)), tolerance=1e-3)
+    wide.tell(session.readings)
+    assert sense(wide, targets[2], T, rng).reached
+    assert wide.answer().status == "recognized"
+
+
+def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
+    """Readings that scatter more than was said, so little that none of them is astray."""
+    start, rng = rough(targets), np.random.default_rng(5)
+    session = new_session(start, tolerance=2e-3)
+    end, answer = sense(session, targets[0], start.Ts[0], rng, sd=7e-4), session.answer()
+    assert answer.status == "unknown"
+    assert "the readings contradict it" in answer.message
+    assert not end.reached
+    assert end.why == answer.message
+
+
+def test_of_several_rough_poses_the_nearest_counts(targets):
+    """An image was wrong by far more than it said, but what was known besides allows it."""
+    start, rng = rough(targets[2:], (0.015, 0.1)), np.random.default_rng(4)
+    both = replace(
+        start, part=np.zeros(2, dtype=int), Ts=np.stack([start.Ts[0]] * 2), weights=np.array([0.02, 0.98]),
+        covariances=np.stack([start.covariances[0], start.covariances[0] / 100]),
+    )  # fmt: skip
+    session = new_session(both, tolerance=2e-3)
+    assert sense(session, targets[2], start.Ts[0] @ SE3.exp(np.array([0.01, 0, 0, 0, 0.05, 0])), rng).reached
+    assert session.answer().status == "recognized"
+
+
+@pytest.mark.parametrize(
+    ("aside", "words"),
+    [
+        ("xxxx..........", "Readings a1 to a4 do not fit, all after a4 do: did the part or the sensor move?"),
+        (".xx...........", ""),  # one in fifteen by chance
+        (".xx.................", "Readings a2 to a3 do not fit, all after a3 do: did the part or the sensor move?"),
+        (
+            "..........x.xx",
+            "3 of the readings a11 to a14 do not fit, all before a11 do: did the part or the sensor move?",
+        ),
+        ("x.............", ""),
+        ("x......x....x.", ""),
+        ("xxxxxx", ""),
+    ],
+)
+def test_readings_that_do_not_fit_until_or_since_some_time_are_said(aside, words):
+    mask = np.array([c == "x" for c in aside])
+    assert moved([f"a{k + 1}" for k in range(len(mask))], mask) == words
+
+
+def test_a_part_that_was_moved_is_said_to_have_been(targets):
+    start, rng = rough(targets), np.random.default_rng(6)
+    session, T = new_session(start, tolerance=1e-3, most=40), start.Ts[2]
+    while isinstance(action := session.ask(), Action):
+        if session.count == 6:
+            T = start.Ts[2] @ SE3.exp(np.array([0.003, 0.003, 0.003, 0, 0, 0]))
+        session.tell(action.read(max(true_range(targets[2], T, action) + 3e-4 * rng.normal(), 1e-6)))
+    assert "did the part or the sensor move?" in session.answer().message
+
+
+@pytest.mark.parametrize("of_the_object", [False, True])
+def test_a_reading_that_does_not_fit_is_made_once_more_and_settles_it(targets, of_the_object):
+    """Two readings are off: strays of the sensor the first time only; a part that is only like it is off again."""
+    start, rng, wrong = rough(targets), np.random.default_rng(10), []
+    session, again = new_session(start, tolerance=1e-3, most=40), 0
+    while isinstance(action := session.ask(), Action):
+        distance = true_range(targets[0], start.Ts[0], action) + 3e-4 * rng.normal()
+        repeated = any(np.array_equal(action.origin, s.action.origin) for s in session.steps)
+        again += repeated
+        assert repeated == ("once more it shows whether the sensor erred" in action.why)
+        wrong += [action.origin] * (session.count in (3, 7))
+        off = any(np.array_equal(action.origin, o) for o in wrong) and (of_the_object or not repeated)
+        session.tell(action.read(distance - 0.02 if off else max(distance, 1e-6)))
+    assert again == 1 + of_the_object  # where the first shows that the sensor erred, one is enough
+    assert action.reached == (not of_the_object)
+    assert session.count <= 20 or of_the_object
+    assert session.belief.unknown > 0.5 or not of_the_object
+
+
+def test_beams_that_are_made_twice_are_of_one_place(targets):
+    action = new_session(rough(targets)).ask()
+    beside = replace(action, origin=action.origin + 2e-3 * np.eye(3)[np.argmin(np.abs(action.direction))])
+    readings = [action.read(0.08, name="x"), beside.read(0.1, name="y"), action.read(0.1, name="z")]
+    assert Sensing(sd=3e-4).touches(concatenate(readings))[0].places.tolist() == [0, 1, 0]
 
 
 def test_the_most_that_was_asked_for_is_said_as_it_was(targets):

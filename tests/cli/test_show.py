@@ -157,3 +157,11 @@ def test_starting_imports_nothing_heavy(program):
     code = f"{program}\nimport sys\nprint('LOADED', *[m for m in {HEAVY} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert result.stdout.splitlines()[-1] == "LOADED"
+
+
+def test_python_m_is_the_same_command():
+    result = subprocess.run(
+        [sys.executable, "-m", "tanteo", "sensor", "list"], capture_output=True, text=True, timeout=60
+    )
+    assert result.returncode == 0
+    assert "keyence_il300" in result.stdout

@@ -99,3 +99,18 @@ def test_few_strays_are_the_sensor_s_and_many_are_another_part():
     assert odds[0] < -2.5
     assert odds[2] < 0 < odds[6]
     assert odds[10] > 5
+
+
+def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_stray():
+    """Two readings of one place, one of them off: of an object like the part, too, the sensor erred."""
+    off, on, stray = -300.0, 4.0, 1.0
+    hit, other = np.array([[on, on, off, on]]), np.full((1, 4), stray)
+    alone = log_density_of_kin(hit[:, :3], other[:, :3])
+    own = log_density_of_kin(hit, other, 0.02, np.arange(4))
+    np.testing.assert_allclose(own, log_density_of_kin(hit, other))
+    together = log_density_of_kin(hit, other, 0.02, np.array([0, 1, 2, 2]))
+    share = np.linspace(0, 1, 200_001)
+    place = (1 - share) * 0.02 * np.exp(stray) * (0.98 * np.exp(on) + 0.02 * np.exp(stray)) + share * np.exp(2 * stray)
+    each = (1 - share) * np.exp(on) + share * np.exp(stray)
+    assert together[0] == pytest.approx(np.log(np.trapezoid(each**2 * place, share)), abs=1e-6)
+    assert together[0] - alone[0] < own[0] - alone[0]

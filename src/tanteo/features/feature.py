@@ -143,7 +143,10 @@ def stacked_covariance(errors: Sequence[SharedError]) -> Covariances:
 
 
 def shared_root(errors: Sequence[SharedError]) -> FloatArray:
-    """What makes shared errors of whitened ones, ``c = root z`` with ``z`` unit normal ``(D, D)``."""
+    """What makes shared errors of whitened ones, ``c = root z`` with ``z`` unit normal ``(D, D)``.
+
+    Symmetric, so that it mixes no error with another: the parts of ``z`` are those of the errors, in their order.
+    """
     C = stacked_covariance(errors)
     values, vectors = np.linalg.eigh(C) if len(C) else (np.zeros(0), C)
-    return np.asarray(vectors * np.sqrt(values.clip(0)))
+    return np.asarray((vectors * np.sqrt(values.clip(0))) @ vectors.T)

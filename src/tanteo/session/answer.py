@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.special import chdtrc
 
 from tanteo.active import Belief, Stop, worst_corner
 from tanteo.active.places import places_of
 from tanteo.errors import InputError
+from tanteo.fitting import SUSPECT
 from tanteo.matching import Hypothesis, PosePrior, Recognition
+from tanteo.matching.prior import prior_residuals
 from tanteo.matching.results import Status
 from tanteo.matching.verdict import CONFIDENCE, doubt, verdict
+from tanteo.session.moved import moved
 from tanteo.session.values import Step, Told
-from tanteo.surface_search.answer import as_hypothesis
+from tanteo.surface_search.answer import as_hypothesis, worst_reading
+from tanteo.surface_search.explained import chi_square
+from tanteo.surface_search.said import p_of_prior
+
+ALPHA = 0.01
+"""An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
+
+NOTHING = "No part explains the readings: check them, the rough pose and the parts."
+"""What is said where no part is left."""
+
+_ANEW = " A new session with a wider rough pose can be told the same readings."
 
 _HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough place and the parts."
 
@@ -36,6 +52,8 @@ def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> R
         status: Status = "unknown" if belief.unknown > _HALF else "insufficient"
         message = "No reading has met a part yet." if status == "insufficient" else _NOWHERE
         return Recognition(status, message, (), 1.0 - float(belief.weights.sum()), {}, seed)
+    if not belief.modes:
+        return Recognition("unknown", NOTHING, (), belief.unknown, {}, seed)
     hypotheses = tuple(
         as_hypothesis(touches, mode, PosePrior(start.Ts[row], start.covariances[row]))
         for mode, row in zip(belief.modes[:top], belief.rows, strict=False)
@@ -43,12 +61,62 @@ def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> R
     shares = [(mode.target.part.name, mode.probability) for mode in belief.modes]
     enough = bool(stop.reached(belief))
     least = _least(stop, float(belief.of_parts().max(initial=0.0)) if enough else 1.0)
-    status, message = verdict(hypotheses, belief.unknown, alpha, shares=shares, least=least, known=enough)
+    prior_p = p_of_start(belief)
+    status, message = verdict(
+        hypotheses, belief.unknown, alpha,
+        worst=_worst(belief, prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
+    )  # fmt: skip
     placed = stop.tolerance is not None and (enough or stop.chance(belief) >= CONFIDENCE)
     if status == "ambiguous" and (placed or enough):
         status = "recognized" if placed else "ambiguous"
         message = _in_some_pose(hypotheses[0], belief, stop, shares)
-    return Recognition(status, message, hypotheses, belief.unknown, {}, seed)
+    message += _ANEW if status == "unknown" and prior_p < alpha else ""
+    return Recognition(status, message + moved_words(belief), hypotheses, belief.unknown, {}, seed)
+
+
+def contradiction(belief: Belief, stop: Stop, *, reached: bool) -> str:
+    """Why the answer is not accepted, in words, where that is known; empty if nothing contradicts it.
+
+    Before the goal is reached, a part that is known but not where it was said to be does: more readings of it do not
+    make the rough pose right. Then, whatever the joint test says.
+
+    Args:
+        belief: what is known.
+        stop: what was asked for.
+        reached: it is known as well as that.
+    """
+    known = reached or (belief.of_parts().max(initial=0.0) > CONFIDENCE and p_of_start(belief) < SUSPECT)
+    answer = answered(belief, stop, 0, 1, ALPHA) if known else None
+    return answer.message if answer is not None and answer.status == "unknown" else ""
+
+
+def p_of_start(belief: Belief) -> float:
+    """P-value of the rough pose beside the readings, of several that of the nearest; 1 where no pose is likely."""
+    touches, start = belief.touches, belief.start
+    if touches is None or not belief.modes or belief.modes[0].probability < _HALF:
+        return 1.0
+    best, own = belief.modes[0], np.flatnonzero(start.part == belief.part[0])
+    there = np.repeat(belief.poses[:1], len(own), axis=0)
+    row = own[np.argmin(np.sum(prior_residuals(start.prior(own), best.target.part, there) ** 2, axis=1))]
+    pose = PosePrior(start.Ts[row], start.covariances[row])
+    return p_of_prior(touches, belief.free, best, replace(start.priors, pose=pose))
+
+
+def _worst(belief: Belief, prior_p: float) -> str:
+    """The reading that contradicts the likeliest hypothesis most, unless the rough pose contradicts it more."""
+    best, touches = belief.modes[0], belief.touches
+    chi2, fixed = chi_square(best.found, best.k)
+    dof = fixed + len(best.free)
+    return worst_reading(touches, best) if touches is not None and dof > 0 and chdtrc(dof, chi2) < prior_p else ""
+
+
+def moved_words(belief: Belief) -> str:
+    """A sentence if the readings that the likeliest hypothesis leaves aside are together in time; empty if not."""
+    if belief.touches is None or not belief.modes:
+        return ""
+    best = belief.modes[0]
+    words = moved(belief.touches.ids, best.found.belongs[best.k] <= _HALF)
+    return f" {words}" if words else ""
 
 
 def _least(stop: Stop, part: float) -> float:

@@ -24,11 +24,12 @@ from tanteo.active import (
 from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
-from tanteo.session.answer import answered, step_of
+from tanteo.session.again import once_more
+from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.names import new_readings
 from tanteo.session.questions import action_of, answers, is_same, unlike
 from tanteo.session.values import Action, Done, Sensing, Step, Told
-from tanteo.session.worth import all_made, worth_making
+from tanteo.session.worth import enough, worth_making
 from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500
@@ -134,23 +135,22 @@ class Session:
         be on the way. Other readings that are told meanwhile may show that enough is known; else they do not change the
         question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
-        if why := self.stop.reached(self._belief):
-            return Done(True, f"Enough: {why}.")
-        if self.count >= self.stop.most:
-            return Done(False, all_made(self.stop.most, self.count))
+        if end := enough(self.stop, self._belief, self.count):
+            return end
         if self._asked is not None:
             return self._asked
         if not len(self._belief.weights):
-            return Done(False, "No part explains the readings: check them, the rough pose and the parts.")
+            return Done(False, NOTHING)
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
             return Done(False, _NOWHERE)
         situation = self._situation(candidates)
-        choice = worth_making(self.stop, situation, self.policy.choose(situation))
-        if isinstance(choice, Done):
-            return choice
+        repeats = self._open(once_more(self._belief, self._steps))
+        chosen = worth_making(self.stop, situation, self.policy.choose(situation), repeats)
+        if isinstance(chosen, Done):
+            return chosen
         self._questions += 1
-        self._asked = action_of(situation, choice, self._questions)
+        self._asked = action_of(*chosen, self._questions)
         return self._asked
 
     def _situation(self, candidates: Candidates) -> Situation:
@@ -236,7 +236,7 @@ class Session:
             self._asked = None
         return step
 
-    def answer(self, top: int = 5, alpha: float = 0.01) -> Recognition:
+    def answer(self, top: int = 5, alpha: float = ALPHA) -> Recognition:
         """The answer as of now, with status and message, as :func:`tanteo.identify` gives it.
 
         Args:

@@ -14,6 +14,9 @@ from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, Sensor
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
+_BEYOND = 3.0
+"""A finite distance of more than so many times the range is no reading of this sensor, but one of another unit."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensing:
@@ -46,7 +49,7 @@ class Sensing:
         """Readings as touches and free paths in the world."""
         measured = self.measured(readings)
         reach = readings.ranges[measured.rows]
-        return as_touches(measured, self.tolerance, reach), as_free_paths(measured, self.tolerance)
+        return as_touches(measured, self.tolerance, reach).placed(), as_free_paths(measured, self.tolerance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,12 +119,20 @@ class Action:
         """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
 
         Args:
-            distance: from ``origin`` along ``direction``, as measured.
+            distance: from ``origin`` along ``direction``, as measured; beyond ``max_range`` it met nothing, too.
             sd: of it [m], where the session's sensor does not say it.
             name: of the reading; that of the question by default.
+
+        Raises:
+            InputError: not a length, or several times ``max_range``, which may be one of another unit.
         """
         if np.isnan(distance) or distance <= 0:
             raise InputError(f"distance: expected a positive length or infinity, got {distance}. Leave it out.")
+        if self.max_range * _BEYOND < distance < np.inf:
+            raise InputError(
+                f"distance: expected metres, no more than {self.max_range:g}, or infinity where nothing was met, got "
+                f"{distance:g}. Did you mean {1e-3 * distance:g}, that many millimetres?"
+            )
         names, free = [name or self.name], not np.isfinite(distance)
         if free or distance > self.max_range:
             return Readings.from_columns(

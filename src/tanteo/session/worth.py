@@ -1,4 +1,4 @@
-"""Whether the reading that a policy chose is worth making, and in which words it ends if none is."""
+"""Whether it is enough, whether the reading that a policy chose is worth making, and in which words it ends."""
 
 from __future__ import annotations
 
@@ -6,26 +6,52 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.active import POLICIES, Choice, Situation, Stop
+from tanteo.active import POLICIES, Belief, Candidates, Choice, Situation, Stop
 from tanteo.active.policies import most_told
+from tanteo.session.again import told_by_repeat
+from tanteo.session.answer import contradiction, moved_words
 from tanteo.session.values import Done
 
+_AGAIN = "a reading of this beam does not fit, and once more it shows whether the sensor erred"
 
-def worth_making(stop: Stop, situation: Situation, choice: Choice) -> Choice | Done:
-    """What is chosen, or another reading that confirms what is known; the end where no reading is worth its cost.
+
+def enough(stop: Stop, belief: Belief, count: int) -> Done | None:
+    """The end: the goal is reached, the readings contradict what they are of, or there are no more; else None.
+
+    Args:
+        stop: when to end.
+        belief: what is known.
+        count: readings told.
+    """
+    why = stop.reached(belief)
+    if against := contradiction(belief, stop, reached=bool(why)):
+        return Done(False, against)
+    if why:
+        return Done(True, f"Enough: {why}.{moved_words(belief)}")
+    return Done(False, all_made(stop.most, count)) if count >= stop.most else None
+
+
+def worth_making(
+    stop: Stop, situation: Situation, choice: Choice, repeats: Candidates
+) -> tuple[Situation, Choice] | Done:
+    """What is chosen and among what, or another reading that confirms what is known; the end where none is worth it.
 
     Args:
         stop: when to end.
         situation: what was decided on.
         choice: of the policy. Where it does not say what it tells, the best of the candidates counts.
+        repeats: readings that did not fit, to make once more where that tells more.
     """
     belief, best = situation.belief, choice.gain
     if np.isnan(best) and stop.least_gain > 0:
         best = most_told(situation)
+    told = told_by_repeat(belief) if len(repeats) else 0.0
+    if told > 0 and told >= stop.least_gain and told >= best:
+        return replace(situation, candidates=repeats), Choice(0, told, _AGAIN)
     if not best < stop.least_gain or stop.settles(belief, best, stop.most - situation.count):
-        return choice
+        return situation, choice
     if stop.confirms(belief):
-        return _to_confirm(situation)
+        return situation, _to_confirm(situation)
     return Done(False, f"No reading is worth its cost: the best would tell {best:.3f} nats.")
 
 

@@ -24,6 +24,9 @@ _NOTABLE = 0.5
 _ALIKE = 1.5
 """Times the standard deviation from the curvature that the whole posterior may have, to be explained by its parts."""
 
+_REMARKABLE = 2.0
+"""A reading that is off by fewer standard deviations is not what contradicts a pose."""
+
 _LESSENED = {
     "robot base": "; more readings do not lessen it, but the same robot, when it goes back, is off by the same",
     "tip offset": ", or turn the hand more between readings",
@@ -69,6 +72,16 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         covariance_same_robot=None if given is None else given + common_given,
         shared=SharedGiven.at(found.z[k], found.information[k]) if found.z.shape[1] else None,
     )
+
+
+def worst_reading(touches: Touches, mode: Mode) -> str:
+    """The reading, or sensed normal, that agrees least among those on the part; empty if none is far off."""
+    found, k = mode.found, mode.k
+    off = np.stack([np.abs(found.residuals[k]), found.tilts[k]]) * (found.belongs[k] > 0.5)
+    tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
+    if off[tilted, i] < _REMARKABLE:
+        return ""
+    return f"{'the normal of ' if tilted else ''}reading {touches.ids[i]}, {off[tilted, i]:.1f} sd off"
 
 
 def faces_met(touches: Touches, mode: Mode) -> IntArray:

@@ -83,7 +83,8 @@ def given_pose(
     of_readings = log_density(*densities, priors.clutter)
     log = log + of_readings + log_beside_readings(FreePaths.none(), Ts, z, target, priors)
     log += _log_paths(touches, free, target, priors, Ts, z, spreads)
-    return GivenPose(log, log_density_of_kin(*densities) - of_readings, z, spreads)
+    kin = log_density_of_kin(*densities, priors.clutter, touches.places)
+    return GivenPose(log, kin - of_readings, z, spreads)
 
 
 def _log_paths(

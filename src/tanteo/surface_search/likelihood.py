@@ -36,6 +36,7 @@ class Explained:
         clutter: mean rate of strays.
         distances: from the surface ``(S, n)`` [m].
         edges: readings near edges, which are on several faces.
+        places: number of the place of each reading ``(n,)``; None where each has its own.
     """
 
     r: FloatArray
@@ -45,6 +46,7 @@ class Explained:
     clutter: float
     distances: FloatArray
     edges: NearEdges | None
+    places: IntArray | None = None
 
     @property
     def log(self) -> FloatArray:
@@ -54,7 +56,7 @@ class Explained:
     @property
     def log_kin(self) -> FloatArray:
         """Of all readings if the object is only like the part ``(S,)``."""
-        return log_density_of_kin(self.log_hit, self.log_stray)
+        return log_density_of_kin(self.log_hit, self.log_stray, self.clutter, self.places)
 
     @property
     def belongs(self) -> FloatArray:
@@ -96,7 +98,7 @@ def explain(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, pri
     log, stray, tilt = _log_densities(touches, Ts, z, target, priors, at, known)
     if tilt is not None:
         r, J = _with_normals(touches, at, r, J, tilt)
-    return Explained(r, J, log, stray, priors.clutter, at.distance, edges)
+    return Explained(r, J, log, stray, priors.clutter, at.distance, edges, touches.places)
 
 
 def log_hit_or_stray(

@@ -16,7 +16,7 @@ from tanteo.matching.recognition import Clock
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
-from tanteo.surface_search.answer import as_hypothesis, what_limits
+from tanteo.surface_search.answer import as_hypothesis, what_limits, worst_reading
 from tanteo.surface_search.modes import Mode
 from tanteo.surface_search.said import what_was_said
 from tanteo.surface_search.strays import so_many
@@ -31,9 +31,6 @@ _CLOSE = "the readings lie so close together that other places may look like it:
 
 _BARELY = 2.0
 """Readings that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
-
-_REMARKABLE = 2.0
-"""A reading that is off by fewer standard deviations is not what contradicts a pose."""
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
@@ -95,7 +92,7 @@ def identify_touches(
     modes, unknown, touches = found.modes, found.unknown, found.touches
     hypotheses = tuple(as_hypothesis(touches, mode, priors.pose) for mode in modes[:top])
     clock.lap("locate")
-    worst = _worst(touches, modes[0]) if modes else ""
+    worst = worst_reading(touches, modes[0]) if modes else ""
     without = partial(look, replace(priors, pose=None))
     said = what_was_said(found, free, hypotheses[0] if hypotheses else None, priors, without, alpha)
     clock.lap("compare")
@@ -140,16 +137,6 @@ def _without_breadth(touches: Touches) -> str:
 
 def _shares(modes: Sequence[Mode]) -> list[tuple[str, float]]:
     return [(mode.target.part.name, mode.probability) for mode in modes]
-
-
-def _worst(touches: Touches, mode: Mode) -> str:
-    """The reading, or sensed normal, that agrees least among those on the part; empty if none is far off."""
-    found, k = mode.found, mode.k
-    off = np.stack([np.abs(found.residuals[k]), found.tilts[k]]) * (found.belongs[k] > 0.5)
-    tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
-    if off[tilted, i] < _REMARKABLE:
-        return ""
-    return f"{'the normal of ' if tilted else ''}reading {touches.ids[i]}, {off[tilted, i]:.1f} sd off"
 
 
 def _mostly_on(best: Hypothesis, unknown: float) -> bool:

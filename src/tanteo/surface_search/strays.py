@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import bdtrc, roots_genlaguerre, roots_jacobi, roots_legendre
 
 from tanteo.matching.evidence import log_sum
-from tanteo.typing import FloatArray
+from tanteo.typing import FloatArray, IntArray
 
 _SHAPE = 0.5
 """First parameter of the beta density of the rate, that of Jeffreys' prior."""
@@ -54,15 +54,37 @@ def log_density(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> Floa
     return log_sum(_log_by_rate(log_hit, log_stray, *stray_rates(mean, log_hit.shape[1])), axis=0)
 
 
-def log_density_of_kin(log_hit: FloatArray, log_stray: FloatArray) -> FloatArray:
+def log_density_of_kin(
+    log_hit: FloatArray, log_stray: FloatArray, mean: float = 0.0, places: IntArray | None = None
+) -> FloatArray:
     """The same for a part that is like this one ``(S,)``: of its surface any share, all shares alike, is elsewhere.
+
+    At one place the surface is there or elsewhere for all readings: where one of them is on the part, the others
+    are strays of the sensor, whatever the object is.
 
     Args:
         log_hit: log density of each reading if it is on the surface of the part that is known ``(S, n)``.
         log_stray: if it is elsewhere ``(S, n)``.
+        mean: rate of strays that is stated.
+        places: number of the place of each reading ``(n,)``; each has its own if not given.
     """
+    if places is not None and len(np.unique(places)) < len(places):
+        log_hit, log_stray = _by_place(log_hit, log_stray, mean, places)
     nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_hit.shape[1]))))
     return log_sum(_log_by_rate(log_hit, log_stray, *_shares(nodes)), axis=0)
+
+
+def _by_place(
+    log_hit: FloatArray, log_stray: FloatArray, mean: float, places: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Log densities of all readings of each place, if the surface is there, strays among them, and if it is not."""
+    order = np.argsort(places, kind="stable")
+    first, count = np.unique(places[order], return_index=True, return_counts=True)[1:]
+    several = np.repeat(count > 1, count)
+    hit, stray = log_hit[:, order], log_stray[:, order]
+    rate = np.log(max(mean, 1e-300))
+    hit = np.where(several, np.logaddexp(np.log1p(-mean) + hit, rate + stray), hit)
+    return np.add.reduceat(hit, first, axis=1), np.add.reduceat(stray, first, axis=1)
 
 
 def on_surface(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> FloatArray:

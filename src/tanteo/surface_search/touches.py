@@ -9,6 +9,9 @@ import numpy as np
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
+_BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
+"""Readings are of one beam if they are no farther beside each other [m], and by the cosine of their directions."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touches:
@@ -26,6 +29,7 @@ class Touches:
         gains: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
         sd: largest standard deviation of each point ``(n,)`` [m].
         tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
+        places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
         directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
         oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
         variance: of every point in every direction, where it is one for all [m2]; NaN otherwise, and for no point;
@@ -43,6 +47,7 @@ class Touches:
     gains: FloatArray
     sd: FloatArray
     tolerance: float = 0.0
+    places: IntArray | None = None
     directed: BoolArray = field(init=False, repr=False)
     oriented: BoolArray = field(init=False, repr=False)
     variance: float = field(init=False, repr=False)
@@ -71,7 +76,19 @@ class Touches:
             name: getattr(self, name)[rows]
             for name in ("points", "covs", "radii", "directions", "normals", "normal_sds", "reach", "gains", "sd")
         }
-        return replace(self, ids=tuple(self.ids[i] for i in rows), **arrays)
+        places = None if self.places is None else self.places[rows]
+        return replace(self, ids=tuple(self.ids[i] for i in rows), places=places, **arrays)
+
+    def placed(self) -> Touches:
+        """The same, readings that were made along one beam being of one place."""
+        places = np.arange(len(self))
+        for k in range(1, len(self)):
+            away, d = self.points[:k] - self.points[k], self.directions[k]
+            beside = np.linalg.norm(away - np.outer(away @ d, d), axis=1)
+            same = self.directed[:k] & self.directed[k] & (beside < _BESIDE) & (self.directions[:k] @ d > _ALONG)
+            if same.any():
+                places[k] = places[np.argmax(same)]
+        return replace(self, places=places)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
