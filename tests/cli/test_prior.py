@@ -64,7 +64,7 @@ def test_a_prior_that_is_wrong_is_named_as_a_reason(locate):
     result = locate("--box", "900,900,0,990,990,50mm")
     assert result.code == 3
     assert result.out.startswith("unknown")
-    assert "What was said of the pose beforehand counts, too" in result.out
+    assert "it is not where it was said to be" in result.out
     assert "beforehand" not in locate("--near", NEAR).out
 
 
