@@ -62,13 +62,13 @@ def test_six_planned_touches_of_a_block(block):
 
 def test_what_is_promised_after_a_plan_is_what_linear_least_squares_gives(bracket):
     """Simulated readings of the plan, estimated about the expected pose: corner errors against the promised chance."""
-    tolerance = 0.8e-3
+    tolerance = 0.9e-3
     start = at_pose(bracket, np.eye(4), C)
     found = plan(start, FARTHER, tolerance, 0.9)
     assert found.reached
     assert 0.9 <= found.readings[-1].within <= found.readings[-1].within_if_met < 0.99
     within = [r.within_if_met for r in found.readings]
-    assert within == sorted(within)
+    assert np.diff(within).min() > -0.005  # the chance is counted over 2,048 draws
     design = design_of(start, FARTHER, 0)
     rows = [int(np.argmin(np.linalg.norm(design.points - r.point, axis=1))) for r in found.readings]
     G, R, rng = design.rows[rows], design.variances[rows], np.random.default_rng(1)
@@ -320,7 +320,7 @@ def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
 
 def test_the_share_of_placements_where_all_meet_is_as_counted(bracket):
     start = at_pose(bracket, np.eye(4), C)
-    found, rng = plan(start, FARTHER, 0.8e-3, 0.9), np.random.default_rng(5)
+    found, rng = plan(start, FARTHER, 0.9e-3, 0.9), np.random.default_rng(5)
     Ts = SE3.exp(rng.normal(size=(3000, 6)) @ np.linalg.cholesky(C).T)
     origins, directions = (np.array([getattr(r, name) for r in found.readings]) for name in ("origin", "direction"))
     _, cosines, faces, _ = beams(bracket, Ts, origins, directions)
