@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import tanteo
+from tanteo.localization import SharedGiven
 from tanteo.matching import Priors
 from tanteo.sensors import Readings, measure
 from tanteo.surface_search import FreePaths, as_free_paths, prepare_target
@@ -22,6 +23,12 @@ def block():
     return prepare_target(tanteo.read_part(Path(__file__).parents[2] / "examples" / "parts" / "block.step"))
 
 
+def through(path, target, covariance=None, shared=None):
+    """How far before its end the part is surely in the way of a path."""
+    covariance = np.zeros((6, 6)) if covariance is None else covariance
+    return gone_through(path, np.eye(4), covariance, shared, target)[0]
+
+
 def from_above(target, inside, half_angle):
     """A path down onto the top, so far inside of its border, free to well below it."""
     low, high = target.part.box
@@ -31,7 +38,7 @@ def from_above(target, inside, half_angle):
 
 
 def log(target, path):
-    return float(log_free_paths(path, np.eye(4)[None], target, PRIORS)[0])
+    return float(log_free_paths(path, np.eye(4)[None], np.zeros((1, 0)), target, PRIORS)[0])
 
 
 @pytest.mark.parametrize("half_angle", [0.0, HALF])
@@ -70,7 +77,7 @@ def test_a_path_that_meets_a_face_beyond_the_limit_of_its_sensor_says_as_much_as
         angle, limit = np.radians(degrees), np.radians([60.0])
         said = log(block, slanted(block, angle, limit, slope))
         assert said == pytest.approx(np.log1p(-C) if degrees > 60 else np.log(C))
-        assert (gone_through(slanted(block, angle, limit), np.eye(4), block)[0] > 0) == (degrees < 60)
+        assert (through(slanted(block, angle, limit), block) > 0) == (degrees < 60)
         unknown = replace(slanted(block, angle, limit), incidences=np.zeros(0))
         assert log(block, unknown) == pytest.approx(np.log(C))
 
@@ -86,3 +93,42 @@ def test_the_limit_comes_from_the_preset_of_the_sensor_and_a_touch_has_none():
     assert paths(sensor="keyence_il300").up_to(0.2).incidences == pytest.approx(0.2)
     assert paths(sensor="touch_probe_hobby").incidences == pytest.approx(np.pi / 2)
     assert paths(sd=1e-3).incidences == pytest.approx(np.pi / 2)
+
+
+def test_a_path_is_named_if_it_meets_the_part_also_with_the_pose_three_standard_deviations_off(block):
+    """A path 2 mm inside of the border of the top, and how sure the place of that border is."""
+    path = from_above(block, 2e-3, 0.0)
+    for sd, surely in ((0.0, True), (0.6e-3, True), (0.75e-3, False)):
+        aside, along = (np.diag(np.r_[np.eye(3)[k], 0, 0, 0] * sd**2) for k in (0, 2))
+        assert (through(path, block, aside) > 0) == surely
+        assert through(path, block, along) == pytest.approx(0.02)  # how high the top is decides nothing
+    assert through(from_above(block, -2e-3, 0.0), block) == 0
+
+
+def test_a_cone_is_named_if_all_of_it_meets_the_part(block):
+    rim = 0.1 * np.tan(HALF)
+    assert through(from_above(block, rim + 1e-3, HALF), block) > 0
+    assert through(from_above(block, rim - 1e-3, HALF), block) == 0
+
+
+def test_what_moves_path_and_pose_alike_is_no_distance_between_them(block):
+    """A base off by 5 mm sd: where the part is said to be in the world is as vague, and the path goes with it."""
+    base, vague = 5e-3 * np.eye(3)[None], np.diag([25e-6] * 3 + [0.0] * 3)
+    path = replace(from_above(block, 2e-3, 0.0), gains=base, turns=np.zeros((1, 3, 3)))
+    follows = np.concatenate([np.eye(3) / 5e-3, np.zeros((3, 3))], axis=1)
+    assert through(path, block, vague, SharedGiven(np.zeros(3), follows, np.zeros((3, 3)))) > 0
+    assert through(path, block, vague, SharedGiven(np.zeros(3), follows, 0.01 * np.eye(3))) > 0
+    assert through(path, block, vague, SharedGiven(np.zeros(3), np.zeros((3, 6)), np.eye(3))) == 0
+    off = SharedGiven(np.array([1.0, 0.0, 0.0]), follows, np.zeros((3, 3)))
+    assert through(path, block, vague, off) == 0  # it was 3 mm beside the top
+
+
+def test_paths_are_weighed_where_the_shared_errors_put_them(block):
+    path = replace(from_above(block, 2e-3, 0.0), gains=5e-3 * np.eye(3)[None], turns=np.zeros((1, 3, 3)))
+    z = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.5, 0, 0], [-0.5, 0, 0]])
+    Ts = np.broadcast_to(np.eye(4), (4, 4, 4))
+    said = log_free_paths(path, Ts, z, block, PRIORS)
+    np.testing.assert_allclose(said, np.log([C, C, 1 - C, C]))
+    moved = Ts.copy()
+    moved[:, 0, 3] = 5e-3 * z[:, 0]
+    np.testing.assert_allclose(log_free_paths(path, moved, z, block, PRIORS), np.log(C))

@@ -70,8 +70,17 @@ def as_hypothesis(touches: Touches, mode: Mode, pose: PosePrior | None = None) -
         pairings=tuple((i, f) for i, f, ok in zip(touches.ids, names, belongs, strict=True) if ok),
         outlier_distances=tuple(float(d) for d, ok in zip(found.distances[k], belongs, strict=True) if not ok),
         covariance_same_robot=None if given is None else given + common_given,
-        shared=SharedGiven.at(found.z[k], found.information[k]) if found.z.shape[1] else None,
+        shared=_shared_given(mode),
     )
+
+
+def _shared_given(mode: Mode) -> SharedGiven | None:
+    """The shared errors given the pose that is the answer; None without any."""
+    found, k = mode.found, mode.k
+    if not found.z.shape[1]:
+        return None
+    given = SharedGiven.at(found.z[k], found.information[k])
+    return given if mode.shift is None else given.about(mode.shift)
 
 
 def worst_reading(touches: Touches, mode: Mode) -> str:

@@ -15,6 +15,7 @@ from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.prior import PosePrior, alike
 from tanteo.matching.verdict import off_spins, part_scale, spins, without_spins
 from tanteo.parts import Part
+from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import Moments, posterior_moments
 from tanteo.surface_search.near_edges import REACH
@@ -29,7 +30,7 @@ NEGLIGIBLE = 12.0
 """Log odds below the best mode at which another is not reported."""
 
 _WEIGHED, _MOST = 0.03, 4
-"""Modes of at least this probability, and no more of them, are weighed over their whole region."""
+"""Modes that may be of at least this probability, and no more of them, are weighed over their whole region."""
 
 _FEW = 12
 """So many readings, or fewer, may leave a rough pose on sheets: then draws from all of it are weighed."""
@@ -130,9 +131,10 @@ def weigh(
     modes.sort(key=lambda mode: -mode.log_mass)
     modes, weighed = _by_draws(touches, free, modes, log_unknown, priors)
     for _ in range(_MOST):
-        if not modes or modes[0].log_mass <= _total(modes + weighed, log_unknown) + np.log(_WEIGHED):
+        could = _unblocked(free, modes, priors)
+        if not modes or could.max() <= _total(modes + weighed, log_unknown) + np.log(_WEIGHED):
             break
-        new = _weighed(touches, free, modes.pop(0), priors)
+        new = _weighed(touches, free, modes.pop(int(np.argmax(could))), priors)
         if new.moments is not None:
             modes, apart = _not_part_of(new, modes), _not_part_of(new, weighed)
             within = [other for other in weighed if other not in apart]
@@ -148,6 +150,19 @@ def weigh(
         if m.log_mass > total - NEGLIGIBLE
     ]
     return kept, float(np.exp(log_unknown - total))
+
+
+def _unblocked(free: FreePaths, modes: Sequence[Mode], priors: Priors) -> FloatArray:
+    """Log mass of each mode if the part were in the way of no path: about its maximum it may well be in none."""
+    out = np.array([mode.log_mass for mode in modes])
+    if not len(free) or not modes:
+        return out
+    passed = len(free) * np.log1p(-priors.clutter)
+    said = [
+        log_free_paths(free, m.found.Ts[[m.k]], m.found.z[[m.k]], m.target, priors)[0] if near else passed
+        for m, near in zip(modes, out > out.max() - NEGLIGIBLE, strict=True)
+    ]
+    return np.asarray(out + passed - said)
 
 
 def log_none(log_anywhere: float, log_kin: FloatArray, priors: Priors) -> float:

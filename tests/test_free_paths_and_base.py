@@ -1,0 +1,138 @@
+"""Paths on which nothing was met, in a world that the robot's base puts elsewhere: they are off with the readings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import chi2
+
+from bare_scenes import beams, box_centred_pose, inside, nees, no_paths, off, touches_of
+from scenes import points_on_plane
+from tanteo import Readings, identify
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.parts import read_part
+from tanteo.sensors import robot_preset
+from tanteo.surface_search import FreePaths, prepare_target
+from tanteo.surface_search.given_pose import given_pose
+from tanteo.surface_search.likelihood import log_posterior
+
+PARTS = Path(__file__).parents[1] / "examples" / "parts"
+NAMES = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"
+ROBOT = robot_preset("ur_ros_nominal_dh")
+SD, GAP, LENGTH = 3e-4, 3e-3, 0.3
+SCENES = 24
+
+
+@pytest.fixture(scope="module")
+def targets():
+    return [prepare_target(read_part(PARTS / f"{name}.step")) for name in NAMES]
+
+
+def grazing(target, m, rng):
+    """Starts and directions of paths that pass the part, 0 to 3 mm beside it."""
+    out = []
+    while len(out) < m:
+        (p,), (d,) = beams(target, 1, rng)
+        normal = target.surface.normals[target.surface.closest(p).triangles]
+        d = rng.normal(size=3)
+        d -= (d @ normal) * normal * rng.uniform(0.7, 1.3)
+        d /= np.linalg.norm(d)
+        start = p + rng.uniform(0, GAP) * normal - 0.5 * LENGTH * d
+        if target.surface.cast(start, d).distances > LENGTH:
+            out.append((start, d))
+    return out
+
+
+def seen(T, points, into, paths, rng, labels=()):
+    """Touches and free beams as a robot says them whose base is off; all are in the part's frame."""
+    base = np.repeat([ROBOT.pos_abs_std, ROBOT.rot_abs_std], 3) * rng.normal(size=6)
+    T_said, n, m = SE3.exp(-base) @ T, len(points), len(paths)
+    points = points + SD * rng.normal(size=points.shape)
+    directions = np.concatenate([into, np.array([d for _, d in paths]).reshape(-1, 3)]) @ T_said[:3, :3].T
+    return Readings.from_columns(
+        SE3.apply(T_said, np.concatenate([points, np.array([p for p, _ in paths]).reshape(-1, 3)])),
+        directions=directions, sds=np.full(n + m, SD), features=[*labels, *[""] * (n + m - len(labels))],
+        is_free=np.arange(n + m) >= n, max_ranges=np.r_[np.full(n, np.nan), np.full(m, LENGTH)],
+    )  # fmt: skip
+
+
+def labelled(target, T, paths, rng):
+    """Eight touches on each of seven faces."""
+    part = target.part
+    planes = np.argsort(-part.planes.areas)[:7]
+    points = np.concatenate([points_on_plane(part, k, 8, rng) for k in planes])
+    labels = [f"face {k}" for k in planes for _ in range(8)]
+    return seen(T, points, -np.repeat(part.planes.normals[planes], 8, axis=0), paths, rng, labels)
+
+
+@pytest.fixture(scope="module")
+def answers(targets):
+    """Part, true pose and answer of every scene: 12 touches and 12 beams that passed."""
+    out = []
+    for k in range(SCENES):
+        rng, target = np.random.default_rng((1991, k)), targets[k % len(targets)]
+        T = box_centred_pose(rng)
+        readings = seen(T, *beams(target, 12, rng), grazing(target, 12, rng), rng)
+        out.append((target.part, T, identify(readings, [target.part], robot=ROBOT)))
+    return out
+
+
+def test_the_covariance_in_the_world_is_as_wide_as_the_base_makes_it(answers):
+    """Paths that stayed behind would hold the part where the base is not off: a third of them were in the region."""
+    sure = [(part, T, a.hypotheses[0]) for part, T, a in answers if a.status == "recognized"]
+    assert len(sure) >= 0.7 * SCENES
+    values = np.array([nees(part, h.T_world_part, h.covariance, T)[0] for part, T, h in sure])
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * len(values))
+    assert low < values.sum() < high
+    assert np.mean(inside(values, 6)) > 0.8
+
+
+def test_no_path_that_passed_is_said_to_lead_through_the_part(answers):
+    assert not [a.message for *_, a in answers if "paths on which nothing was met" in a.message]
+
+
+@pytest.mark.parametrize("labels", [True, False])
+def test_a_path_through_the_middle_is_named_also_with_the_base_off(targets, labels):
+    rng, target = np.random.default_rng(7), targets[0]
+    (p, *_), (d, *_) = beams(target, 1, rng, tilt=0.1)
+    T, paths = box_centred_pose(rng), [(p - 0.5 * LENGTH * d, d), *grazing(target, 3, rng)]
+    readings = labelled(target, T, paths, rng) if labels else seen(T, *beams(target, 20, rng), paths, rng)
+    answer = identify(readings, [target.part], robot=ROBOT)
+    assert f"in the way of 1 of 4 paths on which nothing was met: {readings.ids[-4]} (" in answer.message
+
+
+def test_labelled_parts_are_weighed_with_paths_that_move_as_their_features_do(targets):
+    """Twelve paths that passed: the part is no less probable than it was without them, and none of them is named."""
+    for k in range(8):
+        rng, target = np.random.default_rng((1992, k)), targets[k % 2]
+        T = box_centred_pose(rng)
+        readings = labelled(target, T, grazing(target, 12, rng), rng)
+        answers = [identify(some, [target.part], robot=ROBOT) for some in (readings, readings.take(~readings.is_free))]
+        seen_free, alone = (a.hypotheses[0] for a in answers)
+        assert "Labels were not used" not in answers[0].message
+        assert "paths on which nothing was met" not in answers[0].message
+        assert off(target.part, seen_free.T_world_part, alone.T_world_part)[0] < 1e-9
+        assert seen_free.probability > alone.probability - 0.02
+
+
+def test_paths_are_averaged_over_what_readings_leave_open_of_the_base(targets):
+    """Three touches, and a base off by 4 mm sd: against many draws of it, weighed by the touches."""
+    rng, target, n = np.random.default_rng(11), targets[4], 40000
+    T, gains = box_centred_pose(rng), 4e-3 * np.eye(3)
+    p, d = beams(target, 3, rng)
+    (start, along), *_ = grazing(target, 1, rng)
+    touches = touches_of(SE3.apply(T, p), 1e-3, directions=d @ T[:3, :3].T, gains=np.array([gains] * 3))
+    path = FreePaths(SE3.apply(T, start)[None], (T[:3, :3] @ along)[None], np.array([LENGTH]), np.zeros(1))
+    path = replace(path, gains=gains[None], turns=np.zeros((1, 3, 3)))
+    priors = Priors(radius=target.part.radius)
+    near, z = T @ SE3.exp(np.repeat([1e-3, 0.01], 3) * rng.normal(size=(6, 6))), rng.normal(size=(n, 3))
+    said = [given_pose(touches, free, target, priors, near, np.zeros((6, 3))).log for free in (path, no_paths())]
+    for one, log in zip(near, said[0] - said[1], strict=True):
+        Ts = np.broadcast_to(one, (n, 4, 4))
+        each = [log_posterior(touches, f, Ts, z, target, priors) + 0.5 * (z * z).sum(1) for f in (path, no_paths())]
+        assert np.exp(log) == pytest.approx(np.exp(logsumexp(each[0]) - logsumexp(each[1])), abs=0.2)
