@@ -29,16 +29,11 @@ from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.names import new_readings
 from tanteo.session.questions import action_of, answers, is_same, unlike
 from tanteo.session.values import Action, Done, Sensing, Step, Told
-from tanteo.session.worth import enough, worth_making
+from tanteo.session.worth import OUT_OF_REACH, enough, worth_making
 from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500
 """Readings among which one is chosen."""
-
-_NOWHERE = (
-    "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
-    "approach or a better rough pose."
-)
 
 
 @dataclass(slots=True, eq=False)
@@ -143,7 +138,7 @@ class Session:
             return Done(False, NOTHING)
         candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
-            return Done(False, _NOWHERE)
+            return Done(False, OUT_OF_REACH)
         situation = self._situation(candidates)
         repeats = self._open(once_more(self._belief, self._steps))
         chosen = worth_making(self.stop, situation, self.policy.choose(situation), repeats)

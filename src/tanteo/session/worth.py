@@ -14,6 +14,12 @@ from tanteo.session.values import Done
 
 _AGAIN = "a reading of this beam does not fit, and once more it shows whether the sensor erred"
 
+OUT_OF_REACH = (
+    "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
+    "approach or a better rough pose."
+)
+"""What is said where no candidate can be made."""
+
 
 def enough(stop: Stop, belief: Belief, count: int) -> Done | None:
     """The end: the goal is reached, the readings contradict what they are of, or there are no more; else None.
