@@ -47,6 +47,13 @@ def test_small_shared_errors_start_at_none(bracket):
     assert not z.any()
 
 
+def test_without_a_reading_there_is_nothing_to_start_from(bracket):
+    none = points(bracket, np.zeros((10, 3, 2))).take(np.zeros(0, dtype=np.int64))
+    Ts, z = start_of(none, np.eye(4)[None], bracket, Priors(radius=0.1))
+    assert np.array_equal(Ts[0], np.eye(4))
+    assert z.shape == (1, 2)
+
+
 @pytest.mark.parametrize("k", range(6))
 def test_a_bias_of_forty_times_the_noise_is_found(bracket, k):
     rng = np.random.default_rng((5, k))

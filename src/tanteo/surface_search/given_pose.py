@@ -103,7 +103,8 @@ def _log_paths(
     root = np.linalg.cholesky(spreads)
     ends = free.gains + free.lengths[:, None, None] * free.turns
     off = [np.linalg.norm(J.reshape(-1, z.shape[1]) @ root, axis=2).max(axis=1) for J in (free.gains, ends)]
-    rows = np.flatnonzero(np.maximum(*off) > np.median(touches.sd))
+    noise = float(np.median(touches.sd)) if len(touches) else 0.0
+    rows = np.flatnonzero(np.maximum(*off) > noise)
     if len(rows):
         drawn = z[rows] + np.einsum("kd,sed->kse", _chance(z.shape[1]), root[rows])
         each = [log_free_paths(free, Ts[rows], one, target, priors) for one in drawn]

@@ -58,7 +58,7 @@ def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -
     """
     D = touches.gains.shape[-1]
     z = np.zeros((len(Ts), D))
-    if not D or not len(Ts):
+    if not D or not len(Ts) or not len(touches):
         return Ts, z
     far = _FAR * np.maximum(bend(touches), _alone(_residuals(touches, Ts, z, target)[1]))
     if far.max() <= _FAR * _HARMLESS:
