@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,13 +15,14 @@ from sensing_scenes import rough
 from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
 from tanteo.active.importance import truncated
 from tanteo.active.maxima import Maxima, climbed, fresh, more
-from tanteo.active.weighing import _moments, _second_moment, weigh_parts
+from tanteo.active.weighing import weigh_parts
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 from tanteo.surface_search.likelihood import explain, log_posterior
+from tanteo.surface_search.of_draws import moments_of
 from tanteo.surface_search.weighed import unknown_log_density
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -356,16 +356,29 @@ def test_the_mass_of_a_maximum_is_that_of_all_poses_that_symmetry_makes_equal():
 def test_a_mode_of_few_draws_has_a_covariance_all_the_same(count):
     """Of one draw or two the mean square has no spread in most directions."""
     rng = np.random.default_rng([12, count])
-    x, z = 1e-3 * rng.normal(size=(1, count, 6)), rng.normal(size=(count, 1))
+    x, z = 1e-3 * rng.normal(size=(count, 6)), rng.normal(size=(count, 1))
     root = np.diag([2e-3, 2e-3, 2e-3, 1e-2, 1e-2, 1e-2])
-    draws = SimpleNamespace(x=x, at=SimpleNamespace(z=z, spreads=np.full((count, 1, 1), 0.5)))
-    about = SimpleNamespace(z=np.zeros((1, 1)), roots=root[None])
-    w = np.full(count, 0.1)
-    C, mean = _second_moment(x[0], w)
-    found = _moments(draws, about, 0, w, C, mean)
+    found = moments_of(x, np.full(count, 0.1), z, np.full((count, 1, 1), 0.5), root)
     unit = np.linalg.solve(root, np.linalg.solve(root, found.covariance).T)
     given = np.linalg.solve(root, np.linalg.solve(root, found.covariance_given_shared).T)
     assert np.linalg.eigvalsh(unit)[0] >= 1 / (count + 1) - 1e-12
     assert np.linalg.eigvalsh(given)[0] > 0.9 / (count + 1)
     if count > 1000:
         np.testing.assert_allclose(found.covariance, 1e-6 * np.eye(6), atol=1e-7)
+
+
+def test_draws_from_all_over_of_which_too_few_count_are_left_aside(targets, monkeypatch):
+    from tanteo.active import weighing
+
+    target = targets[0]
+    start = rough([target], (3e-3, 0.03))
+    touches = readings(target, start.Ts[0], 6, np.random.default_rng(3))
+    (maxima,) = (climbed(start, 0, *fresh(start, 0, touches), touches, no_paths()),)
+    (about,) = weigh_parts(start, [maxima], touches, no_paths(), -np.inf)
+    true = weighing.drawn_all_over
+    monkeypatch.setattr(weighing, "drawn_all_over", lambda *some: replace(true(*some), effective=2.0))
+    (found,) = weigh_parts(start, [maxima], touches, no_paths(), -np.inf, all_over=True)
+    assert np.array_equal(found.Ts, about.Ts)
+    monkeypatch.setattr(weighing, "drawn_all_over", true)
+    (wide,) = weigh_parts(start, [maxima], touches, no_paths(), -np.inf, all_over=True)
+    assert len(wide.Ts) > len(about.Ts)

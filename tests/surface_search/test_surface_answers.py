@@ -361,3 +361,16 @@ def test_nothing_is_said_to_limit_it_where_the_posterior_is_much_wider_than_its_
     assert "robot's base" in what_limits(mode, shared)
     wide = Moments(np.zeros(6), 4 * mode.covariance, 4 * mode.covariance_given_shared, 0.0)
     assert what_limits(replace(mode, moments=wide), shared) == ""
+
+
+def test_a_tolerance_does_not_count_twice_beside_an_error_that_all_readings_share(targets):
+    """A base that is off moves part and readings together: it adds its own spread to the place, and nothing else."""
+    target, tolerance, base = targets["bracket_left"], 2e-4, 1e-3
+    _, touches, *_ = scene_of(target, 13, 40)
+    made = replace(touches, covs=touches.covs + tolerance**2 * np.eye(3), tolerance=tolerance)
+    made = replace(made, sd=np.sqrt(np.linalg.eigvalsh(made.covs)[:, -1]))
+    shared = replace(made, gains=np.tile(base * np.eye(3), (len(made), 1, 1)))
+    alone, both = (identify_touches(t, no_paths(), [target]).hypotheses[0] for t in (made, shared))
+    own = both.covariance - np.diag(np.r_[np.full(3, base**2), np.zeros(3)])
+    for C in (own, both.covariance_same_robot):
+        assert np.diag(C) == pytest.approx(np.diag(alone.covariance), rel=0.1)

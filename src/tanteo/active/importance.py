@@ -12,12 +12,12 @@ from tanteo.matching import PosePrior
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.given_pose import GivenPose, given_pose
+from tanteo.surface_search.nodes import Rough
 from tanteo.surface_search.sheets import all_over
 from tanteo.typing import FloatArray, IntArray, Tangents, Transforms
 
 ENOUGH = 200.0
 """Effective draws with which the weights are believed."""
-
 
 _FAINT = 14.0
 """Log odds below the heaviest at which draws are not kept."""
@@ -108,7 +108,7 @@ def drawn(posterior: Posterior, about: Proposals) -> Weighted:
 def drawn_all_over(posterior: Posterior, about: Proposals, prior: PosePrior) -> Weighted:
     """Draws from all that the readings leave of the one rough pose of a part, whatever maxima of it are known."""
     priors = replace(posterior.start.priors, pose=prior)
-    all_ = all_over(posterior.touches, posterior.target, priors, posterior, about.Ts)
+    all_ = all_over(Rough(posterior.touches, posterior.target, priors, posterior), about.Ts)
     some = np.flatnonzero(all_.log_weights > all_.log_weights.max() - _FAINT)
     x, log = about.coordinates(all_.Ts[some]), all_.log_weights[some] + np.log(len(some))
     at = GivenPose(*(getattr(all_.at, name)[some] for name in GivenPose.__slots__))

@@ -18,13 +18,14 @@ from tanteo.active.importance import ENOUGH, Posterior, Weighted, drawn, drawn_a
 from tanteo.active.maxima import Maxima, more
 from tanteo.active.proposals import Proposals
 from tanteo.active.start import Start
-from tanteo.lie import SE3
 from tanteo.matching import PosePrior
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Touches
 from tanteo.surface_search.modes import has_image_near
 from tanteo.surface_search.moments import Moments
+from tanteo.surface_search.of_draws import ONE, gaps, is_normal, moments_of, second_moments
 from tanteo.surface_search.polish import Polished
+from tanteo.surface_search.sheets import LEAST
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 MATTERS = 0.003
@@ -44,15 +45,6 @@ _FEW, _HEAVY = 50.0, 16
 
 _MAXIMA, _HOPELESS = 16, 25.0
 """Maxima about which draws are made, and log odds below the best at which none are."""
-
-_NORMAL = 0.25
-"""Root mean square by which the log density may differ from a normal one that is believed."""
-
-_OFF = 2.0
-"""A draw that differs by more than this counts as one that differs by this: a stray's tail is no other shape."""
-
-_ONE = 9.0
-"""Squared Mahalanobis distance within which a maximum belongs to a larger mode."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,8 +105,10 @@ def weigh_parts(
     total = float(log_sum([none, *(log_sum(p.log_mass) for p in known), *(draws.log_mass for _, draws in glances)]))
     for maxima, draws in glances:
         likely = draws.log_mass > total + np.log(_LIKELY)
-        if all_over and likely and (prior := _one_rough_pose(start, maxima.part)) is not None:
-            draws = drawn_all_over(draws.posterior, draws.proposals[0], prior)
+        prior = _one_rough_pose(start, maxima.part) if all_over and likely else None
+        wide = None if prior is None else drawn_all_over(draws.posterior, draws.proposals[0], prior)
+        if wide is not None and wide.effective >= LEAST:
+            draws = wide
         elif draws.effective < ENOUGH and draws.log_mass > total + np.log(MATTERS):
             maxima, draws = _closely(start, maxima, draws, touches, free)
         done[maxima.part] = _as_modes(maxima, draws)
@@ -155,18 +149,16 @@ def _as_modes(maxima: Maxima, draws: Weighted) -> PartModes:
     normal_mass = draws.tops + 3 * np.log(2 * np.pi) + np.linalg.slogdet(about.roots)[1]
     while left and share[left[0]] > 0:
         j = int(left.pop(0))
-        C, mean = _second_moment(draws.x[j], w * (owner == j))
-        near = [i for i, d in zip(left, _distances(about, j, left, C), strict=True) if d < _ONE]
+        apart = gaps(about.Ts[j], about.Ts[left], second_moments(draws.x[j], w * (owner == j)))
+        near = [i for i, gap in zip(left, apart, strict=True) if gap < ONE]
         for i in near:
             owner[owner == i] = j
             left.remove(i)
         mine = w * (owner == j)
-        if near:
-            C, mean = _second_moment(draws.x[j], mine)
         kept.append(j)
-        normal = not near and _is_normal(draws, about, j, mine)
+        normal = not near and is_normal(_off_normal(draws, about, j), mine)
         log_mass.append(float(normal_mass[j]) if normal else log_total + np.log(mine.sum()))
-        moments.append(None if normal else _moments(draws, about, j, mine, C, mean))
+        moments.append(None if normal else _moments(draws, about, j, mine))
     number = np.full(len(rows), -1)
     number[kept] = np.arange(len(kept))
     alive = w > 1e-6 * w.max()
@@ -179,37 +171,12 @@ def _as_modes(maxima: Maxima, draws: Weighted) -> PartModes:
     )  # fmt: skip
 
 
-def _second_moment(x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    share = w / w.sum()
-    return np.einsum("s,si,sk->ik", share, x, x), share @ x
-
-
-def _distances(about: Proposals, j: int, others: list[int], C: FloatArray) -> FloatArray:
-    """Squared Mahalanobis distances of other maxima from maximum ``j`` under the moments about it."""
-    x = SE3.log(SE3.inverse(about.Ts[j]) @ about.Ts[others])
-    s = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    x /= s
-    return np.asarray(np.sum(x * np.linalg.lstsq(C / np.outer(s, s), x.T, rcond=1e-9)[0].T, axis=1))
-
-
-def _is_normal(draws: Weighted, about: Proposals, j: int, w: FloatArray) -> bool:
-    """Whether the draws about a maximum have the density of its curvature."""
+def _off_normal(draws: Weighted, about: Proposals, j: int) -> FloatArray:
+    """By how much the log density at the draws is off that of the curvature at maximum ``j`` ``(S,)``."""
     white = np.linalg.solve(about.roots[j], draws.x[j].T)
-    off = np.clip(draws.at.log - draws.tops[j] + 0.5 * np.sum(white * white, axis=0), -_OFF, _OFF)
-    used = w > 1e-3 * w.max()
-    return bool(np.sqrt(np.average(off[used] ** 2, weights=w[used])) < _NORMAL)
+    return np.asarray(draws.at.log - draws.tops[j] + 0.5 * np.sum(white * white, axis=0))
 
 
-def _moments(draws: Weighted, about: Proposals, j: int, w: FloatArray, C: FloatArray, mean: FloatArray) -> Moments:
-    """Moments about maximum ``j``; given the shared errors, what they explain of the pose is taken off.
-
-    As if there were one draw more with the covariance of the curvature there: a few draws span no space of six.
-    """
-    share, given, z = w / w.sum(), C, draws.at.z - about.z[j]
-    if z.shape[1]:
-        cross = np.einsum("s,si,sk->ik", share, draws.x[j], z)
-        spread = np.einsum("s,si,sk->ik", share, z, z) + np.einsum("s,sik->ik", share, draws.at.spreads)
-        given = C - cross @ np.linalg.solve(spread, cross.T)
-    one = float(np.sum(share**2) / (1 + np.sum(share**2)))  # of it and all draws
-    curvature = one * about.roots[j] @ about.roots[j].T
-    return Moments(mean, (1 - one) * C + curvature, (1 - one) * given + curvature, 0.0)
+def _moments(draws: Weighted, about: Proposals, j: int, w: FloatArray) -> Moments:
+    """Moments about maximum ``j``, of draws with weights ``(S,)``."""
+    return moments_of(draws.x[j], w, draws.at.z - about.z[j], draws.at.spreads, about.roots[j])

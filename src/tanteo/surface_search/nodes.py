@@ -9,7 +9,7 @@ Bardsley et al. 2014); a density is as wide along the sheet as some of them lie 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
@@ -25,7 +25,7 @@ from tanteo.surface_search.refine import refine
 from tanteo.surface_search.shared_start import bend, start_of
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches
-from tanteo.typing import FloatArray, IntArray, Tangents, Transforms, Vectors
+from tanteo.typing import Covariances, FloatArray, IntArray, Tangents, Transforms, Vectors
 
 _COUNT = 512
 """Draws of the rough pose."""
@@ -114,54 +114,63 @@ def _topped(log: FloatArray) -> tuple[FloatArray, FloatArray]:
     return log - top, top
 
 
-def of_rough_pose(
-    touches: Touches, target: Target, priors: Priors, posterior: Posterior, also: Transforms
-) -> tuple[Nodes, GivenPose]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Rough:
+    """A part of which one rough pose is known, with readings.
+
+    Attributes:
+        touches: all readings that met something.
+        target: the part.
+        priors: rate of clutter, the size of the workspace, and the rough pose.
+        posterior: of the part, the rough pose counted in.
+        T: the rough pose ``T_world_part`` ``(4, 4)``.
+        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        root: of the inverse of that.
+    """
+
+    touches: Touches
+    target: Target
+    priors: Priors
+    posterior: Posterior
+    T: Transforms = field(init=False)
+    covariance: Covariances = field(init=False)
+    root: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        pose = self.priors.pose
+        assert pose is not None
+        for name, value in (("T", pose.T_world_part), ("covariance", pose.covariance), ("root", pose.root)):
+            assert value is not None
+            object.__setattr__(self, name, value)
+
+
+def of_rough_pose(rough: Rough, also: Transforms) -> tuple[Nodes, GivenPose]:
     """Densities all over what the readings leave of a rough pose, and the posterior at each.
 
     Args:
-        touches: all readings that met something.
-        target: the part.
-        priors: rate of clutter, the size of the workspace, and the rough pose.
-        posterior: of the part.
-        also: further poses about which there is to be a density: maxima ``(J, 4, 4)``.
+        rough: the part, with its readings.
+        also: further poses about which there is to be a density, first: maxima ``(J, 4, 4)``.
     """
-    pose = priors.pose
-    assert pose is not None
-    assert pose.T_world_part is not None
-    assert pose.covariance is not None
-    drawn = pose.T_world_part @ SE3.exp(_first() @ np.linalg.cholesky(pose.covariance).T)
-    own = partial(prior_rows, PosePrior(drawn, pose.covariance), target.part)
+    touches, target = rough.touches, rough.target
+    drawn = rough.T @ SE3.exp(_first() @ np.linalg.cholesky(rough.covariance).T)
+    own = PosePrior(drawn, rough.covariance)
     end = max(3.0, bend(touches))
-    scales = np.geomspace(max(_misfit(pose, target) / float(np.median(touches.sd)), 2 * end), end, _STEPS)
-    Ts, _ = refine(touches, drawn, target, scales, 0.0, own)
-    Ts, _ = start_of(touches, Ts, target, replace(priors, pose=PosePrior(drawn, pose.covariance)))
-    return about(touches, target, priors, posterior, np.concatenate([also, Ts]))
+    scales = np.geomspace(max(_misfit(rough) / float(np.median(touches.sd)), 2 * end), end, _STEPS)
+    Ts, _ = refine(touches, drawn, target, scales, 0.0, partial(prior_rows, own, target.part))
+    Ts, _ = start_of(touches, Ts, target, replace(rough.priors, pose=own))
+    return about(rough, np.concatenate([also, Ts]))
 
 
-def about(
-    touches: Touches, target: Target, priors: Priors, posterior: Posterior, Ts: Transforms
-) -> tuple[Nodes, GivenPose]:
-    """Densities about poses ``(K, 4, 4)``, and the posterior at each.
-
-    Args:
-        touches: all readings that met something.
-        target: the part.
-        priors: rate of clutter, the size of the workspace, and the rough pose.
-        posterior: of the part.
-        Ts: the poses.
-    """
-    pose = priors.pose
-    assert pose is not None
-    assert pose.T_world_part is not None
-    assert pose.root is not None
+def about(rough: Rough, Ts: Transforms) -> tuple[Nodes, GivenPose]:
+    """Densities about poses ``(K, 4, 4)``, and the posterior at each."""
+    touches, target = rough.touches, rough.target
     middle = target.part.centroid
     T_part_middle, M = SE3.from_parts(np.eye(3), middle), motions_about(middle)
-    T = pose.T_world_part @ T_part_middle
-    at = posterior(Ts, np.zeros((len(Ts), touches.gains.shape[-1])))
-    A, _ = normal_equations(touches, explain(touches, Ts, at.z, target, priors), at.z)
+    T = rough.T @ T_part_middle
+    at = rough.posterior(Ts, np.zeros((len(Ts), touches.gains.shape[-1])))
+    A, _ = normal_equations(touches, explain(touches, Ts, at.z, target, rough.priors), at.z)
     x = SE3.log(SE3.inverse(T) @ Ts @ T_part_middle)
-    J, root = M @ SE3.right_jacobian(x), _NARROWER * pose.root @ M
+    J, root = M @ SE3.right_jacobian(x), _NARROWER * rough.root @ M
     information = np.swapaxes(J, 1, 2) @ pose_information(A) @ J + root.T @ root
     scale = 1 / np.sqrt(np.einsum("sii->si", information))
     unit = information * scale[:, :, None] * scale[:, None, :] + 1e-10 * np.eye(6)
@@ -173,12 +182,12 @@ def about(
     return Nodes(T, middle, x, roots, shares, at.z, follows), at
 
 
-def _misfit(pose: PosePrior, target: Target) -> float:
+def _misfit(rough: Rough) -> float:
     """How far the surface may be from where the rough pose has it [m], 1 sd."""
-    assert pose.covariance is not None
-    to_middle = np.linalg.inv(motions_about(target.part.centroid))
-    C = to_middle @ pose.covariance @ to_middle.T
-    return float(np.sqrt(np.trace(C[:3, :3]) / 3 + np.trace(C[3:, 3:]) / 3 * target.part.radius**2))
+    part = rough.target.part
+    to_middle = np.linalg.inv(motions_about(part.centroid))
+    C = to_middle @ rough.covariance @ to_middle.T
+    return float(np.sqrt(np.trace(C[:3, :3]) / 3 + np.trace(C[3:, 3:]) / 3 * part.radius**2))
 
 
 @cache
