@@ -2,7 +2,8 @@
 
 Eight parts of the examples, one of which is sensed without correspondences; once the catalogue holds only the seven
 others, once all eight. What is said of the stranger, how probable "none of these" is in both cases, and how often the
-part itself is named when it is there. ``--processes`` and ``--keep`` as in ``campaign.py``.
+part itself is named when it is there. Then two parts that differ by one face, 3 mm higher, one of which is sensed
+while the catalogue holds the other. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from bare_scenes import SENSORS, box_centred_pose, scene
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 
 COUNTS = 10, 16, 25
+STEPS = "step_12mm", "step_15mm"
 
 
 @cache
@@ -61,6 +63,40 @@ def summary(rows):
     )
 
 
+@cache
+def steps():
+    """Two parts of which one has a higher step, prepared."""
+    return {name: prepare_target(tanteo.read_part(FOLDER / f"{name}.step")) for name in STEPS}
+
+
+def of_one_face(name, s, n, seed, k):
+    """What is said of a part by a catalogue that holds the other, and how many readings are off that one."""
+    own, sensing = steps()[name], SENSORS[s]
+    other = steps()[next(x for x in STEPS if x != name)]
+    rng = np.random.default_rng((seed, STEPS.index(name), s, n, k))
+    T = box_centred_pose(rng)
+    touches, _, _ = scene(own, T, sensing, n, rng)
+    answer = identify_touches(touches, FreePaths.none(), [other, *(t for t in catalogue() if "step" not in t.part.name)])
+    off = other.surface.closest((touches.points - T[:3, 3]) @ T[:3, :3]).distances > 5 * sensing.sd
+    return {"status": answer.status, "off": int(off.sum()), "face": "readings agree" in answer.message}
+
+
+def variants(scenes, seed, keep, processes):
+    """Two parts that differ by one face."""
+    cases = [(name, s, n, seed, k) for k in range(scenes) for s in (0, 1) for n in COUNTS for name in STEPS]
+    done = list(zip(cases, run_cases(of_one_face, cases, keep, processes), strict=True))
+    table = []
+    for s in (0, 1):
+        for low, high in ((0, 0), (1, 1), (2, 99)):
+            rows = [r for c, r in done if c[1] == s and low <= r["off"] <= high]
+            said = [f"{sum(r['status'] == x for r in rows)}/{len(rows)}" for x in ("recognized", "unknown")]
+            off = f"{low}" if low == high else f"{low} or more"
+            table.append((SENSORS[s].name, off, *said, f"{sum(r['face'] for r in rows)}"))
+    columns = "sensor", "readings off the known part", "taken for it", "said to be unknown", "face named"
+    text = f"{' and '.join(STEPS)}, {scenes} scenes each, {', '.join(map(str, COUNTS))} readings, seed {seed}."
+    return Table("One face elsewhere", text, columns, table)
+
+
 def run(scenes, seed, keep, processes):
     """All scenes."""
     cases = [
@@ -83,3 +119,4 @@ if __name__ == "__main__":
     rest, keep, processes = options(sys.argv[1:])
     scenes, seed = (int(rest[i]) if len(rest) > i else default for i, default in ((0, 4), (1, 20261203)))
     print(run(scenes, seed, keep, processes).markdown())
+    print(variants(5 * scenes, seed, keep and keep.with_suffix(".variants.jsonl"), processes).markdown())

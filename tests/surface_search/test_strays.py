@@ -8,7 +8,8 @@ from scipy.integrate import quad
 from scipy.special import betaln, expit
 from scipy.stats import beta, betabinom
 
-from tanteo.surface_search.strays import log_density, log_density_of_kin, on_surface, so_many, stray_rates
+from tanteo.surface_search.kin import log_density_elsewhere
+from tanteo.surface_search.strays import log_density, on_surface, so_many, stray_rates
 
 
 @pytest.mark.parametrize("mean", [1e-6, 9e-4, 1.1e-3, 0.02, 0.3, 0.9])
@@ -72,7 +73,7 @@ def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n
     hit, stray = np.full(n, 10.0), np.zeros(n)
     hit[:elsewhere] = -100
     expected = 10 * (n - elsewhere) + betaln(elsewhere + 1, n - elsewhere + 1)
-    assert log_density_of_kin(hit[None], stray[None])[0] == pytest.approx(expected, abs=0.02)
+    assert log_density_elsewhere(hit[None], stray[None])[0] == pytest.approx(expected, abs=0.02)
 
 
 @pytest.mark.parametrize("n", [3, 8, 30, 100, 300, 1000])
@@ -83,7 +84,7 @@ def test_counts_weigh_what_they_weigh_however_many_readings_there_are(n, mean):
     hit, stray = np.full((len(counts), n), 10.0), np.zeros((len(counts), n))
     hit[np.arange(n) < counts[:, None]] = -100
     kin = 10 * (n - counts) + betaln(counts + 1, n - counts + 1)
-    assert log_density_of_kin(hit, stray) == pytest.approx(kin, abs=0.1)
+    assert log_density_elsewhere(hit, stray) == pytest.approx(kin, abs=0.1)
     b = 0.5 / mean - 0.5
     rate = 10 * (n - counts) + betaln(counts + 0.5, n - counts + b) - betaln(0.5, b)
     likely = counts < 10 * mean * n + 2
@@ -94,7 +95,7 @@ def test_few_strays_are_the_sensor_s_and_many_are_another_part():
     """Odds at equal priors, over the number of 25 readings that are off the part."""
     hit, stray = np.full((12, 25), 8.0), np.zeros((12, 25))
     hit[np.arange(25) < np.arange(12)[:, None]] = -100
-    odds = log_density_of_kin(hit, stray) - log_density(hit, stray, 0.02)
+    odds = log_density_elsewhere(hit, stray) - log_density(hit, stray, 0.02)
     assert np.all(np.diff(odds) > 0)
     assert odds[0] < -2.5
     assert odds[2] < 0 < odds[6]
@@ -105,10 +106,10 @@ def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_stray():
     """Two readings of one place, one of them off: of an object like the part, too, the sensor erred."""
     off, on, stray = -300.0, 4.0, 1.0
     hit, other = np.array([[on, on, off, on]]), np.full((1, 4), stray)
-    alone = log_density_of_kin(hit[:, :3], other[:, :3])
-    own = log_density_of_kin(hit, other, 0.02, np.arange(4))
-    np.testing.assert_allclose(own, log_density_of_kin(hit, other))
-    together = log_density_of_kin(hit, other, 0.02, np.array([0, 1, 2, 2]))
+    alone = log_density_elsewhere(hit[:, :3], other[:, :3])
+    own = log_density_elsewhere(hit, other, 0.02, np.arange(4))
+    np.testing.assert_allclose(own, log_density_elsewhere(hit, other))
+    together = log_density_elsewhere(hit, other, 0.02, np.array([0, 1, 2, 2]))
     share = np.linspace(0, 1, 200_001)
     place = (1 - share) * 0.02 * np.exp(stray) * (0.98 * np.exp(on) + 0.02 * np.exp(stray)) + share * np.exp(2 * stray)
     each = (1 - share) * np.exp(on) + share * np.exp(stray)

@@ -12,7 +12,7 @@ from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.surface_search import identify_touches, prepare_target
 from tanteo.surface_search.distinct import distinct_maxima
-from tanteo.surface_search.likelihood import explain, log_hit_or_stray
+from tanteo.surface_search.likelihood import densities_at, explain
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.refine import residuals
 from tanteo.surface_search.starts import bases, oriented_bases, pair_poses, triple_poses
@@ -93,9 +93,9 @@ def test_without_derivatives_the_likelihood_is_the_same(targets, seed):
     z = rng.normal(size=(40, touches.gains.shape[-1]))
     both = explain(touches, Ts, z, target, priors)
     assert both.edges is not None
-    hit, stray = log_hit_or_stray(touches, Ts, z, target, priors)
-    np.testing.assert_allclose(hit, both.log_hit, rtol=1e-12)
-    np.testing.assert_array_equal(stray, both.log_stray)
+    alone = densities_at(touches, Ts, z, target, priors)
+    np.testing.assert_allclose(alone.log_hit, both.densities.log_hit, rtol=1e-12)
+    np.testing.assert_array_equal(alone.log_stray, both.densities.log_stray)
 
 
 @pytest.mark.parametrize("radius", [0.0, 3e-3])

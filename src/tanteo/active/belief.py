@@ -14,14 +14,14 @@ from functools import partial
 
 import numpy as np
 
-from tanteo.active.maxima import NEGLIGIBLE, Maxima, climbed, fresh
+from tanteo.active.maxima import Maxima, climbed, fresh
 from tanteo.active.start import Start
 from tanteo.active.weighing import MATTERS, PartModes, weigh_parts
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
-from tanteo.surface_search.modes import Mode, log_none
+from tanteo.surface_search.modes import Mode, log_none, reported
 from tanteo.surface_search.weighed import unknown_log_density
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
@@ -34,6 +34,9 @@ _DOUBT = 0.2
 _FEW, _MANY = range(3, 13), 6
 """So many readings leave a rough pose on sheets, or fix it in several ways; so many told at once may be of a pose that
 nothing alive leads to: then draws are made from all that the readings leave of it."""
+
+_LEAST_P = 1e-12
+"""Probability of a mode at least: where the object is only like a part, it is kept as the place of that."""
 
 _SURE = 0.99
 """Probability of a part at which all others are looked at anew, once."""
@@ -209,13 +212,21 @@ def _believe(
         for m in range(len(p.k))
     ]
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(p.rows for p in parts)])
-    order = [k for k in np.argsort(-log, kind="stable") if log[k] > total - NEGLIGIBLE]
+    kin = np.concatenate([np.zeros(0), *(_at_best(p) for p in parts)]) + np.log(start.priors.unknown * start.priors.kin)
+    alive = reported(log, kin, total)
+    order = [k for k in np.argsort(-log, kind="stable") if alive[k]]
     total = float(log_sum([log_unknown, *log[order]]))
-    kept = tuple(replace(modes[k], probability=float(np.exp(log[k] - total))) for k in order)
+    kept = tuple(replace(modes[k], probability=max(float(np.exp(log[k] - total)), _LEAST_P)) for k in order)
     number = np.full(len(modes), -1)
     number[order] = np.arange(len(order))
     draws = _joined(parts, number, np.array([m.probability for m in kept]))
     return Belief(start, touches, free, kept, rows[order], float(np.exp(log_unknown - total)), draws)
+
+
+def _at_best(part: PartModes) -> FloatArray:
+    """Log mass of objects that are only like the part, all of it at its likeliest mode ``(M,)``."""
+    best = np.arange(len(part.log_mass)) == np.argmax(part.log_mass) if len(part.log_mass) else np.zeros(0, dtype=bool)
+    return np.where(best, part.log_kin, -np.inf)
 
 
 def _joined(parts: Sequence[PartModes], number: IntArray, probabilities: FloatArray) -> Draws:

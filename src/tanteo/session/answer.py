@@ -19,6 +19,7 @@ from tanteo.session.moved import moved
 from tanteo.session.values import Step, Told
 from tanteo.surface_search.answer import as_hypothesis, worst_reading
 from tanteo.surface_search.explained import chi_square
+from tanteo.surface_search.off_part import face_elsewhere
 from tanteo.surface_search.said import p_of_prior
 
 ALPHA = 0.01
@@ -70,6 +71,7 @@ def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> R
     if status == "ambiguous" and (placed or enough):
         status = "recognized" if placed else "ambiguous"
         message = _in_some_pose(hypotheses[0], belief, stop, shares)
+    message += face_elsewhere(touches, belief.modes[0], belief.unknown, start.priors)
     message += _ANEW if status == "unknown" and prior_p < alpha else ""
     return Recognition(status, message + moved_words(belief), hypotheses, belief.unknown, {}, seed)
 

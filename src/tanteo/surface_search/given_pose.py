@@ -14,14 +14,15 @@ import numpy as np
 
 from tanteo.matching.evidence import Priors, log_sum
 from tanteo.surface_search.free_space import log_free_paths
+from tanteo.surface_search.kin import log_density_of_kin
 from tanteo.surface_search.likelihood import (
     Explained,
+    densities_at,
     explain,
     log_beside_readings,
-    log_hit_or_stray,
     normal_equations,
 )
-from tanteo.surface_search.strays import log_density, log_density_of_kin
+from tanteo.surface_search.strays import log_density
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray, Transforms
@@ -79,11 +80,11 @@ def given_pose(
     if z.shape[1]:
         z, spreads = _expected(touches, Ts, z, target, priors)
         log = 0.5 * np.linalg.slogdet(spreads)[1]
-    densities = log_hit_or_stray(touches, Ts, z, target, priors)
-    of_readings = log_density(*densities, priors.clutter)
+    at = densities_at(touches, Ts, z, target, priors)
+    of_readings = log_density(at.log_hit, at.log_stray, priors.clutter)
     log = log + of_readings + log_beside_readings(FreePaths.none(), Ts, z, target, priors)
     log += _log_paths(touches, free, target, priors, Ts, z, spreads)
-    kin = log_density_of_kin(*densities, priors.clutter, touches.places)
+    kin = log_density_of_kin(at, target.part, priors.clutter, touches.places)
     return GivenPose(log, kin - of_readings, z, spreads)
 
 
@@ -138,7 +139,7 @@ def _before_shared(at: Explained) -> Explained:
 
     With the errors that are expected a reading may look astray that one of them explains.
     """
-    n = at.log_hit.shape[1]
+    n = at.densities.log_hit.shape[1]
     shared = np.sum(at.J[:, :n, 6:] ** 2, axis=2)
     wider = 0.5 * at.r[:, :n] ** 2 * shared / (1 + shared) - 0.5 * np.log1p(shared)
-    return replace(at, log_hit=at.log_hit + wider)
+    return replace(at, densities=replace(at.densities, log_hit=at.densities.log_hit + wider))

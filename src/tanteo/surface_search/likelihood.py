@@ -15,10 +15,11 @@ from tanteo.lie import SO3
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import log_density_within, prior_residuals
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
+from tanteo.surface_search.kin import Densities, log_density_of_kin
 from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
 from tanteo.surface_search.sensed_normals import Tilts, tilts
-from tanteo.surface_search.strays import log_density, log_density_of_kin, on_surface
+from tanteo.surface_search.strays import log_density, on_surface
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
@@ -31,37 +32,35 @@ class Explained:
     Attributes:
         r: residuals in standard deviations ``(S, n + 3 m)``.
         J: derivatives by pose and shared errors ``(S, n + 3 m, 6 + D)``.
-        log_hit: log density of each reading on the surface ``(S, n)``.
-        log_stray: as clutter ``(S, n)``.
+        densities: of each reading, on the surface and as clutter.
+        target: the part.
         clutter: mean rate of strays.
-        distances: from the surface ``(S, n)`` [m].
         edges: readings near edges, which are on several faces.
         places: number of the place of each reading ``(n,)``; None where each has its own.
     """
 
     r: FloatArray
     J: FloatArray
-    log_hit: FloatArray
-    log_stray: FloatArray
+    densities: Densities
+    target: Target
     clutter: float
-    distances: FloatArray
     edges: NearEdges | None
     places: IntArray | None = None
 
     @property
     def log(self) -> FloatArray:
         """Of both together, all readings ``(S,)``."""
-        return log_density(self.log_hit, self.log_stray, self.clutter)
+        return log_density(self.densities.log_hit, self.densities.log_stray, self.clutter)
 
     @property
     def log_kin(self) -> FloatArray:
         """Of all readings if the object is only like the part ``(S,)``."""
-        return log_density_of_kin(self.log_hit, self.log_stray, self.clutter, self.places)
+        return log_density_of_kin(self.densities, self.target.part, self.clutter, self.places)
 
     @property
     def belongs(self) -> FloatArray:
         """Probability that each reading is on the surface ``(S, n)``."""
-        return on_surface(self.log_hit, self.log_stray, self.clutter)
+        return on_surface(self.densities.log_hit, self.densities.log_stray, self.clutter)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,19 +94,17 @@ def explain(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, pri
     J = np.concatenate([-at.g, SO3.cross(at.g, at.p), *shared], axis=-1) * at.s[..., None]
     edges = near_edges(touches, target, at.R, at.p, at.nearest)
     known = None if edges is None else (edges.poses, edges.readings, edges.log)
-    log, stray, tilt = _log_densities(touches, Ts, z, target, priors, at, known)
+    densities, tilt = _densities(touches, Ts, z, target, priors, at, known)
     if tilt is not None:
         r, J = _with_normals(touches, at, r, J, tilt)
-    return Explained(r, J, log, stray, priors.clutter, at.distance, edges, touches.places)
+    return Explained(r, J, densities, target, priors.clutter, edges, touches.places)
 
 
-def log_hit_or_stray(
-    touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors
-) -> tuple[FloatArray, FloatArray]:
-    """Log densities of each reading on the surface and as clutter ``(S, n)``: :func:`explain`, without derivatives."""
+def densities_at(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> Densities:
+    """Log densities of each reading on the surface and as clutter: :func:`explain`, without derivatives."""
     at = _placed(touches, Ts, z, target)
     edges = log_near_edges(touches, target, at.R, at.p, at.nearest)
-    return _log_densities(touches, Ts, z, target, priors, at, edges)[:2]
+    return _densities(touches, Ts, z, target, priors, at, edges)[0]
 
 
 def log_posterior(
@@ -125,7 +122,8 @@ def log_posterior(
         target: the part.
         priors: rate of clutter, the size of the workspace, what is known of the pose.
     """
-    log = log_density(*log_hit_or_stray(touches, Ts, z, target, priors), priors.clutter)
+    at = densities_at(touches, Ts, z, target, priors)
+    log = log_density(at.log_hit, at.log_stray, priors.clutter)
     return log + log_beside_readings(free, Ts, z, target, priors)
 
 
@@ -155,7 +153,7 @@ def _placed(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> 
     return _Placed(R, p, g, phi - touches.radii, s, beside, normal, nearest, met)
 
 
-def _log_densities(
+def _densities(
     touches: Touches,
     Ts: Transforms,
     z: FloatArray,
@@ -163,8 +161,8 @@ def _log_densities(
     priors: Priors,
     at: _Placed,
     edges: tuple[IntArray, IntArray, FloatArray] | None,
-) -> tuple[FloatArray, FloatArray, Tilts | None]:
-    """Log densities on the surface and as clutter ``(S, n)``, and how far sensed normals are off ``(S, m)``."""
+) -> tuple[Densities, Tilts | None]:
+    """Densities of each reading, and how far sensed normals are off."""
     r, directed = at.distance * at.s, touches.directed
     log = -0.5 * (r * r + at.beside + np.log(2 * np.pi)) + np.log(at.s)
     if directed.any():
@@ -182,11 +180,12 @@ def _log_densities(
         tilt = tilts(touches, target, turn[:, rows], which, m, at.p[:, rows], at.g[:, rows], at.met[:, rows])
         log[:, rows] += tilt.log
         stray[:, rows] -= np.log(4 * np.pi)
+    there = log + 0.5 * r * r
     if edges is not None:
         log[edges[0], edges[1]] = edges[2]
     if (touches.reach * directed).any():
         log[material_in_front(touches, Ts, z, target)] = -np.inf
-    return log, stray, tilt
+    return Densities(log, stray, there, at.distance, at.s, target.part.triangle_face[at.met]), tilt
 
 
 def _with_normals(

@@ -24,7 +24,7 @@ from tanteo.surface_search.sheets import pieces
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.within import cut, log_within, within
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.typing import BoolArray, Covariances, FloatArray, Tangents, Transforms
 
 NEGLIGIBLE = 12.0
 """Log odds below the best mode at which another is not reported."""
@@ -141,13 +141,14 @@ def weigh(
             new, weighed = (_one_region(within[0], new) if within else new), apart
         weighed.append(new)
     modes = sorted(weighed + modes, key=lambda mode: -mode.log_mass)
-    kin = np.array([m.log_mass + m.found.kin[m.k] for m in modes])
-    log_unknown = log_none(log_unknown, kin - np.log1p(-priors.unknown), priors)
+    kin = np.array([m.log_mass + m.found.kin[m.k] for m in modes]) - np.log1p(-priors.unknown)
+    log_unknown = log_none(log_unknown, kin, priors)
     total = _total(modes, log_unknown)
+    alive = reported(np.array([m.log_mass for m in modes]), kin + np.log(priors.unknown * priors.kin), total)
     kept = [
         replace(_in_box(m, priors), probability=float(np.exp(m.log_mass - total)))
-        for m in modes
-        if m.log_mass > total - NEGLIGIBLE
+        for m, ok in zip(modes, alive, strict=True)
+        if ok
     ]
     return kept, float(np.exp(log_unknown - total))
 
@@ -163,6 +164,20 @@ def _unblocked(free: FreePaths, modes: Sequence[Mode], priors: Priors) -> FloatA
         for m, near in zip(modes, out > out.max() - NEGLIGIBLE, strict=True)
     ]
     return np.asarray(out + passed - said)
+
+
+def reported(log_mass: FloatArray, log_kin: FloatArray, total: float) -> BoolArray:
+    """Which modes are reported: what is probable, and the likeliest object that is only like a part, as that part.
+
+    Args:
+        log_mass: log evidence of each mode.
+        log_kin: of an object like the part there, its prior included.
+        total: of everything together.
+    """
+    out = np.asarray(log_mass > total - NEGLIGIBLE)
+    if len(out) and not out.any() and log_kin.max() > total - NEGLIGIBLE:
+        out[np.argmax(log_kin)] = True
+    return out
 
 
 def log_none(log_anywhere: float, log_kin: FloatArray, priors: Priors) -> float:

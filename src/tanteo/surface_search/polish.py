@@ -108,13 +108,13 @@ def polish(
         information = without_spins(target.part, information)
     log = log + pose_volume(information, pose_scale(priors.radius, target.part.centroid))
     log = log + log_within(priors, target.part, Ts, A)
-    n, tilts = len(touches), np.zeros(at.distances.shape)
+    n, tilts = len(touches), np.zeros(at.densities.distances.shape)
     tilts[:, touches.oriented] = np.linalg.norm(at.r[:, n:].reshape(len(Ts), (at.r.shape[1] - n) // 3, 3), axis=2)
     r, J = np.array(at.r[:, :n]), at.J[:, :n, :6]
     if at.edges is not None:
         there = at.edges.poses, at.edges.readings
         r[there], tilts[there] = np.clip(r[there], -at.edges.off, at.edges.off), at.edges.tilts
-    return Polished(Ts, z, A, log, at.belongs, r, at.distances, tilts, J, at.log_kin - at.log, groups)
+    return Polished(Ts, z, A, log, at.belongs, r, at.densities.distances, tilts, J, at.log_kin - at.log, groups)
 
 
 def from_blurred(touches: Touches, free: FreePaths, found: Polished, target: Target, priors: Priors) -> Polished:

@@ -13,13 +13,13 @@ from tanteo.features import SharedError
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
 from tanteo.matching.recognition import Clock
-from tanteo.matching.results import Hypothesis, Recognition
+from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.surface_search.answer import as_hypothesis, what_limits, worst_reading
 from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.off_part import face_elsewhere, left_out, mostly_on, not_on_it
 from tanteo.surface_search.said import what_was_said
-from tanteo.surface_search.strays import so_many
 from tanteo.surface_search.target import Target, prepare_target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.weighed import search_and_weigh
@@ -34,9 +34,6 @@ _BARELY = 2.0
 
 LEAST = 3
 """Fewer readings than this fit any surface in any way."""
-
-_NOTABLE = 0.05
-"""So many strays are mentioned if they, or more, are not more probable than this."""
 
 _MAY_MISS = 0.05
 """Probability of poses that the search met only once from which the answer says that others may fit."""
@@ -99,12 +96,13 @@ def identify_touches(
     status, message = verdict(
         hypotheses, unknown, alpha, worst=worst, shares=_shares(modes), prior_p=said.p, elsewhere=said.elsewhere
     )
-    if status == "unknown" and hypotheses and _mostly_on(hypotheses[0], unknown) and not said.elsewhere:
-        message = _strays_message(hypotheses[0], unknown)
+    if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not said.elsewhere:
+        message = not_on_it(hypotheses[0], unknown)
     if status == "recognized" and _close_together(touches, modes[0], priors):
         status, message = "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
     if hypotheses and status == "recognized":
-        message += what_limits(modes[0], shared) + _left_out(hypotheses[0], priors)
+        message += what_limits(modes[0], shared) + left_out(hypotheses[0], priors)
+    message += face_elsewhere(touches, modes[0], unknown, priors) if modes and status != "insufficient" else ""
     message += _missed(found.once, status) + _scattered(found.ratio, worst)
     return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
 
@@ -137,29 +135,6 @@ def _without_breadth(touches: Touches) -> str:
 
 def _shares(modes: Sequence[Mode]) -> list[tuple[str, float]]:
     return [(mode.target.part.name, mode.probability) for mode in modes]
-
-
-def _mostly_on(best: Hypothesis, unknown: float) -> bool:
-    """Whether "none of these" is more probable than a part that most of the readings, but not all, are on."""
-    return best.probability < unknown and 0 < len(best.outliers) < len(best.pairings)
-
-
-def _strays_message(best: Hypothesis, unknown: float) -> str:
-    n = len(best.outliers) + len(best.pairings)
-    return (
-        f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
-        f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more strays "
-        "(--strays)."
-    )
-
-
-def _left_out(best: Hypothesis, priors: Priors) -> str:
-    """A warning if more readings are off the part than is expected."""
-    strays = len(best.outliers)
-    n = strays + len(best.pairings)
-    if so_many(strays, n, priors.clutter) > _NOTABLE:
-        return ""
-    return f" {strays} of {n} readings are not on it, more than expected: check them, and the order of their columns."
 
 
 def _missed(once: float, status: str) -> str:

@@ -1,24 +1,20 @@
-"""How often readings are astray: stated as a mean, and found out from the readings themselves (decision 35).
-
-A part that is only like one of the catalogue looks like that part with more strays than the sensor makes: any share of
-the readings may be off its surface.
-"""
+"""How often readings are astray: stated as a mean, and found out from the readings themselves (decision 35)."""
 
 from __future__ import annotations
 
 from functools import cache
 
 import numpy as np
-from scipy.special import bdtrc, roots_genlaguerre, roots_jacobi, roots_legendre
+from scipy.special import bdtrc, roots_genlaguerre, roots_jacobi
 
 from tanteo.matching.evidence import log_sum
-from tanteo.typing import FloatArray, IntArray
+from tanteo.typing import FloatArray
 
 _SHAPE = 0.5
 """First parameter of the beta density of the rate, that of Jeffreys' prior."""
 
-_NODES, _SHARES = 4, 12
-"""Nodes of the quadrature over the rate, and over the share of a surface that is elsewhere: so many at least."""
+_NODES = 4
+"""Nodes of the quadrature over the rate: so many at least."""
 
 _RARE = 1e-3
 """Below this mean a beta density is a gamma density."""
@@ -51,46 +47,13 @@ def log_density(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> Floa
         log_stray: if it is astray ``(S, n)``.
         mean: rate of strays that is stated.
     """
-    return log_sum(_log_by_rate(log_hit, log_stray, *stray_rates(mean, log_hit.shape[1])), axis=0)
-
-
-def log_density_of_kin(
-    log_hit: FloatArray, log_stray: FloatArray, mean: float = 0.0, places: IntArray | None = None
-) -> FloatArray:
-    """The same for a part that is like this one ``(S,)``: of its surface any share, all shares alike, is elsewhere.
-
-    At one place the surface is there or elsewhere for all readings: where one of them is on the part, the others
-    are strays of the sensor, whatever the object is.
-
-    Args:
-        log_hit: log density of each reading if it is on the surface of the part that is known ``(S, n)``.
-        log_stray: if it is elsewhere ``(S, n)``.
-        mean: rate of strays that is stated.
-        places: number of the place of each reading ``(n,)``; each has its own if not given.
-    """
-    if places is not None and len(np.unique(places)) < len(places):
-        log_hit, log_stray = _by_place(log_hit, log_stray, mean, places)
-    nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_hit.shape[1]))))
-    return log_sum(_log_by_rate(log_hit, log_stray, *_shares(nodes)), axis=0)
-
-
-def _by_place(
-    log_hit: FloatArray, log_stray: FloatArray, mean: float, places: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Log densities of all readings of each place, if the surface is there, strays among them, and if it is not."""
-    order = np.argsort(places, kind="stable")
-    first, count = np.unique(places[order], return_index=True, return_counts=True)[1:]
-    several = np.repeat(count > 1, count)
-    hit, stray = log_hit[:, order], log_stray[:, order]
-    rate = np.log(max(mean, 1e-300))
-    hit = np.where(several, np.logaddexp(np.log1p(-mean) + hit, rate + stray), hit)
-    return np.add.reduceat(hit, first, axis=1), np.add.reduceat(stray, first, axis=1)
+    return log_sum(log_by_rate(log_hit, log_stray, *stray_rates(mean, log_hit.shape[1])), axis=0)
 
 
 def on_surface(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> FloatArray:
     """Probability that each reading is on the surface ``(S, n)``, given all; arguments of :func:`log_density`."""
     rates, weights = stray_rates(mean, log_hit.shape[1])
-    log = _log_by_rate(log_hit, log_stray, rates, weights)
+    log = log_by_rate(log_hit, log_stray, rates, weights)
     share = np.exp(log - log_sum(log, axis=0))
     ratio = np.exp(np.clip(log_stray - log_hit, -700, 700))
     out = np.zeros(ratio.shape)
@@ -107,14 +70,8 @@ def so_many(strays: int, n: int, mean: float) -> float:
     return float(weights @ bdtrc(strays - 1, n, rates))
 
 
-@cache
-def _shares(nodes: int) -> tuple[FloatArray, FloatArray]:
-    x, w = roots_legendre(nodes)
-    return (1 + x) / 2, w / 2
-
-
-def _log_by_rate(log_hit: FloatArray, log_stray: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:
-    """Log density of all readings and each rate together ``(K, S)``."""
+def log_by_rate(log_hit: FloatArray, log_stray: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:
+    """Log density of all readings and each rate together ``(K, S)``, of those weights ``(K,)``."""
     top = np.maximum(log_hit, log_stray)
     hit, stray = np.exp(log_hit - top), np.exp(log_stray - top)
     each = [np.sum(np.log((1 - rate) * hit + rate * stray), axis=-1) for rate in rates]
