@@ -4,7 +4,7 @@ A round bar that was touched around its side only, so that nothing but where the
 bar touched anywhere; few readings with exact normals, whose joint test has to count the normals; a tip offset of sixty
 times the noise on a hand that comes square on; exact touches that a session is told at once; few touches of a part
 whose place is roughly known, which leave it on sheets that are bent and cut; a bias of thirty times the noise that
-seven readings just show. ``--processes`` and ``--keep`` as in ``campaign.py``.
+seven readings just show; a beam that is mounted roughly. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,19 @@ from campaign import options, run_cases
 from common import Table
 
 import tanteo
-from bare_scenes import beams, box_centred_pose, inside, nees, no_paths, off, oriented, surface_points, touches_of
+from bare_scenes import (
+    beams,
+    box_centred_pose,
+    inside,
+    mounted,
+    nees,
+    no_paths,
+    off,
+    oriented,
+    surface_points,
+    touches_of,
+    with_tip_off,
+)
 from sensing_scenes import drawn_truth
 from tanteo.active import around, begin, update
 from tanteo.lie import SE3
@@ -41,8 +53,10 @@ KINDS = {
     "rough 4": "the same, 4 touches",
     "rough 6": "the same, 6 touches of 0.3 mm, place known to 5 mm and 5 degrees",
     "bias": "bracket_left, 7 beams of 0.01 mm with a bias of 0.3 mm, place known to 5 mm and 3 degrees",
+    "mount": "one of six parts, 25 beams of 0.3 mm from 0.05 to 0.25 m, mounted to 2 mm and 1 degree an axis",
 }
 ROUGH = "wedge", "block", "bracket_left"
+MANY = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"
 FAR = 3e-3
 """A pose that is farther off is another one [m]; along a bar nothing is."""
 
@@ -66,12 +80,12 @@ def _bar(length, side, rng):
 
 def _tip(rng):
     target, T, z = _target("bracket_left"), box_centred_pose(rng), rng.normal(size=3)
-    p, normals = surface_points(target, 25, rng)
-    along = -normals @ T[:3, :3].T
-    x = np.cross(along, rng.normal(size=p.shape))
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    gains = 3e-3 * np.stack([x, np.cross(along, x), along], axis=-1)
-    return target, touches_of(SE3.apply(T, p) - gains @ z + 5e-5 * rng.normal(size=p.shape), 5e-5, gains=gains), T
+    return target, with_tip_off(target, T, z, 25, rng), T
+
+
+def _mount(rng):
+    target, T = _target(MANY[rng.integers(len(MANY))]), box_centred_pose(rng)
+    return target, mounted(target, T, 25, rng), T
 
 
 def _rough(kind, k, rng):
@@ -94,6 +108,9 @@ def _bias(rng):
     return target, touches, T, Priors(pose=PosePrior(np.eye(4), C))
 
 
+_SHARED = {"tip": _tip, "mount": _mount}
+
+
 def one(kind, seed, k):
     """One scene: whether the answer was sure, right and in its region, NEES, degrees of freedom, p-value."""
     rng = np.random.default_rng((seed, list(KINDS).index(kind), k))
@@ -105,8 +122,10 @@ def one(kind, seed, k):
     elif kind == "normals":
         target = _target("bracket_left")
         touches, T = oriented(target, 7, rng, 1e-3, 5e-3)
+    elif kind in _SHARED:
+        target, touches, T = _SHARED[kind](rng)
     else:
-        target, touches, T = _tip(rng) if kind == "tip" else _bar(60 if "side" in kind else 200, "side" in kind, rng)
+        target, touches, T = _bar(60 if "side" in kind else 200, "side" in kind, rng)
     answer = identify_touches(touches, no_paths(), [target], priors=priors)
     best = answer.hypotheses[0]
     value, dof = nees(target.part, best.T_world_part, best.covariance, T)

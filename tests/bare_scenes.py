@@ -147,6 +147,45 @@ def scene(solid, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base
     return touches, rows, shared
 
 
+def with_tip_off(target, T, z, n, rng, sd=5e-5, off=3e-3):
+    """Touches square on; the tip is off by ``off * z`` in the frame of the hand ``(3,)`` [m]."""
+    p, normals = surface_points(target, n, rng)
+    along = -normals @ T[:3, :3].T
+    x = np.cross(along, rng.normal(size=p.shape))
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    gains = off * np.stack([x, np.cross(along, x), along], axis=-1)
+    return touches_of(SE3.apply(T, p) - gains @ z + sd * rng.normal(size=p.shape), sd, gains=gains)
+
+
+def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
+    """Beams of a sensor that sits elsewhere on the hand than it says, one draw of it, from 50 to 250 mm away.
+
+    Args:
+        target: the part.
+        T: its pose in the world.
+        n: readings.
+        rng: of all draws.
+        sd: noise of a range [m].
+        off: standard deviation of where the sensor sits, each axis [m].
+        turned: of how it is turned, about each axis [rad].
+    """
+    mount = SE3.exp(np.repeat([off, turned], 3) * rng.normal(size=6))
+    points, directions, gains = [], [], []
+    while len(points) < n:
+        (p,), (d,) = beams(target, 1, rng, 0.3)
+        side = np.cross(d, rng.normal(size=3))
+        side /= np.linalg.norm(side)
+        T_sensor = SE3.from_parts(np.stack([side, np.cross(d, side), d], axis=-1), p - rng.uniform(0.05, 0.25) * d)
+        really = T_sensor @ mount
+        distance = target.surface.cast(really[None, :3, 3], really[None, :3, 2]).distances[0]
+        if distance < 0.3:
+            at, R = np.array([0.0, 0.0, distance + sd * rng.normal()]), T[:3, :3] @ T_sensor[:3, :3]
+            points.append(SE3.apply(T @ T_sensor, at))
+            directions.append(R[:, 2])
+            gains.append(R @ np.concatenate([off * np.eye(3), -turned * SO3.hat(at)], axis=1))
+    return touches_of(np.array(points), sd, directions=np.array(directions), gains=np.array(gains))
+
+
 def box_centred_pose(rng, spread=0.5):
     q = rng.normal(size=4)
     return SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), rng.uniform(-spread, spread, 3))

@@ -22,9 +22,11 @@ def bracket():
 
 
 def touched(part, T, rng, tip):
-    """Five touches on each of six of its larger faces, with labels, from where the fingertip is said to be."""
-    points, normals, labels = [], [], []
-    for plane in rng.permutation(np.argsort(-part.planes.areas)[:9])[:6]:
+    """Five touches on each of six of its larger faces that fix it, with labels, from where the fingertip is said to be."""
+    points, normals, labels, planes = [], [], [], np.zeros(0, dtype=int)
+    while np.linalg.matrix_rank(part.planes.normals[planes]) < 3:
+        planes = rng.permutation(np.argsort(-part.planes.areas)[:9])[:6]
+    for plane in planes:
         corners = part.vertices[part.triangles[part.triangle_face == part.planes.faces[plane]]]
         areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         a, b, c = corners[rng.choice(len(corners), 5, p=areas / areas.sum())].transpose(1, 0, 2)

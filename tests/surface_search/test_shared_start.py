@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 import tanteo
-from bare_scenes import Sensing, beams, box_centred_pose, nees, scene, surface_points, touches_of
+from bare_scenes import Sensing, beams, box_centred_pose, mounted, nees, scene, surface_points, touches_of
 from tanteo.lie import SE3, SO3
+from tanteo.localization import pose_information
 from tanteo.matching import PosePrior, Priors
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+from tanteo.surface_search.hops import hop
+from tanteo.surface_search.polish import polish
 from tanteo.surface_search.shared_start import bend, start_of
 
 LASER = Sensing("laser", 5e-5, True, (20,))
@@ -80,3 +83,36 @@ def test_a_bias_is_not_taken_for_a_stray_where_few_readings_just_fix_the_pose(br
         priors = Priors(pose=PosePrior(np.eye(4), C), radius=bracket.part.radius)
         best = identify_touches(touches, FreePaths.none(), [bracket], priors=priors).hypotheses[0]
         assert best.outliers == (), k
+
+
+@pytest.fixture(scope="module")
+def housing():
+    return prepare_target(tanteo.read_part(Path(__file__).parents[2] / "examples" / "parts" / "housing.step"))
+
+
+@pytest.mark.parametrize("k", [7, 55])
+def test_a_sensor_that_is_mounted_roughly_hides_no_pose(housing, k):
+    """First poses alone lead to maxima that leave six readings aside, or that lie 15 standard deviations off."""
+    rng = np.random.default_rng((90, k))
+    T = box_centred_pose(rng)
+    answer = identify_touches(mounted(housing, T, 25, rng, off=3e-3, turned=0.03), FreePaths.none(), [housing])
+    assert answer.status == "recognized"
+    best = answer.hypotheses[0]
+    assert best.outliers == ()
+    assert nees(housing.part, best.T_world_part, best.covariance, T)[0] < 22.5
+
+
+def test_from_a_maximum_others_are_found_that_fit_better(housing):
+    """From where the climb ends that begins at the true pose with the errors which seem to fit it."""
+    rng = np.random.default_rng((90, 7))
+    T = box_centred_pose(rng)
+    touches = mounted(housing, T, 25, rng, off=3e-3, turned=0.03)
+    priors, none = Priors(radius=housing.part.radius), FreePaths.none()
+    first = polish(touches, none, T[None], housing, priors)
+    beside = hop(touches, none, first, housing, priors, 0, 3)
+    assert beside.log_evidence[0] > first.log_evidence[0] + 10
+    assert np.all(np.diff(beside.log_evidence) <= 0)
+    assert np.all(beside.groups == 8)
+    at_rest = polish(touches, none, beside.Ts, housing, priors, z=beside.z)
+    assert at_rest.log_evidence[0] == pytest.approx(beside.log_evidence[0], abs=1e-2)
+    assert nees(housing.part, beside.Ts[0], np.linalg.inv(pose_information(beside.information[0])), T)[0] < 22.5

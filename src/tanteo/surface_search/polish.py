@@ -83,6 +83,7 @@ def polish(
     priors: Priors,
     iterations: int = 12,
     groups: IntArray | None = None,
+    z: FloatArray | None = None,
 ) -> Polished:
     """Climb to the nearest maximum of the likelihood from every pose.
 
@@ -94,9 +95,11 @@ def polish(
         priors: rate of clutter, the size of the workspace, and what is known of the pose: of each, if it says so.
         iterations: of expectation and maximisation together.
         groups: groups of readings that each pose comes from, a bit each ``(S,)``; none if not given.
+        z: whitened shared errors from which each is climbed ``(S, D)``; from where they settle if not given.
     """
     groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups
-    Ts, z = _climb(touches, free, Ts, target, priors, iterations)
+    start = start_of(touches, Ts, target, priors) if z is None else (Ts, z)
+    Ts, z = _climb(touches, free, start, target, priors, iterations)
     at = explain(touches, Ts, z, target, priors)
     log = at.log + log_beside_readings(free, Ts, z, target, priors)
     A, b = normal_equations(touches, at, z)
@@ -160,7 +163,12 @@ def information_of_readings(
 
 
 def _climb(
-    touches: Touches, free: FreePaths, Ts: Transforms, target: Target, priors: Priors, iterations: int
+    touches: Touches,
+    free: FreePaths,
+    start: tuple[Transforms, FloatArray],
+    target: Target,
+    priors: Priors,
+    iterations: int,
 ) -> tuple[Transforms, FloatArray]:
     """Expectation and Levenberg-Marquardt together, each pose with its own damping; no step makes a pose worse.
 
@@ -174,8 +182,8 @@ def _climb(
         log += add_prior(priors.pose, target.part, Ts, A, b, rows)
         return log + log_free_paths(free, Ts, z, target, priors), A, b
 
-    Ts, z = start_of(touches, Ts, target, priors)
-    Ts, z, active = np.array(Ts), np.array(z), np.arange(len(Ts))
+    Ts, z = np.array(start[0]), np.array(start[1])
+    active = np.arange(len(Ts))
     M = motions_about(target.part.centroid, 6 + z.shape[1])
     log, A, b = look(Ts, z, active)
     damping = np.full(len(Ts), _LEAST_DAMPING)

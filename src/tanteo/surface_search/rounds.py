@@ -15,6 +15,7 @@ import numpy as np
 from tanteo.matching.evidence import Priors, log_sum
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.explained import explained, explains_all, leaves_one_of_few, log_mass, scatter
+from tanteo.surface_search.hops import hop
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.regions import groups_of_regions
@@ -119,16 +120,20 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
     """
     searches = [Search(target, tuple(groups_of(touches, target, _ROUNDS + 1))) for target in targets]
     determined = len(touches) >= _DETERMINES or touches.oriented.sum() >= LEAST_ORIENTED
-    left, stated = list(range(len(searches))), touches
+    left, stated, bent = list(range(len(searches))), touches, bend(touches) > _BENT
     for k in range(_ROUNDS if determined else 1):
         for i in left:
             found = _round(touches, free, searches[i], priors, k)
-            searches[i] = searches[i].after(found).by_regions(touches, free, priors)
-        if k == 0:
+            searches[i] = searches[i].after(found)
+            if bent and (best := searches[i].maxima) is not None and len(best.Ts):
+                beside = hop(touches, free, best, searches[i].target, priors, k, _number(k))
+                searches[i] = searches[i].after(beside)
+            searches[i] = searches[i].by_regions(touches, free, priors)
+        if k == 0 and not bent:
             wide, again = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
             if any(s.maxima is not None and explains_all(s.maxima) for s in again):
                 touches, searches = wide, again
-        left = _unfinished(searches, left, k, priors, bend(touches) > _BENT)
+        left = _unfinished(searches, left, k, priors, bent)
         if not left:
             break
     touches, searches = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
@@ -141,7 +146,7 @@ def _once(searches: Sequence[Search]) -> float:
 
 
 def _round(touches: Touches, free: FreePaths, s: Search, priors: Priors, k: int) -> Polished:
-    number = 0 if k == 0 else k + _GROUPS - 1
+    number = _number(k)
     some = s.groups[:_GROUPS] if k == 0 else (s.groups[number % len(s.groups)],)
     effort = effort_for(touches, s.target, k)
     if k == 0 or bend(touches) <= _BENT:
@@ -149,6 +154,11 @@ def _round(touches: Touches, free: FreePaths, s: Search, priors: Priors, k: int)
     z = _supposed(touches, k)
     one, other = (search(touches, free, s.target, priors, effort, some, number, way * z) for way in (1.0, -1.0))
     return distinct_maxima(one.join(other), s.target)
+
+
+def _number(k: int) -> int:
+    """Of the first group of readings of round ``k``."""
+    return 0 if k == 0 else k + _GROUPS - 1
 
 
 def _supposed(touches: Touches, k: int) -> FloatArray:
@@ -190,7 +200,7 @@ def _widened(
 def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors, bent: bool) -> list[int]:
     """Parts to search again after round ``k``; shared errors may bend the readings far more than their noise."""
     if not any(s.maxima is not None and explained(s.maxima, priors.clutter) for s in searches):
-        return left if k + 1 < _HOPELESS_ROUNDS else []
+        return left if bent or k + 1 < _HOPELESS_ROUNDS else []  # where they bend, the right errors come by chance
     mass = np.array([s.log_mass for s in searches])
     best = int(np.argmax(mass))
     # the next round looks for poses that fit but for one; further ones suppose other errors that readings share

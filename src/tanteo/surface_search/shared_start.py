@@ -60,12 +60,12 @@ def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -
     z = np.zeros((len(Ts), D))
     if not D or not len(Ts) or not len(touches):
         return Ts, z
-    far = _FAR * np.maximum(bend(touches), _alone(_residuals(touches, Ts, z, target)[1]))
+    far = _FAR * np.maximum(bend(touches), _alone(residuals(touches, Ts, z, target)[1]))
     if far.max() <= _FAR * _HARMLESS:
         return Ts, z
     M, far = motions_about(target.part.centroid, 6 + D), far.clip(_NEAR)[:, None]
     for share in np.linspace(0, 1, 3 + int(np.ceil(np.log2(far.max() / _NEAR)))):
-        r, J = _residuals(touches, Ts, z, target)
+        r, J = residuals(touches, Ts, z, target)
         w = 1 / (1 + (r / (far * (_NEAR / far) ** share)) ** 2)
         JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
         A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
@@ -91,7 +91,7 @@ def _alone(J: FloatArray) -> FloatArray:
     return np.asarray(alone.max(axis=1).clip(max=_MOST))
 
 
-def _residuals(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> tuple[FloatArray, FloatArray]:
+def residuals(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> tuple[FloatArray, FloatArray]:
     """Distances in standard deviations ``(S, n)`` and derivatives by pose and shared errors ``(S, n, 6 + D)``."""
     R = Ts[:, :3, :3]
     p = (touches.points + np.einsum("nid,sd->sni", touches.gains, z) - Ts[:, None, :3, 3]) @ R
