@@ -53,7 +53,7 @@ KINDS = {
     "rough 4": "the same, 4 touches",
     "rough 6": "the same, 6 touches of 0.3 mm, place known to 5 mm and 5 degrees",
     "bias": "bracket_left, 7 beams of 0.01 mm with a bias of 0.3 mm, place known to 5 mm and 3 degrees",
-    "mount": "one of six parts, 25 beams of 0.3 mm from 0.05 to 0.25 m, mounted to 2 mm and 1 degree an axis",
+    "mount": "one of six parts, 25 beams of 0.3 mm from 0.05 to 0.25 m, mounted to 3 mm and 0.03 rad an axis",
 }
 ROUGH = "wedge", "block", "bracket_left"
 MANY = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"
@@ -85,7 +85,7 @@ def _tip(rng):
 
 def _mount(rng):
     target, T = _target(MANY[rng.integers(len(MANY))]), box_centred_pose(rng)
-    return target, mounted(target, T, 25, rng), T
+    return target, mounted(target, T, 25, rng, off=3e-3, turned=0.03), T
 
 
 def _rough(kind, k, rng):

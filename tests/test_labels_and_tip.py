@@ -22,7 +22,7 @@ def bracket():
 
 
 def touched(part, T, rng, tip):
-    """Five touches on each of six of its larger faces that fix it, with labels, from where the fingertip is said to be."""
+    """Five touches on each of six larger faces that fix it, with labels, from where the fingertip is said to be."""
     points, normals, labels, planes = [], [], [], np.zeros(0, dtype=int)
     while np.linalg.matrix_rank(part.planes.normals[planes]) < 3:
         planes = rng.permutation(np.argsort(-part.planes.areas)[:9])[:6]
