@@ -21,7 +21,7 @@ check: $(VENV)/.test
 	$(BIN)/lint-imports
 
 unit: $(VENV)/.test
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -W -q -c docs -b html . build/docs

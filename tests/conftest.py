@@ -15,6 +15,11 @@ PARTS = Path(__file__).parents[1] / "examples" / "parts"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
+def pytest_collection_modifyitems(items):
+    """Slow tests first, so that none is left to one worker while the others wait."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
 @pytest.fixture(scope="session")
 def models():
     """Prepared example parts by name."""
