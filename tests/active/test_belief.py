@@ -21,9 +21,10 @@ from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+from tanteo.surface_search.kin import log_density_of_kin
 from tanteo.surface_search.likelihood import explain, log_posterior
+from tanteo.surface_search.none_of_these import unknown_log_density
 from tanteo.surface_search.of_draws import moments_of
-from tanteo.surface_search.weighed import unknown_log_density
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 LASER = SENSORS[1]
@@ -73,7 +74,8 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
         Ts = start.Ts[k] @ SE3.exp(xi[..., 0])
         each = log_posterior(touches, no_paths(), Ts, np.zeros((len(Ts), 0)), target, start.priors)
         log.append(logsumexp(each) - np.log(len(Ts)) + np.log((1 - start.priors.unknown) / 3))
-        like = explain(touches, Ts, np.zeros((len(Ts), 0)), target, start.priors).log_kin
+        at = explain(touches, Ts, np.zeros((len(Ts), 0)), target, start.priors).densities
+        like = log_density_of_kin(at, target.part, start.priors.clutter, touches.places)
         kin.append(logsumexp(like) - np.log(len(Ts)) - np.log(3))
     anywhere = unknown_log_density(touches, start.priors).sum()
     log.append(np.log(start.priors.unknown) + np.logaddexp(logsumexp(kin), anywhere) - np.log(2))
@@ -255,7 +257,8 @@ def test_a_shared_error_may_explain_what_looks_astray(targets, bias):
     Ts = start.Ts[0] @ SE3.exp((np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=(n, 6, 1)))[..., 0])
     z = rng.normal(size=(n, 1))
     each = log_posterior(touches, no_paths(), Ts, z, targets[2], start.priors) + 0.5 * np.sum(z * z, axis=1)
-    like = logsumexp(explain(touches, Ts, z, targets[2], start.priors).log_kin) - np.log(n)
+    at = explain(touches, Ts, z, targets[2], start.priors).densities
+    like = logsumexp(log_density_of_kin(at, targets[2].part, start.priors.clutter, touches.places)) - np.log(n)
     anywhere = unknown_log_density(touches, start.priors).sum()
     log = [logsumexp(each) - np.log(n), np.logaddexp(like, anywhere) - np.log(2)]
     assert belief.unknown == pytest.approx(np.exp(log[1] - logsumexp(log)), rel=0.25)  # plain draws know it to 7 %

@@ -64,7 +64,7 @@ def test_maxima_of_one_region_count_once_about_the_best(monkeypatch, widths, mov
         return replace(mode, moments=Moments(np.zeros(6), C, C, 0.0))
 
     monkeypatch.setattr(modes, "_weighed", weighed)
-    (only,), unknown = weigh(touches, no_paths(), [(target, found)], -100.0, 1, priors)
+    (only,), unknown, _ = weigh(touches, no_paths(), [(target, found)], -100.0, 1, priors)
     assert only.k == 0
     assert only.probability + unknown == pytest.approx(1.0)
     shift = SE3.log(SE3.inverse(T) @ Ts[moved])

@@ -21,8 +21,8 @@ from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
-from tanteo.surface_search.modes import Mode, log_none, reported
-from tanteo.surface_search.weighed import unknown_log_density
+from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.none_of_these import log_none, reported, unknown_log_density
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _DRAWS, _OF_NORMAL = 96, 1 / 8

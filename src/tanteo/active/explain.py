@@ -9,12 +9,12 @@ from typing import Protocol
 import numpy as np
 
 from tanteo.active.belief import Belief, begin
-from tanteo.active.maxima import NEGLIGIBLE
 from tanteo.active.start import Start
 from tanteo.active.stopping import worst_corner
 from tanteo.matching.verdict import corner_moves, motion_words, observed_covariance, spins
 from tanteo.parts import Part
 from tanteo.surface_search.answer import faces_met
+from tanteo.surface_search.none_of_these import NEGLIGIBLE
 from tanteo.surface_search.polish import information_of_readings
 from tanteo.typing import Covariances, FloatArray, Transforms
 

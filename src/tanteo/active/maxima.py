@@ -15,13 +15,11 @@ from tanteo.matching.evidence import log_sum
 from tanteo.matching.prior import PosePrior, prior_residuals, prior_rows
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.distinct import SAME_MAXIMUM
+from tanteo.surface_search.none_of_these import NEGLIGIBLE
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.refine import refine
 from tanteo.surface_search.search import Effort, first_poses, narrowing
 from tanteo.typing import FloatArray, IntArray, Transforms
-
-NEGLIGIBLE = 12.0
-"""Log odds below the best explanation at which a pose is forgotten."""
 
 _CLIMB, _FEW = 6, 2
 """Steps towards the maxima after every reading, of parts that matter and others; those alive go on at the next."""

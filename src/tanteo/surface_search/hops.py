@@ -16,7 +16,7 @@ from tanteo.matching.evidence import Priors
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.refine import moved, step_to
-from tanteo.surface_search.shared_start import bend, residuals
+from tanteo.surface_search.shared_start import bend, equations_within
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import FloatArray, Transforms
@@ -69,9 +69,7 @@ def _followed(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -
     """The poses that fit best while the shared errors are held ``(S, 4, 4)``."""
     M, bent = motions_about(target.part.centroid, 6), bend(touches)
     for width in np.geomspace(_WIDE * bent, max(_NARROW * bent, 1.0), _STEPS):
-        r, J = residuals(touches, Ts, z, target)
-        w = 1 / (1 + (r / width) ** 2)
-        JtW = np.swapaxes(J[..., :6], 1, 2) * (w * w)[:, None, :]
-        A, b = JtW @ J[..., :6], -(JtW @ r[..., None])[..., 0]
-        Ts = moved(Ts, step_to(M.T @ A @ M, b @ M, np.full(len(Ts), _DAMPING)), target.part.centroid)
+        A, b = equations_within(touches, Ts, z, target, width)
+        step = step_to(M.T @ A[:, :6, :6] @ M, b[:, :6] @ M, np.full(len(Ts), _DAMPING))
+        Ts = moved(Ts, step, target.part.centroid)
     return Ts

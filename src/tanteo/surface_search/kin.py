@@ -30,6 +30,9 @@ _OFFSET = 0.05
 _LEAST = 2
 """A face is elsewhere if so many readings agree on where: one alone is a stray as well."""
 
+_FAR = 1e15
+"""So many standard deviations are as far as any."""
+
 _NEVER = 1e-300
 """A rate of strays that no reading can tell from none."""
 
@@ -70,7 +73,7 @@ class Shifted:
         poses: at which pose ``(K,)``.
         faces: which face ``(K,)``.
         offsets: how far outside of its place ``(K,)`` [m].
-        counts: readings that agree ``(K,)``.
+        counts: readings that are off the face and agree ``(K,)``.
         log_odds: of the face there over the face where the part has it, before the prior of the face ``(K,)``.
     """
 
@@ -94,8 +97,7 @@ def log_density_of_kin(at: Densities, part: Part, mean: float, places: IntArray 
     """
     anywhere = log_density_elsewhere(at.log_hit, at.log_stray, mean, places)
     found, share = shifted(at, part, mean), _ONE_FACE / len(part.faces)
-    hit, stray = np.log1p(-mean) + at.log_hit, np.log(max(mean, _NEVER)) + at.log_stray
-    log = np.logaddexp(hit, stray).sum(axis=1)[found.poses] + found.log_odds
+    log = np.logaddexp(*_at_rate(at, mean)).sum(axis=1)[found.poses] + found.log_odds
     clear = log > anywhere[found.poses]
     left = np.log1p(-share * np.bincount(found.poses[clear], minlength=len(anywhere)))
     one_face = np.full(len(anywhere), -np.inf)
@@ -124,42 +126,50 @@ def log_density_elsewhere(
 
 
 def shifted(at: Densities, part: Part, mean: float) -> Shifted:
-    """The faces that may be elsewhere: those of which readings that look astray agree on another place.
+    """The faces that are better elsewhere: those of which readings that look astray agree on another place.
 
     A face may be off by a normal density; readings of it that do not agree stay strays, at the rate that is stated.
-    The integral over where it is is Laplace's. Of several places of one face at one pose the best one counts.
+    The integral over where it is is Laplace's. Of several places of one face at one pose the best one counts. Where
+    what agrees with the strays are the readings on the face as it is, it is not elsewhere.
 
     Args:
         at: the readings at the poses.
         part: the part.
         mean: rate of strays that is stated.
     """
-    hit, stray = np.log1p(-mean) + at.log_hit, np.log(max(mean, _NEVER)) + at.log_stray
-    as_is, astray = np.logaddexp(hit, stray), stray > hit
-    pose, reading = np.nonzero(astray & (astray.sum(axis=1) >= _LEAST)[:, None])
-    step = max(1, _AT_ONCE // max(hit.shape[1], 1))
+    astray = np.greater(*_at_rate(at, mean)[::-1])
+    pose, reading = _proposed(at, astray & (astray.sum(axis=1) >= _LEAST)[:, None])
+    step = max(1, _AT_ONCE // max(astray.shape[1], 1))
     blocks = [slice(k, k + step) for k in range(0, len(pose), step)]
-    found = [_about(at, part, mean, (stray, as_is), pose[block], reading[block]) for block in blocks]
+    found = [_about(at, part, mean, astray, pose[block], reading[block]) for block in blocks]
     offsets, counts, odds = (np.concatenate([f[k] for f in found]) if found else np.zeros(0) for k in range(3))
     faces = at.faces[pose, reading]
     order = np.lexsort((-odds, faces, pose))
-    order = order[counts[order] >= _LEAST]
+    order = order[(counts[order] >= _LEAST) & (odds[order] > 0)]
     pose, faces = pose[order], faces[order]
     best = order[:0] if not len(order) else np.flatnonzero(np.r_[True, (np.diff(pose) != 0) | (np.diff(faces) != 0)])
     kept = order[best]
     return Shifted(pose[best], faces[best], offsets[kept], counts[kept].astype(np.int64), odds[kept])
 
 
+def _at_rate(at: Densities, mean: float) -> tuple[FloatArray, FloatArray]:
+    """Log densities of each reading and that it is on the surface, or astray, at the rate that is stated ``(S, n)``."""
+    return np.log1p(-mean) + at.log_hit, np.log(max(mean, _NEVER)) + at.log_stray
+
+
+def _proposed(at: Densities, astray: BoolArray) -> tuple[IntArray, IntArray]:
+    """Poses and readings ``(P,)`` that say where a face may be: of those that are as far off it, within an sd, one."""
+    pose, reading = np.nonzero(astray)
+    off = np.rint((at.distances * at.per_sd)[pose, reading].clip(-_FAR, _FAR)).astype(np.int64)
+    _, one = np.unique(np.stack([pose, at.faces[pose, reading], off]), axis=1, return_index=True)
+    return pose[one], reading[one]
+
+
 def _about(
-    at: Densities,
-    part: Part,
-    mean: float,
-    as_is: tuple[FloatArray, FloatArray],
-    pose: IntArray,
-    reading: IntArray,
+    at: Densities, part: Part, mean: float, astray: BoolArray, pose: IntArray, reading: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """How far out a face is, how many agree, and the log odds ``(P,)``, if a reading at a pose is on the face there."""
-    stray, mixed = (of[pose] for of in as_is)
+    on, stray = (of[pose] for of in _at_rate(at, mean))
     there, d, weight = np.log1p(-mean) + at.log_there[pose], at.distances[pose], at.per_sd[pose] ** 2
     same = at.faces[pose] == at.faces[pose, reading][:, None]
 
@@ -171,9 +181,9 @@ def _about(
     known = np.sum(weight * agree, axis=1)
     offset = np.sum(weight * d * agree, axis=1) / (known + 1 / spread)
     hit = on_it(offset)
-    odds = np.sum(np.where(same, np.logaddexp(hit, stray) - mixed, 0.0), axis=1)
+    odds = np.sum(np.where(same, np.logaddexp(hit, stray) - np.logaddexp(on, stray), 0.0), axis=1)
     odds += -0.5 * offset**2 / spread - 0.5 * np.log1p(spread * known)
-    return offset, np.sum(same & (hit > stray), axis=1).astype(np.float64), np.asarray(odds)
+    return offset, np.sum(same & astray[pose] & (hit > stray), axis=1).astype(np.float64), np.asarray(odds)
 
 
 def _by_place(

@@ -15,7 +15,7 @@ from tanteo.lie import SO3
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import log_density_within, prior_residuals
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
-from tanteo.surface_search.kin import Densities, log_density_of_kin
+from tanteo.surface_search.kin import Densities
 from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges
 from tanteo.surface_search.sensed_face import AWAY, GRAZING, turn_to_beams, turn_to_normals
 from tanteo.surface_search.sensed_normals import Tilts, tilts
@@ -33,29 +33,20 @@ class Explained:
         r: residuals in standard deviations ``(S, n + 3 m)``.
         J: derivatives by pose and shared errors ``(S, n + 3 m, 6 + D)``.
         densities: of each reading, on the surface and as clutter.
-        target: the part.
         clutter: mean rate of strays.
         edges: readings near edges, which are on several faces.
-        places: number of the place of each reading ``(n,)``; None where each has its own.
     """
 
     r: FloatArray
     J: FloatArray
     densities: Densities
-    target: Target
     clutter: float
     edges: NearEdges | None
-    places: IntArray | None = None
 
     @property
     def log(self) -> FloatArray:
         """Of both together, all readings ``(S,)``."""
         return log_density(self.densities.log_hit, self.densities.log_stray, self.clutter)
-
-    @property
-    def log_kin(self) -> FloatArray:
-        """Of all readings if the object is only like the part ``(S,)``."""
-        return log_density_of_kin(self.densities, self.target.part, self.clutter, self.places)
 
     @property
     def belongs(self) -> FloatArray:
@@ -97,7 +88,7 @@ def explain(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, pri
     densities, tilt = _densities(touches, Ts, z, target, priors, at, known)
     if tilt is not None:
         r, J = _with_normals(touches, at, r, J, tilt)
-    return Explained(r, J, densities, target, priors.clutter, edges, touches.places)
+    return Explained(r, J, densities, priors.clutter, edges)
 
 
 def densities_at(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors) -> Densities:

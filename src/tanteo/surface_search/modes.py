@@ -19,15 +19,13 @@ from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import Moments, posterior_moments
 from tanteo.surface_search.near_edges import REACH
+from tanteo.surface_search.none_of_these import NEGLIGIBLE, log_none, reported
 from tanteo.surface_search.polish import Polished, information_of_readings
 from tanteo.surface_search.sheets import pieces
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.within import cut, log_within, within
-from tanteo.typing import BoolArray, Covariances, FloatArray, Tangents, Transforms
-
-NEGLIGIBLE = 12.0
-"""Log odds below the best mode at which another is not reported."""
+from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 
 _WEIGHED, _MOST = 0.03, 4
 """Modes that may be of at least this probability, and no more of them, are weighed over their whole region."""
@@ -111,8 +109,8 @@ def weigh(
     log_unknown: float,
     count: int,
     priors: Priors,
-) -> tuple[list[Mode], float]:
-    """All modes of all parts with their probabilities, best first, and that of "none of these".
+) -> tuple[list[Mode], float, float]:
+    """All modes of all parts with their probabilities, best first, that of "none of these", and the log of all mass.
 
     Args:
         touches: the readings.
@@ -150,7 +148,7 @@ def weigh(
         for m, ok in zip(modes, alive, strict=True)
         if ok
     ]
-    return kept, float(np.exp(log_unknown - total))
+    return kept, float(np.exp(log_unknown - total)), total
 
 
 def _unblocked(free: FreePaths, modes: Sequence[Mode], priors: Priors) -> FloatArray:
@@ -164,32 +162,6 @@ def _unblocked(free: FreePaths, modes: Sequence[Mode], priors: Priors) -> FloatA
         for m, near in zip(modes, out > out.max() - NEGLIGIBLE, strict=True)
     ]
     return np.asarray(out + passed - said)
-
-
-def reported(log_mass: FloatArray, log_kin: FloatArray, total: float) -> BoolArray:
-    """Which modes are reported: what is probable, and the likeliest object that is only like a part, as that part.
-
-    Args:
-        log_mass: log evidence of each mode.
-        log_kin: of an object like the part there, its prior included.
-        total: of everything together.
-    """
-    out = np.asarray(log_mass > total - NEGLIGIBLE)
-    if len(out) and not out.any() and log_kin.max() > total - NEGLIGIBLE:
-        out[np.argmax(log_kin)] = True
-    return out
-
-
-def log_none(log_anywhere: float, log_kin: FloatArray, priors: Priors) -> float:
-    """Log evidence of "none of these", its prior included: readings anywhere, or on a part that is like one of these.
-
-    Args:
-        log_anywhere: log evidence of readings anywhere, the prior of "none of these" included.
-        log_kin: log evidence of objects like the parts, at each mode.
-        priors: what is assumed beforehand.
-    """
-    kin = float(log_sum(log_kin)) if len(log_kin) else -np.inf
-    return float(np.logaddexp(np.log1p(-priors.kin) + log_anywhere, np.log(priors.unknown) + np.log(priors.kin) + kin))
 
 
 def _by_draws(

@@ -12,6 +12,7 @@ from tanteo.matching.freedom import pose_scale
 from tanteo.matching.prior import add_prior
 from tanteo.matching.verdict import without_spins
 from tanteo.surface_search.free_space import log_free_paths
+from tanteo.surface_search.kin import log_density_of_kin
 from tanteo.surface_search.likelihood import explain, log_beside_readings, normal_equations
 from tanteo.surface_search.refine import moved, step_to
 from tanteo.surface_search.shared_start import start_of
@@ -117,7 +118,11 @@ def polish(
     if at.edges is not None:
         there = at.edges.poses, at.edges.readings
         r[there], tilts[there] = np.clip(r[there], -at.edges.off, at.edges.off), at.edges.tilts
-    return Polished(Ts, z, A, log, at.belongs, r, at.densities.distances, tilts, J, at.log_kin - at.log, groups)
+    kin = np.full(len(Ts), -np.inf)
+    likely = np.flatnonzero(log >= log.max(initial=-np.inf) - HOPELESS)  # others are not looked at any further
+    hopeful = at.densities.take(likely)
+    kin[likely] = log_density_of_kin(hopeful, target.part, priors.clutter, touches.places) - at.log[likely]
+    return Polished(Ts, z, A, log, at.belongs, r, at.densities.distances, tilts, J, kin, groups)
 
 
 def from_blurred(touches: Touches, free: FreePaths, found: Polished, target: Target, priors: Priors) -> Polished:

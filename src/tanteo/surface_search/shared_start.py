@@ -8,6 +8,7 @@ errors may put them, down to the noise.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from tanteo.lie import SO3
 from tanteo.localization import motions_about
@@ -60,21 +61,28 @@ def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -
     z = np.zeros((len(Ts), D))
     if not D or not len(Ts) or not len(touches):
         return Ts, z
-    far = _FAR * np.maximum(bend(touches), _alone(residuals(touches, Ts, z, target)[1]))
+    far = _FAR * np.maximum(bend(touches), _alone(_residuals(touches, Ts, z, target)[1]))
     if far.max() <= _FAR * _HARMLESS:
         return Ts, z
     M, far = motions_about(target.part.centroid, 6 + D), far.clip(_NEAR)[:, None]
     for share in np.linspace(0, 1, 3 + int(np.ceil(np.log2(far.max() / _NEAR)))):
-        r, J = residuals(touches, Ts, z, target)
-        w = 1 / (1 + (r / (far * (_NEAR / far) ** share)) ** 2)
-        JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
-        A, b = JtW @ J, -(JtW @ r[..., None])[..., 0]
+        A, b = equations_within(touches, Ts, z, target, far * (_NEAR / far) ** share)
         A[:, 6:, 6:] += np.eye(D)
         b[:, 6:] -= z
         add_prior(priors.pose, target.part, Ts, A, b)
         step = step_to(M.T @ A @ M, b @ M, np.full(len(Ts), _DAMPING))
         Ts, z = moved(Ts, step[:, :6], target.part.centroid), z + step[:, 6:]
     return Ts, z
+
+
+def equations_within(
+    touches: Touches, Ts: Transforms, z: FloatArray, target: Target, width: npt.ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Information ``(S, 6 + D, 6 + D)`` and gradient of readings that keep half their weight up to ``width`` sd."""
+    r, J = _residuals(touches, Ts, z, target)
+    w = 1 / (1 + (r / np.asarray(width)) ** 2)
+    JtW = np.swapaxes(J, 1, 2) * (w * w)[:, None, :]
+    return JtW @ J, -(JtW @ r[..., None])[..., 0]
 
 
 def _alone(J: FloatArray) -> FloatArray:
@@ -91,7 +99,7 @@ def _alone(J: FloatArray) -> FloatArray:
     return np.asarray(alone.max(axis=1).clip(max=_MOST))
 
 
-def residuals(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> tuple[FloatArray, FloatArray]:
+def _residuals(touches: Touches, Ts: Transforms, z: FloatArray, target: Target) -> tuple[FloatArray, FloatArray]:
     """Distances in standard deviations ``(S, n)`` and derivatives by pose and shared errors ``(S, n, 6 + D)``."""
     R = Ts[:, :3, :3]
     p = (touches.points + np.einsum("nid,sd->sni", touches.gains, z) - Ts[:, None, :3, 3]) @ R

@@ -9,11 +9,12 @@ import numpy as np
 
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import log_place_of_unknown
-from tanteo.surface_search.modes import Mode, log_none, weigh
+from tanteo.surface_search.modes import Mode, weigh
+from tanteo.surface_search.none_of_these import unknown_log_density
 from tanteo.surface_search.rounds import search_all
 from tanteo.surface_search.target import MOST_SAMPLES, Target, finer
 from tanteo.surface_search.touches import FreePaths, Touches
-from tanteo.typing import FloatArray, Vectors
+from tanteo.typing import Vectors
 
 _PER_SPREAD = 8
 """Samples of the surface across the readings: with fewer a search for places would pass over some that fit."""
@@ -64,9 +65,7 @@ def search_and_weigh(
     found = search_all(touches, free, targets, priors)
     if found.ratio > 1:
         touches = touches.widened(found.ratio)
-    modes, unknown = weigh(touches, free, found.maxima, log_unknown, count, priors)
-    nothing = log_none(log_unknown, np.zeros(0), priors)
-    log_total = float(modes[0].log_mass - np.log(modes[0].probability)) if modes else nothing
+    modes, unknown, log_total = weigh(touches, free, found.maxima, log_unknown, count, priors)
     return Weighed(touches, found.ratio, found.once, modes, unknown, log_total)
 
 
@@ -74,10 +73,3 @@ def _spread(touches: Touches) -> float:
     """How far most of the readings reach [m], no less than their noise."""
     off = np.linalg.norm(touches.points - np.median(touches.points, axis=0), axis=1)
     return max(2 * float(np.quantile(off, 0.75)), 4 * _PER_SPREAD * float(np.median(touches.sd)))
-
-
-def unknown_log_density(touches: Touches, priors: Priors) -> FloatArray:
-    """Log density of each reading if the part is none of these: anywhere in the workspace ``(n,)``."""
-    ball = np.log(4 / 3 * np.pi * priors.radius**3)
-    log: FloatArray = np.where(touches.directed, -np.log(2 * priors.radius), -ball)
-    return np.asarray(log - np.where(touches.oriented, np.log(4 * np.pi), 0.0))
