@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bare_scenes import SENSORS, no_paths, scene
+from bare_scenes import SENSORS, beams, nees, no_paths, scene
 from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
 from tanteo.active import Candidates, Stop, around, at_pose, begin, update
 from tanteo.errors import InputError
@@ -377,6 +377,22 @@ def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
     assert "the readings contradict it" in answer.message
     assert not end.reached
     assert end.why == answer.message
+
+
+def test_a_part_with_a_higher_step_is_none_of_these_and_keeps_its_place():
+    """Thirty exact readings of it leave the known part no probability at all: it is what the object is like."""
+    known, own = (prepare_target(read_part(PARTS / f"step_{x}mm.step")) for x in (12, 15))
+    start, rng = rough([known]), np.random.default_rng(2)
+    session, (p, d) = new_session(start), beams(own, 30, rng)
+    points = SE3.apply(start.Ts[0], p + 1e-4 * rng.normal(size=p.shape))
+    session.tell(Readings.from_columns(points, directions=d @ start.Ts[0][:3, :3].T, sds=np.full(30, 1e-4)))
+    answer = session.answer()
+    assert answer.status == "unknown"
+    assert answer.unknown_probability == pytest.approx(1.0)
+    assert answer.hypotheses[0].part == "step_12mm"
+    assert "readings agree that face 8 of step_12mm is 3" in answer.message
+    valid(session)
+    assert nees(known.part, answer.hypotheses[0].T_world_part, answer.hypotheses[0].covariance, start.Ts[0])[0] < 22.5
 
 
 def test_of_several_rough_poses_the_nearest_counts(targets):

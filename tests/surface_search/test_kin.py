@@ -69,6 +69,13 @@ def test_readings_that_agree_on_a_face_are_no_strays_and_others_are(parts):
     assert len(shifted(densities(np.r_[np.zeros(24), 3e-3], 7), part, RATE).faces) == 0
 
 
+def test_faces_that_are_as_far_off_are_each_for_itself(parts):
+    part, faces = parts["step_12mm"], np.r_[np.arange(6), 7, 7, 8, 8, 8]
+    found = shifted(densities(np.r_[np.zeros(6), np.full(5, 3e-3)], faces), part, RATE)
+    assert found.faces.tolist() == [7, 8]
+    assert found.counts.tolist() == [2, 3]
+
+
 def test_strays_beside_many_readings_of_a_face_do_not_move_it(parts):
     """What agrees with a reading that is just astray are all that are on the face: it is not elsewhere for that."""
     part, rng = parts["step_12mm"], np.random.default_rng(2)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtrc
 
 from tanteo.fitting import SUSPECT
 from tanteo.localization import pose_information
-from tanteo.matching.evidence import Priors, log_sum
+from tanteo.matching.evidence import log_sum
 from tanteo.matching.verdict import CONFIDENCE
 from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.strays import so_many
@@ -54,20 +53,17 @@ def leaves_one_of_few(found: Polished | None, few: float = _FEW) -> bool:
     return found is not None and found.belongs.shape[1] < few and bool(np.any(found.belongs[:1] <= 0.5))
 
 
-def scatter(found: Sequence[tuple[Target, Polished]], priors: Priors) -> float:
+def scatter(found: Sequence[tuple[Target, Polished]]) -> float:
     """How many times more the readings scatter than stated, if the part is sure and nothing else is wrong; else 1.
 
     Args:
         found: maxima of each part, best first.
-        priors: what is assumed beforehand; readings that agree on a face elsewhere do not scatter, they are of another.
     """
     found = [(target, maxima) for target, maxima in found if len(maxima.Ts)]
     if not found:
         return 1.0
     mass = np.array([log_mass(target, maxima) for target, maxima in found])
-    kin = [log_mass(target, replace(m, log_evidence=m.log_evidence + m.kin)) for target, m in found]
-    like = log_sum(kin) + np.log(priors.unknown * priors.kin) - np.log1p(-priors.unknown)
-    if np.exp(mass.max() - log_sum([*mass, like])) < CONFIDENCE:
+    if np.exp(mass.max() - log_sum(mass)) < CONFIDENCE:
         return 1.0
     best = found[int(np.argmax(mass))][1]
     chi2, dof = _of_points(best)

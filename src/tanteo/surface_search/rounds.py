@@ -173,11 +173,11 @@ def _found(searches: Sequence[Search]) -> list[tuple[Target, Polished]]:
 def _scatter(touches: Touches, free: FreePaths, searches: Sequence[Search], priors: Priors) -> float:
     """How many times more the readings scatter than stated: by themselves, not for what was said of the pose."""
     found = _found(searches)
-    ratio = scatter(found, priors)
+    ratio = scatter(found)
     if ratio == 1.0 or priors.pose is None:
         return ratio
     alone = replace(priors, pose=None)
-    return scatter([(t, polish(touches, free, m.Ts[:1], t, alone)) for t, m in found if len(m.Ts)], alone)
+    return scatter([(t, polish(touches, free, m.Ts[:1], t, alone)) for t, m in found if len(m.Ts)])
 
 
 def _widened(
