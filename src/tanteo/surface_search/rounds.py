@@ -129,7 +129,7 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
                 beside = hop(touches, free, best, searches[i].target, priors, k, _number(k))
                 searches[i] = searches[i].after(beside)
             searches[i] = searches[i].by_regions(touches, free, priors)
-        if k == 0 and not bent:
+        if k == 0:
             wide, again = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
             if any(s.maxima is not None and explains_all(s.maxima) for s in again):
                 touches, searches = wide, again
@@ -200,7 +200,7 @@ def _widened(
 def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors, bent: bool) -> list[int]:
     """Parts to search again after round ``k``; shared errors may bend the readings far more than their noise."""
     if not any(s.maxima is not None and explained(s.maxima, priors.clutter) for s in searches):
-        return left if bent or k + 1 < _HOPELESS_ROUNDS else []  # where they bend, the right errors come by chance
+        return left if k + 1 < _HOPELESS_ROUNDS else []
     mass = np.array([s.log_mass for s in searches])
     best = int(np.argmax(mass))
     # the next round looks for poses that fit but for one; further ones suppose other errors that readings share

@@ -55,7 +55,7 @@ def on_surface(log_hit: FloatArray, log_stray: FloatArray, mean: float) -> Float
     rates, weights = stray_rates(mean, log_hit.shape[1])
     log = log_by_rate(log_hit, log_stray, rates, weights)
     share = np.exp(log - log_sum(log, axis=0))
-    ratio = np.exp(np.clip(log_stray - log_hit, -700, 700))
+    ratio = np.exp(np.clip(log_stray - log_hit, -600, 600))
     out = np.zeros(ratio.shape)
     for rate, of_pose in zip(rates, share, strict=True):
         out += of_pose[:, None] / (1 + rate / (1 - rate) * ratio)
