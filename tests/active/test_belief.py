@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import betabinom, multivariate_normal
+from scipy.stats import betabinom, multivariate_normal, multivariate_t
 
 from bare_scenes import SENSORS, no_paths, scene
-from sensing_scenes import rough
+from sensing_scenes import drawn_truth, rough
 from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
 from tanteo.active.importance import truncated
 from tanteo.active.maxima import Maxima, climbed, fresh, more
@@ -368,6 +368,39 @@ def test_a_mode_of_few_draws_has_a_covariance_all_the_same(count):
     assert np.linalg.eigvalsh(given)[0] > 0.9 / (count + 1)
     if count > 1000:
         np.testing.assert_allclose(found.covariance, 1e-6 * np.eye(6), atol=1e-7)
+
+
+def test_what_is_left_of_a_rival_is_weighed_as_well_as_the_leading_part():
+    """Probability of the t-slot where the clamp leads, against draws of the prior, and others about the heavy ones."""
+    parts = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("t_slot", "block", "clamp")]
+    start, rng = rough(parts, (0.005, 0.15)), np.random.default_rng((3, 2))
+    k, T = drawn_truth(start, rng)
+    touches = readings(parts[k], T, int(rng.integers(6, 13)), rng, SENSORS[2])
+    belief = update(begin(start), touches, no_paths())
+    log = [_evidence(start, part, touches, rng) for part in (0, 2)]
+    found = belief.of_parts()
+    assert found[2] > 0.98
+    assert found[0] / found[2] == pytest.approx(np.exp(log[0] - log[1]), rel=0.2)
+
+
+def _evidence(start, part, touches, rng):
+    """Log of the mean likelihood of one part over its rough pose: population Monte Carlo (Cappe et al. 2004)."""
+    prior = multivariate_normal(np.zeros(6), start.covariances[part])
+
+    def likelihood(xi):
+        Ts = start.Ts[part] @ SE3.exp(xi)
+        return log_posterior(touches, no_paths(), Ts, np.zeros((len(Ts), 0)), start.targets[part], start.priors)
+
+    xi, of = prior.rvs(10000, random_state=rng), None
+    for _ in range(4):
+        log = likelihood(xi) + prior.logpdf(xi) - (prior.logpdf(xi) if of is None else of.logpdf(xi))
+        w = np.exp(log - logsumexp(log))
+        centre = w @ xi
+        spread = (xi - centre).T @ (w[:, None] * (xi - centre)) + 0.02 * start.covariances[part]
+        of = multivariate_t(centre, spread, df=3)
+        xi = of.rvs(10000, random_state=rng)
+    log = likelihood(xi) + prior.logpdf(xi) - of.logpdf(xi)
+    return logsumexp(log) - np.log(len(xi))
 
 
 def test_draws_from_all_over_of_which_too_few_count_are_left_aside(targets, monkeypatch):

@@ -37,8 +37,9 @@ _REACH = 25.0
 _ROUNDS = 4
 """Rounds at most."""
 
-_LIKELY = 0.03
-"""Probability of a part from which draws are made from all that the readings leave of its rough pose."""
+_LIKELY, _RIVAL, _LEADS = 0.03, 1e-4, 0.9
+"""Probability of a part from which draws are made from all that the readings leave of its rough pose; the same where
+one part has more than the third: what is left of its rivals then is what may be wrong with calling it known."""
 
 _FEW, _HEAVY = 50.0, 16
 """Effective draws of the first round below which maxima may be missing; heavy draws from which they are looked for."""
@@ -102,10 +103,13 @@ def weigh_parts(
     done = {p.part: p for p in known}
     glances = [_glance(start, f, touches, free) for f in alive if f.part not in done]
     none = log_anywhere - np.log1p(-start.priors.unknown)
-    total = float(log_sum([none, *(log_sum(p.log_mass) for p in known), *(draws.log_mass for _, draws in glances)]))
+    masses = [*(float(log_sum(p.log_mass)) for p in known), *(draws.log_mass for _, draws in glances)]
+    total = float(log_sum([none, *masses]))
+    leads = max(masses, default=-np.inf) > total + np.log(_LEADS)
+    least = total + np.log(_RIVAL if leads else _LIKELY)
     for maxima, draws in glances:
-        likely = draws.log_mass > total + np.log(_LIKELY)
-        prior = _one_rough_pose(start, maxima.part) if all_over and likely else None
+        likely = all_over and draws.log_mass > least
+        prior = _one_rough_pose(start, maxima.part) if likely else None
         wide = None if prior is None else drawn_all_over(draws.posterior, draws.proposals[0], prior)
         if wide is not None and wide.effective >= LEAST:
             draws = wide
