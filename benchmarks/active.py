@@ -36,7 +36,7 @@ from tanteo.active.policies import POLICIES
 from tanteo.active.utility import expected_information
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.verdict import corner_sd
+from tanteo.matching.part_motions import corner_sd
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
 from tanteo.surface_search import prepare_target

@@ -20,7 +20,7 @@ import tanteo
 from bare_scenes import no_paths
 from tanteo.matching import Priors
 from tanteo.surface_search import identify_touches, prepare_target
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.polish import polish
 
 

@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, touches_of
-from tanteo.matching.verdict import corner_sd
+from tanteo.matching.part_motions import corner_sd
 from tanteo.surface_search import FreePaths, identify_touches
 
 

@@ -13,8 +13,8 @@ from tanteo.active.explain import explain
 from tanteo.active.start import Start
 from tanteo.lie import SE3
 from tanteo.matching import Priors
+from tanteo.matching.part_motions import corner_moves
 from tanteo.matching.prior import PosePrior, prior_rows
-from tanteo.matching.verdict import corner_moves
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
 from tanteo.session import Sensing, Session

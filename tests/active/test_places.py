@@ -13,7 +13,7 @@ from tanteo.active import Probe, Stop, at_pose, begin, chance_within, draw, plac
 from tanteo.active.design import design_of
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.matching.verdict import corner_moves, corner_sd
+from tanteo.matching.part_motions import corner_moves, corner_sd
 from tanteo.parts import read_part
 from tanteo.report.drawn import feature_lines
 from tanteo.sensors.law import NoiseLaw

@@ -19,7 +19,7 @@ from tanteo.active.samples import beams
 from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
 from tanteo.matching import PosePrior, Priors
-from tanteo.matching.verdict import corner_sd
+from tanteo.matching.part_motions import corner_sd
 from tanteo.parts import read_part
 from tanteo.sensors import Readings, sensor_preset
 from tanteo.sensors.law import NoiseLaw

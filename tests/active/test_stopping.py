@@ -14,7 +14,7 @@ from sensing_scenes import rough
 from tanteo.active import Start, Stop, around, at_pose, begin, chance_within, corner_distances, update, worst_corner
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.verdict import corner_sd
+from tanteo.matching.part_motions import corner_sd
 from tanteo.parts import read_part
 from tanteo.surface_search import prepare_target
 from tanteo.surface_search.likelihood import log_posterior

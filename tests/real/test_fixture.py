@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, touches_of
 from tanteo.matching import Priors
-from tanteo.matching.verdict import corner_sd
+from tanteo.matching.part_motions import corner_sd
 from tanteo.surface_search import FreePaths
 from tanteo.surface_search.polish import polish
 

@@ -10,7 +10,7 @@ import pytest
 from report_scenes import TRUTH, touches
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors
-from tanteo.matching.verdict import corner_moves
+from tanteo.matching.part_motions import corner_moves
 from tanteo.recognition import locate
 from tanteo.report import find_contacts, gather, make_budget
 from tanteo.sensors import Readings, robot_preset

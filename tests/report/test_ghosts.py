@@ -7,7 +7,7 @@ import pytest
 
 from report_scenes import touches
 from tanteo.lie import SE3
-from tanteo.matching.verdict import corner_moves
+from tanteo.matching.part_motions import corner_moves
 from tanteo.recognition import locate
 from tanteo.report import find_ways
 

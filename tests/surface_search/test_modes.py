@@ -12,10 +12,11 @@ import trimesh
 from bare_scenes import SENSORS, box_centred_pose, no_paths, scene
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.verdict import part_scale, spins
+from tanteo.matching.part_motions import part_scale, spins
 from tanteo.parts import read_part
 from tanteo.surface_search import modes, prepare_target
-from tanteo.surface_search.modes import Mode, _one_region, _weighed, weigh
+from tanteo.surface_search.mode import Mode
+from tanteo.surface_search.modes import _one_region, _weighed, weigh
 from tanteo.surface_search.moments import Moments
 from tanteo.surface_search.polish import polish
 

@@ -15,7 +15,7 @@ from tanteo.matching.prior import prior_rows
 from tanteo.parts import read_part
 from tanteo.surface_search import FreePaths, Touches, identify_touches, prepare_target
 from tanteo.surface_search.answer import as_hypothesis
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.said import p_of_prior
 

@@ -14,7 +14,7 @@ from tanteo.matching import Priors
 from tanteo.parts import mirror_part, read_part
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 from tanteo.surface_search.answer import what_limits
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.moments import Moments
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.rounds import search_all

@@ -21,7 +21,7 @@ from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.none_of_these import log_none, reported, unknown_log_density
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 

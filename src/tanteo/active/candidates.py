@@ -10,7 +10,7 @@ from tanteo.active.belief import Belief
 from tanteo.active.probe import Probe
 from tanteo.active.samples import draw, even_normals, predict
 from tanteo.lie import SE3, SO3
-from tanteo.matching.verdict import box_corners
+from tanteo.matching.part_motions import box_corners
 from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 

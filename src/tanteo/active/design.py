@@ -16,7 +16,7 @@ from tanteo.active.probe import Probe
 from tanteo.active.samples import beams, even_normals
 from tanteo.active.start import Start
 from tanteo.lie import SE3
-from tanteo.matching.verdict import observed_covariance
+from tanteo.matching.part_motions import observed_covariance
 from tanteo.surface_search import Target
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 

@@ -15,7 +15,7 @@ from tanteo.active.start import Start
 from tanteo.active.utility import about_mode
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.matching.verdict import corner_moves
+from tanteo.matching.part_motions import corner_moves
 from tanteo.surface_search import FreePaths, Target, Touches, identify_touches
 from tanteo.surface_search.refine import refine
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors

@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.active.belief import Belief, begin
 from tanteo.active.start import Start
 from tanteo.active.stopping import worst_corner
-from tanteo.matching.verdict import corner_moves, motion_words, observed_covariance, spins
+from tanteo.matching.part_motions import corner_moves, motion_words, observed_covariance, spins
 from tanteo.parts import Part
 from tanteo.surface_search.answer import faces_met
 from tanteo.surface_search.none_of_these import NEGLIGIBLE

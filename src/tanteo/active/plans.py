@@ -28,7 +28,7 @@ from tanteo.active.plan_words import (
 from tanteo.active.probe import Probe
 from tanteo.active.start import Start
 from tanteo.errors import InputError
-from tanteo.matching.verdict import corner_sd, observed_covariance
+from tanteo.matching.part_motions import corner_sd, observed_covariance
 from tanteo.typing import Covariances, IntArray, Transforms, Vectors
 
 _BETTER = 10.0

@@ -14,7 +14,7 @@ from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_length
 from tanteo.matching.belief import without_spin
-from tanteo.matching.verdict import observed_covariance
+from tanteo.matching.part_motions import observed_covariance
 from tanteo.typing import FloatArray
 
 _SAMPLES = 2048

@@ -17,7 +17,7 @@ from tanteo.hand import Workspace
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3, SO3
 from tanteo.matching import Priors
-from tanteo.matching.verdict import box_corners
+from tanteo.matching.part_motions import box_corners
 from tanteo.parts import Part
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session

@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.active import Belief, Start
 from tanteo.lie import SE3
-from tanteo.matching.verdict import box_corners
+from tanteo.matching.part_motions import box_corners
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.typing import FloatArray, IntArray, Transforms
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.matching.verdict import box_corners
+from tanteo.matching.part_motions import box_corners
 from tanteo.surface_search import Target
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from tanteo.localization import SharedGiven, describe_motion
+from tanteo.matching.part_motions import corner_sd, excuse, part_scale, where_to_sense, world_axis
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.verdict import corner_sd, excuse, part_scale, where_to_sense, world_axis
 from tanteo.parts import Part
 from tanteo.typing import Covariances, Tangents, Transforms
 

@@ -19,8 +19,8 @@ from tanteo.localization import PoseEstimate, SharedGiven
 from tanteo.matching.belief import Mode
 from tanteo.matching.box import SURE, left_by
 from tanteo.matching.model import PartModel
+from tanteo.matching.part_motions import part_scale
 from tanteo.matching.prior import PosePrior, log_density_within, log_place_of_unknown, prior_rows
-from tanteo.matching.verdict import part_scale
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 

@@ -19,11 +19,12 @@ from tanteo.matching.freedom import NOTHING
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.pairings import decode
+from tanteo.matching.part_motions import part_scale
 from tanteo.matching.placed import Beside, Located, place, weigh_beside
 from tanteo.matching.published import believe_as_published
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
-from tanteo.matching.verdict import part_scale, verdict
+from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.typing import Transforms
 

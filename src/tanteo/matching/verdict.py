@@ -1,4 +1,4 @@
-"""From hypotheses to a verdict: which status, in which words, and what a free direction or a symmetry excuses."""
+"""From hypotheses to a verdict: which status, and in which words."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.fitting import SUSPECT
-from tanteo.localization import describe_motion, motion_scale
 from tanteo.matching.results import Hypothesis, Status
-from tanteo.parts import Part
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 
 CONFIDENCE = 0.95
 """Posterior from which one answer is given as the answer."""
@@ -20,12 +17,6 @@ _NAMED = 5
 
 _SAME = 1e-3
 """Relative difference of figures up to which two parts fit alike: rounding of their files, another frame."""
-
-_RESISTS = 0.3
-"""A face resists a motion if the motion moves it along its normal by this share of the most it could."""
-
-_MOSTLY = 0.9
-"""Share of the corners' mean square motion from which a motion is called sliding, or turning."""
 
 
 def verdict(
@@ -145,143 +136,3 @@ def _fit_alike(one: Hypothesis, other: Hypothesis) -> bool:
     """Whether two hypotheses differ in nothing but the part and, it may be, its frame: as likely, as well explained."""
     first, second = ([h.probability, h.chi2, h.rms] for h in (one, other))
     return bool(np.allclose(first, second, rtol=_SAME, atol=1e-9))
-
-
-def excuse(
-    part: Part, free: Tangents, words: tuple[str, ...], covariance: Covariances
-) -> tuple[tuple[str, ...], Covariances]:
-    """Free directions that the part's own symmetry does not excuse, and the covariance without the excused ones.
-
-    Args:
-        part: the part.
-        free: motions that nothing resists, over :func:`part_scale` ``(k, 6)``.
-        words: the same in words.
-        covariance: with the spread of a uniform draw along ``free``.
-    """
-    excused = spins(part)
-    left, observed = [], np.array(covariance)
-    for xi, name in zip(free, words, strict=True):
-        if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
-            left.append(name)
-            continue
-        scaled = part_scale(part) @ xi
-        observed -= (2 * np.pi) ** 2 / 12 * np.outer(scaled, scaled)
-    return tuple(left), observed
-
-
-def part_scale(part: Part) -> FloatArray:
-    """Motions that shift a part by its diagonal or turn it by a radian about its centroid, as columns ``(6, 6)``."""
-    return motion_scale(part.diagonal, part.centroid)
-
-
-def spins(part: Part) -> FloatArray:
-    """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, over :func:`part_scale`."""
-    if not part.symmetry.continuous:
-        return np.zeros((0, 6))
-    if part.symmetry.spherical:
-        axes, point = np.eye(3), part.centroid
-    else:
-        assert part.symmetry.axis is not None
-        point, axis = part.symmetry.axis
-        axes = axis[None]
-    rows = np.concatenate([np.cross(point - part.centroid, axes) / part.diagonal, axes], axis=1)
-    return np.linalg.qr(rows.T)[0].T
-
-
-def world_axis(part: Part, T_world_part: Transforms) -> FloatArray | None:
-    """The part's axis of revolution in the world: point and direction ``(2, 3)``; None without one."""
-    if part.symmetry.axis is None:
-        return None
-    point, axis = part.symmetry.axis
-    R = T_world_part[:3, :3]
-    return np.stack([R @ point + T_world_part[:3, 3], R @ axis])
-
-
-def off_spins(part: Part) -> FloatArray:
-    """Projector of motions of the pose ``(6, 6)`` [m, rad] on those that are not of the continuous symmetry."""
-    rows, scale = spins(part), part_scale(part)
-    return np.asarray(scale @ (np.eye(6) - rows.T @ rows) @ np.linalg.inv(scale))
-
-
-def without_spins(part: Part, information: FloatArray) -> FloatArray:
-    """Information ``(*batch, 6, 6)`` with nothing left along the continuous symmetry, where facets feign some."""
-    if not part.symmetry.continuous:
-        return information
-    keep = off_spins(part)
-    return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
-
-
-def observed_covariance(part: Part, covariance: Covariances) -> Covariances:
-    """A pose's covariance ``(6, 6)`` without its spread along the continuous symmetry, which moves nothing."""
-    if not part.symmetry.continuous:
-        return covariance
-    keep = off_spins(part)
-    return np.asarray(keep @ covariance @ keep.T)
-
-
-def corner_sd(part: Part, covariance: Covariances) -> float:
-    """Largest standard deviation of the position of a corner of the part's box, in any direction [m]."""
-    J = corner_moves(part)
-    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
-
-
-def box_corners(part: Part) -> FloatArray:
-    """Corners of the part's box ``(8, 3)``, in the part frame [m]."""
-    return np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
-
-
-def corner_moves(part: Part) -> FloatArray:
-    """How the corners of the part's box move with its pose ``(8, 3, 6)``, in the part frame."""
-    return point_moves(box_corners(part))
-
-
-def point_moves(points: FloatArray) -> FloatArray:
-    """How points of the part frame ``(K, 3)`` move with its pose ``(K, 3, 6)``."""
-    J = np.zeros((len(points), 3, 6))
-    J[:, :, :3] = np.eye(3)
-    x, y, z = points.T
-    J[:, 0, 4], J[:, 0, 5], J[:, 1, 3], J[:, 1, 5], J[:, 2, 3], J[:, 2, 4] = z, -y, -z, x, y, -x
-    return J
-
-
-def motion_words(part: Part, motion: Tangents, T_world_part: Transforms) -> str:
-    """A motion in words, without what hardly moves the corners of the part's box; the same for its opposite.
-
-    Args:
-        part: the part.
-        motion: of its pose, right perturbation ``(6,)`` [m, rad].
-        T_world_part: where it is.
-    """
-    moved = corner_moves(part) @ motion
-    middle = moved.mean(axis=0)
-    share = len(moved) * float(middle @ middle) / float(np.sum(moved**2))
-    if share > _MOSTLY:
-        motion = np.r_[middle, np.zeros(3)]
-    elif share < 1 - _MOSTLY:  # about an axis through the middle of the box
-        motion = np.r_[np.cross(part.box.mean(axis=0), motion[3:]), motion[3:]]
-    scale = part_scale(part)
-    scaled = np.linalg.solve(scale, motion)
-    axis = T_world_part[:3, :3] @ (scaled[3:] if np.any(motion[3:]) else scaled[:3])
-    scaled = scaled * np.sign(axis[np.argmax(np.abs(axis))])
-    return describe_motion(scaled / np.linalg.norm(scaled), T_world_part, scale)
-
-
-def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
-    """The face that resists a free motion best, in words; empty if no planar face does.
-
-    Args:
-        part: the part.
-        T_world_part: where it is, as far as known.
-        free: one motion, over :func:`part_scale`.
-    """
-    if not len(part.planes):
-        return ""
-    n, c = part.planes.normals, part.planes.centroids
-    moved = np.abs(n @ (free[:3] * part.diagonal) + np.cross(c - part.centroid, n) @ free[3:])
-    worth = np.where(moved > _RESISTS * moved.max(initial=0.0), moved * np.sqrt(part.planes.areas), 0.0)
-    if worth.max(initial=0.0) <= 1e-9:
-        return ""
-    k = int(np.argmax(worth))
-    at = T_world_part[:3, :3] @ c[k] + T_world_part[:3, 3]
-    name = part.faces[part.planes.faces[k]].name
-    return f"sense {name} of {part.name}, around ({', '.join(f'{1e3 * v:.0f}' for v in at)}) mm in the world"

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.active import Distinction, Probe
 from tanteo.lie import SE3
-from tanteo.matching.verdict import box_corners
+from tanteo.matching.part_motions import box_corners
 from tanteo.parts import Part
 from tanteo.report.answered import switch_row
 from tanteo.report.html import Html, element, join, table

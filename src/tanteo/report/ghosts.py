@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SE3
-from tanteo.matching.verdict import corner_moves, motion_words
+from tanteo.matching.part_motions import corner_moves, motion_words
 from tanteo.parts import Part
 from tanteo.report.words import brief
 from tanteo.typing import Covariances, Tangents, Transforms

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
 from tanteo.lie import SE3
-from tanteo.matching.verdict import box_corners
+from tanteo.matching.part_motions import box_corners
 from tanteo.parts import Part
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.drawn import feature_lines

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.matching import Hypothesis, Recognition
-from tanteo.matching.verdict import CONFIDENCE, corner_sd
+from tanteo.matching.part_motions import corner_sd
+from tanteo.matching.verdict import CONFIDENCE
 from tanteo.parts import Part
 from tanteo.report.sensed import Sensed
 

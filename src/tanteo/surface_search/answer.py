@@ -10,11 +10,11 @@ from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.localization import SharedGiven, pose_information
 from tanteo.matching.hypothesis import hypothesis_at
+from tanteo.matching.part_motions import corner_sd, part_scale, spins, without_spins
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.verdict import corner_sd, part_scale, spins, without_spins
 from tanteo.surface_search.explained import chi_square
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import Covariances, FloatArray, IntArray
 

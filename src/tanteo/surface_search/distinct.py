@@ -7,7 +7,7 @@ import numpy as np
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import squared_gaps
-from tanteo.matching.verdict import part_scale
+from tanteo.matching.part_motions import part_scale
 from tanteo.parts import Part
 from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.target import Target

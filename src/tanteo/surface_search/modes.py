@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from tanteo.lie import SE3
-from tanteo.localization import covariance_with_free, pose_information, weak_motions
 from tanteo.matching.belief import squared_gaps
 from tanteo.matching.evidence import Priors, log_sum
+from tanteo.matching.part_motions import off_spins, spins
 from tanteo.matching.prior import PosePrior, alike
-from tanteo.matching.verdict import off_spins, part_scale, spins, without_spins
 from tanteo.parts import Part
 from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.likelihood import log_posterior
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.moments import Moments, posterior_moments
 from tanteo.surface_search.near_edges import REACH
 from tanteo.surface_search.none_of_these import NEGLIGIBLE, log_none, reported
@@ -25,7 +25,7 @@ from tanteo.surface_search.sheets import pieces
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.within import cut, log_within, within
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.typing import FloatArray
 
 _WEIGHED, _MOST = 0.03, 4
 """Modes that may be of at least this probability, and no more of them, are weighed over their whole region."""
@@ -38,68 +38,6 @@ _IMAGE = 7.0
 
 _WITHIN = 9.0
 """Squared Mahalanobis distance from a weighed mode within which another maximum is part of it."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Mode:
-    """One maximum of one part.
-
-    Attributes:
-        target: the part.
-        found: the maxima of that part.
-        k: which of them.
-        log_mass: log evidence, the part's own probability and symmetry included.
-        moments: of the posterior about it, where it is not normal or was not looked at.
-        probability: posterior over all parts, poses and "none of these".
-        shift: of the pose that is the answer from the maximum, where a box left only some of what is about it
-            ``(6,)``: to the mean of that, of which the moments are then.
-    """
-
-    target: Target
-    found: Polished
-    k: int
-    log_mass: float
-    moments: Moments | None = None
-    probability: float = 0.0
-    shift: Tangents | None = None
-
-    @property
-    def T_world_part(self) -> Transforms:
-        """The pose that is the answer ``(4, 4)``."""
-        T = self.found.Ts[self.k]
-        return T if self.shift is None else np.asarray(T @ SE3.exp(self.shift))
-
-    @property
-    def free(self) -> Tangents:
-        """Motions that nothing resists, those of the part's symmetry first, over :func:`part_scale` ``(m, 6)``."""
-        part = self.target.part
-        return weak_motions(self.information, part_scale(part), fixed=spins(part))
-
-    @property
-    def information(self) -> FloatArray:
-        """On the pose, at the maximum, none along the symmetry ``(6, 6)``."""
-        return without_spins(self.target.part, pose_information(self.found.information[self.k]))
-
-    @property
-    def covariance(self) -> Covariances:
-        """Of the pose ``(6, 6)``; along free motions that of a uniform draw."""
-        return self._with_free(None if self.moments is None else self.moments.covariance, self.information)
-
-    @property
-    def covariance_given_shared(self) -> Covariances | None:
-        """Of the pose if the shared errors were known; None if there are none."""
-        if self.found.z.shape[1] == 0:
-            return None
-        known = without_spins(self.target.part, self.found.information[self.k][:6, :6])
-        return self._with_free(None if self.moments is None else self.moments.covariance_given_shared, known)
-
-    def _with_free(self, covariance: Covariances | None, information: FloatArray) -> Covariances:
-        scale = part_scale(self.target.part)
-        if covariance is not None:
-            to_unit = np.linalg.inv(scale)
-            unit = to_unit @ covariance @ to_unit.T
-            information = to_unit.T @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ to_unit
-        return covariance_with_free(information, self.free, scale)
 
 
 def weigh(

@@ -13,23 +13,18 @@ millimetres beyond, a nat or two lower. Along such motions the density is follow
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import gammaln
 
 from tanteo.lie import SE3
-from tanteo.matching.box import SURE
-from tanteo.matching.evidence import log_sum
+from tanteo.surface_search.adapted_draws import Proposal, sampled
 from tanteo.typing import BoolArray, Covariances, FloatArray, Tangents, Transforms
 
 LogDensity = Callable[[Transforms, FloatArray], FloatArray]
 """Log posterior density, up to a constant, at poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)``."""
-
-_Proposal = tuple[FloatArray, FloatArray]
-"""Mean and factor of the covariance of a density that is drawn from."""
 
 _PROBED = 2.0
 """The density is looked at this far along each axis of the ellipsoid, and at draws from it."""
@@ -48,15 +43,6 @@ _FAR = 2.0 ** np.arange(1, 11)
 
 _BEYOND, _FAINT = 0.05, np.exp(-6.0)
 """Mass beyond the second place over that of the peak from which the peak is not all; density where the plain ends."""
-
-_DRAWS, _ROUNDS, _TAIL = 400, 10, 6
-"""Draws in each round, rounds at most, and degrees of freedom of the proposal."""
-
-_LEAST_ROUNDS, _STEADY = 4, 1.3
-"""Rounds at least; no more are needed when no variance changed by more than this factor in the last one."""
-
-_LEAST = 40.0
-"""Effective draws with which the moments are believed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,11 +107,11 @@ def posterior_moments(
     plains = [] if brittle is None else _plains(at, axes[:6].T @ brittle @ axes[:6], float(log[0]))
     if not plains and _agree(u, log - log[0] + 0.5 * np.sum(u * u, axis=1)):
         return None
-    found = (None if plains else _fitted(u, log - log[0])) or _sampled(at, d, float(log[0]), plains, inside)
+    found = (None if plains else _fitted(u, log - log[0])) or sampled(at, d, float(log[0]), plains, inside)
     return None if found is None else _as_moments(axes, *found)
 
 
-def _plains(at: Callable[[FloatArray], FloatArray], brittle: FloatArray, peak: float) -> list[_Proposal]:
+def _plains(at: Callable[[FloatArray], FloatArray], brittle: FloatArray, peak: float) -> list[Proposal]:
     """Means and factors of the plains that the peak stands on, one for each motion that leads along one.
 
     Args:
@@ -179,84 +165,6 @@ def _scattered(d: int) -> FloatArray:
     """Draws from the ellipsoid, twice as many as a quadratic function has coefficients."""
     half = np.random.default_rng((1991, d)).normal(size=((d + 1) * (d + 2) // 2, d))
     return np.concatenate([half, -half])
-
-
-def _sampled(
-    at: Callable[[FloatArray], FloatArray],
-    d: int,
-    peak: float,
-    plains: Sequence[_Proposal],
-    inside: Callable[[FloatArray], BoolArray],
-) -> tuple[FloatArray, FloatArray, float, float] | None:
-    """Mean, covariance and log mass, in the coordinates of the ellipsoid, of the share inside; None of too few draws.
-
-    First rounds draw from the ellipsoid and along each plain, further ones from what those before found; all draws
-    count in the end, each weighed against the mixture of all proposals (Cornuet et al. 2012, adaptive multiple
-    importance sampling).
-    """
-    us, logs = np.zeros((0, d)), np.zeros(0)
-    first: list[_Proposal] = [(np.zeros(d), np.eye(d)), *plains]
-    proposals: list[_Proposal] = []
-    mean, C = first[0]
-    for normal, spread in _draws(d):
-        k = len(proposals)
-        mean, L = first[k] if k < len(first) else (mean, np.asarray(np.linalg.cholesky(C), dtype=np.float64))
-        proposals.append((mean, L))
-        u = mean + (normal * spread[:, None]) @ L.T
-        us, logs = np.concatenate([us, u]), np.concatenate([logs, at(u) - peak])
-        log_q = log_sum([_log_t(us, *proposal) for proposal in proposals], axis=0) - np.log(len(proposals))
-        top = float(np.max(logs - log_q))
-        w = np.exp(logs - log_q - top)
-        mean, C = _weighted(us, np.minimum(w, w.mean() * np.sqrt(len(w))))
-        C = C + 1e-6 * np.trace(C) / d * np.eye(d)
-        change = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, C).T))
-        if len(proposals) >= _LEAST_ROUNDS + len(plains) and change[0] > 1 / _STEADY and change[-1] < _STEADY:
-            break
-    if _effective(w) < _LEAST:
-        return None
-    left = w * inside(us)
-    share = float(left.sum() / w.sum())
-    w, share = (left, share) if share < SURE and _effective(left) > _LEAST else (w, 1.0)
-    log_mass = top + float(np.log(w.mean())) - 0.5 * d * np.log(2 * np.pi)
-    return *_weighted(us, w), log_mass, share
-
-
-def effective(log_weights: FloatArray) -> float:
-    """Number of draws that carry the weight; none if all of them have none."""
-    top = log_weights.max(initial=-np.inf)
-    return _effective(np.exp(log_weights - top)) if np.isfinite(top) else 0.0
-
-
-def _effective(w: FloatArray) -> float:
-    return float(w.sum() ** 2 / max(np.sum(w * w), 1e-300))
-
-
-def _log_t(u: FloatArray, mean: FloatArray, L: FloatArray) -> FloatArray:
-    """Log density of the heavy-tailed proposal with that mean and factor."""
-    d = len(mean)
-    white = np.linalg.solve(L, (u - mean).T)
-    constant = gammaln(0.5 * (_TAIL + d)) - gammaln(0.5 * _TAIL) - 0.5 * d * np.log(_TAIL * np.pi)
-    log = constant - np.log(np.diag(L)).sum()
-    return np.asarray(log - 0.5 * (_TAIL + d) * np.log1p(np.sum(white * white, axis=0) / _TAIL))
-
-
-def _weighted(u: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    w = w / w.sum()
-    mean = w @ u
-    gap = u - mean
-    return mean, (w[:, None] * gap).T @ gap
-
-
-@cache
-def _draws(d: int) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """The same standard normal draws and heavy-tailed factors every time, so that an answer can be repeated."""
-    rng = np.random.default_rng((1991, d))
-    half = _DRAWS // 2
-    out = []
-    for _ in range(_ROUNDS):
-        normal, factor = rng.normal(size=(half, d)), np.sqrt(_TAIL / rng.chisquare(_TAIL, half))
-        out.append((np.concatenate([normal, -normal]), np.concatenate([factor, factor])))
-    return tuple(out)
 
 
 def _as_moments(axes: FloatArray, mean: FloatArray, C: FloatArray, log_mass: float, share: float) -> Moments:

@@ -8,7 +8,7 @@ from tanteo.matching.evidence import Priors
 from tanteo.matching.results import Hypothesis
 from tanteo.surface_search.kin import log_density_elsewhere, log_density_of_kin, shifted
 from tanteo.surface_search.likelihood import densities_at
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.strays import so_many
 from tanteo.surface_search.touches import Touches
 

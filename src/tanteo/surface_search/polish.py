@@ -9,8 +9,8 @@ import numpy as np
 from tanteo.localization import motions_about, pose_information
 from tanteo.matching.evidence import Priors, pose_volume
 from tanteo.matching.freedom import pose_scale
+from tanteo.matching.part_motions import without_spins
 from tanteo.matching.prior import add_prior
-from tanteo.matching.verdict import without_spins
 from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.kin import log_density_of_kin
 from tanteo.surface_search.likelihood import explain, log_beside_readings, normal_equations

@@ -17,7 +17,7 @@ from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.surface_search.answer import as_hypothesis, what_limits, worst_reading
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.off_part import face_elsewhere, left_out, mostly_on, not_on_it
 from tanteo.surface_search.said import what_was_said
 from tanteo.surface_search.target import Target, prepare_target

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from tanteo.lie import SE3
 from tanteo.localization import pose_information, weak_motions
 from tanteo.matching.belief import gaps_between
-from tanteo.matching.verdict import part_scale, spins, without_spins
+from tanteo.matching.part_motions import part_scale, spins, without_spins
 from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.target import Target
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms

@@ -14,12 +14,12 @@ from scipy.special import chdtrc
 
 from tanteo.localization import pose_information, weak_motions
 from tanteo.matching.evidence import Priors
+from tanteo.matching.part_motions import part_scale
 from tanteo.matching.prior import prior_rows
 from tanteo.matching.results import Hypothesis
-from tanteo.matching.verdict import part_scale
 from tanteo.surface_search.explained import explained
 from tanteo.surface_search.likelihood import log_posterior
-from tanteo.surface_search.modes import Mode
+from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.weighed import Weighed

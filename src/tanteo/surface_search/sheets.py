@@ -19,11 +19,12 @@ from tanteo.localization import pose_information
 from tanteo.matching.box import SURE
 from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.freedom import pose_scale
+from tanteo.matching.part_motions import off_spins
 from tanteo.matching.prior import in_box
-from tanteo.matching.verdict import off_spins
 from tanteo.parts import Part
+from tanteo.surface_search.adapted_draws import effective
 from tanteo.surface_search.given_pose import GivenPose, given_pose
-from tanteo.surface_search.moments import Moments, effective
+from tanteo.surface_search.moments import Moments
 from tanteo.surface_search.nodes import Nodes, Rough, about, of_rough_pose
 from tanteo.surface_search.of_draws import ONE, gaps, is_normal, moments_of
 from tanteo.surface_search.polish import Polished

@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import log_place_of_unknown
-from tanteo.surface_search.modes import Mode, weigh
+from tanteo.surface_search.mode import Mode
+from tanteo.surface_search.modes import weigh
 from tanteo.surface_search.none_of_these import unknown_log_density
 from tanteo.surface_search.rounds import search_all
 from tanteo.surface_search.target import MOST_SAMPLES, Target, finer

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tanteo.lie import SE3
+from tanteo.matching.part_motions import box_corners
 from tanteo.matching.results import Recognition
-from tanteo.matching.verdict import box_corners
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
