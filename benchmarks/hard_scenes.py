@@ -4,7 +4,8 @@ A round bar that was touched around its side only, so that nothing but where the
 bar touched anywhere; few readings with exact normals, whose joint test has to count the normals; a tip offset of sixty
 times the noise on a hand that comes square on; exact touches that a session is told at once; few touches of a part
 whose place is roughly known, which leave it on sheets that are bent and cut; a bias of thirty times the noise that
-seven readings just show; a beam that is mounted roughly. ``--processes`` and ``--keep`` as in ``campaign.py``.
+seven readings just show; a beam that is mounted roughly; touches that may be of either side of a wall.
+``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ KINDS = {
     "rough 6": "the same, 6 touches of 0.3 mm, place known to 5 mm and 5 degrees",
     "bias": "bracket_left, 7 beams of 0.01 mm with a bias of 0.3 mm, place known to 5 mm and 3 degrees",
     "mount": "one of six parts, 25 beams of 0.3 mm from 0.05 to 0.25 m, mounted to 3 mm and 0.03 rad an axis",
+    "walls": "housing with walls of 10 mm, 8 touches of 0.01 mm",
 }
 ROUGH = "wedge", "block", "bracket_left"
 MANY = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"
@@ -108,7 +110,13 @@ def _bias(rng):
     return target, touches, T, Priors(pose=PosePrior(np.eye(4), C))
 
 
-_SHARED = {"tip": _tip, "mount": _mount}
+def _walls(rng):
+    target, T = _target("housing"), box_centred_pose(rng)
+    p, _ = surface_points(target, 8, rng)
+    return target, touches_of(SE3.apply(T, p) + 1e-5 * rng.normal(size=p.shape), 1e-5), T
+
+
+_ANYWHERE = {"tip": _tip, "mount": _mount, "walls": _walls}
 
 
 def one(kind, seed, k):
@@ -122,8 +130,8 @@ def one(kind, seed, k):
     elif kind == "normals":
         target = _target("bracket_left")
         touches, T = oriented(target, 7, rng, 1e-3, 5e-3)
-    elif kind in _SHARED:
-        target, touches, T = _SHARED[kind](rng)
+    elif kind in _ANYWHERE:
+        target, touches, T = _ANYWHERE[kind](rng)
     else:
         target, touches, T = _bar(60 if "side" in kind else 200, "side" in kind, rng)
     answer = identify_touches(touches, no_paths(), [target], priors=priors)

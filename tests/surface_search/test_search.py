@@ -31,6 +31,7 @@ def test_poses_turned_about_that_meet_at_one_maximum_are_one(target, monkeypatch
     T = box_centred_pose(rng)
     touches, _, _ = scene(target, T, SENSORS[1], 8, rng)
     effort, priors, groups = Effort(500, 8, 10, 3), Priors(radius=0.1), groups_of(touches, target, 2)
+    monkeypatch.setattr(search, "slid_beside", lambda *_: (np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64)))
 
     def run(turned):
         monkeypatch.setattr(search, "turned_about", lambda *_: (turned, np.full(len(turned), 8)))

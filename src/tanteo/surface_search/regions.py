@@ -50,7 +50,7 @@ def groups_of_regions(found: Polished, target: Target, log_density: LogDensity) 
     i, j = i[doubtful], j[doubtful]
     xi, gaps = gaps_between(target.part, found.Ts[j], found.Ts[i], pose_information(found.information[i]))
     near = np.flatnonzero(gaps <= _NEAR)
-    near = near[_bounded(found, target, i[near])]
+    near = near[bounded(found, target, i[near])]
     i, j, xi = i[near], j[near], xi[near]
     joined = _no_valley(found, i, j, xi, log_density)
     size = len(found.Ts)
@@ -61,7 +61,7 @@ def groups_of_regions(found: Polished, target: Target, log_density: LogDensity) 
     return np.asarray(groups[region])
 
 
-def _bounded(found: Polished, target: Target, rows: IntArray) -> BoolArray:
+def bounded(found: Polished, target: Target, rows: IntArray) -> BoolArray:
     """At which maxima no motion but that of the part's symmetry is free ``(P,)``: those are sampled in the end."""
     scale, fixed = part_scale(target.part), spins(target.part)
     some, back = np.unique(rows, return_inverse=True)

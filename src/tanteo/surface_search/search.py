@@ -13,7 +13,9 @@ from tanteo.matching.prior import prior_rows, prior_starts
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.polish import HOPELESS, Polished, from_blurred, polish
 from tanteo.surface_search.refine import SETTLING, Known, refine
+from tanteo.surface_search.regions import bounded
 from tanteo.surface_search.shared_start import bend
+from tanteo.surface_search.slid import slid_beside
 from tanteo.surface_search.starts import (
     bases,
     cells,
@@ -129,11 +131,16 @@ def search(
     found = _maxima(polish(touches, free, Ts, target, priors, groups=origin), target)
     if len(groups[0]) == 2:
         found = _maxima(found.join(from_blurred(touches, free, found, target, priors)), target)
-    turned, origin = turned_about(some, found, target, narrowing(some, target))
-    if len(turned):
-        others = polish(touches, free, turned, target, priors, groups=origin)
-        known = np.repeat([0, -1], [len(found.Ts), len(others.Ts)])
-        found = _maxima(found.join(others), target, known)
+    for others in (turned_about, slid_beside, turned_about):
+        known = len(found.Ts)
+        Ts, origin = others(some, found, target, narrowing(some, target))
+        if len(Ts):
+            more = polish(touches, free, Ts, target, priors, groups=origin)
+            if others is slid_beside:
+                more = more.take(np.flatnonzero(bounded(more, target, np.arange(len(more.Ts)))))
+            found = _maxima(found.join(more), target, np.repeat([0, -1], [known, len(more.Ts)]))
+        if others is slid_beside and len(found.Ts) == known:
+            break  # nothing new that could be turned
     return found.take(np.flatnonzero(log_within(priors, target.part, found.Ts, found.information) > -HOPELESS))
 
 
