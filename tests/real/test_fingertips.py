@@ -12,7 +12,9 @@ import pytest
 import tanteo
 from bare_scenes import no_paths, touches_of
 from tanteo.lie import SE3
+from tanteo.matching import Priors
 from tanteo.surface_search import identify_touches, prepare_target
+from tanteo.surface_search.polish import polish
 
 FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "fingertip_touches"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
@@ -54,11 +56,15 @@ def test_nine_of_the_eleven_meshes_are_closed_and_two_of_them_are_one(targets):
 
 
 def test_real_cylinder(targets):
-    """Target 5.75 mm; least squares, which maximum likelihood is, cannot be under 5.90 and no pose under 5.45."""
+    """Target 5.75 mm; least squares, which maximum likelihood is, cannot be under 5.87 and no pose under 5.45.
+
+    The posterior is flat there: from 5.87 to 5.96 mm maxima differ by 0.04 nats, and rounding decides which is found.
+    """
     points, answer = located(targets, "measCylinder_exp", "cylinder", SD)
     best = answer.hypotheses[0]
     distances = [mean_distance(targets["cylinder"], h.T_world_part, points) for h in answer.hypotheses]
-    assert 5.4e-3 < distances[0] < 5.95e-3
+    assert 5.4e-3 < distances[0] < 6e-3
+    assert _evidence_beside(targets["cylinder"], best.T_world_part, points) < 0.1
     assert max(d for h, d in zip(answer.hypotheses, distances, strict=True) if h.probability > 1e-3) < 7.0e-3
     assert "times as much as stated" in answer.message
     # its spin is symmetry; its slide is observed, for fingers went past both ends: 220 mm of touches on 200 mm
@@ -66,6 +72,14 @@ def test_real_cylinder(targets):
     assert best.unobserved == ()
     local = SE3.apply(SE3.inverse(best.T_world_part), points)
     assert np.ptp(local[:, 1]) > np.ptp(targets["cylinder"].part.box[:, 1])
+
+
+def _evidence_beside(target, T, points):
+    """By how much a pose found from many about this one is more probable than the one that is climbed to from it."""
+    touches, priors = touches_of(points, 1.6 * SD), Priors(radius=target.part.radius)
+    shaken = T @ SE3.exp(np.random.default_rng(0).normal(size=(300, 6)) * np.repeat([5e-3, 0.05], 3))
+    log = polish(touches, no_paths(), np.concatenate([T[None], shaken]), target, priors).log_evidence
+    return float(log.max() - log[0])
 
 
 def test_real_cleaner(targets):

@@ -23,6 +23,7 @@ from tanteo.surface_search.search import LEAST_ORIENTED, effort_for, groups_of, 
 from tanteo.surface_search.shared_start import bend
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
+from tanteo.surface_search.tried import tried_on
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 _MISSING = 0.02
@@ -36,6 +37,9 @@ _ROUNDS, _HOPELESS_ROUNDS = 6, 4
 
 _BENT = 10.0
 """Shared errors that bend the readings by more standard deviations may hide the right pose from first poses."""
+
+_FEW = 0.02
+"""Rate of strays up to which their number tells a right pose: at a tenth many a wrong one explains the readings."""
 
 _DETERMINES = 6
 """Readings without normals that can fix a pose; fewer leave a direction free however long one searches."""
@@ -129,6 +133,7 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
                 beside = hop(touches, free, best, searches[i].target, priors, k, _number(k))
                 searches[i] = searches[i].after(beside)
             searches[i] = searches[i].by_regions(touches, free, priors)
+        searches = _tried(touches, free, searches, priors)
         if k == 0:
             wide, again = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
             if any(s.maxima is not None and explains_all(s.maxima) for s in again):
@@ -138,6 +143,16 @@ def search_all(touches: Touches, free: FreePaths, targets: Sequence[Target], pri
             break
     touches, searches = _widened(touches, free, searches, priors, _scatter(touches, free, searches, priors))
     return Found(_found(searches), float(touches.sd[0] / stated.sd[0]), _once(searches) if determined else 0.0)
+
+
+def _tried(touches: Touches, free: FreePaths, searches: list[Search], priors: Priors) -> list[Search]:
+    """With what the best poses of the other parts lead to."""
+    if len(searches) < 2:
+        return searches
+    found = tried_on(touches, free, [(s.target, s.maxima) for s in searches], priors)
+    return [
+        s if more is None else s.after(distinct_maxima(more, s.target)) for s, more in zip(searches, found, strict=True)
+    ]
 
 
 def _once(searches: Sequence[Search]) -> float:
@@ -199,7 +214,7 @@ def _widened(
 
 def _unfinished(searches: Sequence[Search], left: list[int], k: int, priors: Priors, bent: bool) -> list[int]:
     """Parts to search again after round ``k``; shared errors may bend the readings far more than their noise."""
-    if not any(s.maxima is not None and explained(s.maxima, priors.clutter) for s in searches):
+    if not any(s.maxima is not None and explained(s.maxima, min(priors.clutter, _FEW)) for s in searches):
         return left if k + 1 < _HOPELESS_ROUNDS else []
     mass = np.array([s.log_mass for s in searches])
     best = int(np.argmax(mass))

@@ -46,7 +46,7 @@ def slid_beside(
     """Poses beside the best maxima after slides that bring all readings near the surface again.
 
     Args:
-        touches: the readings.
+        touches: the readings, or some of them.
         maxima: found so far, best first.
         target: the part.
         narrowing: scales of the last steps.
@@ -55,9 +55,12 @@ def slid_beside(
         Poses ``(P, 4, 4)``, and the groups of readings that led to their places ``(P,)``.
     """
     best = maxima.take(np.arange(min(_FROM, len(maxima.Ts))))
-    if best.rows.shape[1] > _MOST or not len((held := _held_by_few(best, target.part))[0]):
+    blurred = np.median(touches.sd) > _STEP * target.spacing  # what is so near is one to such noise
+    if blurred or best.rows.shape[1] > _MOST:
         return best.Ts[:0], best.groups[:0]
-    of, motions = held
+    of, motions = _held_by_few(best, target.part)
+    if not len(of):
+        return best.Ts[:0], best.groups[:0]
     Ts, line = _slides(touches, best.Ts[of], motions, target)
     return refine(touches, Ts, target, narrowing)[0], best.groups[of[line]]
 
