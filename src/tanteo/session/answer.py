@@ -21,6 +21,7 @@ from tanteo.surface_search.answer import as_hypothesis, worst_reading
 from tanteo.surface_search.explained import chi_square
 from tanteo.surface_search.off_part import face_elsewhere
 from tanteo.surface_search.said import p_of_prior
+from tanteo.typing import Transforms
 
 ALPHA = 0.01
 """An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
@@ -29,6 +30,9 @@ NOTHING = "No part explains the readings: check them, the rough pose and the par
 """What is said where no part is left."""
 
 _ANEW = " A new session with a wider rough pose can be told the same readings."
+
+_DRAWS = 64
+"""Poses of the belief from which the one is looked for that agrees best with readings and rough pose."""
 
 _HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough place and the parts."
 
@@ -101,7 +105,14 @@ def p_of_start(belief: Belief) -> float:
     there = np.repeat(belief.poses[:1], len(own), axis=0)
     row = own[np.argmin(np.sum(prior_residuals(start.prior(own), best.target.part, there) ** 2, axis=1))]
     pose = PosePrior(start.Ts[row], start.covariances[row])
-    return p_of_prior(touches, belief.free, best, replace(start.priors, pose=pose))
+    return p_of_prior(touches, belief.free, best, replace(start.priors, pose=pose), _likely(belief))
+
+
+def _likely(belief: Belief) -> Transforms:
+    """Draws of the part of the likeliest mode, the heaviest of them ``(S, 4, 4)``."""
+    assert belief.draws is not None
+    own = np.flatnonzero(belief.part[belief.draws.mode] == belief.part[0])
+    return belief.draws.Ts[own[np.argsort(-belief.draws.weights[own], kind="stable")[:_DRAWS]]]
 
 
 def _worst(belief: Belief, prior_p: float) -> str:

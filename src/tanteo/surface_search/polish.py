@@ -15,7 +15,7 @@ from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.kin import log_density_of_kin
 from tanteo.surface_search.likelihood import explain, log_beside_readings, normal_equations
 from tanteo.surface_search.refine import moved, step_to
-from tanteo.surface_search.shared_start import start_of
+from tanteo.surface_search.shared_start import starts_of
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.within import log_within
@@ -99,8 +99,8 @@ def polish(
         z: whitened shared errors from which each is climbed ``(S, D)``; from where they settle if not given.
     """
     groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups
-    start = start_of(touches, Ts, target, priors) if z is None else (Ts, z)
-    Ts, z = _climb(touches, free, start, target, priors, iterations)
+    starts = starts_of(touches, Ts, target, priors) if z is None else [(Ts, z)]
+    Ts, z = _climb(touches, free, starts, target, priors, iterations)
     at = explain(touches, Ts, z, target, priors)
     log = at.log + log_beside_readings(free, Ts, z, target, priors)
     A, b = normal_equations(touches, at, z)
@@ -170,12 +170,14 @@ def information_of_readings(
 def _climb(
     touches: Touches,
     free: FreePaths,
-    start: tuple[Transforms, FloatArray],
+    starts: list[tuple[Transforms, FloatArray]],
     target: Target,
     priors: Priors,
     iterations: int,
 ) -> tuple[Transforms, FloatArray]:
     """Expectation and Levenberg-Marquardt together, each pose with its own damping; no step makes a pose worse.
+
+    Each pose is climbed from the likeliest of its starts.
 
     Across an edge of the part the gradient jumps, and full Gauss-Newton steps would swing from face to face.
     """
@@ -187,10 +189,15 @@ def _climb(
         log += add_prior(priors.pose, target.part, Ts, A, b, rows)
         return log + log_free_paths(free, Ts, z, target, priors), A, b
 
-    Ts, z = np.array(start[0]), np.array(start[1])
+    Ts, z = np.array(starts[0][0]), np.array(starts[0][1])
     active = np.arange(len(Ts))
     M = motions_about(target.part.centroid, 6 + z.shape[1])
     log, A, b = look(Ts, z, active)
+    for start in starts[1:]:
+        at = look(*start, active)
+        better = at[0] > log
+        for own, other in zip((Ts, z, log, A, b), (*start, *at), strict=True):
+            own[better] = other[better]
     damping = np.full(len(Ts), _LEAST_DAMPING)
     for k in range(iterations):
         step = step_to(M.T @ A[active] @ M, b[active] @ M, damping[active])

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
+from tanteo.lie import SE3
 from tanteo.localization import pose_information, weak_motions
 from tanteo.matching.evidence import Priors
 from tanteo.matching.part_motions import part_scale
@@ -24,9 +25,13 @@ from tanteo.surface_search.polish import polish
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.weighed import Weighed
 from tanteo.surface_search.within import log_within
+from tanteo.typing import FloatArray, Transforms
 
 _DOUBT = 0.05
 """P-values of the answer, and of what was said, above which a search without it is not worth its time."""
+
+_DRAWS = 32
+"""Poses about a mode from which the one is looked for that agrees best with both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,27 +94,48 @@ def _explains(mode: Mode, priors: Priors) -> bool:
     return explained(mode.found.take(np.array([mode.k])), priors.clutter)
 
 
-def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors) -> float:
+def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors, draws: Transforms | None = None) -> float:
     """P-value of what was known of the pose beforehand, beside the readings near an answer: 1 without.
 
     Without it the readings fit somewhere near as well or better: by how much, beside the squared distance of the pose
     from what was said, is chi-square of as many degrees as both say something of. A box is as probable as the share of
-    the pose that it leaves, if the part is at its border.
+    the pose that it leaves, if the part is at its border. What was said is looked at where it agrees better with the
+    readings: at the answer, or at a maximum beside it; the likeliest one may leave a reading aside that it need not.
 
     Args:
         touches: the readings.
         free: paths on which nothing was met.
         mode: the answer.
         priors: what is assumed beforehand.
+        draws: poses as the posterior has them ``(S, 4, 4)``; about the mode as its moments say if not given.
     """
-    part, T, z = mode.target.part, mode.found.Ts[[mode.k]], mode.found.z[[mode.k]]
-    known = prior_rows(priors.pose, part, T)[0][0]
+    target, T, z = mode.target, mode.found.Ts[[mode.k]], mode.found.z[[mode.k]]
     share = 1.0 if mode.moments is None else mode.moments.share
-    if not len(known):
+    known = prior_rows(priors.pose, target.part, T)[0].shape[1]
+    if not known:
         return share
     alone = replace(priors, pose=None)
-    apart = polish(touches, free, T, mode.target, alone)
-    log = log_posterior(touches, free, np.concatenate([T, apart.Ts]), np.concatenate([z, apart.z]), mode.target, alone)
-    left = weak_motions(pose_information(apart.information[0]), part_scale(part))  # there it is as it was said to be
-    dof = max(len(known) - len(left), 1)
-    return min(share, float(chdtrc(dof, max(known @ known + 2 * (log[1] - log[0]), 0.0))))
+    apart = polish(touches, free, T, target, alone)
+    left = weak_motions(pose_information(apart.information[0]), part_scale(target.part))  # there it is as it was said
+    best = log_posterior(touches, free, apart.Ts, apart.z, target, alone)[0]
+
+    def p(Ts: Transforms, zs: FloatArray) -> float:
+        off = np.sum(prior_rows(priors.pose, target.part, Ts)[0] ** 2, axis=1)
+        off += 2 * (best - log_posterior(touches, free, Ts, zs, target, alone))
+        return float(chdtrc(max(known - len(left), 1), max(off.min(), 0.0)))
+
+    there = p(T, z)
+    if there < _DOUBT:  # the maximum may leave a reading aside that the pose beside it, as probable, does not
+        about = _about(mode) if draws is None else draws
+        others = polish(touches, free, np.concatenate([apart.Ts, about]), target, priors)
+        there = max(there, p(others.Ts, others.z))
+    return min(share, there)
+
+
+def _about(mode: Mode) -> Transforms:
+    """Poses as a mode that is not normal says they are distributed ``(S, 4, 4)``; none of one that is."""
+    if mode.moments is None:
+        return np.zeros((0, 4, 4))
+    about = np.linalg.cholesky(mode.covariance)
+    draws = np.random.default_rng(1991).normal(size=(_DRAWS, 6)) @ about.T
+    return np.asarray(mode.T_world_part @ SE3.exp(draws))

@@ -7,6 +7,8 @@ errors may put them, down to the noise.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -48,8 +50,10 @@ def bend(touches: Touches) -> float:
     return float((off / touches.sd).max())
 
 
-def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -> tuple[Transforms, FloatArray]:
-    """Poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)`` to climb from.
+def starts_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -> list[tuple[Transforms, FloatArray]]:
+    """Poses ``(S, 4, 4)`` and whitened shared errors ``(S, D)`` to climb from: settled together; and as they are.
+
+    Where few readings hold a pose, settling may lead it far away though it was right.
 
     Args:
         touches: the readings.
@@ -60,19 +64,41 @@ def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -
     D = touches.gains.shape[-1]
     z = np.zeros((len(Ts), D))
     if not D or not len(Ts) or not len(touches):
-        return Ts, z
+        return [(Ts, z)]
     far = _FAR * np.maximum(bend(touches), _alone(_residuals(touches, Ts, z, target)[1]))
     if far.max() <= _FAR * _HARMLESS:
-        return Ts, z
-    M, far = motions_about(target.part.centroid, 6 + D), far.clip(_NEAR)[:, None]
-    for share in np.linspace(0, 1, 3 + int(np.ceil(np.log2(far.max() / _NEAR)))):
-        A, b = equations_within(touches, Ts, z, target, far * (_NEAR / far) ** share)
-        A[:, 6:, 6:] += np.eye(D)
+        return [(Ts, z)]
+    far = far.clip(_NEAR)[:, None]
+    widths = [far * (_NEAR / far) ** share for share in np.linspace(0, 1, 3 + int(np.ceil(np.log2(far.max() / _NEAR))))]
+    return [_settled(touches, Ts, z, target, priors, widths), (Ts, _there(touches, Ts, z, target, widths))]
+
+
+def start_of(touches: Touches, Ts: Transforms, target: Target, priors: Priors) -> tuple[Transforms, FloatArray]:
+    """The first of :func:`starts_of`: poses and shared errors settled together."""
+    return starts_of(touches, Ts, target, priors)[0]
+
+
+def _settled(
+    touches: Touches, Ts: Transforms, z: FloatArray, target: Target, priors: Priors, widths: Sequence[FloatArray]
+) -> tuple[Transforms, FloatArray]:
+    """Poses and shared errors after a step together at each width."""
+    M = motions_about(target.part.centroid, 6 + z.shape[1])
+    for width in widths:
+        A, b = equations_within(touches, Ts, z, target, width)
+        A[:, 6:, 6:] += np.eye(z.shape[1])
         b[:, 6:] -= z
         add_prior(priors.pose, target.part, Ts, A, b)
         step = step_to(M.T @ A @ M, b @ M, np.full(len(Ts), _DAMPING))
         Ts, z = moved(Ts, step[:, :6], target.part.centroid), z + step[:, 6:]
     return Ts, z
+
+
+def _there(touches: Touches, Ts: Transforms, z: FloatArray, target: Target, widths: Sequence[FloatArray]) -> FloatArray:
+    """Shared errors after a step at each width, the poses as they are."""
+    for width in widths:
+        A, b = (x[:, 6:] for x in equations_within(touches, Ts, z, target, width))
+        z = z + np.linalg.solve(A[..., 6:] + np.eye(z.shape[1]), (b - z)[..., None])[..., 0]
+    return z
 
 
 def equations_within(
