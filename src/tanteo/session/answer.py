@@ -108,9 +108,10 @@ def p_of_start(belief: Belief) -> float:
     return p_of_prior(touches, belief.free, best, replace(start.priors, pose=pose), _likely(belief))
 
 
-def _likely(belief: Belief) -> Transforms:
-    """Draws of the part of the likeliest mode, the heaviest of them ``(S, 4, 4)``."""
-    assert belief.draws is not None
+def _likely(belief: Belief) -> Transforms | None:
+    """Draws of the part of the likeliest mode, the heaviest of them ``(S, 4, 4)``; None where none were made."""
+    if belief.draws is None:
+        return None
     own = np.flatnonzero(belief.part[belief.draws.mode] == belief.part[0])
     return belief.draws.Ts[own[np.argsort(-belief.draws.weights[own], kind="stable")[:_DRAWS]]]
 

@@ -195,9 +195,9 @@ def _climb(
     log, A, b = look(Ts, z, active)
     for start in starts[1:]:
         at = look(*start, active)
-        better = at[0] > log
+        likelier = at[0] > log
         for own, other in zip((Ts, z, log, A, b), (*start, *at), strict=True):
-            own[better] = other[better]
+            own[likelier] = other[likelier]
     damping = np.full(len(Ts), _LEAST_DAMPING)
     for k in range(iterations):
         step = step_to(M.T @ A[active] @ M, b[active] @ M, damping[active])
