@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import kstest
 
+from bare_scenes import beams, touches_of
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors, Table
@@ -18,6 +20,8 @@ from tanteo.surface_search.answer import as_hypothesis
 from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.said import p_of_prior
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
 @pytest.fixture(scope="module")
@@ -207,3 +211,22 @@ def test_the_p_value_of_a_rough_pose_is_even_where_it_is_as_good_as_stated(part)
         mode = Mode(target, polish(touches, FreePaths.none(), truth[None], target, priors), 0, 0.0)
         values.append(p_of_prior(touches, FreePaths.none(), mode, priors))
     assert kstest(values, "uniform").pvalue > 1e-3
+
+
+def test_a_rough_pose_is_not_blamed_for_a_reading_that_the_answer_need_not_leave_aside():
+    """Five beams with a bias: a maximum without one of them, beside the right pose that all of them are on."""
+    target = prepare_target(read_part(PARTS / "t_slot.step"))
+    C, sd, bias = np.diag(np.repeat([5e-3, 0.15], 3)) ** 2, 1.6e-4, 3e-4
+    priors, left = Priors(radius=0.1, pose=PosePrior(np.eye(4), C)), 0
+    for k in range(20):
+        rng = np.random.default_rng((67, 5, k))
+        T = SE3.exp(np.linalg.cholesky(C) @ rng.normal(size=6))
+        p, d = beams(target, 5, rng)
+        d = d @ T[:3, :3].T
+        points = SE3.apply(T, p) + (sd * rng.normal(size=(5, 1)) + bias * rng.normal()) * d
+        touches = touches_of(points, sd, directions=d, gains=bias * d[..., None])
+        first = polish(touches.take(np.arange(1, 5)), FreePaths.none(), T[None], target, priors)
+        found = polish(touches, FreePaths.none(), first.Ts, target, priors, z=first.z)
+        left += int(found.belongs[0].min() < 0.5)
+        assert p_of_prior(touches, FreePaths.none(), Mode(target, found, 0, 0.0), priors) > 1e-3
+    assert left > 5

@@ -12,6 +12,7 @@ from tanteo.localization import pose_information
 from tanteo.matching import PosePrior, Priors
 from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 from tanteo.surface_search.hops import hop
+from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.shared_start import bend, start_of
 
@@ -67,6 +68,24 @@ def test_a_bias_of_forty_times_the_noise_is_found(bracket, k):
     best = answer.hypotheses[0]
     assert best.outliers == ()
     assert nees(bracket.part, best.T_world_part, best.covariance, T)[0] < 22.5  # chi-square of 6 at 0.1 %
+
+
+@pytest.mark.parametrize("count", [4, 5, 7])
+def test_no_climb_ends_lower_than_the_given_pose(bracket, count):
+    """A precise probe with a bias, a rough place: few readings hold the pose, and settling leads it far away."""
+    C = np.diag(np.repeat([15e-3, 0.15], 3)) ** 2
+    for k in range(12):
+        rng = np.random.default_rng((55, count, k))
+        T = SE3.exp(np.linalg.cholesky(C) @ rng.normal(size=6))
+        p, d = beams(bracket, count, rng)
+        d = d @ T[:3, :3].T
+        touches = touches_of(
+            SE3.apply(T, p) + 8e-6 * rng.normal(size=(count, 1)) * d, 8e-6, directions=d, gains=2e-5 * d[..., None]
+        )
+        priors = Priors(radius=0.1, pose=PosePrior(np.eye(4), C))
+        found = polish(touches, FreePaths.none(), T[None], bracket, priors)
+        start = log_posterior(touches, FreePaths.none(), T[None], np.zeros((1, 1)), bracket, priors)
+        assert log_posterior(touches, FreePaths.none(), found.Ts, found.z, bracket, priors) > start - 1e-6
 
 
 def test_a_bias_is_not_taken_for_a_stray_where_few_readings_just_fix_the_pose(bracket):

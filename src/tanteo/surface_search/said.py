@@ -136,6 +136,6 @@ def _about(mode: Mode) -> Transforms:
     """Poses as a mode that is not normal says they are distributed ``(S, 4, 4)``; none of one that is."""
     if mode.moments is None:
         return np.zeros((0, 4, 4))
-    about = np.linalg.cholesky(mode.covariance)
-    draws = np.random.default_rng(1991).normal(size=(_DRAWS, 6)) @ about.T
+    values, vectors = np.linalg.eigh(mode.covariance)  # what symmetry leaves free may have none
+    draws = np.random.default_rng(1991).normal(size=(_DRAWS, 6)) * np.sqrt(values.clip(0.0)) @ vectors.T
     return np.asarray(mode.T_world_part @ SE3.exp(draws))
