@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, touches_of
+from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, surface_points, touches_of
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import identify_touches, prepare_target
 from tanteo.surface_search.polish import polish
 from tanteo.surface_search.search import narrowing
-from tanteo.surface_search.slid import slid_beside
+from tanteo.surface_search.slid import _held_by_few, slid_beside
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
@@ -73,3 +73,34 @@ def test_what_many_readings_hold_does_not_slide(housing, count):
     T = box_centred_pose(rng)
     touches = scene(housing, T, SENSORS[0], count, rng, radius=housing.part.radius)[0]
     assert not len(slid_beside(touches, at_truth(housing, touches, T), housing, narrowing(touches, housing))[0])
+
+
+def test_where_a_slide_found_a_new_pose_the_part_is_turned_over_there_too(housing):
+    """A half turn and a slide between walls explain eight touches as well as the truth: neither alone leads there."""
+    for k in (46, 69):
+        rng = np.random.default_rng((20270101, 10, k))
+        T = box_centred_pose(rng)
+        p, _ = surface_points(housing, 8, rng)
+        touches = touches_of(SE3.apply(T, p) + 1e-5 * rng.normal(size=p.shape), 1e-5)
+        found = identify_touches(touches, no_paths(), [housing], top=100).hypotheses
+        near = [h.probability for h in found if nees(housing.part, h.T_world_part, h.covariance, T)[0] < 30]
+        assert sum(near) > 0.3
+
+
+def test_no_slide_of_what_noise_blurs_nor_of_more_readings_than_first_poses_use(housing):
+    T = box_centred_pose(np.random.default_rng(3))
+    p = np.array(TWO_WALLS) / 1e3
+    below = np.column_stack([np.linspace(0.03, 0.07, 40), np.linspace(0.02, 0.06, 40), np.zeros(40)])
+    for points, sd in ((p, 3e-3), (np.concatenate([p, below]), 1e-5)):
+        touches = touches_of(SE3.apply(T, points), sd)
+        assert not len(slid_beside(touches, at_truth(housing, touches, T), housing, narrowing(touches, housing))[0])
+
+
+def test_a_shift_that_five_readings_hold_is_none_that_few_hold(housing):
+    T = np.eye(4)
+    wall = [[100.0, y, z] for y, z in ((20, 20), (40, 50), (60, 30), (30, 40), (65, 55))]
+    for count, shifts in ((2, True), (5, False)):
+        points = np.array([*wall[:count], *[row for row in TWO_WALLS if row[0] != 100.0]]) / 1e3
+        found = at_truth(housing, touches_of(points, 1e-5), T)
+        motions = _held_by_few(found, housing.part)[1]
+        assert np.any(np.all(np.isclose(np.abs(motions), [1, 0, 0, 0, 0, 0]), axis=1)) == shifts
