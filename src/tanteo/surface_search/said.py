@@ -30,6 +30,9 @@ from tanteo.typing import FloatArray, Transforms
 _DOUBT = 0.05
 """P-values of the answer, and of what was said, above which a search without it is not worth its time."""
 
+_ASIDE = 0.5
+"""Probability of being on the surface up to which a reading is left aside."""
+
 _DRAWS = 32
 """Poses about a mode from which the one is looked for that agrees best with both."""
 
@@ -125,7 +128,7 @@ def p_of_prior(touches: Touches, free: FreePaths, mode: Mode, priors: Priors, dr
         return float(chdtrc(max(known - len(left), 1), max(off.min(), 0.0)))
 
     there = p(T, z)
-    if there < _DOUBT:  # the maximum may leave a reading aside that the pose beside it, as probable, does not
+    if there < _DOUBT and mode.found.belongs[mode.k].min() <= _ASIDE:  # which a pose beside it, as probable, need not
         about = _about(mode) if draws is None else draws
         others = polish(touches, free, np.concatenate([apart.Ts, about]), target, priors)
         there = max(there, p(others.Ts, others.z))
