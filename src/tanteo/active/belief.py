@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from tanteo.active.maxima import Maxima, climbed, fresh
-from tanteo.active.start import Start
+from tanteo.active.start import Start, blurred
 from tanteo.active.weighing import MATTERS, PartModes, weigh_parts
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
@@ -28,8 +28,8 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 _DRAWS, _OF_NORMAL = 96, 1 / 8
 """Poses kept from reading to reading; share of them that a normal mode keeps: nearly all climb back to it."""
 
-_DOUBT = 0.2
-"""Probability of "none of these" from which all parts are looked at anew."""
+_DOUBT, _ASIDE = 0.2, 0.5
+"""Probability of "none of these" from which all parts are looked at anew, and of a reading up to which it is no part's."""
 
 _FEW, _MANY = range(3, 13), 6
 """So many readings leave a rough pose on sheets, or fix it in several ways; so many told at once may be of a pose that
@@ -126,6 +126,7 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
     """
     start, searched = before.start, np.flatnonzero(before.of_parts() > MATTERS)
     known, told = 0 if before.touches is None else len(before.touches), len(touches)
+    touches = blurred(start, touches)
     all_over = told in _FEW or told >= known + _MANY
     found = _climbed(start, *_alive(before), touches, free, searched)
     log_anywhere = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
@@ -133,15 +134,10 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
     weigh = partial(weigh_parts, start, touches=touches, free=free, log_anywhere=log_anywhere, all_over=all_over)
     weighed = weigh(found)
     after = _believe(start, touches, free, log_anywhere, weighed)
-    if after.unknown > _DOUBT:  # nothing that is known explains them
-        found = _climbed(start, *_alive(after), touches, free, np.unique(start.part), widely=True)
-        return _believe(
-            start,
-            touches,
-            free,
-            log_anywhere,
-            weigh_parts(start, found, touches, free, log_anywhere, all_over=all_over),
-        )
+    if after.unknown > _DOUBT or _leaves_aside(after, known):  # nothing that is known explains them
+        anew = np.unique(start.part) if after.unknown > _DOUBT else searched
+        found = _climbed(start, *_alive(after), touches, free, anew, widely=True)
+        return _believe(start, touches, free, log_anywhere, weigh(found))
     rest = np.setdiff1d(start.part, searched)
     if len(rest) and _settles(before, after):
         others = [f for f in found if f.part in rest]
@@ -151,6 +147,11 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
         again = weigh(found, known=[p for p in weighed if p.part not in rest])
         return _believe(start, touches, free, log_anywhere, again)
     return after
+
+
+def _leaves_aside(after: Belief, known: int) -> bool:
+    """Whether the likeliest pose has no use for a reading that is new: another may have, to which nothing led yet."""
+    return bool(after.modes and np.any(after.modes[0].found.belongs[after.modes[0].k, known:] <= _ASIDE))
 
 
 def _settles(before: Belief, after: Belief) -> bool:

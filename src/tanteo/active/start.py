@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,8 +13,11 @@ from tanteo.lie import SE3
 from tanteo.limits import check_places, check_spreads
 from tanteo.matching import Hypothesis, PosePrior, Priors
 from tanteo.matching.evidence import log_sum, sized
-from tanteo.surface_search import Target
+from tanteo.surface_search import Target, Touches
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+
+_FEW, _THIN = 5, 0.03
+"""So many readings leave the pose open; noise below this share of the rough place is not told apart then."""
 
 _BEYOND = 1.2
 """Spread of the poses that are looked at, in that of the rough poses."""
@@ -154,3 +157,20 @@ def from_hypotheses(hypotheses: Sequence[Hypothesis], targets: Sequence[Target],
         np.array([h.probability for h in hypotheses]),
         priors or Priors(),
     )
+
+
+def blurred(start: Start, touches: Touches) -> Touches:
+    """Readings so few that they leave the pose open, with noise that is not much smaller than the rough pose.
+
+    They leave it on a bent sheet as thin as their noise: draws that fall off it tell nothing, and a part is lost by
+    chance. How probable each part is hardly depends on the noise as long as the sheet is wide beside it.
+
+    Args:
+        start: what was assumed beforehand.
+        touches: all readings that met something.
+    """
+    if len(touches) > _FEW:
+        return touches
+    place = np.sqrt(np.linalg.eigvalsh(start.covariances[:, :3, :3])[:, 0].min().clip(0.0))
+    extra = float(_THIN * place)
+    return replace(touches, covs=touches.covs + extra**2 * np.eye(3), sd=np.hypot(touches.sd, extra))
