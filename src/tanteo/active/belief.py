@@ -29,7 +29,7 @@ _DRAWS, _OF_NORMAL = 96, 1 / 8
 """Poses kept from reading to reading; share of them that a normal mode keeps: nearly all climb back to it."""
 
 _DOUBT, _ASIDE = 0.2, 0.5
-"""Probability of "none of these" from which all parts are looked at anew, and of a reading up to which it is no part's."""
+"""Probability of "none of these" from which all are looked at anew, and of a reading up to which it is no part's."""
 
 _FEW, _MANY = range(3, 13), 6
 """So many readings leave a rough pose on sheets, or fix it in several ways; so many told at once may be of a pose that
