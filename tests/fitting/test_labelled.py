@@ -51,6 +51,34 @@ def test_a_wrong_reading_is_dropped_and_named_with_its_distance():
     assert "4" not in found.features[0].readings
 
 
+def of_another_face(n):
+    """A face sensed ``n`` times from above, the last time really the one on the other side; and where it looked."""
+    rng = np.random.default_rng(5)
+    points, looks = plane_points(n, rng, span=0.02), down(n)
+    points[-1], looks[-1] = (0.01, 0.0, -0.05), (0.0, 0.0, 1.0)
+    return points, looks
+
+
+@pytest.mark.parametrize("column", ["directions", "normals"])
+def test_a_reading_of_another_side_is_left_aside_by_name(column):
+    points, looks = of_another_face(4)
+    extra = {"normal_sds": np.full(4, 0.05)} if column == "normals" else {}
+    found = fit(points, **{column: -looks if column == "normals" else looks}, **extra)
+    assert found.rejected == ("4",)
+    assert found.rejected_by[0] == pytest.approx(0.05, rel=0.1)
+    assert found.features[0].readings == ("1", "2", "3")
+
+
+def test_a_label_of_unlike_sides_is_left_out_beside_others():
+    points, looks = of_another_face(3)
+    others = plane_points(5, np.random.default_rng(6)) + np.array([0, 0, 0.03])
+    found = fit(np.concatenate([points, others]), ("a",) * 3 + ("b",) * 5, directions=np.concatenate([looks, down(5)]))
+    assert [f.label for f in found.features] == ["b"]
+    assert "'a' was left out" in found.notes[0]
+    with pytest.raises(InputError, match="which side is outside"):
+        fit(points, ("a",) * 3, directions=looks)
+
+
 def test_a_clean_group_loses_no_reading():
     lost = sum(bool(fit(plane_points(8, np.random.default_rng(s)), directions=down(8)).rejected) for s in range(200))
     assert lost <= 3  # one in a thousand each

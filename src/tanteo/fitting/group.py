@@ -13,14 +13,18 @@ from tanteo.features import PLANE, Feature
 from tanteo.fitting.agreement import Bending, bending, jointly
 from tanteo.fitting.edge import fit_edge
 from tanteo.fitting.estimate import FitReport, SharedReadings
-from tanteo.fitting.plane import fit_plane, plane_ml
+from tanteo.fitting.plane import SideError, fit_plane, plane_ml
+from tanteo.fitting.sides import known_side, most_opposed
 from tanteo.fitting.vertex import fit_vertex
 from tanteo.lie import SE3
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
+from tanteo.typing import Covariances, FloatArray, Vectors
 
 SUSPECT = 1e-3
 """Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
+
+_LEAST = {"edge": 2, "vertex": 1}
+"""Readings that a feature takes at least; three of a plane."""
 
 Sides = Feature | tuple[Feature, Feature]
 """A feature, or both readings of a plane whose outward side is unknown."""
@@ -42,13 +46,51 @@ def fit_group(
 
     Raises:
         DegenerateError: if the points do not determine the feature.
+        SideError: if too many readings disagree about which side is outside.
         InputError: for a ball tip on an edge or a vertex, or different tips.
     """
     kind = measured.kinds[rows[0]]
-    least = {"edge": 2, "vertex": 1}.get(kind, 3)
+    least = _LEAST.get(kind, 3)
     if len(rows) < least:
         raise DegenerateError(f"{kind} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
-    feature, report = _fit(measured, kind, label, rows, tolerance)
+    kept, fit = _of_one_side(measured, kind, label, rows, tolerance)
+    feature, dropped, notes = _agreeing(measured, kind, label, kept, tolerance, *fit)
+    behind = (measured.ids[row] for row in rows if row not in kept)
+    return feature, {name: _off(feature, measured, name) for name in behind} | dropped, notes
+
+
+def _of_one_side(
+    measured: PointMeasurements, kind: str, label: str, rows: Sequence[int], tolerance: float
+) -> tuple[list[int], tuple[Sides, FitReport]]:
+    """The rows without those, a quarter at most, that were sensed from another side of a plane; and their fit."""
+    kept, least = list(rows), max(3, len(rows) - len(rows) // 4)
+    while True:
+        fit = unlike = None
+        try:
+            fit = _fit(measured, kind, label, kept, tolerance)
+        except SideError as error:
+            unlike = error
+        row, cosine = (kept[0], 1.0) if kind in _LEAST else most_opposed(measured, kept)
+        astray = fit is None or (cosine < 0 and not _agrees(fit[1]))
+        if astray and len(kept) > least:
+            kept.remove(row)
+        elif fit is not None:
+            return kept, fit
+        elif unlike is not None:
+            raise unlike
+
+
+def _agreeing(
+    measured: PointMeasurements,
+    kind: str,
+    label: str,
+    rows: list[int],
+    tolerance: float,
+    feature: Sides,
+    report: FitReport,
+) -> tuple[Sides, dict[str, float], list[str]]:
+    """The feature of readings of one side, of which that is the fit, as :func:`fit_group` gives it."""
+    least = _LEAST.get(kind, 3)
     bend = _bending(measured, rows, tolerance, feature)
     if _agrees(report):
         return _unless_bent(label, feature, bend, {})
@@ -130,7 +172,7 @@ def _fit(
     measured: PointMeasurements, kind: str, label: str, rows: Sequence[int], tolerance: float
 ) -> tuple[Sides, FitReport]:
     points, covs, shared, radii = _sensed(measured, rows, tolerance)
-    index, ids = np.array(rows), [measured.ids[row] for row in rows]
+    ids = [measured.ids[row] for row in rows]
     if kind in ("edge", "vertex"):
         if radii.any():
             raise InputError(
@@ -145,7 +187,7 @@ def _fit(
             f"plane {label!r}: expected one tip radius, got {1e3 * radii.min():g} to {1e3 * radii.max():g} mm."
         )
     radius = float(radii[0])
-    sides = _known_side(measured, index)
+    sides = known_side(measured, rows)
     if sides:
         feature, report = fit_plane(
             points,
@@ -183,14 +225,6 @@ def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:
     local = SE3.apply(SE3.inverse(one.T_world_feature), measured.points[row])
     across = local[[i for i in one.kind.rows if i < 3]]
     return abs(float(np.linalg.norm(across)) - float(measured.radii[row]))
-
-
-def _known_side(measured: PointMeasurements, index: IntArray) -> dict[str, np.ndarray]:
-    """What tells the outward side of these rows: sensed normals, or the directions of approach."""
-    for name, vectors in (("normals", measured.normals[index]), ("directions", measured.directions[index])):
-        if np.isfinite(vectors).all(axis=1).any():
-            return {name: vectors}
-    return {}
 
 
 def _widened(feature: Sides, ratio: float) -> Sides:

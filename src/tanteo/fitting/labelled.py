@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import PLANE, Feature, SharedTerm
 from tanteo.fitting.group import Sides, fit_group
+from tanteo.fitting.plane import SideError
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import IntArray
@@ -44,7 +45,8 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
         tolerance: sd of the made surface against its CAD [m]; added to every point, for the form of the surface.
 
     Raises:
-        InputError: for a ball tip on an edge or a vertex, different tips on one label, a normal without its sd.
+        InputError: for a ball tip on an edge or a vertex, different tips on one label, a normal without its sd;
+            ``SideError`` if the readings of no label agree about its outward side.
     """
     groups: dict[str, list[int]] = {}
     bare, features, rejected, notes = [], list[Sides](), dict[str, float](), list[str]()
@@ -57,15 +59,19 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
             features.append(_plane_at_point(measured, row, tolerance))
         else:
             bare.append(row)
+    astray: SideError | None = None
     for label, rows in groups.items():
         try:
             feature, dropped, note = fit_group(measured, label, rows, tolerance)
-        except DegenerateError as error:
+        except (DegenerateError, SideError) as error:
             notes.append(f"{label!r} was left out: {error}")
+            astray = astray or (error if isinstance(error, SideError) else None)
             continue
         features.append(feature)
         rejected |= dropped
         notes += note
+    if astray is not None and not features:  # of all labels: columns are swapped
+        raise astray
     index = np.array(bare, dtype=np.int64)
     return LabelledFeatures(tuple(features), index, tuple(rejected), tuple(rejected.values()), tuple(notes))
 

@@ -26,6 +26,11 @@ from tanteo.fitting.estimate import (
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
+
+class SideError(InputError):
+    """The readings of a plane do not agree on which side of it is outside."""
+
+
 MIN_SPREAD = 4.0
 """Least root mean square of a point's distance along the plane's second direction, in standard deviations."""
 _ALONG = 0.05
@@ -188,7 +193,7 @@ def fit_plane(
         shared: errors that the points have in common, beyond ``covs``.
 
     Raises:
-        InputError: if the side is unknown or contradictory, or shapes do not fit.
+        InputError: if the side is unknown, or shapes do not fit; ``SideError`` if it is contradictory.
         DegenerateError: if the points do not determine a plane; the message says which direction is free.
     """
     points, covs = check_points(points, covs, 3, f"plane {label!r}")
@@ -226,12 +231,12 @@ def _facing(estimate: Estimate, side: Vectors, label: str) -> Estimate:
     """The estimate with its normal turned to that side."""
     along = side @ estimate.T[:3, 2]
     if np.all(np.abs(along) < _ALONG):
-        raise InputError(
+        raise SideError(
             f"plane {label!r}: expected the readings to agree on which side is outside, got directions or normals that "
             "lie in the surface. Look for swapped columns (x, y, z, dx, dy, dz) and for labels of other faces."
         )
     if abs(along.mean()) < 0.05 or np.any(along * np.sign(along.mean()) < -0.2):
-        raise InputError(
+        raise SideError(
             f"plane {label!r}: expected the readings to agree on which side is outside, got vectors with components "
             f"{along.min():.2f} to {along.max():.2f} along the fitted normal. Check directions, normals and label."
         )
