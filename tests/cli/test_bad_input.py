@@ -89,7 +89,14 @@ READINGS = [
     readings("hole in a point", with_row("d,1,,3"), "line 5, column 'y_mm': expected all of x, y, z or none"),
     readings("duplicate id", with_row("a,1,2,3"), "line 5, column 'id': expected every reading to have"),
     readings("empty id", with_row(",1,2,3"), "line 5, column 'id': expected a name"),
-    readings("open quote", with_row('d,1,2,"3'), "unexpected end of data"),
+    readings(
+        "open quote",
+        with_row('d,1,2,"3'),
+        "line 5: expected comma-separated cells, got a quotation mark that is never closed",
+    ),
+    readings(
+        "free but met", with_column("dx,dy,dz,max_mm,kind,status", *["0,0,1,50,free,ok"] * 3), "expected status none"
+    ),
     readings("giant cell", with_row("d,1,2," + "1" * 200_000), "field larger than field limit"),
     readings("negative sd", with_column("sd_mm", "1", "-1", "1"), "line 3, column 'sd_mm': expected a positive number"),
     readings("zero sd", with_column("sd_mm", "1", "1", "0"), "column 'sd_mm': expected a positive number, got '0'"),
@@ -165,7 +172,24 @@ OPTIONS = [
     options("two readings files", "--sd 1mm more.csv", "more.csv"),
     options("range without rig", "--sd 1mm", "Give one (--rig rig.toml)", content=RANGED),
     options("range too far", "", "got 5 m", FAILED, RANGED.replace("100", "5000"), RIG),
-    options("sensor not on the rig", "", "Did you mean 'eye'", content=RANGED.replace("eye", "eey"), rig=RIG),
+    options(
+        "range in mm, read as m",
+        "",
+        "It would be within in mm: correct the unit",
+        FAILED,
+        RANGED.replace("range_mm", "range_m").replace("100", "90"),
+        RIG,
+    ),
+    options(
+        "range in m, read as mm", "", "It would be within in m: correct", FAILED, RANGED.replace("100", "0.1"), RIG
+    ),
+    options(
+        "sensor not on the rig",
+        "",
+        "sensor of a reading: expected one of the rig's (eye), got 'eey'",
+        content=RANGED.replace("eye", "eey"),
+        rig=RIG,
+    ),
     options("rig is not toml", "", "expected TOML", FAILED, RANGED, "[sensors"),
     options("rig misspelt", "", "Did you mean 'position_mm'", FAILED, RANGED, RIG.replace("position", "postion")),
     options("rig without unit", "", "Say the unit in the name", FAILED, RANGED, RIG.replace("position_mm", "position")),

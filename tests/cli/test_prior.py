@@ -96,3 +96,16 @@ def test_misuse(locate, tmp_path, monkeypatch, args, code, message):
     assert (result.code, result.out) == (code, "")
     assert result.err.startswith("error: ")
     assert message in result.err
+
+
+def test_what_is_not_known_for_certain_is_a_warning(locate, corner):
+    """An angle convention that nobody looked up; a sensor of which nothing is known, though its name nearly is."""
+    warned = locate("--near", "staubli 300,100,20,0,0,30 +- 3mm 3deg")
+    assert "the angle convention of staubli (X Y Z Rx Ry Rz) was not checked" in warned.err
+    assert "convention" not in locate("--near", "kuka 300,100,20,30,0,0 +- 3mm 3deg").err
+    rows = corner.read_text().splitlines()
+    for name, words in (("vl53l0", "Did you mean 'vl53l0x'?"), ("vl53l0x", ""), ("left", "")):
+        corner.write_text("\n".join([rows[0] + ",sensor", *(f"{row},{name}" for row in rows[1:]), ""]))
+        warnings = locate("--near", NEAR).err
+        assert words in warnings
+        assert bool(words) == ("column sensor" in warnings)

@@ -85,6 +85,7 @@ def test_three_standard_deviations_are_along_and_about_the_axes_of_the_world():
         (parse_near, "kuka 1,2,3 +- 5mm 3deg", "expected 6 finite numbers (X Y Z A B C)"),
         (parse_near, "kuka 1,2,3,a,5,6 +- 5mm 3deg", "expected plain numbers behind 'kuka'"),
         (parse_near, "kuka 1mm,2,3,4,5,6 +- 5mm 3deg", "expected plain numbers behind 'kuka'"),
+        (parse_near, "ur 420,0,0,0,0,0 +- 5mm 3deg", "'420,0,0,0,0,0', which ur writes in metres"),
         (parse_near, "kukka 1,2,3,4,5,6 +- 5mm 3deg", "Did you mean 'kuka'"),
         (parse_near, "1,2,3mm 0,0,1e999deg +- 5mm 3deg", "expected a finite number"),
     ],

@@ -108,7 +108,7 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         (GOOD + "c,1,5,2,5,3\n", ReadingsError, "Mind decimal commas"),
         (GOOD + "a,1,2,3\n", ReadingsError, "line 4, column 'id': expected every reading to have its own, got 'a'"),
         (GOOD + ",1,2,3\n", ReadingsError, "line 4, column 'id': expected a name"),
-        (GOOD + 'c,1,2,"3\n', ReadingsError, "unexpected end of data"),
+        (GOOD + 'c,1,2,"3\n', ReadingsError, "line 4: expected comma-separated cells, got a quotation mark"),
         (GOOD + 'c,1,2,"3"4\n', ReadingsError, "line 4: expected comma-separated cells"),
         (GOOD + "c,1,2," + "9" * 140_000 + "\n", ReadingsError, "field larger than field limit"),
         (GOOD.replace("_mm", "_m") + "c,381,2,3\n", ReadingsError, "line 4, column 'x_m': expected within 100 m"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tanteo.cli.options import MisuseError, misuse
+from tanteo.cli.printing import complain
 
 if TYPE_CHECKING:
     from tanteo.matching import PosePrior
@@ -52,6 +53,7 @@ def read_pose_prior(table: str | None, box: str | None, near: str | None, file: 
 
     with misuse():
         frame = None if near is None else parse_near(near, "--near")
+        _say_if_unverified(near)
         typed = PosePrior(
             T_world_part=None if frame is None else frame.T,
             covariance=None if frame is None else frame.C,
@@ -66,6 +68,19 @@ def read_pose_prior(table: str | None, box: str | None, near: str | None, file: 
         if getattr(read, name) is not None:
             raise MisuseError(f"{_FIELDS[name]}: expected it once, got it in {file} too. Keep one.")
     return replace(read, **given)
+
+
+def _say_if_unverified(near: str | None) -> None:
+    """Warn of a brand whose convention nobody has read in its documentation."""
+    from tanteo.io import BRANDS
+
+    brand = BRANDS.get(near.split(maxsplit=1)[0].rstrip(":")) if near and near.strip() else None
+    if brand is not None and not brand.verified:
+        complain(
+            "warning",
+            f"--near: the angle convention of {brand.name} ({' '.join(brand.fields)}) was not checked against its "
+            "documentation. Compare one pose with the answer, or give roll, pitch, yaw.",
+        )
 
 
 def prior_words(prior: PosePrior) -> str:

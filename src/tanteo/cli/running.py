@@ -63,11 +63,14 @@ def recognize(
     check_report(report)
     from tanteo.cli.scale import check_scale, check_spread, meant_directions, meant_units, scale_of
     from tanteo.io import read_readings, read_rig, recognition_json
+    from tanteo.sensors.devices import misspelt
 
     _check_readings_name(readings_path)
     rig = None if rig_path is None else read_rig(rig_path)
     readings = read_readings(readings_path)
     measured = _check_fit(readings, options, rig)
+    if rig is None and (question := misspelt(readings)):
+        complain("warning", question)
     points = measured.points
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     scale = scale_of(points, parts, _beginning(readings_path), options.units)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from tanteo.errors import InputError
 from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
 from tanteo.io.poses import BRANDS, pose_from_brand
+from tanteo.io.table import LARGEST
 from tanteo.io.units import parse_lengths, parse_lengths_angles
 from tanteo.matching import Table
 from tanteo.typing import FloatArray, Transforms
@@ -138,4 +139,11 @@ def _branded(word: str, fields: str, name: str) -> Transforms:
             f"{name}: expected plain numbers behind '{word}', whose units are its own, got '{fields.strip()}'. "
             f"Write it as kuka 400,200,0,90,0,0 +- 5mm 3deg; brands: {', '.join(BRANDS)}."
         ) from None
-    return pose_from_brand(word, numbers)
+    T = pose_from_brand(word, numbers)
+    if not np.all(np.abs(T[:3, 3]) <= LARGEST):
+        unit = "metres" if BRANDS[word].metre == 1 else "millimetres"
+        raise InputError(
+            f"{name}: expected a place within {LARGEST:g} m of the origin, got '{fields.strip()}', which {word} "
+            f"writes in {unit}. Write it in {unit}."
+        )
+    return T

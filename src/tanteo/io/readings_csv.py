@@ -63,7 +63,26 @@ def _read_table(path: Path, text: TextIO, progress: Callable[[int], None] | None
             if progress is not None:
                 progress(table.count)
     except csv.Error as error:
-        raise ReadingsError(f"{path}, line {lines.number}: expected comma-separated cells, got: {error}.") from None
+        raise _no_table(path, lines.number, error) from None
     if not table.count:
         raise ReadingsError(f"{path}: expected at least one reading below the header, got none. Add rows.")
     return table.readings()
+
+
+def _no_table(path: Path, number: int, error: csv.Error) -> ReadingsError:
+    """What is wrong with a file of which some line cannot be read: the last, where a quotation mark is still open."""
+    if "unexpected end" not in str(error):
+        return ReadingsError(f"{path}, line {number}: expected comma-separated cells, got: {error}. Correct the line.")
+    first = number
+    with path.open(encoding="utf-8-sig", newline="") as text:
+        lines = Lines(text)
+        rows = csv.reader(lines, strict=True)
+        try:
+            for _ in rows:
+                first = lines.number + 1
+        except csv.Error:
+            pass
+    return ReadingsError(
+        f"{path}, line {first}: expected comma-separated cells, got a quotation mark that is never closed, from this "
+        "line on. Close it or leave it out."
+    )

@@ -166,6 +166,14 @@ class Table:
             f"expected {expected}, got {got}. Correct the file."
         )
 
+    def _check_free(self, status: Sequence[str], kinds: Sequence[str]) -> None:
+        for row, said in enumerate(zip(status, kinds, strict=False)):
+            if said == ("ok", "free"):
+                raise ReadingsError(
+                    f"{self.path}, line {self.line_of(row)}: expected status none of a beam of kind free, got 'ok'. "
+                    "Say none if nothing was met, or another kind."
+                )
+
     def line_of(self, row: int) -> int:
         """Line number of a row of the table, found by reading the file again: only complaints pay for it."""
         with self.path.open(encoding="utf-8-sig", newline="") as text:
@@ -182,6 +190,7 @@ class Table:
             return np.stack([numbers[name] for name in group], axis=-1) if group[0] in numbers else None
 
         status = self._texts.get("status")
+        self._check_free(status or [], self._texts.get("kind", []))
         radii = numbers.get("radius")
         try:
             readings = Readings.from_columns(

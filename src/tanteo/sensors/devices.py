@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,12 @@ from tanteo.sensors.presets import SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig, RigSensor
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+
+_UNITS, _BEYOND = {"mm": 1e-3, "m": 1e3}, 3.0
+"""What a range times the factor is in, if it was given in another unit; how far out of range it looks like that."""
+
+_NEAR = 0.85
+"""Likeness of names from which one is taken for a misspelt other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,6 +139,19 @@ def find_devices(
     return (*named, default), numbers
 
 
+def misspelt(readings: Readings) -> str:
+    """A sentence if a row without a rig names a sensor that is hardly another than one that is known; empty if not."""
+    known = sensor_presets()
+    for name in dict.fromkeys(readings.sensors):
+        near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=_NEAR)
+        if near:
+            return (
+                f"column sensor: '{name}' is no known sensor (tanteo sensor list), so nothing is assumed of it. "
+                f"Did you mean '{near[0]}'?"
+            )
+    return ""
+
+
 def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> Placed:
     """Where the beams start, where they go and where they end.
 
@@ -173,17 +193,23 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
     return Placed(points, directions, ranges, lengths, by_rig, units)
 
 
+def _advice(got: float, nearest: float, farthest: float) -> str:
+    """What to do about a range that its device cannot give."""
+    unit = next((u for u, factor in _UNITS.items() if nearest <= got * factor <= farthest), "")
+    if unit and (got > _BEYOND * farthest or got < nearest / _BEYOND):
+        return f"It would be within in {unit}: correct the unit in the column's name, or the value"
+    if got < nearest:
+        return "Leave it out, for nothing is known of it; a session is told so by refuse()"
+    return "Drop the row, or give it status none"
+
+
 def _check_ranges(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> None:
     nearest = np.array([d.min_range for d in devices])[numbers]
     farthest = np.array([d.max_range for d in devices])[numbers]
     bad = np.flatnonzero(~readings.is_free & ((readings.ranges < nearest) | (readings.ranges > farthest)))
     if len(bad):
         i = bad[0]
-        what = (
-            "Leave it out, for nothing is known of it; a session is told so by refuse()"
-            if readings.ranges[i] < nearest[i]
-            else "Drop the row, or give it status none"
-        )
+        what = _advice(float(readings.ranges[i]), float(nearest[i]), float(farthest[i]))
         raise ReadingsError(
             f"range of reading '{readings.ids[i]}': expected {nearest[i]:g} to {farthest[i]:g} m from "
             f"'{devices[numbers[i]].name}', got {readings.ranges[i]:g} m. {what}."

@@ -135,5 +135,5 @@ class Rig:
                 near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
                 hint = f" Did you mean '{near[0]}'?" if near else ""
                 expected = ", ".join(s.name for s in self.sensors)
-                raise InputError(f"sensor: expected one of the rig's ({expected}), got '{name}'.{hint}")
+                raise InputError(f"sensor of a reading: expected one of the rig's ({expected}), got '{name}'.{hint}")
         return np.fromiter((known[n] for n in names), dtype=np.int64, count=len(names))
