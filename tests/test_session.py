@@ -368,6 +368,17 @@ def test_a_rough_pose_that_the_readings_contradict_ends_the_session_and_is_said(
     assert wide.answer().status == "recognized"
 
 
+def test_the_error_of_a_tip_counts_where_the_hand_is_told(targets):
+    session = Session(rough(targets), LASER, Sensing(sd=3e-4, tip_sd=(1e-3, 1e-3, 0.0)))
+    action = session.ask()
+    distance, turn = true_range(targets[0], session.start.Ts[0], action), SE3.exp(np.array([0, 0, 0, 0, 0.7, 0]))
+    with pytest.raises(InputError, match=r"action\.read\(distance, T_world_hand"):
+        session.tell(action.read(distance))
+    assert session.count == 0
+    session.tell(action.read(distance, T_world_hand=turn))
+    np.testing.assert_allclose(session.belief.touches.gains[0][:, :2], 1e-3 * turn[:3, :2], atol=1e-9)
+
+
 def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
     """Readings that are all two standard deviations off, to either side: none of them is astray."""
     session = new_session(rough(targets), tolerance=8e-4)

@@ -59,7 +59,8 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> Common:
     if len(lost):
         raise InputError(
             f"tip_sd: expected the hand's pose beside every reading, got none for '{readings.ids[lost[0]]}'. "
-            "Add the columns hand_x_mm, hand_y_mm, hand_z_mm, hand_qw, hand_qx, hand_qy, hand_qz."
+            "Add the columns hand_x_mm, hand_y_mm, hand_z_mm, hand_qw, hand_qx, hand_qy, hand_qz; in a session say "
+            "action.read(distance, T_world_hand=...)."
         )
     error = SharedError("tip offset", np.diag(tip_sd**2), "offset of the tip in the hand's frame [m]")
     J = np.where(touched[:, None, None], readings.Ts_world_hand[:, :3, :3], 0.0)

@@ -115,13 +115,21 @@ class Action:
             f"{self.part} is expected after {1e3 * self.expected:.1f} mm; {self.why}"
         )
 
-    def read(self, distance: float, sd: float | None = None, name: str | None = None) -> Readings:
+    def read(
+        self,
+        distance: float,
+        sd: float | None = None,
+        name: str | None = None,
+        T_world_hand: Transforms | None = None,
+    ) -> Readings:
         """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
 
         Args:
             distance: from ``origin`` along ``direction``, as measured; beyond ``max_range`` it met nothing, too.
             sd: of it [m], where the session's sensor does not say it.
             name: of the reading; that of the question by default.
+            T_world_hand: pose of the hand ``(4, 4)`` at the reading; errors that turn with it, as that of its tip
+                (``tip_sd``), need it.
 
         Raises:
             InputError: not a length, or several times ``max_range``, which may be one of another unit.
@@ -134,14 +142,15 @@ class Action:
                 f"{distance:g}. Did you mean {1e-3 * distance:g}, that many millimetres?"
             )
         names, free = [name or self.name], not np.isfinite(distance)
+        hands = None if T_world_hand is None else np.asarray(T_world_hand, dtype=np.float64)[None]
         if free or distance > self.max_range:
             return Readings.from_columns(
                 self.origin[None], ids=names, directions=self.direction[None], is_free=np.array([True]),
-                max_ranges=np.array([self.max_range]),
+                max_ranges=np.array([self.max_range]), Ts_world_hand=hands,
             )  # fmt: skip
         return Readings.from_columns(
             (self.origin + distance * self.direction)[None], ids=names, directions=self.direction[None],
-            ranges=np.array([distance]), sds=None if sd is None else np.array([sd]),
+            ranges=np.array([distance]), sds=None if sd is None else np.array([sd]), Ts_world_hand=hands,
         )  # fmt: skip
 
 
