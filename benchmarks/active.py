@@ -7,7 +7,8 @@ they right, are they inside), ``twins`` (one reading after locating), ``patch`` 
 patch), ``panel`` (ten touches of a large panel), ``tells`` (random sequences of anything that can be told), ``times``
 (ask and tell over hypotheses and candidates). The parts are eight of the examples and the twelve largest of the
 step_parts set, where that is at hand. ``--processes`` and ``--keep`` as in ``campaign.py``, for
-``laser``, ``flight``, ``names``, ``stops`` and ``tells``.
+``laser``, ``flight``, ``names``, ``stops`` and ``tells``. For the first two ``--policies NAME,NAME`` asks for some
+policies alone, and ``--unknown P`` states another prior probability of "none of these" than the usual one.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from active_sessions import HERE, known_parts, policies, stops, tells
+from active_sessions import POLICIES as ALL
 from active_twins import twins
 from campaign import options
 from common import Table
@@ -149,14 +151,24 @@ def cpu(work):
     return float(np.median(spent))
 
 
+def _taken(arguments, name):
+    """The value behind an option, which is taken out of the arguments; None if it is not there."""
+    if name not in arguments:
+        return None
+    k = arguments.index(name)
+    return [arguments.pop(k), arguments.pop(k)][1]
+
+
 def main():
     arguments, keep, processes = options(sys.argv[1:])
+    names, unknown = (_taken(arguments, name) for name in ("--policies", "--unknown"))
     subject = arguments[0] if arguments else "times"
     scenes = int(arguments[1]) if len(arguments) > 1 else 20
     seed = int(arguments[2]) if len(arguments) > 2 else 1991
     many = scenes, seed, keep, processes
+    asked = tuple(names.split(",")) if names else ALL, float(unknown) if unknown else None
     subjects = {
-        "laser": lambda: policies("laser", *many), "flight": lambda: policies("flight", *many),
+        "laser": lambda: policies("laser", *many, *asked), "flight": lambda: policies("flight", *many, *asked),
         "names": lambda: known_parts(*many),
         "stops": lambda: stops(*many), "tells": lambda: tells(*many), "twins": lambda: twins(scenes, seed),
         "patch": patch, "panel": lambda: panel(scenes, seed), "times": times,

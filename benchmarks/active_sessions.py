@@ -18,6 +18,7 @@ import tanteo
 from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
 from tanteo.active import Choice, draw, predict
 from tanteo.active.samples import beams
+from tanteo.matching import Priors
 from tanteo.session import Action
 from tanteo.surface_search import prepare_target
 
@@ -32,6 +33,9 @@ SENSORS = {"laser": (LASER, 5e-4), "flight": (FLIGHT, 5e-3)}
 
 POLICIES = "information", "part-first", "random", "nearest", "largest-face", "3-2-1"
 MOST = 30
+USUAL = Priors().unknown
+"""Prior probability of "none of these" where no other is said."""
+
 TOLERANCE = 1e-3
 """Of the sessions that end by themselves [m]."""
 
@@ -53,10 +57,10 @@ def three():
     return [prepare_target(tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step")) for name in names]
 
 
-def readings_of(sensor, policy, seed, scene):
+def readings_of(sensor, policy, seed, scene, unknown=USUAL):
     """Readings to a known part and to a placed one (none: ``MOST`` were not enough), and whether they were right."""
     (probe, corner), targets = SENSORS[sensor], twenty()
-    start, rng = rough(targets, PLACE), np.random.default_rng((seed, scene))
+    start, rng = rough(targets, PLACE, Priors(unknown=unknown)), np.random.default_rng((seed, scene))
     k, T = drawn_truth(start, rng, scene % len(targets))
     session = new_session(start, probe, policy, scene, tolerance=corner, confidence=1 - 1e-9,
                           least_gain=0.0, most=10**6)  # fmt: skip
@@ -76,18 +80,19 @@ def readings_of(sensor, policy, seed, scene):
     return row | {"spent": (time.process_time() - begun) / max(session.count, 1)}
 
 
-def policies(sensor, scenes, seed, keep, processes):
-    """Readings that every policy needs."""
-    cases = [(sensor, policy, seed, scene) for scene in range(scenes) for policy in POLICIES]
+def policies(sensor, scenes, seed, keep, processes, names=POLICIES, unknown=None):
+    """Readings that every policy of these names needs; the prior of "none of these" is the usual one if not given."""
+    more = () if unknown is None else (unknown,)
+    cases = [(sensor, policy, seed, scene, *more) for scene in range(scenes) for policy in names]
     done = list(zip(cases, run_cases(readings_of, cases, keep, processes), strict=True))
-    table = [_policy_row(name, [row for case, row in done if case[1] == name]) for name in POLICIES]
+    table = [_policy_row(name, [row for case, row in done if case[1] == name]) for name in names]
     probe, corner = SENSORS[sensor]
     columns = ("policy", "part known: median / 90 %", "placed: median / 90 %", "never placed", "right when known",
                "processor time a reading")  # fmt: skip
     text = (
         f"{len(twenty())} parts, {scenes} scenes, {probe.name} of {1e3 * float(probe.law.const):g} mm, place known to "
         f"{1e3 * PLACE[0]:g} mm and {PLACE[1]:g} rad an axis; placed: worst corner {1e3 * corner:g} mm, 1 sd; at most "
-        f"{MOST} readings; seed {seed}."
+        f"{MOST} readings; prior of none of these {USUAL if unknown is None else unknown:g}; seed {seed}."
     )
     return Table(f"Readings needed, {probe.name}", text, columns, table)
 
