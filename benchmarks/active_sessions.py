@@ -31,7 +31,7 @@ PLACE = 0.005, 0.15
 SENSORS = {"laser": (LASER, 5e-4), "flight": (FLIGHT, 5e-3)}
 """Sensor, and the worst corner that is asked of it [m]."""
 
-POLICIES = "information", "part-first", "random", "nearest", "largest-face", "3-2-1"
+POLICIES = "information", "random", "nearest", "largest-face", "3-2-1"
 MOST = 30
 USUAL = Priors().unknown
 """Prior probability of "none of these" where no other is said."""

@@ -87,14 +87,17 @@ def test_a_session_says_what_it_asks_for(start, stop, part_only):
     assert seen == [part_only]
 
 
-def test_the_part_comes_first_until_it_is_known(start):
+def test_the_part_counts_above_all_until_it_is_known(start):
     belief = begin(start)
     candidates = propose(belief, LASER, 300)
-    place = belief, candidates, LASER, None, 1e-3, 0, 0
-    first, both = POLICIES["part-first"], POLICIES["information"]
-    assert first.choose(Situation(*place, part_open=True)).index == both.choose(Situation(*place, True)).index
-    assert first.choose(Situation(*place)).index == both.choose(Situation(*place, part_open=True)).index
-    assert both.choose(Situation(*place, True)).index != both.choose(Situation(*place)).index
+    place, policy = (belief, candidates, LASER, None, 1e-3, 0, 0), POLICIES["information"]
+    samples = draw(belief, 128, 1e-3)
+    predicted = predict(samples, candidates.origins, candidates.directions, LASER)
+    told, of_part = expected_information(samples, predicted, LASER), about_mode(samples, predicted, LASER, samples.part)
+    chosen = [policy.choose(Situation(*place, **what)) for what in ({"part_only": True}, {"part_open": True}, {})]
+    assert [c.index for c in chosen] == [np.argmax(w * told + of_part) for w in (0.01, 0.3)] + [np.argmax(told)]
+    assert chosen[0].index != chosen[2].index
+    assert [c.gain for c in chosen] == [told[c.index] for c in chosen]  # a session ends by all that is told
 
 
 @pytest.mark.parametrize(

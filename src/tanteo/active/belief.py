@@ -39,7 +39,7 @@ _LEAST_P = 1e-12
 """Probability of a mode at least: where the object is only like a part, it is kept as the place of that."""
 
 _SURE = 0.99
-"""Probability of a part at which all others are looked at anew, once."""
+"""Probability of a part at which all are looked at anew, once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,26 +132,17 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
     log_anywhere = np.log(start.priors.unknown) + unknown_log_density(touches, start.priors).sum()
     log_anywhere += len(free.origins) * np.log1p(-start.priors.clutter)
     weigh = partial(weigh_parts, start, touches=touches, free=free, log_anywhere=log_anywhere, all_over=all_over)
-    weighed = weigh(found)
-    after = _believe(start, touches, free, log_anywhere, weighed)
-    if after.unknown > _DOUBT or _leaves_aside(after, known):  # nothing that is known explains them
-        anew = np.unique(start.part) if after.unknown > _DOUBT else searched
-        found = _climbed(start, *_alive(after), touches, free, anew, widely=True)
-        return _believe(start, touches, free, log_anywhere, weigh(found))
-    rest = np.setdiff1d(start.part, searched)
-    if len(rest) and _settles(before, after):
-        others = [f for f in found if f.part in rest]
-        Ts = np.concatenate([np.zeros((0, 4, 4)), *(f.found.Ts for f in others)])
-        rows = np.concatenate([np.zeros(0, dtype=np.int64), *(f.rows for f in others)])
-        found = [f for f in found if f.part not in rest] + _climbed(start, Ts, rows, touches, free, rest)
-        again = weigh(found, known=[p for p in weighed if p.part not in rest])
-        return _believe(start, touches, free, log_anywhere, again)
+    after = _believe(start, touches, free, log_anywhere, weigh(found))
+    if after.unknown > _DOUBT or _aside(after) - _aside(before) or _settles(before, after):
+        found = _climbed(start, *_alive(after), touches, free, np.unique(start.part), widely=True)
+        after = _believe(start, touches, free, log_anywhere, weigh(found))
     return after
 
 
-def _leaves_aside(after: Belief, known: int) -> bool:
-    """Whether the likeliest pose has no use for a reading that is new: another may have, to which nothing led yet."""
-    return bool(after.modes and np.any(after.modes[0].found.belongs[after.modes[0].k, known:] <= _ASIDE))
+def _aside(belief: Belief) -> set[int]:
+    """Readings that the likeliest pose has no use for: of one more another may have, to which nothing led yet."""
+    best = belief.modes[0] if belief.modes else None
+    return set() if best is None else set(np.flatnonzero(best.found.belongs[best.k] <= _ASIDE).tolist())
 
 
 def _settles(before: Belief, after: Belief) -> bool:

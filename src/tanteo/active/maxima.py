@@ -24,7 +24,7 @@ from tanteo.typing import FloatArray, IntArray, Transforms
 _CLIMB, _FEW = 6, 2
 """Steps towards the maxima after every reading, of parts that matter and others; those alive go on at the next."""
 
-_EFFORT, _WIDELY = Effort(1000, 10, 24, 8), Effort(3000, 10, 72, 24)
+_EFFORT, _WIDELY = Effort(1000, 10, 24, 8), Effort(3000, 10, 288, 96)
 """How widely a part is looked at anew, and if nothing that was found explains the readings."""
 
 

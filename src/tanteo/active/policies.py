@@ -17,8 +17,9 @@ from tanteo.typing import FloatArray
 _SAMPLES = 128
 """Poses on which every candidate is tried."""
 
-_ASIDE = 0.01
-"""Share of what is told about the pose that counts where only the part is asked for: it decides between equals."""
+_ALONE, _MEANWHILE = 0.01, 0.3
+"""Share of all that is told which counts beside what is told of the part: where that alone is asked for, to decide
+between equals; and until it is known, where the pose is asked for as well."""
 
 
 def most_told(situation: Situation) -> float:
@@ -37,25 +38,24 @@ def _told(s: Situation) -> tuple[Samples, Predictions, FloatArray]:
 class Information:
     """The reading that tells most about part and pose; or most for its time, travelling included.
 
-    Where nobody asks for the pose, it is the part that counts.
+    Where nobody asks for the pose it is the part that counts, and above all until it is known where both are asked for.
 
     Attributes:
         per_second: divide by the time that it takes.
         name: of the policy.
-        part_first: the part alone counts until it is known, where it is asked for.
     """
 
     per_second: bool = False
     name: str = "information"
-    part_first: bool = False
 
     def choose(self, situation: Situation) -> Choice:
         """The candidate with the largest expected information, or information a second."""
         s = situation
         samples, predicted, gains = _told(s)
         worth = gains
-        if s.part_only or (self.part_first and s.part_open):
-            worth = _ASIDE * gains + about_mode(samples, predicted, s.probe, samples.part)
+        if s.part_only or s.part_open:
+            share = _ALONE if s.part_only else _MEANWHILE
+            worth = share * gains + about_mode(samples, predicted, s.probe, samples.part)
         if self.per_second:
             worth = worth / s.seconds()
         k = int(np.argmax(worth))
@@ -97,8 +97,7 @@ def _seconds(s: Situation, feature: Feature) -> float:
 POLICIES: dict[str, Policy] = {
     policy.name: policy
     for policy in (Information(), Information(True, "information-per-second"),
-                   Information(name="part-first", part_first=True), Features(), Random(), Nearest(), LargestFace(),
-                   Scripted321())
+                   Features(), Random(), Nearest(), LargestFace(), Scripted321())
 }  # fmt: skip
 """All policies by name."""
 

@@ -83,7 +83,6 @@ def weigh_parts(
     touches: Touches,
     free: FreePaths,
     log_anywhere: float,
-    known: Sequence[PartModes] = (),
     *,
     all_over: bool = False,
 ) -> list[PartModes]:
@@ -95,18 +94,17 @@ def weigh_parts(
         touches: all readings that met something.
         free: all paths on which nothing was met.
         log_anywhere: log evidence of readings anywhere, the prior of "none of these" included.
-        known: parts of the same maxima and readings that are weighed already.
         all_over: likely parts of one rough pose are weighed by draws from all that the readings leave of it.
     """
     best = max((f.masses[0] for f in found if len(f.masses)), default=-np.inf)
     alive = [f for f in found if len(f.masses) and f.masses[0] > best - _REACH]
-    done = {p.part: p for p in known}
-    glances = [_glance(start, f, touches, free) for f in alive if f.part not in done]
+    glances = [_glance(start, f, touches, free) for f in alive]
     none = log_anywhere - np.log1p(-start.priors.unknown)
-    masses = [*(float(log_sum(p.log_mass)) for p in known), *(draws.log_mass for _, draws in glances)]
+    masses = [draws.log_mass for _, draws in glances]
     total = float(log_sum([none, *masses]))
     leads = max(masses, default=-np.inf) > total + np.log(_LEADS)
     least = total + np.log(_RIVAL if leads else _LIKELY)
+    out = []
     for maxima, draws in glances:
         likely = all_over and draws.log_mass > least
         prior = _one_rough_pose(start, maxima.part) if likely else None
@@ -115,8 +113,8 @@ def weigh_parts(
             draws = wide
         elif draws.effective < ENOUGH and draws.log_mass > total + np.log(MATTERS):
             maxima, draws = _closely(start, maxima, draws, touches, free)
-        done[maxima.part] = _as_modes(maxima, draws)
-    return [done[f.part] for f in alive]
+        out.append(_as_modes(maxima, draws))
+    return out
 
 
 def _one_rough_pose(start: Start, part: int) -> PosePrior | None:
