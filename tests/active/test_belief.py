@@ -108,18 +108,21 @@ def test_few_readings_are_no_sharper_than_a_share_of_the_rough_place(targets):
     assert blurred(start, touches) is touches  # six may fix the pose, which is then as sharp as they are
 
 
-def test_a_pose_that_leaves_the_new_reading_aside_is_doubted(targets, monkeypatch):
-    """Maxima that were known are of readings before it: all over is looked for others; as when a part gets sure."""
-    start, rng = rough(targets[2:], (0.005, 0.05)), np.random.default_rng(2)
-    touches = readings(targets[2], start.Ts[0], 9, rng)
+def test_a_pose_that_leaves_another_reading_aside_is_doubted(targets, monkeypatch):
+    """All parts are looked for all over then, those as well that were ruled out; as when one gets sure."""
+    start, rng = rough(targets[1:], (0.005, 0.05)), np.random.default_rng(2)
+    start = replace(start, weights=np.array([1e-4, 1 - 1e-4]))
+    touches = readings(targets[2], start.Ts[1], 9, rng)
     away = touches.points + np.where(np.arange(9)[:, None] == 7, 0.02 * touches.directions, 0.0)
-    touches, widely = replace(touches, points=away), []
-    monkeypatch.setattr("tanteo.active.belief.fresh", lambda *a: widely.append(a[3]) or fresh(*a))
-    belief = begin(start)
+    touches, looks = replace(touches, points=away), []
+    monkeypatch.setattr("tanteo.active.belief.fresh", lambda *a: looks.append((a[1], a[3])) or fresh(*a))
+    belief, told = begin(start), []
     for n in (7, 8, 9):
         belief = update(belief, touches.take(np.arange(n)), no_paths())
+        told.append([looks.pop(0) for _ in range(len(looks))])
     assert belief.modes[0].found.belongs[belief.modes[0].k].argmin() == 7
-    assert widely == [False, True, False, True, False]
+    all_over = [(0, True), (1, True)]
+    assert told == [[(1, False), *all_over], [(1, False), *all_over], [(1, False)]]
 
 
 def test_many_readings_give_what_identify_gives(targets):
