@@ -126,7 +126,7 @@ def times():
             asked = cpu(lambda b=belief, n=count: _asked(b, n))
             session = new_session(start, LASER, least_gain=0.0)
             action = session.ask()
-            readings = session.sensing.touches(action.read(true_range(target, Ts[0], action)))
+            readings = session.sensing.touches(action.read(true_range(target, Ts[0], action)), session.probe.beam)
             told = cpu(lambda b=belief, r=readings: update(b, *r))
             rows.append((str(hypotheses), str(count), f"{1e3 * asked:.0f} ms", f"{1e3 * told:.0f} ms"))
     return Table(

@@ -352,7 +352,7 @@ def test_millimetres_are_no_free_beam(targets):
 
 def test_a_rough_pose_that_the_readings_contradict_ends_the_session_and_is_said(targets):
     """All six of its errors are over twice what was said; the readings agree, and a wider rough pose explains them."""
-    start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(3)
+    start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(4)
     T = start.Ts[2] @ SE3.exp(np.linalg.cholesky(start.covariances[2]) @ np.full(6, 2.3))
     session = new_session(start, tolerance=1e-3, most=40)
     end, answer = sense(session, targets[2], T, rng), session.answer()
@@ -368,6 +368,23 @@ def test_a_rough_pose_that_the_readings_contradict_ends_the_session_and_is_said(
     assert wide.answer().status == "recognized"
 
 
+@pytest.mark.parametrize(
+    ("contact", "half_angle", "across"), [(True, 0.0, 3e-4), (False, 0.0, 3e-6), (False, 0.02, 1e-3)]
+)
+def test_a_beam_is_as_wide_across_as_its_cone_and_a_touch_as_along(targets, contact, half_angle, across):
+    """Of readings of which only the spread along is said; a beam taken for a touch sees no edge where it is."""
+    probe = replace(LASER, contact=contact, beam_half_angle=half_angle)
+    session = Session(rough(targets), probe, Sensing(sd=3e-4))
+    action = session.ask()
+    session.tell(action.read(0.1))
+    d, expected = action.direction, 3e-4**2 * np.outer(action.direction, action.direction)
+    expected += across**2 * (np.eye(3) - np.outer(d, d))
+    measured = session.sensing.touches(session.readings, probe.beam)[0].covs[0]
+    np.testing.assert_allclose(measured, expected, atol=1e-15)
+    blur = session.belief.touches.covs[0] - expected  # of few readings, the same in every direction
+    np.testing.assert_allclose(blur, blur[0, 0] * np.eye(3), atol=1e-12)
+
+
 def test_the_error_of_a_tip_counts_where_the_hand_is_told(targets):
     session = Session(rough(targets), LASER, Sensing(sd=3e-4, tip_sd=(1e-3, 1e-3, 0.0)))
     action = session.ask()
@@ -380,11 +397,13 @@ def test_the_error_of_a_tip_counts_where_the_hand_is_told(targets):
 
 
 def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
-    """Readings that are all two standard deviations off, to either side: none of them is astray."""
+    """Readings that are all two standard deviations off, each twice, to either side: none of them is astray."""
     session = new_session(rough(targets), tolerance=8e-4)
     while isinstance(action := session.ask(), Action):
         distance = true_range(targets[0], session.start.Ts[0], action)
-        session.tell(action.read(distance + 6e-4 * (-1) ** session.count))
+        session.tell(
+            concatenate([action.read(distance + 6e-4), action.read(distance - 6e-4, name=f"{action.name} again")])
+        )
     answer = session.answer()
     assert answer.status == "unknown"
     assert "the readings contradict it" in answer.message

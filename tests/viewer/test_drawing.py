@@ -17,7 +17,7 @@ from viewer_scenes import TABLE, TRUE, maker
 @pytest.fixture(scope="module")
 def moments(targets):
     """Before the first reading, after one, and after five."""
-    show, out = maker(targets, tolerance=5e-4)(3, "largest-face"), []
+    show, out = maker(targets, tolerance=5e-4)(3, "information"), []
     session = show.session
     session.ask()
     out.append(Snapshot.of(session))

@@ -37,6 +37,7 @@ def measure(
     sd: float | None = None,
     tip_sd: npt.ArrayLike | None = None,
     rig: Rig | None = None,
+    beam_half_angle: float | None = None,
 ) -> PointMeasurements:
     """Points in the world with covariance and shared errors, from what the devices said.
 
@@ -50,6 +51,8 @@ def measure(
         sd: One standard deviation along the beam or normal [m], for rows that have none of their own.
         tip_sd: Standard deviations ``(3,)`` of the tip's offset in the hand's frame [m], one draw for the run.
         rig: Where the range sensors sit on the hand.
+        beam_half_angle: Of the beam of readings with a range whose sensor says none [rad]; without it such readings
+            are as uncertain across as along, as a touch is.
 
     Raises:
         InputError: The spread of a reading is unknown (no column, no ``sd``, no preset, or a preset that needs the
@@ -66,7 +69,10 @@ def measure(
     hit = ~free
     sds = _spreads(readings, placed, devices, numbers, sd)
     points, radii = _surface_points(readings, placed)
-    covs = _independent(readings, placed, devices, numbers, sds, radii)
+    half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
+    if beam_half_angle is not None:
+        half_angles = np.where(np.isnan(half_angles), beam_half_angle, half_angles)
+    covs = _independent(readings, placed, half_angles, sds, radii)
     shared = list[Common]()
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)
@@ -127,15 +133,9 @@ def _surface_points(readings: Readings, placed: Placed) -> tuple[Vectors, FloatA
 
 
 def _independent(
-    readings: Readings,
-    placed: Placed,
-    devices: tuple[Device, ...],
-    numbers: IntArray,
-    sds: FloatArray,
-    radii: FloatArray,
+    readings: Readings, placed: Placed, half_angles: FloatArray, sds: FloatArray, radii: FloatArray
 ) -> Covariances:
     """Independent covariances: along and across the beam, or a ball; and the normal's tilt on the tip's radius."""
-    half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
     cone = 0.5 * placed.ranges * half_angles
     is_beam = ~np.isnan(cone) & ~np.isnan(placed.directions[:, 0])
     across = np.where(is_beam, np.maximum(cone, _ACROSS_FLOOR * sds), sds)

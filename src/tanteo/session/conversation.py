@@ -218,7 +218,7 @@ class Session:
     def _take(self, told: Told) -> Step:
         belief, fresh, action = self._belief, told.readings, told.action
         if fresh is not None:
-            touches, free = self.sensing.touches(concatenate([*self._readings, fresh]))
+            touches, free = self.sensing.touches(concatenate([*self._readings, fresh]), self.probe.beam)
             belief = update(belief, touches, free if self.probe.contact else free.up_to(self.probe.max_incidence))
         step = step_of(belief, self.stop, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before

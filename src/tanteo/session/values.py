@@ -25,7 +25,8 @@ class Sensing:
     Attributes:
         sensor: preset, or its name, of readings without a spread of their own.
         robot: preset of the robot's errors, or its name.
-        sd: one standard deviation along the beam or normal [m], for the same.
+        sd: one standard deviation along the beam or normal [m], for the same. Across a beam a session takes the width
+            of its probe's, of a touch the same.
         tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
         rig: where the range sensors sit on the hand.
         tolerance: sd of the made part's surface against its CAD [m].
@@ -41,13 +42,21 @@ class Sensing:
     def __post_init__(self) -> None:
         check_length("tolerance", self.tolerance)
 
-    def measured(self, readings: Readings) -> PointMeasurements:
-        """Points in the world with their covariance, and the free beams."""
-        return measure(readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig)
+    def measured(self, readings: Readings, beam_half_angle: float | None = None) -> PointMeasurements:
+        """Points in the world with their covariance, and the free beams.
 
-    def touches(self, readings: Readings) -> tuple[Touches, FreePaths]:
-        """Readings as touches and free paths in the world."""
-        measured = self.measured(readings)
+        Args:
+            readings: what the devices said.
+            beam_half_angle: of readings with a range whose sensor says none [rad]; None for touches.
+        """
+        return measure(
+            readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig,
+            beam_half_angle=beam_half_angle,
+        )  # fmt: skip
+
+    def touches(self, readings: Readings, beam_half_angle: float | None = None) -> tuple[Touches, FreePaths]:
+        """Readings as touches and free paths in the world; as :meth:`measured`."""
+        measured = self.measured(readings, beam_half_angle)
         reach = readings.ranges[measured.rows]
         return as_touches(measured, self.tolerance, reach).placed(), as_free_paths(measured, self.tolerance)
 
