@@ -22,7 +22,7 @@ from tanteo.parts import Part, read_part
 from tanteo.shapes import Surface
 
 BRACKET = Path(__file__).parents[2] / "shared" / "data" / "bracket" / "bracket.stl"
-POSES, FEW = 100, 2
+POSES, FEW = 200, 2
 """Scenes of each kind, and for a program that takes seconds for one."""
 
 SD, NORMAL_SD = 5e-4, np.radians(3)
