@@ -7,7 +7,8 @@ The tree::
     │   ├── CovarianceError                not finite, not symmetric or not positive semidefinite
     │   ├── UnitError                      a unit is missing, unknown or contradictory
     │   ├── ReadingsError                  a readings file, with file, line, column and value
-    │   └── PartError                      a CAD file that does not describe a usable part
+    │   ├── PartError                      a CAD file that does not describe a usable part
+    │   └── SideError                      readings of one plane that do not agree on which side of it is outside
     ├── DegenerateError                    the geometry leaves the answer undefined (parallel, collinear, too few)
     └── MissingExtraError (an ImportError) an optional dependency is not installed
 
@@ -40,6 +41,10 @@ class ReadingsError(InputError):
 
 class PartError(InputError):
     """A CAD file does not describe a usable part; the message names the file and the reason."""
+
+
+class SideError(InputError):
+    """The readings of a plane do not agree on which side of it is outside."""
 
 
 class DegenerateError(TanteoError):

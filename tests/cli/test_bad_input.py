@@ -175,13 +175,13 @@ OPTIONS = [
     options(
         "range in mm, read as m",
         "",
-        "It would be within in mm: correct the unit",
+        "It would be in range in mm: correct the unit",
         FAILED,
         RANGED.replace("range_mm", "range_m").replace("100", "90"),
         RIG,
     ),
     options(
-        "range in m, read as mm", "", "It would be within in m: correct", FAILED, RANGED.replace("100", "0.1"), RIG
+        "range in m, read as mm", "", "It would be in range in m: correct", FAILED, RANGED.replace("100", "0.1"), RIG
     ),
     options(
         "sensor not on the rig",

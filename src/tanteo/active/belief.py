@@ -133,7 +133,7 @@ def update(before: Belief, touches: Touches, free: FreePaths) -> Belief:
     log_anywhere += len(free.origins) * np.log1p(-start.priors.clutter)
     weigh = partial(weigh_parts, start, touches=touches, free=free, log_anywhere=log_anywhere, all_over=all_over)
     after = _believe(start, touches, free, log_anywhere, weigh(found))
-    if after.unknown > _DOUBT or _aside(after) - _aside(before) or _settles(before, after):
+    if after.unknown > _DOUBT or _aside(after) - _aside(before) or _settles(before, after):  # what is known is not all
         found = _climbed(start, *_alive(after), touches, free, np.unique(start.part), widely=True)
         after = _believe(start, touches, free, log_anywhere, weigh(found))
     return after

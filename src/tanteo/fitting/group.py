@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.constraints import chi2_p_value
-from tanteo.errors import DegenerateError, InputError
+from tanteo.errors import DegenerateError, InputError, SideError
 from tanteo.features import PLANE, Feature
 from tanteo.fitting.agreement import Bending, bending, jointly
 from tanteo.fitting.edge import fit_edge
 from tanteo.fitting.estimate import FitReport, SharedReadings
-from tanteo.fitting.plane import SideError, fit_plane, plane_ml
+from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.sides import known_side, most_opposed
 from tanteo.fitting.vertex import fit_vertex
 from tanteo.lie import SE3

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.errors import DegenerateError, InputError
+from tanteo.errors import DegenerateError, InputError, SideError
 from tanteo.features import PLANE, Feature
 from tanteo.fitting.estimate import (
     Estimate,
@@ -25,11 +25,6 @@ from tanteo.fitting.estimate import (
 )
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
-
-
-class SideError(InputError):
-    """The readings of a plane do not agree on which side of it is outside."""
-
 
 MIN_SPREAD = 4.0
 """Least root mean square of a point's distance along the plane's second direction, in standard deviations."""

@@ -197,7 +197,7 @@ def _advice(got: float, nearest: float, farthest: float) -> str:
     """What to do about a range that its device cannot give."""
     unit = next((u for u, factor in _UNITS.items() if nearest <= got * factor <= farthest), "")
     if unit and (got > _BEYOND * farthest or got < nearest / _BEYOND):
-        return f"It would be within in {unit}: correct the unit in the column's name, or the value"
+        return f"It would be in range in {unit}: correct the unit in the column's name, or the value"
     if got < nearest:
         return "Leave it out, for nothing is known of it; a session is told so by refuse()"
     return "Drop the row, or give it status none"
