@@ -1,5 +1,6 @@
-"""``--strays``: how many readings are expected to be off the part."""
+"""``--strays`` and ``--none``: how many readings are expected to be off the part, and how probably it is another."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,24 @@ def test_more_strays_than_expected_are_no_answer_and_as_many_as_expected_are(run
     code, out, _ = run("locate", touches, "--part", str(BRACKET), "--strays", "30%")
     assert code == 0
     assert "bracket_left at x " in out
+
+
+def test_none_of_these_is_as_probable_as_was_said(run, tmp_path):
+    """Eight touches, all on the part, that leave most of it unseen."""
+    part = tanteo.read_part(BRACKET)
+    p, _ = surface_points(Surface(part.vertices, part.triangles), 12, np.random.default_rng(3))
+    path = tmp_path / "touches.csv"
+    path.write_text("\n".join(["x_mm,y_mm,z_mm,sd_mm", *("{:.4f},{:.4f},{:.4f},0.1".format(*(1e3 * x)) for x in p)]))
+    usual, rare, common = (
+        json.loads(run("locate", path, "--part", str(BRACKET), "--json", *more).out)["unknown_probability"]
+        for more in ((), ("--none", "0.1%"), ("--none", "0.9"))
+    )
+    odds = [p / (1 - p) for p in (usual, rare, common)]
+    assert odds[1] / odds[0] == pytest.approx(0.001 / 0.999 / (0.05 / 0.95), rel=0.01)
+    assert odds[2] / odds[0] == pytest.approx(9 / (0.05 / 0.95), rel=0.01)
+    code, _, err = run("locate", path, "--part", str(BRACKET), "--none", "100%")
+    assert code == 2
+    assert "--none: expected a share above 0 and below one, got '100%'" in err
 
 
 @pytest.mark.parametrize("text", ["0", "0.5", "-10%", "60%", "some", "nan", "1e999"])

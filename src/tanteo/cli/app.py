@@ -65,6 +65,10 @@ Strays = Annotated[
     str | None,
     typer.Option("--strays", metavar="SHARE", help="Of readings expected to be off the part, as 10%; 2% if not given."),
 ]
+NoneOf = Annotated[
+    str | None,
+    typer.Option("--none", metavar="SHARE", help="Probability beforehand of none of these parts, as 0.1%; else 5%."),
+]
 RigPath = Annotated[
     str | None, typer.Option("--rig", metavar="FILE", help="Where the range sensors sit on the hand (TOML).")
 ]
@@ -104,6 +108,7 @@ def identify(
     robot: Robot = None,
     tip_sd: TipSd = None,
     strays: Strays = None,
+    none: NoneOf = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
@@ -126,7 +131,7 @@ def identify(
         with misuse():
             options = read_options(
                 units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd,
-                strays=strays, alpha=alpha, top=top, as_published=as_published, seed=seed,
+                strays=strays, none=none, alpha=alpha, top=top, as_published=as_published, seed=seed,
             )  # fmt: skip
         pose = read_pose_prior(table, box, near, prior)
         recognize(readings, parts, rig, options, pose, report=report, as_json=json, verbose=verbose)
@@ -143,6 +148,7 @@ def locate(
     robot: Robot = None,
     tip_sd: TipSd = None,
     strays: Strays = None,
+    none: NoneOf = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
@@ -162,8 +168,8 @@ def locate(
     with guarded():
         require_file("--part", part)
     identify(
-        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, strays, rig, table, box, near, prior, alpha, top,
-        as_published, report, json, seed, verbose,
+        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, strays, none, rig, table, box, near, prior,
+        alpha, top, as_published, report, json, seed, verbose,
     )  # fmt: skip
 
 

@@ -15,7 +15,8 @@ TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 
 _TYPED_AS = {
     "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
-    "as_published": "--as-published", "priors, clutter": "--strays", "table, sd": "--table", "prior, box": "--box",
+    "as_published": "--as-published", "priors, clutter": "--strays", "priors, unknown": "--none",
+    "table, sd": "--table", "prior, box": "--box",
     "prior, T_world_part": "--near", "prior, covariance": "--near", "feature": "--feature",
 }  # fmt: skip
 """Names in messages of what an option says, and the option."""
@@ -68,6 +69,7 @@ class RunOptions:
         tolerance: Standard deviation of the made part against its CAD.
         tip_sd: Of the tip's offset in the hand's frame.
         strays: Share of readings expected to be off the part; None for the usual.
+        none: Probability beforehand that it is none of the parts; None for the usual.
         alpha: Share of true hypotheses that the tests may lose.
         top: How many hypotheses to report.
         as_published: Use the paper's equations as printed.
@@ -81,6 +83,7 @@ class RunOptions:
     tolerance: float
     tip_sd: tuple[float, ...] | None
     strays: float | None
+    none: float | None
     alpha: float
     top: int
     as_published: bool
@@ -96,6 +99,7 @@ def read_options(
     tolerance: str,
     tip_sd: str | None,
     strays: str | None,
+    none: str | None,
     alpha: float,
     top: int,
     as_published: bool,
@@ -125,7 +129,8 @@ def read_options(
         sd=None if sd is None else _require("--sd", parse_length(sd, "--sd"), sd, positive=True),
         tolerance=_require("--tolerance", parse_length(tolerance, "--tolerance"), tolerance, positive=False),
         tip_sd=None if tip_sd is None else _three("--tip-sd", parse_lengths(tip_sd, "--tip-sd"), tip_sd),
-        strays=None if strays is None else _share("--strays", strays),
+        strays=None if strays is None else _share("--strays", strays, 0.5, "one half"),
+        none=None if none is None else _share("--none", none, 1.0, "one"),
         alpha=alpha,
         top=top,
         as_published=as_published,
@@ -133,14 +138,14 @@ def read_options(
     )
 
 
-def _share(name: str, text: str) -> float:
-    """A share between 0 and one half, as ``10%`` or ``0.1``."""
+def _share(name: str, text: str, most: float, word: str) -> float:
+    """A share between 0 and the most that it may be, which has that name, as ``10%`` or ``0.1``."""
     try:
         value = float(text[:-1]) / 100 if text.endswith("%") else float(text)
     except ValueError:
         value = math.nan
-    if not 0 < value < 0.5:
-        raise InputError(f"{name}: expected a share above 0 and below one half, got '{text}'. Write it as 5%.")
+    if not 0 < value < most:
+        raise InputError(f"{name}: expected a share above 0 and below {word}, got '{text}'. Write it as 5%.")
     return value
 
 

@@ -110,9 +110,9 @@ def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:
     """What is assumed beforehand; None for what always is."""
     from tanteo.matching import Priors
 
-    if pose is None and options.strays is None:
-        return None
-    return Priors(pose=pose) if options.strays is None else Priors(pose=pose, clutter=options.strays)
+    said = {"clutter": options.strays, "unknown": options.none}
+    given = {name: value for name, value in said.items() if value is not None}
+    return None if pose is None and not given else Priors(pose=pose, **given)
 
 
 def _beginning(path: str) -> str:
