@@ -24,6 +24,7 @@ from tanteo.active import (
 from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
+from tanteo.session.across import sensed
 from tanteo.session.again import once_more
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.names import new_readings
@@ -218,8 +219,8 @@ class Session:
     def _take(self, told: Told) -> Step:
         belief, fresh, action = self._belief, told.readings, told.action
         if fresh is not None:
-            touches, free = self.sensing.touches(concatenate([*self._readings, fresh]), self.probe.beam)
-            belief = update(belief, touches, free if self.probe.contact else free.up_to(self.probe.max_incidence))
+            all_ = concatenate([*self._readings, fresh])
+            belief = update(belief, *sensed(all_, self.sensing, self.probe, self.start.targets))
         step = step_of(belief, self.stop, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before
         self._belief = belief
