@@ -376,11 +376,12 @@ def test_a_beam_is_as_wide_across_as_its_cone_and_a_touch_as_along(targets, cont
     """Of readings of which only the spread along is said; a beam taken for a touch sees no edge where it is."""
     session = Session(rough(targets), replace(LASER, contact=contact, beam_half_angle=half_angle), Sensing(sd=sd))
     action = session.ask()
-    session.tell(action.read(0.1))
     d = action.direction
     expected = sd**2 * np.outer(d, d) + across**2 * (np.eye(3) - np.outer(d, d))
-    blur = session.belief.touches.covs[0] - expected  # of few readings, the same in every direction
-    np.testing.assert_allclose(blur, (0.03 * 0.015) ** 2 * np.eye(3), atol=1e-12)
+    for told in (session, Session(session.start, session.probe, Sensing())):  # of the sensor, or of the reading itself
+        told.tell(action.read(0.1, sd=None if told is session else sd))
+        blur = told.belief.touches.covs[-1] - expected  # of few readings, the same in every direction
+        np.testing.assert_allclose(blur, (0.03 * 0.015) ** 2 * np.eye(3), atol=1e-12)
 
 
 def test_the_error_of_a_tip_counts_where_the_hand_is_told(targets):

@@ -105,6 +105,10 @@ def test_few_readings_are_no_sharper_than_a_share_of_the_rough_place(targets):
     few = blurred(start, touches.take(np.arange(5)))
     np.testing.assert_allclose(few.sd, 3.027e-4, rtol=1e-3)  # 0.3 mm and 0.04 mm in quadrature
     np.testing.assert_allclose(few.covs, few.sd[0] ** 2 * np.tile(np.eye(3), (5, 1, 1)), rtol=1e-9)
+    again = replace(
+        touches, points=np.tile(touches.points[:1], (6, 1)), directions=np.tile(touches.directions[:1], (6, 1))
+    )
+    assert blurred(start, again.placed()).sd[0] > 3e-4  # the same place six times fixes no more than once
     assert blurred(start, touches) is touches  # six may fix the pose, which is then as sharp as they are
 
 

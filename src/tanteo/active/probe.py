@@ -128,11 +128,6 @@ class Probe:
         """What the cone adds to it on a plane, as the echo comes from any of its rays."""
         return np.asarray((0.5 * self.beam_half_angle * ranges) ** 2 * (1 / cosines**2 - 1))
 
-    @property
-    def beam(self) -> float | None:
-        """Half angle of its beam [rad]; None of a touch, as uncertain across as along."""
-        return None if self.contact else self.beam_half_angle
-
     def answers(self, ranges: FloatArray, cosines: FloatArray) -> BoolArray:
         """Whether there is a reading at these ranges and incidences."""
         within = (ranges >= self.min_range) & (ranges <= self.max_range)

@@ -17,7 +17,7 @@ from tanteo.surface_search import Target, Touches
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _FEW, _THIN = 5, 0.03
-"""So many readings leave the pose open; noise below this share of the rough place is not told apart then."""
+"""Readings of so many places leave the pose open; noise below this share of the rough place is not told apart then."""
 
 _BEYOND = 1.2
 """Spread of the poses that are looked at, in that of the rough poses."""
@@ -169,7 +169,7 @@ def blurred(start: Start, touches: Touches) -> Touches:
         start: what was assumed beforehand.
         touches: all readings that met something.
     """
-    if len(touches) > _FEW:
+    if (len(touches) if touches.places is None else len(np.unique(touches.places))) > _FEW:
         return touches
     place = np.sqrt(np.linalg.eigvalsh(start.covariances[:, :3, :3])[:, 0].min().clip(0.0))
     extra = float(_THIN * place)

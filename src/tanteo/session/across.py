@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from tanteo.active import Probe
 from tanteo.sensors import Readings
 from tanteo.session.values import Sensing
 from tanteo.surface_search import FreePaths, Target, Touches
+from tanteo.typing import FloatArray
 
 _BROAD = 0.01
 """Noise of more than this share of the smallest part is broad beside its faces."""
@@ -22,20 +25,24 @@ def sensed(readings: Readings, sensing: Sensing, probe: Probe, targets: Sequence
         probe: what senses; no echo says nothing of a surface that lies beyond the incidence to which it answers.
         targets: the parts that it may be.
     """
-    touches, free = sensing.touches(readings, half_angle(sensing, probe, targets))
+    touches, free = sensing.touches(readings, half_angles(readings, sensing, probe, targets))
     return touches, free if probe.contact else free.up_to(probe.max_incidence)
 
 
-def half_angle(sensing: Sensing, probe: Probe, targets: Sequence[Target]) -> float | None:
-    """Half angle of the beam of readings whose sensor says none [rad]; None: as far off across as along.
+def half_angles(readings: Readings, sensing: Sensing, probe: Probe, targets: Sequence[Target]) -> FloatArray | None:
+    """Half angles of the beams of readings whose sensor says none ``(n,)`` [rad]; NaN: as far off across as along.
 
     A thin beam tells where an edge is. But readings are compared with the nearest face, and where noise is broad beside
     the faces that is often not the one that was met: a thin beam would rule it out (decision 54).
 
     Args:
+        readings: what was told.
         sensing: how readings are made into measurements.
         probe: what senses.
         targets: the parts that it may be.
     """
+    if probe.contact:
+        return None
     smallest = min(target.part.diagonal for target in targets)
-    return None if (sensing.sd or 0.0) > _BROAD * smallest else probe.beam
+    sds = np.where(np.isnan(readings.sds), sensing.sd or 0.0, readings.sds)
+    return np.where(sds > _BROAD * smallest, np.nan, probe.beam_half_angle)

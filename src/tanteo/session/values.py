@@ -42,21 +42,21 @@ class Sensing:
     def __post_init__(self) -> None:
         check_length("tolerance", self.tolerance)
 
-    def measured(self, readings: Readings, beam_half_angle: float | None = None) -> PointMeasurements:
+    def measured(self, readings: Readings, beam_half_angles: FloatArray | None = None) -> PointMeasurements:
         """Points in the world with their covariance, and the free beams.
 
         Args:
             readings: what the devices said.
-            beam_half_angle: of readings with a range whose sensor says none [rad]; None for touches.
+            beam_half_angles: of readings with a range whose sensor says none ``(n,)`` [rad]; NaN or None for touches.
         """
         return measure(
             readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig,
-            beam_half_angle=beam_half_angle,
+            beam_half_angles=beam_half_angles,
         )  # fmt: skip
 
-    def touches(self, readings: Readings, beam_half_angle: float | None = None) -> tuple[Touches, FreePaths]:
+    def touches(self, readings: Readings, beam_half_angles: FloatArray | None = None) -> tuple[Touches, FreePaths]:
         """Readings as touches and free paths in the world; as :meth:`measured`."""
-        measured = self.measured(readings, beam_half_angle)
+        measured = self.measured(readings, beam_half_angles)
         reach = readings.ranges[measured.rows]
         return as_touches(measured, self.tolerance, reach).placed(), as_free_paths(measured, self.tolerance)
 
