@@ -41,7 +41,6 @@ from tanteo.matching import Priors
 from tanteo.matching.part_motions import corner_sd
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
-from tanteo.session.across import sensed
 from tanteo.surface_search import prepare_target
 
 
@@ -127,7 +126,7 @@ def times():
             asked = cpu(lambda b=belief, n=count: _asked(b, n))
             session = new_session(start, LASER, least_gain=0.0)
             action = session.ask()
-            readings = sensed(action.read(true_range(target, Ts[0], action)), session.sensing, session.probe, [target])
+            readings = session.sensing.touches(action.read(true_range(target, Ts[0], action)), session.probe)
             told = cpu(lambda b=belief, r=readings: update(b, *r))
             rows.append((str(hypotheses), str(count), f"{1e3 * asked:.0f} ms", f"{1e3 * told:.0f} ms"))
     return Table(

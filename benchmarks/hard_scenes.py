@@ -4,7 +4,8 @@ A round bar that was touched around its side only, so that nothing but where the
 bar touched anywhere; few readings with exact normals, whose joint test has to count the normals; a tip offset of sixty
 times the noise on a hand that comes square on; exact touches that a session is told at once; few touches of a part
 whose place is roughly known, which leave it on sheets that are bent and cut; a bias of thirty times the noise that
-seven readings just show; a beam that is mounted roughly; touches that may be of either side of a wall.
+seven readings just show; a beam that is mounted roughly; touches that may be of either side of a wall; thin beams whose
+noise along them is broad beside the faces.
 ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
@@ -34,6 +35,7 @@ from bare_scenes import (
     off,
     oriented,
     surface_points,
+    thin_beams,
     touches_of,
     with_tip_off,
 )
@@ -56,7 +58,9 @@ KINDS = {
     "bias": "bracket_left, 7 beams of 0.01 mm with a bias of 0.3 mm, place known to 5 mm and 3 degrees",
     "mount": "one of six parts, 25 beams of 0.3 mm from 0.05 to 0.25 m, mounted to 3 mm and 0.03 rad an axis",
     "walls": "housing with walls of 10 mm, 8 touches of 0.01 mm",
+    "thin": "one of six parts, 15 beams without width, 3 mm along them",
 }
+ALWAYS = {kind for kind in KINDS if "bar" in kind or "rough" in kind} | {"bias", "thin"}
 ROUGH = "wedge", "block", "bracket_left"
 MANY = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"
 FAR = 3e-3
@@ -116,7 +120,12 @@ def _walls(rng):
     return target, touches_of(SE3.apply(T, p) + 1e-5 * rng.normal(size=p.shape), 1e-5), T
 
 
-_ANYWHERE = {"tip": _tip, "mount": _mount, "walls": _walls}
+def _thin(rng):
+    target, T = _target(MANY[rng.integers(len(MANY))]), box_centred_pose(rng)
+    return target, thin_beams(target, T, 15, rng), T
+
+
+_ANYWHERE = {"tip": _tip, "mount": _mount, "walls": _walls, "thin": _thin}
 
 
 def one(kind, seed, k):
@@ -137,7 +146,7 @@ def one(kind, seed, k):
     answer = identify_touches(touches, no_paths(), [target], priors=priors)
     best = answer.hypotheses[0]
     value, dof = nees(target.part, best.T_world_part, best.covariance, T)
-    right = "bar" in kind or "rough" in kind or kind == "bias" or off(target.part, best.T_world_part, T)[0] < FAR
+    right = kind in ALWAYS or off(target.part, best.T_world_part, T)[0] < FAR
     return {
         "status": answer.status, "right": bool(right), "inside": bool(inside(value, dof)), "nees": float(value),
         "dof": int(dof), "p": float(best.p_value), "contradicted": "contradict" in answer.message,

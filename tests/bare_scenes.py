@@ -11,7 +11,8 @@ from tanteo.features import SharedError
 from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import squared_gaps, without_spin
-from tanteo.surface_search import FreePaths, Target, Touches
+from tanteo.sensors import Readings, measure
+from tanteo.surface_search import FreePaths, Target, Touches, as_touches
 
 REACH = 0.3
 """Free path before a beam's hit [m]."""
@@ -184,6 +185,15 @@ def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
             directions.append(R[:, 2])
             gains.append(R @ np.concatenate([off * np.eye(3), -turned * SO3.hat(at)], axis=1))
     return touches_of(np.array(points), sd, directions=np.array(directions), gains=np.array(gains))
+
+
+def thin_beams(target, T, n, rng, sd=3e-3):
+    """Ranges of beams without width, told with their spread along alone, as the program makes touches of them."""
+    p, d = beams(target, n, rng)
+    directions, ranges = d @ T[:3, :3].T, REACH + sd * rng.normal(size=n)
+    points = SE3.apply(T, p) + (ranges - REACH)[:, None] * directions
+    readings = Readings.from_columns(points, directions=directions, ranges=ranges)
+    return as_touches(measure(readings, sd=sd, beam_half_angle=0.0), reach=ranges)
 
 
 def box_centred_pose(rng, spread=0.5):

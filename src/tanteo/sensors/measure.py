@@ -9,6 +9,7 @@ offset (in the hand's frame), each sensor's bias and scale (along its beam) and 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,7 +38,7 @@ def measure(
     sd: float | None = None,
     tip_sd: npt.ArrayLike | None = None,
     rig: Rig | None = None,
-    beam_half_angles: FloatArray | None = None,
+    beam_half_angle: float = math.nan,
 ) -> PointMeasurements:
     """Points in the world with covariance and shared errors, from what the devices said.
 
@@ -51,8 +52,8 @@ def measure(
         sd: One standard deviation along the beam or normal [m], for rows that have none of their own.
         tip_sd: Standard deviations ``(3,)`` of the tip's offset in the hand's frame [m], one draw for the run.
         rig: Where the range sensors sit on the hand.
-        beam_half_angles: Of the beams of readings with a range whose sensor says none ``(n,)`` [rad]; without it, or
-            where it is NaN, such readings are as uncertain across as along, as a touch is.
+        beam_half_angle: Of the beams of readings with a range whose sensor says none [rad]; if NaN, such readings are
+            as uncertain across as along, as a touch is.
 
     Raises:
         InputError: The spread of a reading is unknown (no column, no ``sd``, no preset, or a preset that needs the
@@ -70,8 +71,7 @@ def measure(
     sds = _spreads(readings, placed, devices, numbers, sd)
     points, radii = _surface_points(readings, placed)
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
-    if beam_half_angles is not None:
-        half_angles = np.where(np.isnan(half_angles), beam_half_angles, half_angles)
+    half_angles = np.where(np.isnan(half_angles), beam_half_angle, half_angles)
     covs = _independent(readings, placed, half_angles, sds, radii)
     shared = list[Common]()
     if robot is not None:

@@ -24,7 +24,6 @@ from tanteo.active import (
 from tanteo.errors import InputError
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
-from tanteo.session.across import sensed
 from tanteo.session.again import once_more
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.names import new_readings
@@ -220,7 +219,7 @@ class Session:
         belief, fresh, action = self._belief, told.readings, told.action
         if fresh is not None:
             all_ = concatenate([*self._readings, fresh])
-            belief = update(belief, *sensed(all_, self.sensing, self.probe, self.start.targets))
+            belief = update(belief, *self.sensing.touches(all_, self.probe))
         step = step_of(belief, self.stop, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before
         self._belief = belief

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from tanteo.active import Probe
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LARGEST, check_length
@@ -42,23 +43,32 @@ class Sensing:
     def __post_init__(self) -> None:
         check_length("tolerance", self.tolerance)
 
-    def measured(self, readings: Readings, beam_half_angles: FloatArray | None = None) -> PointMeasurements:
+    def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
         """Points in the world with their covariance, and the free beams.
 
         Args:
             readings: what the devices said.
-            beam_half_angles: of readings with a range whose sensor says none ``(n,)`` [rad]; NaN or None for touches.
+            beam_half_angle: of readings with a range whose sensor says none [rad]; NaN for touches.
         """
         return measure(
             readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig,
-            beam_half_angles=beam_half_angles,
+            beam_half_angle=beam_half_angle,
         )  # fmt: skip
 
-    def touches(self, readings: Readings, beam_half_angles: FloatArray | None = None) -> tuple[Touches, FreePaths]:
-        """Readings as touches and free paths in the world; as :meth:`measured`."""
-        measured = self.measured(readings, beam_half_angles)
-        reach = readings.ranges[measured.rows]
-        return as_touches(measured, self.tolerance, reach).placed(), as_free_paths(measured, self.tolerance)
+    def touches(self, readings: Readings, probe: Probe) -> tuple[Touches, FreePaths]:
+        """Readings of a probe as touches and free paths in the world.
+
+        A beam is as wide across as the probe's cone; that it met nothing says nothing of a surface that lies beyond the
+        incidence to which the probe answers.
+
+        Args:
+            readings: what the devices said.
+            probe: what senses.
+        """
+        measured = self.measured(readings, np.nan if probe.contact else probe.beam_half_angle)
+        touches = as_touches(measured, self.tolerance, readings.ranges[measured.rows]).placed()
+        free = as_free_paths(measured, self.tolerance)
+        return touches, free if probe.contact else free.up_to(probe.max_incidence)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

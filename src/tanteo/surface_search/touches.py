@@ -12,6 +12,9 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 _BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
 """Readings are of one beam if they are no farther beside each other [m], and by the cosine of their directions."""
 
+_BLUNT = 0.3
+"""A beam's spread across is taken as no less than this share of that along."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touches:
@@ -176,7 +179,7 @@ def as_free_paths(measured: PointMeasurements, margin: float) -> FreePaths:
 
 
 def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None) -> Touches:
-    """Measurements as touches; labels are not used.
+    """Measurements as touches; labels are not used, and beams are a little blunt (decision 54).
 
     Args:
         measured: points in the world.
@@ -184,13 +187,14 @@ def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: Float
         reach: known free path before each point ``(n,)`` [m]: the range of a beam.
     """
     points, independent, radii = measured.centres()
-    covs = independent + tolerance**2 * np.eye(3)
+    directions = np.nan_to_num(measured.directions)
+    covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
     return Touches(
         measured.ids,
         points,
         covs,
         radii,
-        np.nan_to_num(measured.directions),
+        directions,
         np.nan_to_num(measured.normals),
         np.nan_to_num(measured.normal_sds, nan=np.pi),
         np.zeros(len(measured)) if reach is None else np.nan_to_num(reach),
@@ -198,3 +202,16 @@ def as_touches(measured: PointMeasurements, tolerance: float = 0.0, reach: Float
         np.sqrt(np.linalg.eigvalsh(covs)[:, -1]),
         tolerance,
     )
+
+
+def _blunt(covs: Covariances, directions: Vectors) -> Covariances:
+    """Covariances of which no beam is better known across than a share of its spread along.
+
+    Where a thin beam slides off an edge the posterior has a cliff, at which climbs stop and off which draws fall.
+    Readings without direction are left as they are.
+    """
+    along = np.einsum("ni,nij,nj->n", directions, covs, directions)
+    across = 0.5 * (np.trace(covs, axis1=1, axis2=2) - along)
+    missing = np.maximum(_BLUNT**2 * along - across, 0.0)
+    beside = np.eye(3) - directions[:, :, None] * directions[:, None]
+    return np.asarray(covs + missing[:, None, None] * beside)
