@@ -73,6 +73,15 @@ def test_what_is_not_reached_exits_with_three(sense):
     assert "1 reading was asked for at most" in out
 
 
+def test_what_is_assumed_beforehand_can_be_said(sense, tmp_path):
+    record = tmp_path / "session.json"
+    document = json.loads(sense("--most", "1", "--none", "40%", "--strays", "5%", "--record", str(record), "--json")[1])
+    priors = read_record(record).start.priors
+    assert (priors.unknown, priors.clutter) == (0.4, 0.05)
+    usual = json.loads(sense("--most", "1", "--json")[1])
+    assert document["unknown_probability"] > 4 * usual["unknown_probability"]
+
+
 def test_the_policies_differ_and_the_seed_repeats(sense):
     outs = [sense("--most", "2", *more)[2] for more in ((), ("--seed", "1"), ("--policy", "nearest"))]
     assert outs[0] == outs[1] != outs[2]
@@ -91,6 +100,8 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
         (("--most", "0"), 2, "--most: expected 1 or more"),
         (("--seed", "-1"), 2, "--seed: expected 0 or more"),
         (("--standoff", "0mm"), 2, "--standoff: expected a length"),
+        (("--none", "100%"), 2, "--none: expected a share above 0 and below one"),
+        (("--strays", "60%"), 2, "--strays: expected a share above 0 and below one half"),
         (("--near", "0,0,0mm"), 2, "--near: expected a value and its standard deviation"),
         (("--report", "report.pdf"), 2, "--report: expected a file name"),
         (("--record", "/no/such/folder/x.json", "--most", "1"), 1, "--record: expected a file that can be written"),

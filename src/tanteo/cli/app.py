@@ -9,7 +9,7 @@ import typer
 from tanteo.cli.completing import robot_names, sensor_names
 from tanteo.cli.demo_app import demo
 from tanteo.cli.plan_app import plan
-from tanteo.cli.prior_options import BoxAt, Near, PriorPath, TableAt
+from tanteo.cli.prior_options import BoxAt, Near, NoneOf, PriorPath, Strays, TableAt
 from tanteo.cli.replay_app import replay
 from tanteo.cli.reporting_option import Report
 from tanteo.cli.sense_app import sense_app
@@ -60,14 +60,6 @@ Robot = Annotated[
 TipSd = Annotated[
     str | None,
     typer.Option("--tip-sd", metavar="X,Y,Z", help="Tip offset's standard deviations in the hand, as 1.5,1.5,0.3mm."),
-]
-Strays = Annotated[
-    str | None,
-    typer.Option("--strays", metavar="SHARE", help="Of readings expected to be off the part, as 10%; 2% if not given."),
-]
-NoneOf = Annotated[
-    str | None,
-    typer.Option("--none", metavar="SHARE", help="Probability beforehand of none of these parts, as 0.1%; else 5%."),
 ]
 RigPath = Annotated[
     str | None, typer.Option("--rig", metavar="FILE", help="Where the range sensors sit on the hand (TOML).")

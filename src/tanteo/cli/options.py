@@ -129,13 +129,23 @@ def read_options(
         sd=None if sd is None else _require("--sd", parse_length(sd, "--sd"), sd, positive=True),
         tolerance=_require("--tolerance", parse_length(tolerance, "--tolerance"), tolerance, positive=False),
         tip_sd=None if tip_sd is None else _three("--tip-sd", parse_lengths(tip_sd, "--tip-sd"), tip_sd),
-        strays=None if strays is None else _share("--strays", strays, 0.5, "one half"),
-        none=None if none is None else _share("--none", none, 1.0, "one"),
+        strays=read_strays(strays),
+        none=read_none(none),
         alpha=alpha,
         top=top,
         as_published=as_published,
         seed=seed,
     )
+
+
+def read_strays(text: str | None) -> float | None:
+    """The share of ``--strays``; None if it was not typed."""
+    return None if text is None else _share("--strays", text, 0.5, "one half")
+
+
+def read_none(text: str | None) -> float | None:
+    """The probability of ``--none``; None if it was not typed."""
+    return None if text is None else _share("--none", text, 1.0, "one")
 
 
 def _share(name: str, text: str, most: float, word: str) -> float:

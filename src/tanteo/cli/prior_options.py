@@ -1,4 +1,4 @@
-"""Options for what is known of the pose beforehand: for every command that searches for a part."""
+"""Options for what is known beforehand, most of all of the pose: for every command that searches for a part."""
 
 from __future__ import annotations
 
@@ -28,6 +28,14 @@ Near = Annotated[
 ]
 PriorPath = Annotated[
     str | None, typer.Option("--prior", metavar="FILE", help="The same from a file: table, box, rough pose (TOML).")
+]
+Strays = Annotated[
+    str | None,
+    typer.Option("--strays", metavar="SHARE", help="Of readings expected to be off the part, as 10%; 2% if not given."),
+]
+NoneOf = Annotated[
+    str | None,
+    typer.Option("--none", metavar="SHARE", help="Probability beforehand of none of these parts, as 0.1%; else 5%."),
 ]
 
 _FIELDS = {"T_world_part": "--near", "covariance": "--near", "box": "--box", "table": "--table"}

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.prior_options import Near, PriorPath
+from tanteo.cli.prior_options import Near, NoneOf, PriorPath, Strays
 from tanteo.cli.reporting_option import Report
 from tanteo.cli.session_options import (
     CameraFile,
@@ -131,6 +131,8 @@ def sense_part(
     units: MeshUnits = None,
     near: Near = None,
     prior: PriorPath = None,
+    strays: Strays = None,
+    none: NoneOf = None,
     image: ImageFile = None,
     camera: CameraFile = None,
     marks: MarksFile = None,
@@ -154,8 +156,7 @@ def sense_part(
         with misuse():
             options = read_part_options(
                 policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
-                most=most,
-                standoff=standoff, seed=seed, units=units,
+                most=most, standoff=standoff, seed=seed, units=units, strays=strays, none=none,
             )  # fmt: skip
         known = read_pose_prior(None, None, near, prior)
         seen = image_options(image, camera, marks)

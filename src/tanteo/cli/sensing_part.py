@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import typer
 
-from tanteo.cli.options import MisuseError, misuse_of_options
+from tanteo.cli.options import misuse_of_options
 from tanteo.cli.part_live import shown_live
 from tanteo.cli.part_record import kept, write
+from tanteo.cli.part_start import nothing_seen, start_of
 from tanteo.cli.printing import emit, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
 from tanteo.cli.targets import check_different, check_target
@@ -19,12 +20,11 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start, Stop
-    from tanteo.cli.image_start import ImageOptions, View
+    from tanteo.cli.image_start import ImageOptions
     from tanteo.execution import Executed, Visit
     from tanteo.io.scene_toml import SceneFile
     from tanteo.matching import PosePrior
     from tanteo.motion import Rules
-    from tanteo.parts import Part
     from tanteo.session import Session
     from tanteo.simulator import SimulatedHand
 
@@ -39,6 +39,8 @@ class PartOptions:
         standoff: Of the sensor from what it reads; None for the scene's.
         seed: Of all simulated errors and of the session; None for the scene's.
         units: Of part files that carry none.
+        strays: Share of readings expected to be off the part; None for the usual one.
+        none: Probability beforehand of none of the parts, likewise.
     """
 
     policy: str
@@ -46,6 +48,8 @@ class PartOptions:
     standoff: float | None
     seed: int | None
     units: str | None
+    strays: float | None
+    none: float | None
 
 
 def read_part_options(
@@ -59,6 +63,8 @@ def read_part_options(
     standoff: str | None,
     seed: int | None,
     units: str | None,
+    strays: str | None,
+    none: str | None,
 ) -> PartOptions:
     """The options from what was typed.
 
@@ -66,7 +72,7 @@ def read_part_options(
         InputError: The first one that cannot be meant, named as on the command line.
     """
     from tanteo.active import Stop, policy_named
-    from tanteo.cli.options import read_unit
+    from tanteo.cli.options import read_none, read_strays, read_unit
     from tanteo.cli.sensing import read_standoff
     from tanteo.io import parse_length
 
@@ -85,7 +91,7 @@ def read_part_options(
         raise InputError(f"--feature: expected --tolerance with '{feature}', got none. Say --tolerance 0.5mm.")
     stop = Stop(probability=probability, tolerance=within, confidence=confidence, most=most, feature=feature)
     unit = None if units is None else read_unit(units)
-    return PartOptions(policy, stop, read_standoff(standoff), seed, unit)
+    return PartOptions(policy, stop, read_standoff(standoff), seed, unit, read_strays(strays), read_none(none))
 
 
 def sense_unknown(
@@ -117,7 +123,7 @@ def sense_unknown(
         scene = replace(scene, seed=options.seed)
     view = None if image is None else view_of(scene, image)
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
-    start = seen_or_rough(scene, parts, known, view)
+    start = start_of(scene, parts, known, view, options)
     if start is None:
         nothing_seen(as_json=as_json)
     with misuse_of_options():
@@ -155,54 +161,6 @@ def prepare_run(scene: SceneFile, start: Start, options: PartOptions) -> tuple[S
     )  # fmt: skip
     rng = np.random.default_rng(scene.seed)
     return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules
-
-
-def rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None) -> Start:
-    """Where each part may be: what the options say of its frame, or what the scene says of its middle."""
-    import numpy as np
-
-    from tanteo.active import Start, around
-    from tanteo.matching import Priors
-    from tanteo.surface_search import prepare_target
-
-    if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
-        raise MisuseError("--near, --prior: expected a rough pose and nothing else, got a table or a box. Say --near.")
-    targets = tuple(prepare_target(part) for part in parts)
-    if known is not None and known.T_world_part is not None and known.covariance is not None:
-        n = len(targets)
-        Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))
-        return Start(targets, np.arange(n), Ts, covariances, np.ones(n), Priors())
-    if scene.prior is None:
-        raise InputError(
-            f"{scene.source}: expected a table [prior] with where the part roughly is, got none. Add it, say --near, "
-            "or show an --image."
-        )
-    return around(targets, scene.prior.T, scene.prior.C)
-
-
-def seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start | None:
-    """What an image leaves open, or what is roughly known; the latter also where the image is wrong, None without."""
-    from tanteo.cli.image_start import start_from_view
-    from tanteo.surface_search import prepare_target
-
-    if view is not None and known is None and scene.prior is None:
-        return start_from_view(view, tuple(prepare_target(part) for part in parts), None)
-    rough = rough_start(scene, parts, known)
-    return rough if view is None else start_from_view(view, rough.targets, rough)
-
-
-def nothing_seen(*, as_json: bool) -> NoReturn:
-    """The answer where no hand is sent."""
-    from tanteo.io import recognition_json
-    from tanteo.matching import Recognition
-
-    message = (
-        "the image shows no part on the table, and no rough place is known. Say --near, or check image and camera."
-    )
-    if as_json:
-        put(recognition_json(Recognition("unknown", message, (), 1.0)))
-    emit([f"unknown: {message}"], sys.stderr if as_json else sys.stdout)
-    raise typer.Exit(UNDECIDED)
 
 
 def _executed(

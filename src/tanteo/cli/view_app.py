@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.prior_options import Near, PriorPath
+from tanteo.cli.prior_options import Near, NoneOf, PriorPath, Strays
 from tanteo.cli.session_options import (
     CameraFile,
     Confidence,
@@ -47,6 +47,8 @@ def view(
     units: MeshUnits = None,
     near: Near = None,
     prior: PriorPath = None,
+    strays: Strays = None,
+    none: NoneOf = None,
     image: ImageFile = None,
     camera: CameraFile = None,
     marks: MarksFile = None,
@@ -67,8 +69,7 @@ def view(
             check_view(record, scene, parts or [], port)
             options = read_part_options(
                 policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
-                most=most,
-                standoff=standoff, seed=seed, units=units,
+                most=most, standoff=standoff, seed=seed, units=units, strays=strays, none=none,
             )  # fmt: skip
         require_viser()
         if record is not None:

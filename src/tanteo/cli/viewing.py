@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tanteo.cli.options import misuse_of_options
+from tanteo.cli.part_start import nothing_seen, start_of
 from tanteo.cli.printing import emit, progress
 from tanteo.cli.running import read_all_parts
-from tanteo.cli.sensing_part import PartOptions, nothing_seen, prepare_run, seen_or_rough
+from tanteo.cli.sensing_part import PartOptions, prepare_run
 from tanteo.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def view_scene(
         seen = None if image is None else view_of(scene, image)
         parts = read_all_parts(folders, chosen.units, quiet=False)
     scene = replace(scene, standoff=chosen.standoff or scene.standoff)
-    start = seen_or_rough(scene, parts, known, seen)
+    start = start_of(scene, parts, known, seen, chosen)
     if start is None:
         nothing_seen(as_json=False)
     make = _maker(scene, start, chosen, bare=bare)

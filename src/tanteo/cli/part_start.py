@@ -1,0 +1,93 @@
+"""From where ``tanteo sense part`` and ``tanteo view`` start: what an image or a rough place says of the parts."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+from tanteo.cli.options import MisuseError
+from tanteo.cli.printing import emit, put
+from tanteo.cli.running import UNDECIDED
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from tanteo.active import Start
+    from tanteo.cli.image_start import View
+    from tanteo.cli.sensing_part import PartOptions
+    from tanteo.io.scene_toml import SceneFile
+    from tanteo.matching import PosePrior
+    from tanteo.parts import Part
+
+
+def start_of(
+    scene: SceneFile,
+    parts: Sequence[Part],
+    known: PosePrior | None,
+    view: View | None,
+    options: PartOptions,
+) -> Start | None:
+    """What an image leaves open, or what is roughly known; the latter also where the image is wrong, None without.
+
+    Args:
+        scene: Says the rough place, unless an option does.
+        parts: Any of them may be there.
+        known: A rough pose of their frames.
+        view: What the camera sees.
+        options: Say what else is assumed beforehand.
+    """
+    start = _seen_or_rough(scene, parts, known, view)
+    if start is None:
+        return None
+    clutter, unknown = options.strays or start.priors.clutter, options.none or start.priors.unknown
+    return replace(start, priors=replace(start.priors, clutter=clutter, unknown=unknown))
+
+
+def _seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start | None:
+    from tanteo.cli.image_start import start_from_view
+    from tanteo.surface_search import prepare_target
+
+    if view is not None and known is None and scene.prior is None:
+        return start_from_view(view, tuple(prepare_target(part) for part in parts), None)
+    rough = _rough_start(scene, parts, known)
+    return rough if view is None else start_from_view(view, rough.targets, rough)
+
+
+def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None) -> Start:
+    """Where each part may be: what the options say of its frame, or what the scene says of its middle."""
+    import numpy as np
+
+    from tanteo.active import Start, around
+    from tanteo.matching import Priors
+    from tanteo.surface_search import prepare_target
+
+    if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
+        raise MisuseError("--near, --prior: expected a rough pose and nothing else, got a table or a box. Say --near.")
+    targets = tuple(prepare_target(part) for part in parts)
+    if known is not None and known.T_world_part is not None and known.covariance is not None:
+        n = len(targets)
+        Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))
+        return Start(targets, np.arange(n), Ts, covariances, np.ones(n), Priors())
+    if scene.prior is None:
+        raise InputError(
+            f"{scene.source}: expected a table [prior] with where the part roughly is, got none. Add it, say --near, "
+            "or show an --image."
+        )
+    return around(targets, scene.prior.T, scene.prior.C)
+
+
+def nothing_seen(*, as_json: bool) -> NoReturn:
+    """The answer where no hand is sent."""
+    from tanteo.io import recognition_json
+    from tanteo.matching import Recognition
+
+    message = (
+        "the image shows no part on the table, and no rough place is known. Say --near, or check image and camera."
+    )
+    if as_json:
+        put(recognition_json(Recognition("unknown", message, (), 1.0)))
+    emit([f"unknown: {message}"], sys.stderr if as_json else sys.stdout)
+    raise typer.Exit(UNDECIDED)
