@@ -11,6 +11,7 @@ from tanteo.cli.options import MisuseError, misuse
 from tanteo.cli.printing import complain
 
 if TYPE_CHECKING:
+    from tanteo.io import Brand
     from tanteo.matching import PosePrior
     from tanteo.typing import FloatArray
 
@@ -56,12 +57,12 @@ def read_pose_prior(table: str | None, box: str | None, near: str | None, file: 
     """
     if table is box is near is file is None:
         return None
-    from tanteo.io import parse_box, parse_near, parse_table, read_prior
+    from tanteo.io import BRANDS, parse_box, parse_near, parse_table, prior_brand, read_prior
     from tanteo.matching import PosePrior
 
     with misuse():
         frame = None if near is None else parse_near(near, "--near")
-        _say_if_unverified(near)
+        _say_if_unverified("--near", BRANDS.get(near.split(maxsplit=1)[0].rstrip(":")) if near else None)
         typed = PosePrior(
             T_world_part=None if frame is None else frame.T,
             covariance=None if frame is None else frame.C,
@@ -72,21 +73,19 @@ def read_pose_prior(table: str | None, box: str | None, near: str | None, file: 
         return typed
     given = {name: value for name in _FIELDS if (value := getattr(typed, name)) is not None}
     read = read_prior(file)
+    _say_if_unverified(f"{file}, near", prior_brand(file))
     for name in given:
         if getattr(read, name) is not None:
             raise MisuseError(f"{_FIELDS[name]}: expected it once, got it in {file} too. Keep one.")
     return replace(read, **given)
 
 
-def _say_if_unverified(near: str | None) -> None:
+def _say_if_unverified(place: str, brand: Brand | None) -> None:
     """Warn of a brand whose convention nobody has read in its documentation."""
-    from tanteo.io import BRANDS
-
-    brand = BRANDS.get(near.split(maxsplit=1)[0].rstrip(":")) if near and near.strip() else None
     if brand is not None and not brand.verified:
         complain(
             "warning",
-            f"--near: the angle convention of {brand.name} ({' '.join(brand.fields)}) was not checked against its "
+            f"{place}: the angle convention of {brand.name} ({' '.join(brand.fields)}) was not checked against its "
             "documentation. Compare one pose with the answer, or give roll, pitch, yaw.",
         )
 

@@ -12,7 +12,7 @@ from tanteo.io.images import read_image, write_image
 from tanteo.io.marks_csv import read_marks
 from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
 from tanteo.io.prior_text import parse_box, parse_near, parse_table
-from tanteo.io.prior_toml import read_prior
+from tanteo.io.prior_toml import prior_brand, read_prior
 from tanteo.io.readings_csv import read_readings
 from tanteo.io.readings_write import write_readings
 from tanteo.io.result_json import executed_json, recognition_document, recognition_json
@@ -36,6 +36,7 @@ __all__ = [
     "parse_table",
     "pose_as_brand",
     "pose_from_brand",
+    "prior_brand",
     "read_camera",
     "read_image",
     "read_marks",

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import UncertainFrame, from_ros_covariance
-from tanteo.io.poses import BRANDS, brand, pose_from_brand
+from tanteo.io.poses import BRANDS, Brand, brand, pose_from_brand
 from tanteo.io.prior_text import check_rough, rough_pose
 from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
 from tanteo.matching import PosePrior, Table
@@ -49,6 +49,12 @@ def read_prior(path: str | Path) -> PosePrior:
         box=_box(document["box"], f"{path}, box") if "box" in document else None,
         table=_table(document["table"], f"{path}, table") if "table" in document else None,
     )
+
+
+def prior_brand(path: str | Path) -> Brand | None:
+    """In whose convention the rough pose of a file is written that :func:`read_prior` can read; None for our own."""
+    near = load_toml(Path(path), "file on what is known of the pose").get("near", {})
+    return next((BRANDS[name] for name in BRANDS if name in near), None)
 
 
 def _table(entry: Any, place: str) -> Table:
