@@ -491,7 +491,7 @@ def test_beams_that_are_made_twice_are_of_one_place(targets):
     action = new_session(rough(targets)).ask()
     beside = replace(action, origin=action.origin + 2e-3 * np.eye(3)[np.argmin(np.abs(action.direction))])
     readings = [action.read(0.08, name="x"), beside.read(0.1, name="y"), action.read(0.1, name="z")]
-    assert Sensing(sd=3e-4).touches(concatenate(readings), LASER)[0].places.tolist() == [0, 1, 0]
+    assert Sensing(sd=3e-4).touches(concatenate(readings))[0].places.tolist() == [0, 1, 0]
 
 
 def test_the_most_that_was_asked_for_is_said_as_it_was(targets):

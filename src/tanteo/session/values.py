@@ -55,20 +55,21 @@ class Sensing:
             beam_half_angle=beam_half_angle,
         )  # fmt: skip
 
-    def touches(self, readings: Readings, probe: Probe) -> tuple[Touches, FreePaths]:
-        """Readings of a probe as touches and free paths in the world.
+    def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[Touches, FreePaths]:
+        """Readings as touches and free paths in the world.
 
         A beam is as wide across as the probe's cone; that it met nothing says nothing of a surface that lies beyond the
         incidence to which the probe answers.
 
         Args:
             readings: what the devices said.
-            probe: what senses.
+            probe: what senses, where the readings do not say more of their sensors; None for touches.
         """
-        measured = self.measured(readings, np.nan if probe.contact else probe.beam_half_angle)
+        beam = None if probe is None or probe.contact else probe
+        measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
         touches = as_touches(measured, self.tolerance, readings.ranges[measured.rows]).placed()
         free = as_free_paths(measured, self.tolerance)
-        return touches, free if probe.contact else free.up_to(probe.max_incidence)
+        return touches, free if beam is None else free.up_to(beam.max_incidence)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
