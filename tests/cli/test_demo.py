@@ -20,8 +20,7 @@ def test_the_story_ends_with_the_truth_and_a_report(run, tmp_path):
     off = float(re.search(r"worst corner is ([\d.]+) mm", got.out).group(1))
     assert off < 1.0
     ours, others = re.search(r"Readings: (\d+)\. Random places would have taken (.+)\.", got.out).groups()
-    assert int(ours) <= 12  # one run of random places may be luckier: benchmarks/active.py counts forty
-    assert int(re.search(r"\d+", others).group()) > 0
+    assert int(ours) < int(re.search(r"\d+", others).group())
     text = report.read_text(encoding="utf-8")
     assert "How it went" in text
     assert "http://" not in text.replace("http://www.w3.org", "")

@@ -109,3 +109,12 @@ def test_a_record_is_shown_step_by_step(run, opened, tmp_path):
     assert every[0].action.number == 1
     assert [len(m.steps) for m in every] == [0, 1, 2]
     assert every[1].belief.weights.max() <= every[2].belief.weights.max() + 0.5
+
+
+@pytest.mark.parametrize(
+    "options", [("--none", "1%"), ("--near", "garbage"), ("--bare",), ("--tolerance", "1mm"), ("--seed", "0")]
+)
+def test_a_record_has_no_use_for_what_a_session_is_told(run, tmp_path, options):
+    code, out, err = run("view", str(tmp_path / "s.json"), "--no-open", *options)
+    assert (code, out) == (2, "")
+    assert f"{options[0]}: expected with a scene, got it with a record" in err

@@ -230,3 +230,16 @@ def test_a_rough_pose_is_not_blamed_for_a_reading_that_the_answer_need_not_leave
         left += int(found.belongs[0].min() < 0.5)
         assert p_of_prior(touches, FreePaths.none(), Mode(target, found, 0, 0.0), priors) > 1e-3
     assert left > 5
+
+
+@pytest.mark.parametrize(
+    "T",
+    [
+        np.diag([1.03, 1.03, 1.03, 1.0]), np.diag([1.0, 1.0, -1.0, 1.0]), np.eye(4)[[2, 1, 0, 3]],
+        np.eye(4) + np.outer([0, 0, 0, 1.0], [1.0, 2.0, 3.0, 0]), np.eye(3), np.full((4, 4), np.nan),
+    ],
+    ids=["scaled", "mirrored", "axes swapped", "last row", "3 x 3", "nan"],
+)  # fmt: skip
+def test_a_rough_pose_that_is_no_rigid_motion_is_refused(T):
+    with pytest.raises(InputError, match="prior, T_world_part: expected"):
+        PosePrior(T_world_part=T, covariance=1e-4 * np.eye(6))

@@ -66,7 +66,12 @@ def view(
 
     with guarded():
         with misuse():
-            check_view(record, scene, parts or [], port)
+            of_session = {
+                "--bare": bare, "--tolerance": tolerance, "--feature": feature, "--standoff": standoff, "--near": near,
+                "--prior": prior, "--strays": strays, "--none": none, "--image": image, "--camera": camera,
+                "--marks": marks, "--seed": seed is not None,
+            }  # fmt: skip
+            check_view(record, scene, parts or [], port, of_session)
             options = read_part_options(
                 policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
                 most=most, standoff=standoff, seed=seed, units=units, strays=strays, none=none,

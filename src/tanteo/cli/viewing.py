@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import webbrowser
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from importlib import resources
@@ -31,8 +31,17 @@ _TOLERANCE = 2e-3
 """Of the example's session, where none is given [m]."""
 
 
-def check_view(record: str | None, scene: str | None, parts: Sequence[str], port: int) -> None:
+def check_view(
+    record: str | None, scene: str | None, parts: Sequence[str], port: int, of_session: Mapping[str, object]
+) -> None:
     """Whether what was typed can be meant, before anything is read.
+
+    Args:
+        record: of a session that is over.
+        scene: of one that is played.
+        parts: that it may be.
+        port: of the page.
+        of_session: options that a record has no use for, with what was typed for each, None or False for nothing.
 
     Raises:
         InputError: it cannot.
@@ -41,6 +50,9 @@ def check_view(record: str | None, scene: str | None, parts: Sequence[str], port
         raise InputError(f"--port: expected a number from 1 to {_PORTS}, got {port}. Use 8080.")
     if record is not None and scene is not None:
         raise InputError("--scene: expected a record or a scene, got both. Leave one out.")
+    typed = [name for name, value in of_session.items() if value]
+    if record is not None and typed:
+        raise InputError(f"{typed[0]}: expected with a scene, got it with a record, which is over. Leave it out.")
     if scene is not None and not parts:
         raise InputError("--parts: expected the parts that it may be, got none. Name files or folders.")
     if scene is None and record is None and parts:

@@ -29,6 +29,8 @@ _LASER = Probe(
     "laser", NoiseLaw.of(_NOISE), max_range=0.3, standoff=0.1, clearance=0.01, approach=np.array([0.0, 0.0, -1.0]),
     cone=np.radians(80.0), workspace=Workspace.above(0.0),
 )  # fmt: skip
+_TRIES = 5
+"""Of random places."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +41,7 @@ class Told:
         session: that found it.
         truth: name of the part that lay there.
         off: how far its worst corner truly is from where the answer puts it [m].
-        random: readings that random places needed for the same, in words.
+        random: readings that random places needed for the same, the median of some tries, in words.
     """
 
     session: Session
@@ -72,11 +74,20 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Told:
     corners = box_corners(targets[name].part)
     off = np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max()
     say(f"It was {name}, and its worst corner is {1e3 * off:.2f} mm from where it truly is.")
-    random = _session(start, "random", seed)
-    _sense(random, targets[name], T, seed, None)
-    count = f"{random.count}" if random.count < _MOST else f"more than {_MOST}"
-    say(f"Readings: {session.count}. Random places would have taken {count}.")
-    return Told(session, name, float(off), count)
+    others = _at_random(start, targets[name], T, seed)
+    say(f"Readings: {session.count}. Random places would have taken {others}.")
+    return Told(session, name, float(off), others)
+
+
+def _at_random(start: Start, target: Target, T: Transforms, seed: int) -> str:
+    """Readings that random places need; one try may be lucky."""
+    counts = []
+    for k in range(seed, seed + _TRIES):
+        session = _session(start, "random", k)
+        _sense(session, target, T, k, None)
+        counts.append(session.count)
+    median = sorted(counts)[_TRIES // 2]
+    return f"{median if median < _MOST else f'more than {_MOST}'} (median of {_TRIES} tries)"
 
 
 def _truth(folder: Path) -> tuple[str, Transforms]:

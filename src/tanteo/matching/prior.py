@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from tanteo.errors import InputError
-from tanteo.frames import check_covariances
+from tanteo.frames import check_covariances, check_transforms
 from tanteo.lie import SE3, SO3
 from tanteo.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.parts import Part
@@ -54,7 +54,7 @@ class PosePrior:
         root: of the inverse of the covariance, which makes residuals standard ones ``(6, 6)``; or of each.
 
     Raises:
-        InputError: for half a rough pose, or a box upside down.
+        InputError: for half a rough pose, one that is no rigid motion, or a box upside down.
     """
 
     T_world_part: Transforms | None = None
@@ -71,7 +71,9 @@ class PosePrior:
             if np.linalg.eigvalsh(C).min(initial=np.inf) <= 0:
                 raise InputError("prior, covariance: expected a positive variance in every direction, got zero.")
             check_spreads("prior, covariance", C)
-            check_places("prior, T_world_part", np.asarray(self.T_world_part)[..., :3, 3])
+            Ts = check_transforms("prior, T_world_part", np.asarray(self.T_world_part))
+            check_places("prior, T_world_part", Ts[..., :3, 3])
+            object.__setattr__(self, "T_world_part", Ts)
             object.__setattr__(self, "covariance", C)
             object.__setattr__(self, "root", np.swapaxes(np.linalg.cholesky(np.linalg.inv(C)), -1, -2))
         if self.box is not None:
