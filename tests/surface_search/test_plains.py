@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -15,6 +17,7 @@ from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.moments import posterior_moments
 
 SD = 1e-4
+EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +88,33 @@ def test_moments_of_a_peak_on_a_plain_are_those_of_integration(way):
     assert found.log_mass == pytest.approx(np.log(w.sum() * (t[1] - t[0]) / np.sqrt(2 * np.pi)), abs=0.2)
     u = across[np.argmax(np.diag(across))] / np.linalg.norm(across[np.argmax(np.diag(across))])
     assert 1e4 * np.sqrt(u @ found.covariance @ u) == pytest.approx(1.0, rel=0.15)
+
+
+def test_a_full_turn_is_no_plain():
+    """A motion that leads all around comes back to the peak: that is no second place, and no part of its spread."""
+    sd = np.r_[1e-3 * np.ones(3), 2 * np.pi / 64 * np.ones(3)]
+
+    def log_density(Ts, z):
+        x = SE3.log(Ts)
+        turn = np.linalg.norm(x[:, 3:], axis=1)
+        log = -0.5 * np.sum((x[:, :3] / sd[:3]) ** 2, axis=1) - (1 - np.cos(turn)) / sd[3] ** 2
+        return np.where(x[:, 0] >= 0, log, -np.inf)
+
+    brittle = np.diag(np.r_[np.zeros(5), 1 / sd[5] ** 2])
+    found = posterior_moments(log_density, np.eye(4), np.zeros(0), np.diag(1 / sd**2), brittle)
+    assert found.log_mass == pytest.approx(np.log(0.5), abs=0.1)
+    np.testing.assert_allclose(np.diag(found.covariance) / sd**2, 1.0, rtol=0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_order_of_rough_touches_does_not_change_what_a_part_is_worth(seed):
+    """Noise of a tenth of the part: faces swap readings all around, and the draws have to find the same mass each time."""
+    parts = [prepare_target(read_part(EXAMPLES / f"{name}.step")) for name in ("step_12mm", "step_15mm")]
+    rng = np.random.default_rng((5, seed))
+    p, _ = surface_points(parts[0], 21, rng)
+    points = SE3.apply(box_centred_pose(rng), p) + 3e-3 * rng.normal(size=p.shape)
+    said = []
+    for k in range(4):
+        answer = identify_touches(touches_of(points[rng.permutation(21)], 3e-3), no_paths(), parts)
+        said.append([sum(h.probability for h in answer.hypotheses if h.part == t.part.name) for t in parts])
+    np.testing.assert_allclose(said, said[:1] * 4, atol=0.05)

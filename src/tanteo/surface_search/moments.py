@@ -123,18 +123,26 @@ def _plains(at: Callable[[FloatArray], FloatArray], brittle: FloatArray, peak: f
     ways = vectors[:, values > _BRITTLE].T
     if not len(ways):
         return []
-    t = np.concatenate([-_FAR[::-1], _FAR])
+    t = np.concatenate([-_FAR[::-1], [0.0], _FAR])
     with np.errstate(over="ignore"):
         density = np.exp(np.minimum(at((ways[:, None] * t[:, None]).reshape(-1, len(brittle))) - peak, 50.0))
     out = []
     for way, f in zip(ways, density.reshape(len(ways), len(t)), strict=True):
+        f = np.where(_one_run(f > _FAINT), f, 0.0)
         far = np.abs(t) > _PROBED
         if np.sum(np.abs(np.gradient(t))[far] * f[far]) < _BEYOND * np.sqrt(2 * np.pi):
             continue
-        low, high = t[f > _FAINT].min(initial=-_PROBED), t[f > _FAINT].max(initial=_PROBED)
+        low, high = t[f > 0].min(), t[f > 0].max()
         C = np.eye(len(brittle)) + ((high - low) ** 2 / 12 - 1) * np.outer(way, way)
         out.append((0.5 * (low + high) * way, np.asarray(np.linalg.cholesky(C), dtype=np.float64)))
     return out
+
+
+def _one_run(high: BoolArray) -> BoolArray:
+    """Those that no gap parts from the middle one: behind a gap is another mode, or the same after a full turn."""
+    middle = len(high) // 2
+    below, above = high[: middle + 1][::-1], high[middle:]
+    return np.concatenate([np.logical_and.accumulate(below)[:0:-1], np.logical_and.accumulate(above)])
 
 
 def _agree(u: FloatArray, off: FloatArray) -> bool:
