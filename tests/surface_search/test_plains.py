@@ -108,13 +108,13 @@ def test_a_full_turn_is_no_plain():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_order_of_rough_touches_does_not_change_what_a_part_is_worth(seed):
-    """Noise of a tenth of the part: faces swap readings all around, and the draws have to find the same mass each time."""
+    """With noise of a tenth of the part faces swap readings; the draws have to find the same mass each time."""
     parts = [prepare_target(read_part(EXAMPLES / f"{name}.step")) for name in ("step_12mm", "step_15mm")]
     rng = np.random.default_rng((5, seed))
     p, _ = surface_points(parts[0], 21, rng)
     points = SE3.apply(box_centred_pose(rng), p) + 3e-3 * rng.normal(size=p.shape)
     said = []
-    for k in range(4):
+    for _ in range(4):
         answer = identify_touches(touches_of(points[rng.permutation(21)], 3e-3), no_paths(), parts)
         said.append([sum(h.probability for h in answer.hypotheses if h.part == t.part.name) for t in parts])
     np.testing.assert_allclose(said, said[:1] * 4, atol=0.05)
