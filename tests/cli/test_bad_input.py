@@ -314,7 +314,7 @@ CALLS = [
     (
         "report into no folder",
         ["identify", "r.csv", "--sd", "1mm", "--parts", "parts", "--units", "mm", "--report", "no/r.html"],
-        MISUSED,
+        FAILED,
         "--report: expected a file that can be written, got 'no/r.html': there is no folder 'no'. Make it first.",
     ),
     (
@@ -338,7 +338,7 @@ CALLS = [
     (
         "picture of no kind",
         ["see", "i.png", "--camera", "c", "--parts", "parts", "--picture", "p.svg"],
-        FAILED,
+        MISUSED,
         ".png",
     ),
     ("rig into a folder", ["sensor", "fit", "r.csv", "--write", "parts"], FAILED, "it is a folder"),

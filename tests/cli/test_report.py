@@ -40,19 +40,18 @@ def test_beside_json_only_the_document_is_on_standard_output(run, asked, tmp_pat
     assert file.is_file()
 
 
-@pytest.mark.parametrize("name", ["report.pdf", "report", "nowhere/report.html", ".html"])
-def test_a_name_that_cannot_be_meant_is_misuse_before_any_work(run, asked, tmp_path, monkeypatch, name):
+@pytest.mark.parametrize(
+    ("name", "code"), [("report.pdf", 2), ("report", 2), (".html", 2), ("nowhere/report.html", 1), ("folder.html", 1)]
+)
+def test_what_cannot_be_a_report_is_said_before_any_work(run, asked, tmp_path, monkeypatch, name, code):
+    """A name of another kind is misuse; a folder that is not there, or is of that name, is a failure."""
+    (tmp_path / "folder.html").mkdir()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tanteo.io.read_readings", lambda path: pytest.fail("work was done"))
     result = run(*asked, "--report", name)
-    assert result.code == 2
+    assert result.code == code
     assert result.err.startswith("error: --report: expected a file")
     assert result.out == ""
-
-
-def test_a_folder_of_that_name_is_misuse(run, asked, tmp_path):
-    (tmp_path / "report.html").mkdir()
-    assert run(*asked, "--report", tmp_path / "report.html").code == 2
 
 
 def test_a_file_that_cannot_be_written_is_said(run, asked, tmp_path, monkeypatch):

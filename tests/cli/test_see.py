@@ -67,7 +67,7 @@ def test_one_document_with_every_object(run, few):
         ((IMAGES / "twins.png", "--camera", CAMERA, "--marks", CAMERA), 1, "camera.yaml"),
         ((IMAGES / "twins.png", *PLACED, "--top", "0"), 2, "--top"),
         ((IMAGES / "twins.png", *PLACED, "--units", "paces"), 2, "paces"),
-        ((IMAGES / "twins.png", *PLACED, "--picture", IMAGES / "seen.unknown"), 1, "suffix"),
+        ((IMAGES / "twins.png", *PLACED, "--picture", IMAGES / "seen.unknown"), 2, "suffix"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(run, parts, arguments, code, word):

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from tanteo.cli.options import MisuseError
 from tanteo.cli.targets import check_target, writing
 from tanteo.errors import InputError
 
@@ -15,18 +16,18 @@ PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("name", "message", "error"),
     [
-        ("nowhere/r.html", "there is no folder"),
-        ("folder.html", "it is a folder"),
-        ("r.txt", "ends in .html or .htm"),
-        ("r", "Add the suffix"),
-        (f"{'x' * 5000}.html", "File name too long"),
+        ("nowhere/r.html", "there is no folder", InputError),
+        ("folder.html", "it is a folder", InputError),
+        ("r.txt", "ends in .html or .htm", MisuseError),
+        ("r", "Add the suffix", MisuseError),
+        (f"{'x' * 5000}.html", "File name too long", InputError),
     ],
 )
-def test_what_cannot_be_written_is_said_beforehand(tmp_path, name, message):
+def test_what_cannot_be_written_is_said_beforehand(tmp_path, name, message, error):
     (tmp_path / "folder.html").mkdir()
-    with pytest.raises(InputError, match=r"^--report: expected .*, got '.*'.*\. [A-Z]") as caught:
+    with pytest.raises(error, match=r"^--report: expected .*, got '.*'.*\. [A-Z]") as caught:
         check_target("--report", str(tmp_path / name), (".html", ".htm"))
     assert message in str(caught.value)
 

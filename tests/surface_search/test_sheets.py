@@ -52,7 +52,7 @@ def test_the_draws_are_of_the_posterior(bracket, n):
         priors = near(bracket)
         found = search_all(touches, no_paths(), [bracket], priors).maxima[0][1]
         posterior = partial(given_pose, touches, no_paths(), bracket, priors)
-        drawn = all_over(Rough(touches, bracket, priors, posterior), found.Ts[:32])
+        drawn = all_over(Rough.of_prior(touches, bracket, priors, posterior), found.Ts[:32])
         w = np.exp(drawn.log_weights - drawn.log_weights.max())
         w /= w.sum()
         ranks.append(w[drawn.at.log > posterior(T[None], np.zeros((1, 0))).log[0]].sum())
@@ -88,7 +88,7 @@ def test_the_mass_of_a_normal_posterior_is_that_of_its_curvature(bracket):
         best = pieces(touches, no_paths(), bracket, found, priors)[0]
         if best.moments is None:
             posterior = partial(given_pose, touches, no_paths(), bracket, priors)
-            drawn = all_over(Rough(touches, bracket, priors, posterior), found.Ts[:32])
+            drawn = all_over(Rough.of_prior(touches, bracket, priors, posterior), found.Ts[:32])
             mine = np.exp(drawn.log_weights) * (drawn.owner == best.k)
             assert best.log_mass == found.log_evidence[best.k]
             assert np.log(mine.sum()) - volume == pytest.approx(best.log_mass, abs=0.25)
@@ -101,7 +101,7 @@ def test_coordinates_are_those_of_the_middle_however_far_the_origin(bracket):
     priors = near(bracket)
     posterior = partial(given_pose, touches, no_paths(), bracket, priors)
     Ts = SE3.exp(1e-2 * np.random.default_rng(0).normal(size=(3, 6)))
-    nodes, at = of_rough_pose(Rough(touches, bracket, priors, posterior), Ts)
+    nodes, at = of_rough_pose(Rough.of_prior(touches, bracket, priors, posterior), Ts)
     assert np.allclose(nodes.poses(nodes.x[:3]), Ts, atol=1e-12)
     assert np.array_equal(at.log[:3], posterior(Ts, np.zeros((3, 0))).log)
     # the root of a density is that of the part's own perturbation there, to first order
@@ -115,7 +115,7 @@ def test_densities_integrate_to_one(bracket):
     touches, _ = placed(bracket, 3, np.random.default_rng(6))
     priors = near(bracket)
     posterior = partial(given_pose, touches, no_paths(), bracket, priors)
-    nodes = of_rough_pose(Rough(touches, bracket, priors, posterior), np.eye(4)[None])[0].first(1)
+    nodes = of_rough_pose(Rough.of_prior(touches, bracket, priors, posterior), np.eye(4)[None])[0].first(1)
     u = 4 * np.random.default_rng(1).normal(size=(200_000, 6))
     x = nodes.x[0] + u @ nodes.roots[0].T
     log_q = -0.5 * np.sum(u * u, axis=1) / 16 - 3 * np.log(2 * np.pi * 16) - np.linalg.slogdet(nodes.roots[0])[1]

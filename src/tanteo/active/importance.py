@@ -108,7 +108,7 @@ def drawn(posterior: Posterior, about: Proposals) -> Weighted:
 def drawn_all_over(posterior: Posterior, about: Proposals, prior: PosePrior) -> Weighted:
     """Draws from all that the readings leave of the one rough pose of a part, whatever maxima of it are known."""
     priors = replace(posterior.start.priors, pose=prior)
-    all_ = all_over(Rough(posterior.touches, posterior.target, priors, posterior), about.Ts)
+    all_ = all_over(Rough.of_prior(posterior.touches, posterior.target, priors, posterior), about.Ts)
     some = np.flatnonzero(all_.log_weights > all_.log_weights.max() - _FAINT)
     x, log = about.coordinates(all_.Ts[some]), all_.log_weights[some] + np.log(len(some))
     at = GivenPose(*(getattr(all_.at, name)[some] for name in GivenPose.__slots__))

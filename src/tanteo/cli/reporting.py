@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tanteo.cli.options import TYPED, RunOptions, misuse
+from tanteo.cli.options import TYPED, RunOptions
 from tanteo.cli.printing import emit, printable
 from tanteo.cli.targets import check_target, writing
 
@@ -20,13 +20,8 @@ if TYPE_CHECKING:
 
 
 def check_report(path: str | None) -> None:
-    """Is it a name that can be written; asked before the long work. None is no report.
-
-    Raises:
-        MisuseError: Another suffix, a folder that is not there, or one in which nothing may be written.
-    """
-    with misuse():
-        check_target("--report", path, (".html", ".htm"))
+    """Is it a name that can be written; asked before the long work: :func:`check_target`. None is no report."""
+    check_target("--report", path, (".html", ".htm"))
 
 
 def report_answer(

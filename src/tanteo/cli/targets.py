@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from tanteo.cli.options import MisuseError
 from tanteo.errors import InputError
 
 _ELSEWHERE = "Choose another folder"
@@ -21,13 +22,14 @@ def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> N
         suffixes: With which it may end; with any if none are given.
 
     Raises:
-        InputError: Another suffix, a folder that is not there or in which nothing may be written, or no name at all.
+        MisuseError: Another suffix.
+        InputError: A folder that is not there or in which nothing may be written, or no name at all.
     """
     if path is None:
         return
     file = Path(path)
     if suffixes and file.suffix.lower() not in suffixes:
-        raise InputError(
+        raise MisuseError(
             f"{name}: expected a file name that ends in {' or '.join(suffixes)}, got '{path}'. Add the suffix."
         )
     with writing(name, path):
@@ -43,14 +45,14 @@ def check_different(*targets: tuple[str, str | None]) -> None:
     """Are these files different ones? Options and paths; None is no file.
 
     Raises:
-        InputError: Two of them are one.
+        MisuseError: Two of them are one.
     """
     seen: dict[Path, str] = {}
     for name, path in targets:
         if path is None:
             continue
         if other := seen.get(Path(path).resolve()):
-            raise InputError(f"{name}: expected another file than that of {other}, got '{path}' for both. Name two.")
+            raise MisuseError(f"{name}: expected another file than that of {other}, got '{path}' for both. Name two.")
         seen[Path(path).resolve()] = name
 
 

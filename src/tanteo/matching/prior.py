@@ -191,26 +191,29 @@ def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
     return np.asarray(log)
 
 
-def log_place_of_unknown(prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float) -> float:
+def log_place_of_unknown(
+    prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float, sd: float | None = None
+) -> float:
     """Log of how much more probable the prior makes an unknown object where it was sensed than it is anywhere.
 
-    Where the object is was said of whatever it is. Of one that is not known its middle is within about ``radius`` of
-    its readings, its attitude says nothing.
+    Where the object is was said of whatever it is. Of one that is not known its middle is near its readings, its
+    attitude says nothing.
 
     Args:
         prior: what is known of the pose.
         centroid: of the parts, in their frames ``(3,)`` [m].
         middle: of the readings, in the world ``(3,)`` [m].
         radius: of the workspace [m].
+        sd: how far its middle may be from theirs, along each axis [m]; ``radius`` if not given.
     """
-    log = 0.0
+    log, sd = 0.0, radius if sd is None else sd
     if prior is not None and prior.box is not None:
-        low, high = (prior.box - middle) / radius
+        low, high = (prior.box - middle) / sd
         log += float((log_between(low, high) + np.log(2 * radius / (prior.box[1] - prior.box[0]))).sum())
     if prior is not None and prior.T_world_part is not None and prior.T_world_part.ndim == 2:
         assert prior.covariance is not None
         rows = prior.T_world_part[:3, :3] @ np.concatenate([np.eye(3), -SO3.hat(centroid)], axis=1)
-        C = rows @ prior.covariance @ rows.T + radius**2 * np.eye(3)
+        C = rows @ prior.covariance @ rows.T + sd**2 * np.eye(3)
         off = middle - SE3.apply(prior.T_world_part, centroid)
         log += float(
             3 * np.log(2 * radius) - 0.5 * (np.linalg.slogdet(2 * np.pi * C)[1] + off @ np.linalg.solve(C, off))

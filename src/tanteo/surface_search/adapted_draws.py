@@ -29,18 +29,25 @@ _LEAST = 40.0
 """Effective draws with which the moments are believed."""
 
 
+class TooFewDraws(Exception):
+    """Too few draws carry the weight: the density is not that of one place."""
+
+
 def sampled(
     at: Callable[[FloatArray], FloatArray],
     d: int,
     peak: float,
     plains: Sequence[Proposal],
     inside: Callable[[FloatArray], BoolArray],
-) -> tuple[FloatArray, FloatArray, float, float] | None:
-    """Mean, covariance and log mass, in the coordinates of the ellipsoid, of the share inside; None of too few draws.
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Mean, covariance and log mass, in the coordinates of the ellipsoid, of the share inside.
 
     First rounds draw from the ellipsoid and along each plain, further ones from what those before found; all draws
     count in the end, each weighed against the mixture of all proposals (Cornuet et al. 2012, adaptive multiple
     importance sampling).
+
+    Raises:
+        TooFewDraws: so few of them carry the weight that nothing is known.
     """
     us, logs = np.zeros((0, d)), np.zeros(0)
     first: list[Proposal] = [(np.zeros(d), np.eye(d)), *plains]
@@ -61,7 +68,7 @@ def sampled(
         if len(proposals) >= _LEAST_ROUNDS + len(plains) and change[0] > 1 / _STEADY and change[-1] < _STEADY:
             break
     if _effective(w) < _LEAST:
-        return None
+        raise TooFewDraws
     left = w * inside(us)
     share = float(left.sum() / w.sum())
     w, share = (left, share) if share < SURE and _effective(left) > _LEAST else (w, 1.0)

@@ -14,6 +14,8 @@ from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.part_motions import off_spins, spins
 from tanteo.matching.prior import PosePrior, alike
 from tanteo.parts import Part
+from tanteo.surface_search.adapted_draws import TooFewDraws
+from tanteo.surface_search.around import modes_around
 from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.likelihood import log_posterior
 from tanteo.surface_search.mode import Mode
@@ -70,7 +72,13 @@ def weigh(
         could = _unblocked(free, modes, priors)
         if not modes or could.max() <= _total(modes + weighed, log_unknown) + np.log(_WEIGHED):
             break
-        new = _weighed(touches, free, modes.pop(int(np.argmax(could))), priors)
+        mode = modes.pop(int(np.argmax(could)))
+        try:
+            new = _weighed(touches, free, mode, priors)
+        except TooFewDraws:
+            modes, around = _around(touches, free, mode, modes, priors)
+            weighed += around
+            continue
         if new.moments is not None:
             modes, apart = _not_part_of(new, modes), _not_part_of(new, weighed)
             within = [other for other in weighed if other not in apart]
@@ -185,6 +193,15 @@ def _near_edges(touches: Touches, mode: Mode, priors: Priors) -> FloatArray | No
     own = information_of_readings(touches, T, z, target, priors)[0, near].sum(axis=0)
     keep = off_spins(target.part) if target.part.symmetry.continuous else np.eye(6)
     return np.asarray(keep.T @ own @ keep)
+
+
+def _around(
+    touches: Touches, free: FreePaths, mode: Mode, modes: list[Mode], priors: Priors
+) -> tuple[list[Mode], list[Mode]]:
+    """Other modes that are left; and those around a maximum of which no single density tells how the posterior looks."""
+    others = [other.k for other in modes if other.found is mode.found]
+    around, gone = modes_around(touches, free, mode, others, priors)
+    return [other for other in modes if other.found is not mode.found or other.k not in gone], around
 
 
 def _density(

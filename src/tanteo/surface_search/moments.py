@@ -72,7 +72,7 @@ def posterior_moments(
     brittle: FloatArray | None = None,
     within: Callable[[Transforms], BoolArray] | None = None,
 ) -> Moments | None:
-    """Moments about a maximum; None if the normal approximation holds, or if nothing better was found.
+    """Moments about a maximum; None if the normal approximation holds there.
 
     Args:
         log_density: of the posterior.
@@ -81,6 +81,9 @@ def posterior_moments(
         information: over pose and shared errors ``(6 + D, 6 + D)``; directions without any are left alone.
         brittle: what of it, on the pose, is of readings near edges alone ``(6, 6)``; None for nothing.
         within: which poses are in a box, of which alone draws count, if enough are.
+
+    Raises:
+        TooFewDraws: it does not hold, and no other single density was found to be like the posterior.
     """
     d = np.diag(information)
     scale = 1 / np.sqrt(np.r_[np.full(3, d[:3].max()), np.full(3, d[3:6].max()), d[6:]])
@@ -108,7 +111,7 @@ def posterior_moments(
     if not plains and _agree(u, log - log[0] + 0.5 * np.sum(u * u, axis=1)):
         return None
     found = (None if plains else _fitted(u, log - log[0])) or sampled(at, d, float(log[0]), plains, inside)
-    return None if found is None else _as_moments(axes, *found)
+    return _as_moments(axes, *found)
 
 
 def _plains(at: Callable[[FloatArray], FloatArray], brittle: FloatArray, peak: float) -> list[Proposal]:

@@ -9,7 +9,7 @@ Bardsley et al. 2014); a density is as wide along the sheet as some of them lie 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
@@ -78,6 +78,10 @@ class Nodes:
         """Of the part at perturbations ``(S, 6)``: ``(S, 4, 4)``."""
         return np.asarray(self.T @ SE3.exp(x) @ SE3.from_parts(np.eye(3), -self.middle))
 
+    def perturbations(self, Ts: Transforms) -> Tangents:
+        """The other way round: of poses of the part ``(S, 4, 4)``: ``(S, 6)``."""
+        return SE3.log(SE3.inverse(self.T) @ Ts @ SE3.from_parts(np.eye(3), self.middle))
+
     def of_part(self, k: int) -> FloatArray:
         """Root of the covariance of one density, as that of the part's own perturbation there ``(6, 6)``."""
         return np.asarray(motions_about(self.middle) @ SE3.right_jacobian(self.x[k]) @ self.roots[k])
@@ -116,32 +120,37 @@ def _topped(log: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rough:
-    """A part of which one rough pose is known, with readings.
+    """A part with readings, and a normal density that is as wide as what is looked for: a rough pose, or a region.
 
     Attributes:
         touches: all readings that met something.
         target: the part.
-        priors: rate of clutter, the size of the workspace, and the rough pose.
-        posterior: of the part, the rough pose counted in.
-        T: the rough pose ``T_world_part`` ``(4, 4)``.
+        priors: rate of clutter, the size of the workspace, and what is known of the pose.
+        posterior: of the part, what is known of the pose counted in.
+        T: the pose ``T_world_part`` in the middle of the density ``(4, 4)``.
         covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
-        root: of the inverse of that.
     """
 
     touches: Touches
     target: Target
     priors: Priors
     posterior: Posterior
-    T: Transforms = field(init=False)
-    covariance: Covariances = field(init=False)
-    root: FloatArray = field(init=False)
+    T: Transforms
+    covariance: Covariances
 
-    def __post_init__(self) -> None:
-        pose = self.priors.pose
+    @classmethod
+    def of_prior(cls, touches: Touches, target: Target, priors: Priors, posterior: Posterior) -> Rough:
+        """All that the one rough pose leaves of which the priors know."""
+        pose = priors.pose
         assert pose is not None
-        for name, value in (("T", pose.T_world_part), ("covariance", pose.covariance), ("root", pose.root)):
-            assert value is not None
-            object.__setattr__(self, name, value)
+        assert pose.T_world_part is not None
+        assert pose.covariance is not None
+        return cls(touches, target, priors, posterior, pose.T_world_part, pose.covariance)
+
+    @property
+    def root(self) -> FloatArray:
+        """Of the inverse of the covariance ``(6, 6)``."""
+        return np.asarray(np.linalg.cholesky(np.linalg.inv(self.covariance))).T
 
 
 def of_rough_pose(rough: Rough, also: Transforms) -> tuple[Nodes, GivenPose]:

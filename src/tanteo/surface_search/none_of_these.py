@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from tanteo.matching.evidence import Priors, log_sum
+from tanteo.matching.prior import log_place_of_unknown
 from tanteo.surface_search.touches import Touches
-from tanteo.typing import BoolArray, FloatArray
+from tanteo.typing import BoolArray, FloatArray, Vectors
+
+_LARGER = 1.2
+"""An unknown object may be larger than the ball of the parts: so many times as large as the ball of its readings."""
+
+_STEPS, _OUTERMOST = 64, 256
+"""Steps to the middle of that ball, and readings that may lie on it."""
 
 NEGLIGIBLE = 12.0
 """Log odds below everything else at which a pose is not reported, and forgotten."""
@@ -17,6 +26,65 @@ def unknown_log_density(touches: Touches, priors: Priors) -> FloatArray:
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     log: FloatArray = np.where(touches.directed, -np.log(2 * priors.radius), -ball)
     return np.asarray(log - np.where(touches.oriented, np.log(4 * np.pi), 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whereabouts:
+    """Where the middle of an object can be of which only readings are known: they are all in its ball.
+
+    Attributes:
+        middle: of these places ``(3,)`` [m].
+        volume: of them [m^3].
+    """
+
+    middle: Vectors
+    volume: float
+
+    @property
+    def sd(self) -> float:
+        """Of a normal density that is as high as the even one on these places [m]."""
+        return float(self.volume ** (1 / 3) / np.sqrt(2 * np.pi))
+
+
+def whereabouts(points: Vectors, radius: float) -> Whereabouts:
+    """Places of the middle of a ball that holds all readings.
+
+    Args:
+        points: of the readings ``(n, 3)`` [m].
+        radius: of the ball [m]; a little more than readings need if they need more.
+    """
+    middle = points.mean(axis=0)
+    for k in range(1, _STEPS):  # Badoiu and Clarkson 2003
+        middle = middle + (points[np.argmax(np.sum((points - middle) ** 2, axis=1))] - middle) / (k + 1)
+    off = points - middle
+    squared = np.sum(off * off, axis=1)
+    outermost = np.argsort(-squared)[:_OUTERMOST]
+    off, squared = off[outermost], squared[outermost]
+    radius = max(radius, _LARGER * float(np.sqrt(squared[0])))
+    along = _directions() @ off.T
+    reach = (along + np.sqrt(along**2 + radius**2 - squared)).min(axis=1)  # until a reading leaves the ball
+    return Whereabouts(middle, float(4 / 3 * np.pi * np.mean(reach**3)))
+
+
+def _directions() -> Vectors:
+    """Directions all around, evenly (a spiral) ``(256, 3)``."""
+    k = np.arange(256) + 0.5
+    z, turn = 1 - k / 128, np.pi * (1 + np.sqrt(5)) * k
+    return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
+
+
+def log_anywhere(touches: Touches, centroid: Vectors, priors: Priors) -> float:
+    """Log density of all readings if the object is none of these: in a ball, which is where the prior has a part.
+
+    Args:
+        touches: the readings.
+        centroid: of the parts, in their frames ``(3,)`` [m].
+        priors: what is assumed beforehand.
+    """
+    where = whereabouts(touches.points, priors.radius)
+    place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
+    share = np.log(where.volume) - 3 * np.log(2 * priors.radius)
+    return float(unknown_log_density(touches, priors).sum() + place + share)
 
 
 def reported(log_mass: FloatArray, log_kin: FloatArray, total: float) -> BoolArray:

@@ -38,7 +38,7 @@ _ROUNDS, _ENOUGH, LEAST = 5, 200.0, 40.0
 _HEAVY = 32
 """Draws about which the next round draws, the heaviest."""
 
-_MAXIMA, _HOPELESS = 32, 25.0
+MOST_MAXIMA, HOPELESS = 32, 25.0
 """Maxima that may be modes, and log odds below the best at which one is none."""
 
 _FAINT = 1e-9
@@ -101,14 +101,14 @@ def pieces(touches: Touches, free: FreePaths, target: Target, found: Polished, p
         found: its maxima, best first.
         priors: rate of clutter, the size of the workspace, and the rough pose.
     """
-    found = found.take(np.flatnonzero(found.log_evidence > found.log_evidence[0] - _HOPELESS)[:_MAXIMA])
+    found = found.take(np.flatnonzero(found.log_evidence > found.log_evidence[0] - HOPELESS)[:MOST_MAXIMA])
     posterior = partial(given_pose, touches, free, target, priors)
-    drawn = all_over(Rough(touches, target, priors, posterior), found.Ts)
+    drawn = all_over(Rough.of_prior(touches, target, priors, posterior), found.Ts)
     inside = in_box(priors.pose, target.part, drawn.Ts)
     if drawn.effective < LEAST or effective(np.where(inside, drawn.log_weights, -np.inf)) < LEAST:
         return []
     log_anywhere = float(np.linalg.slogdet(pose_scale(priors.radius, target.part.centroid))[1])
-    return _pieces(target.part, found, replace(drawn, log_weights=drawn.log_weights - log_anywhere), inside)
+    return pieces_of(target.part, found, replace(drawn, log_weights=drawn.log_weights - log_anywhere), inside)
 
 
 def all_over(rough: Rough, maxima: Transforms) -> Drawn:
@@ -138,7 +138,7 @@ def all_over(rough: Rough, maxima: Transforms) -> Drawn:
         log_q = np.concatenate([log_q, added.log_density(x)[None]])
 
 
-def _pieces(part: Part, found: Polished, drawn: Drawn, inside: BoolArray) -> list[Piece]:
+def pieces_of(part: Part, found: Polished, drawn: Drawn, inside: BoolArray) -> list[Piece]:
     """Draws to modes: those about maxima that are far apart beside their spread; of draws outside a box nothing."""
     owner, w = drawn.owner, np.exp(drawn.log_weights)
     share = np.bincount(owner, weights=w, minlength=len(found.Ts))

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.matching.evidence import Priors
-from tanteo.matching.prior import log_place_of_unknown
 from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.modes import weigh
-from tanteo.surface_search.none_of_these import unknown_log_density
+from tanteo.surface_search.none_of_these import log_anywhere
 from tanteo.surface_search.rounds import search_all
 from tanteo.surface_search.target import MOST_SAMPLES, Target, finer
 from tanteo.surface_search.touches import FreePaths, Touches
@@ -61,8 +60,7 @@ def search_and_weigh(
     if priors.pose is None or priors.pose.T_world_part is None:
         most = _MOST_ORIENTED if touches.oriented.any() else MOST_SAMPLES
         targets = [finer(target, _spread(touches) / _PER_SPREAD, most) for target in targets]
-    log_unknown = float(np.log(priors.unknown) + unknown_log_density(touches, priors).sum())
-    log_unknown += log_place_of_unknown(priors.pose, centroid, touches.points.mean(axis=0), priors.radius)
+    log_unknown = float(np.log(priors.unknown)) + log_anywhere(touches, centroid, priors)
     found = search_all(touches, free, targets, priors)
     if found.ratio > 1:
         touches = touches.widened(found.ratio)
