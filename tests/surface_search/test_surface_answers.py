@@ -322,7 +322,7 @@ def test_none_of_these_when_half_of_the_readings_are_anywhere(targets):
     answer = identify_touches(touches, no_paths(), [targets["block"], targets["wedge"]])
     best = answer.hypotheses[0]
     assert answer.status == "unknown"
-    assert answer.unknown_probability > 0.99
+    assert answer.unknown_probability > 0.95  # not 1: an unknown object, too, has to be where all readings are
     assert answer.message == (
         f"None of the parts is the best explanation (P = {answer.unknown_probability:.2f}); the closest is {best.part} "
         f"(P = {best.probability:.2f}): sense more of it, or add the part's file."

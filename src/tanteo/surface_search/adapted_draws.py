@@ -29,7 +29,7 @@ _LEAST = 40.0
 """Effective draws with which the moments are believed."""
 
 
-class TooFewDraws(Exception):
+class TooFewDrawsError(Exception):
     """Too few draws carry the weight: the density is not that of one place."""
 
 
@@ -47,7 +47,7 @@ def sampled(
     importance sampling).
 
     Raises:
-        TooFewDraws: so few of them carry the weight that nothing is known.
+        TooFewDrawsError: so few of them carry the weight that nothing is known.
     """
     us, logs = np.zeros((0, d)), np.zeros(0)
     first: list[Proposal] = [(np.zeros(d), np.eye(d)), *plains]
@@ -68,7 +68,7 @@ def sampled(
         if len(proposals) >= _LEAST_ROUNDS + len(plains) and change[0] > 1 / _STEADY and change[-1] < _STEADY:
             break
     if _effective(w) < _LEAST:
-        raise TooFewDraws
+        raise TooFewDrawsError
     left = w * inside(us)
     share = float(left.sum() / w.sum())
     w, share = (left, share) if share < SURE and _effective(left) > _LEAST else (w, 1.0)

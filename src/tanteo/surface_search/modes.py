@@ -14,7 +14,7 @@ from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.part_motions import off_spins, spins
 from tanteo.matching.prior import PosePrior, alike
 from tanteo.parts import Part
-from tanteo.surface_search.adapted_draws import TooFewDraws
+from tanteo.surface_search.adapted_draws import TooFewDrawsError
 from tanteo.surface_search.around import modes_around
 from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.likelihood import log_posterior
@@ -29,8 +29,9 @@ from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.within import cut, log_within, within
 from tanteo.typing import FloatArray
 
-_WEIGHED, _MOST = 0.03, 4
-"""Modes that may be of at least this probability, and no more of them, are weighed over their whole region."""
+_WEIGHED, _MOST, _FAINT = 0.03, 4, 1e-4
+"""Modes that may be of at least this probability if it is one of the parts, no more of them, and none so improbable
+beside "none of these", are weighed over their whole region, whose mass can be a hundred times that of the curvature."""
 
 _FEW = 12
 """So many readings, or fewer, may leave a rough pose on sheets: then draws from all of it are weighed."""
@@ -70,12 +71,12 @@ def weigh(
     modes, weighed = _by_draws(touches, free, modes, log_unknown, priors)
     for _ in range(_MOST):
         could = _unblocked(free, modes, priors)
-        if not modes or could.max() <= _total(modes + weighed, log_unknown) + np.log(_WEIGHED):
+        if not modes or could.max() <= _least(modes + weighed, log_unknown):
             break
         mode = modes.pop(int(np.argmax(could)))
         try:
             new = _weighed(touches, free, mode, priors)
-        except TooFewDraws:
+        except TooFewDrawsError:
             modes, around = _around(touches, free, mode, modes, priors)
             weighed += around
             continue
@@ -95,6 +96,11 @@ def weigh(
         if ok
     ]
     return kept, float(np.exp(log_unknown - total)), total
+
+
+def _least(modes: Sequence[Mode], log_unknown: float) -> float:
+    """Log mass that a mode has to have to be weighed."""
+    return float(max(_total(modes, -np.inf) + np.log(_WEIGHED), _total(modes, log_unknown) + np.log(_FAINT)))
 
 
 def _unblocked(free: FreePaths, modes: Sequence[Mode], priors: Priors) -> FloatArray:
@@ -198,7 +204,7 @@ def _near_edges(touches: Touches, mode: Mode, priors: Priors) -> FloatArray | No
 def _around(
     touches: Touches, free: FreePaths, mode: Mode, modes: list[Mode], priors: Priors
 ) -> tuple[list[Mode], list[Mode]]:
-    """Other modes that are left; and those around a maximum of which no single density tells how the posterior looks."""
+    """Other modes that are left; and those around a maximum that is unlike any single density."""
     others = [other.k for other in modes if other.found is mode.found]
     around, gone = modes_around(touches, free, mode, others, priors)
     return [other for other in modes if other.found is not mode.found or other.k not in gone], around

@@ -83,7 +83,7 @@ def posterior_moments(
         within: which poses are in a box, of which alone draws count, if enough are.
 
     Raises:
-        TooFewDraws: it does not hold, and no other single density was found to be like the posterior.
+        TooFewDrawsError: it does not hold, and no other single density was found to be like the posterior.
     """
     d = np.diag(information)
     scale = 1 / np.sqrt(np.r_[np.full(3, d[:3].max()), np.full(3, d[3:6].max()), d[6:]])
