@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from tanteo.typing import BoolArray, FloatArray, Vectors
 _LARGER = 1.2
 """An unknown object may be larger than the ball of the parts: so many times as large as the ball of its readings."""
 
-_STEPS, _OUTERMOST = 64, 256
+_STEPS, _OUTERMOST = 32, 256
 """Steps to the middle of that ball, and readings that may lie on it."""
 
 NEGLIGIBLE = 12.0
@@ -66,6 +67,7 @@ def whereabouts(points: Vectors, radius: float) -> Whereabouts:
     return Whereabouts(middle, float(4 / 3 * np.pi * np.mean(reach**3)))
 
 
+@cache
 def _directions() -> Vectors:
     """Directions all around, evenly (a spiral) ``(256, 3)``."""
     k = np.arange(256) + 0.5
