@@ -18,6 +18,9 @@ fit) is not an error: it is a result with a status.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class TanteoError(Exception):
     """Base of every exception that tanteo raises on purpose."""
@@ -53,3 +56,17 @@ class DegenerateError(TanteoError):
 
 class MissingExtraError(TanteoError, ImportError):
     """An optional dependency is not installed; the message gives the pip command."""
+
+
+def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
+    """`` Did you mean '...'?``: the end of a message on a name that nobody knows; empty if no other is like it.
+
+    Args:
+        name: as it was written, in capitals or not.
+        known: the names that are known.
+        likeness: from 0 to 1, that the nearest has to have.
+    """
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=likeness)
+    near = near or difflib.get_close_matches(name.lower(), names, n=1, cutoff=likeness)
+    return f" Did you mean '{near[0]}'?" if near else ""

@@ -69,6 +69,7 @@ def test_all_columns(tmp_path):
 
 
 HEAD = "id,x_mm,y_mm,z_mm,dx,dy,dz,sd_mm\n"
+FREE = "x_mm,y_mm,z_mm,dx,dy,dz,max_mm,status,kind,range_mm\n"
 QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,hand_qz\n"
 
 
@@ -113,10 +114,16 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         (GOOD + "c,1,2," + "9" * 140_000 + "\n", ReadingsError, "field larger than field limit"),
         (GOOD.replace("_mm", "_m") + "c,381,2,3\n", ReadingsError, "line 4, column 'x_m': expected within 100 m"),
         (HEAD + "a,1,2,3,0,0,0,1\n", ReadingsError, "line 2, column 'dx': expected a direction that is not zero"),
+        (HEAD + "a,1,2,3,0,0,-1e-200,1\n", ReadingsError, "column 'dz': expected a direction that is"),
+        (HEAD + "a,1,2,3,0,-1e200,1,1\n", ReadingsError, "column 'dy': expected components of a direction, up"),
         (HEAD + "a,1,2,3,1,0,0,-0.3\n", ReadingsError, "column 'sd_mm': expected a positive number, got '-0.3'"),
         (HEAD + "a,1,2,3,1,0,0,0\n", ReadingsError, "column 'sd_mm': expected a positive number, got '0'"),
         (HEAD + "a,1,2,3,1,,0,1\n", ReadingsError, "column 'dy': expected all of dx, dy, dz or none"),
         ("x_mm,y_mm,z_mm,radius_mm\n1,2,3,-1\n", ReadingsError, "column 'radius_mm': expected zero or more, got '-1'"),
+        ("x_mm,y_mm,z_mm,radius_mm\n1,2,3,1001\n", ReadingsError, "column 'radius_mm': expected 1 m or less"),
+        (FREE + "1,2,3,0,0,1,9,none,,5\n", ReadingsError, "line 2: expected no range of a beam with status none"),
+        (FREE + "1,2,3,0,0,1,9,none,edge,\n", ReadingsError, "line 2: expected kind free of a beam with status none"),
+        (FREE + "1,2,3,0,0,1,9,ok,free,\n", ReadingsError, "line 2: expected status none of a beam of kind free"),
         (QUAT + "1,2,3,0,0,0,1,1,0,0\n", ReadingsError, "a unit quaternion hand_qw .. hand_qz, got 'length 1.41"),
         (QUAT + "1,2,3,0,0,0,0,0,0,0\n", ReadingsError, "got 'length 0'"),
         ("x_mm,y_mm,z_mm,kind\n1,2,3,plan\n", ReadingsError, "column 'kind': expected one of plane, edge"),
@@ -195,7 +202,7 @@ def test_writing_reads_back(tmp_path, unit):
         features=["A", "A", "A", "", "", "B", "B", "B"],
         kinds=["plane"] * 3 + ["point"] * 2 + ["edge"] * 3,
         Ts_world_hand=SE3.exp(rng.normal(size=(n, 6))),
-        ranges=rng.uniform(0.1, 1, n),
+        ranges=np.where(free, np.nan, rng.uniform(0.1, 1, n)),
         sensors=["eye"] * n,
         is_free=free,
         max_ranges=np.where(free, 1.2, np.nan),

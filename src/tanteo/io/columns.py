@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tanteo.errors import InputError, ReadingsError, UnitError
+from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
 LENGTHS = ("x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z")
@@ -95,8 +94,7 @@ def _read_name(name: str, place: str) -> Column:
             raise UnitError(f"{place}: expected one of the units {listed}, got '{name}'. Convert the values.")
     if not name:
         raise ReadingsError(f"{place}: expected a name, got nothing. Remove the comma or name the column.")
-    near = difflib.get_close_matches(name.lower(), known_columns().split(", "), n=1, cutoff=0.5)
-    hint = f" Did you mean '{near[0]}'?" if near else ""
+    hint = did_you_mean(name, known_columns().split(", "))
     raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{name}'.{hint}")
 
 

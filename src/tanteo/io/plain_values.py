@@ -5,7 +5,6 @@ Numbers keep all their digits; those that JSON does not have are the texts ``nan
 
 from __future__ import annotations
 
-import difflib
 import math
 import types
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, did_you_mean
 
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
@@ -84,8 +83,7 @@ def table(plain: Any, kinds: Mapping[str, Any], place: str) -> dict[str, Any]:
         raise refused(place, "a table", plain)
     for key in plain:
         if key not in kinds:
-            near = difflib.get_close_matches(key, kinds, n=1, cutoff=0.5)
-            hint = f" Did you mean '{near[0]}'?" if near else ""
+            hint = did_you_mean(key, kinds)
             raise InputError(f"{place}: expected one of {', '.join(kinds)}, got '{shown(key)}'.{hint}")
     for key in kinds:
         if key not in plain:

@@ -6,7 +6,6 @@ documentation was read; the others are from memory and must be confirmed on the 
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -14,7 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, did_you_mean
+from tanteo.frames import check_transforms
 from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Rotations, Transforms
 
@@ -89,9 +89,7 @@ def brand(name: str) -> Brand:
         InputError: No such brand; the message lists the nearest.
     """
     if name not in BRANDS:
-        near = difflib.get_close_matches(name.lower(), BRANDS, n=1, cutoff=0.5)
-        hint = f" Did you mean '{near[0]}'?" if near else ""
-        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{name}'.{hint}")
+        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{name}'.{did_you_mean(name, BRANDS)}")
     return BRANDS[name]
 
 
@@ -122,10 +120,10 @@ def pose_as_brand(name: str, T: Transforms) -> FloatArray:
     Where two Euler angles turn about one axis the first of the product is set to zero. Quaternions have ``w >= 0``.
 
     Raises:
-        InputError: Unknown brand.
+        InputError: Unknown brand, or what is no rigid motion.
     """
     b = brand(name)
-    T = np.asarray(T, dtype=np.float64)
+    T = check_transforms(f"pose for {name}", T)
     return np.concatenate([T[..., :3, 3] / b.metre, _fields(b, T[..., :3, :3])], axis=-1)
 
 

@@ -82,10 +82,16 @@ def rough_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name:
         InputError: Not one or three, or not positive.
     """
     spread = [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in (sds, turn_sds)]
-    if any(len(values) not in (1, 3) or not np.all(values > 0) for values in spread):
+    got = f"{len(spread[0])} and {len(spread[1])}" if any(len(values) not in (1, 3) for values in spread) else ""
+    if not got and not all(np.all(values > 0) for values in spread):
+        lengths, angles = (
+            ", ".join(f"{k * v:g}" for v in values) for k, values in zip((1e3, 180 / np.pi), spread, strict=True)
+        )
+        got = f"{lengths} mm and {angles} deg"
+    if got:
         raise InputError(
             f"{name}: expected positive standard deviations, one length or three and one angle or three (along and "
-            f"about x, y, z of the world), got {len(spread[0])} and {len(spread[1])}. Write it as {_NEAR}."
+            f"about x, y, z of the world), got {got}. Write it as {_NEAR}."
         )
     six = np.concatenate([np.broadcast_to(values, 3) for values in spread])
     return check_rough(uncertain_frame(NamedCovariance(T, np.diag(six**2), ROS)), name)
@@ -139,7 +145,10 @@ def _branded(word: str, fields: str, name: str) -> Transforms:
             f"{name}: expected plain numbers behind '{word}', whose units are its own, got '{fields.strip()}'. "
             f"Write it as kuka 400,200,0,90,0,0 +- 5mm 3deg; brands: {', '.join(BRANDS)}."
         ) from None
-    T = pose_from_brand(word, numbers)
+    try:
+        T = pose_from_brand(word, numbers)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
     if not np.all(np.abs(T[:3, 3]) <= LARGEST):
         unit = "metres" if BRANDS[word].metre == 1 else "millimetres"
         raise InputError(

@@ -62,18 +62,20 @@ def _table(entry: Any, place: str) -> Table:
     keys = Keys(entry, place, _TABLE)
     if ("top" in keys) == ("point" in keys):
         raise InputError(f"{place}: expected top_mm or point_mm with normal, got both or none. Give one.")
-    sd = keys.number("sd")
+    sd, normal = keys.number("sd"), keys.vector("normal", (0.0, 0.0, 1.0))
     if sd <= 0:
-        raise InputError(f"{place}, sd: expected a positive length, got {sd:g}. Say how well the table is known.")
+        raise keys.refused("sd", "a positive length", "Say how well the table is known.")
+    if not normal.any():
+        raise keys.refused("normal", "a direction that is not zero", "Let it point from the table to the part.")
     point = np.array([0.0, 0.0, keys.number("top")]) if "top" in keys else keys.vector("point")
-    return Table(point, keys.vector("normal", (0.0, 0.0, 1.0)), sd)
+    return Table(point, normal, sd)
 
 
 def _box(entry: Any, place: str) -> FloatArray:
     keys = Keys(entry, place, {"low": "length", "high": "length"})
     box = np.stack([keys.vector("low"), keys.vector("high")])
     if not np.all(box[1] > box[0]):
-        raise InputError(f"{place}: expected low below high in x, y and z, got {box.tolist()} m. Correct it.")
+        raise keys.refused("high", "low below high in x, y and z")
     return box
 
 
@@ -88,7 +90,7 @@ def _near(entry: Any, place: str) -> UncertainFrame:
             f"{', '.join(_COVARIANCES)}, got {' and '.join(given) or 'nothing'}. Give one of them."
         )
     if sds:
-        return rough_pose(T, _one_or_three(keys, "sd"), _one_or_three(keys, "turn_sd"), place)
+        return rough_pose(T, _positive(keys, "sd"), _positive(keys, "turn_sd"), place)
     try:
         C = keys.vector(given[0], n=36)
         ros = given == ["ros_covariance_m_rad"]
@@ -110,11 +112,19 @@ def _pose(keys: Keys) -> Transforms:
         if "position" not in keys or not ("turn" in keys or "quaternion_wxyz" in keys):
             raise InputError(f"{keys.place}: expected a position and an attitude, got one of them. Give both.")
         return pose_of(keys)
-    return pose_from_brand(brands[0], keys.vector(brands[0], n=len(brand(brands[0]).fields)))
+    fields = keys.vector(brands[0], n=len(brand(brands[0]).fields))
+    try:
+        return pose_from_brand(brands[0], fields)
+    except InputError as error:
+        raise InputError(f"{keys.place}, {brands[0]}: {error}") from None
 
 
-def _one_or_three(keys: Keys, name: str) -> FloatArray:
-    return keys.vector(name) if keys.size(name) == 3 else np.array([keys.number(name)])
+def _positive(keys: Keys, name: str) -> FloatArray:
+    """One number, or three, that are standard deviations."""
+    values = keys.vector(name, n=keys.size(name)) if keys.size(name) > 1 else np.array([keys.number(name)])
+    if len(values) not in (1, 3) or not np.all(values > 0):
+        raise keys.refused(name, "one positive number or three", "Say how well it is known along or about each axis.")
+    return values
 
 
 def _flat(entry: Any) -> Any:

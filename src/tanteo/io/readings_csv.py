@@ -10,7 +10,8 @@ from typing import TextIO
 
 from tanteo.errors import ReadingsError
 from tanteo.io.columns import read_header
-from tanteo.io.table import Lines, Table
+from tanteo.io.lines import Lines
+from tanteo.io.table import Table
 from tanteo.sensors import Readings
 
 CHUNK = 50_000

@@ -15,7 +15,7 @@ import numpy as np
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import check_covariance
 from tanteo.io.rig_checks import check_beam, check_twins
-from tanteo.io.rig_values import in_si, number, numbers, only, per_axis
+from tanteo.io.rig_values import Values, in_si, number, numbers, only, per_axis
 from tanteo.io.rig_zones import zones_of
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
@@ -95,7 +95,7 @@ def _sensors(name: str, table: Any, place: str) -> tuple[RigSensor, ...]:
     return (sensor,) if not {"zones", "field"} & values.keys() else zones_of(sensor, values, place)
 
 
-def _unit(values: Mapping[str, Any], place: str) -> tuple[str, Transforms]:
+def _unit(values: Values, place: str) -> tuple[str, Transforms]:
     """Name and pose of the device that a beam is one of; nothing for a device of its own."""
     keys = {"unit", "unit_position", "unit_quaternion_wxyz"} & values.keys()
     if not keys:
@@ -110,7 +110,7 @@ def _unit(values: Mapping[str, Any], place: str) -> tuple[str, Transforms]:
     )
 
 
-def _mount(values: Mapping[str, Any], place: str) -> Covariances:
+def _mount(values: Values, place: str) -> Covariances:
     """Covariance of the mounting: from standard deviations, or whole as a calibration writes it."""
     if "mount_covariance_m_rad" not in values:
         sds = np.concatenate([per_axis(values, "mount_sd", place), per_axis(values, "mount_turn_sd", place)])
@@ -134,7 +134,7 @@ def _preset(name: Any, place: str) -> SensorPreset | None:
     return preset
 
 
-def _rotation(values: Mapping[str, Any], place: str) -> Rotations:
+def _rotation(values: Values, place: str) -> Rotations:
     """Sensor axes on the hand, from a quaternion or from the direction of the beam (turn about it arbitrary)."""
     if ("quaternion_wxyz" in values) == ("direction" in values):
         raise InputError(f"{place}: expected direction or quaternion_wxyz, got both or neither. Give one.")
@@ -143,14 +143,14 @@ def _rotation(values: Mapping[str, Any], place: str) -> Rotations:
     return _quaternion(values, "quaternion_wxyz", place)
 
 
-def _quaternion(values: Mapping[str, Any], key: str, place: str) -> Rotations:
+def _quaternion(values: Values, key: str, place: str) -> Rotations:
     q = numbers(values, key, 4, place)
     if abs(np.linalg.norm(q) - 1) > 1e-3:
         raise InputError(f"{place}, {key}: expected unit length, got {np.linalg.norm(q):.6g}. Normalise it.")
     return SO3.from_quaternion(q)
 
 
-def _direction(values: Mapping[str, Any], key: str, place: str) -> FloatArray:
+def _direction(values: Values, key: str, place: str) -> FloatArray:
     d = numbers(values, key, 3, place)
     length = float(np.linalg.norm(d))
     if length < 1e-9:
@@ -158,7 +158,7 @@ def _direction(values: Mapping[str, Any], key: str, place: str) -> FloatArray:
     return d / length
 
 
-def _axis_cosine(values: Mapping[str, Any], R: Rotations, place: str) -> float:
+def _axis_cosine(values: Values, R: Rotations, place: str) -> float:
     """Between beam and optical axis: some devices report the distance along the axis."""
     if "axis" not in values:
         return 1.0

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from tanteo.errors import InputError, UnitError
+from tanteo.errors import InputError, UnitError, did_you_mean
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 from tanteo.typing import FloatArray
 
@@ -22,9 +21,26 @@ _PLAIN = (
 _COVARIANCES = {"mount_covariance_m_rad": (6, 6), "scale_covariance_m_rad": (6,)}
 
 
-def in_si(table: Mapping[str, Any], place: str) -> dict[str, Any]:
+class Values(dict[str, Any]):
+    """Values by key without unit, in metres and radians; knows how they are written.
+
+    Attributes:
+        written: of each, its key and value in the file.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.written: dict[str, tuple[str, Any]] = {}
+
+    def refused(self, key: str, place: str, expected: str) -> InputError:
+        """What is wrong with a value, as it is written."""
+        written, value = self.written[key]
+        return InputError(f"{place}, {written}: expected {expected}, got {value!r}. Correct it.")
+
+
+def in_si(table: Mapping[str, Any], place: str) -> Values:
     """Values by key without unit, in metres and radians."""
-    out: dict[str, Any] = {}
+    out = Values()
     for key, value in table.items():
         if key in _COVARIANCES:
             out[key] = _matrix(value, key, _COVARIANCES[key], place)
@@ -33,6 +49,7 @@ def in_si(table: Mapping[str, Any], place: str) -> dict[str, Any]:
         if base in out:
             raise UnitError(f"{place}, {key}: expected '{base}' once, got it in two units. Keep one.")
         out[base] = value if factor is None else np.asarray(_numeric(value, key, place)) * factor
+        out.written[base] = key, value
     return out
 
 
@@ -60,23 +77,21 @@ def only(table: Mapping[str, Any], known: tuple[str, ...] | list[str], place: st
     """
     for key in table:
         if key not in known:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-            hint = f" Did you mean '{near[0]}'?" if near else ""
-            raise InputError(f"{place}: expected one of {', '.join(known)}, got '{key}'.{hint}")
+            raise InputError(f"{place}: expected one of {', '.join(known)}, got '{key}'.{did_you_mean(key, known)}")
 
 
-def numbers(values: Mapping[str, Any], key: str, n: int, place: str) -> FloatArray:
+def numbers(values: Values, key: str, n: int, place: str) -> FloatArray:
     """So many numbers ``(n,)``, which have to be there."""
     if key not in values:
         raise InputError(f"{place}: expected '{key}' ({n} numbers), got nothing. Add it.")
     array = np.asarray(_numeric(values[key], key, place) if key in _PLAIN else values[key], dtype=np.float64)
     if array.shape != (n,):
-        raise InputError(f"{place}, {key}: expected {n} numbers, got {array.size}. Correct it.")
+        raise InputError(f"{place}, {values.written[key][0]}: expected {n} numbers, got {array.size}. Correct it.")
     return array
 
 
 def number(
-    values: Mapping[str, Any],
+    values: Values,
     key: str,
     default: float,
     place: str,
@@ -94,15 +109,15 @@ def number(
             expected = "one number of zero or more" if least == 0 else "one positive number"
         elif above > -math.inf:
             expected = f"one number above {above:g}"
-        raise InputError(f"{place}, {key}: expected {expected}, got {array.tolist()}. Correct it.")
+        raise values.refused(key, place, expected)
     return float(array)
 
 
-def per_axis(values: Mapping[str, Any], key: str, place: str) -> FloatArray:
+def per_axis(values: Values, key: str, place: str) -> FloatArray:
     """One standard deviation for all three axes, or three; zero when the key is absent."""
     array = np.asarray(values.get(key, 0.0), dtype=np.float64)
     if array.shape not in ((), (3,)) or (array < 0).any():
-        raise InputError(f"{place}, {key}: expected one or three numbers of zero or more, got {array.tolist()}.")
+        raise values.refused(key, place, "one or three numbers of zero or more")
     return np.array(np.broadcast_to(array, 3))
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import NoReturn
 
 import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.io.columns import DIRECTION, GROUPS, HAND, NORMAL, POINT, Column
+from tanteo.io.lines import Lines
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import KINDS, Readings, check_features
 from tanteo.typing import BoolArray, FloatArray
@@ -20,23 +21,15 @@ from tanteo.typing import BoolArray, FloatArray
 LARGEST = 100.0
 """Coordinates and ranges beyond this [m] are a wrong unit, not a robot cell."""
 
+_LARGEST_TIP = 1.0
+"""No tip has a larger radius [m]."""
+
+_SHORTEST, _LONGEST = 1e-9, 1e9
+"""Lengths that a direction may have; their squares are numbers still."""
+
 _POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd")
 _QUATERNION_SLACK = 1e-3
 _STATUSES = ("ok", "none")
-
-
-class Lines:
-    """The lines of a file without comments and blank ones; knows the number of the last."""
-
-    def __init__(self, text: TextIO) -> None:
-        self._text = text
-        self.number = 0
-
-    def __iter__(self) -> Iterator[str]:
-        for self.number, line in enumerate(self._text, start=1):  # noqa: B020
-            # letters, digits and signs come after '#': most lines need no second look
-            if line[0] > "#" or ((bare := line.lstrip()) and bare[0] != "#"):
-                yield line
 
 
 class Table:
@@ -128,6 +121,8 @@ class Table:
                 self._require(~(chunk[name] <= 0), name, chunk, "a positive number")
         if "radius" in chunk:
             self._require(~(chunk["radius"] < 0), "radius", chunk, "zero or more")
+            expected = f"{_LARGEST_TIP:g} m or less (is the unit in the column's name right?)"
+            self._require(~(chunk["radius"] > _LARGEST_TIP), "radius", chunk, expected)
         for name in (*POINT, "range", "max", "hand_x", "hand_y", "hand_z"):
             if name in chunk:
                 expected = f"within {LARGEST:g} m of the origin (is the unit in the column's name right?)"
@@ -139,12 +134,22 @@ class Table:
                     self._require(column | ~filled.any(axis=0), name, chunk, f"all of {', '.join(group)} or none")
         for group in (DIRECTION, NORMAL):
             if group[0] in chunk:
-                lengths = _norms(chunk, group)
-                self._require(~(lengths < 1e-9), group[0], chunk, "a direction that is not zero")
+                self._check_directions(chunk, group)
         if "hand_qw" in chunk:
             lengths = _norms(chunk, HAND[3:])
             good = ~(np.abs(lengths - 1) > _QUATERNION_SLACK)
             self._require(good, "hand_qw", chunk, "a unit quaternion hand_qw .. hand_qz", lengths)
+
+    def _check_directions(self, chunk: dict[str, FloatArray], group: tuple[str, ...]) -> None:
+        """Complain about the largest component of a direction that has none, or one too large to be squared."""
+        each = np.abs(np.stack([chunk[name] for name in group]))
+        largest, which = each.max(axis=0), each.argmax(axis=0)
+        for good, expected in (
+            (~(largest < _SHORTEST), "a direction that is not zero"),
+            (~(largest > _LONGEST), f"components of a direction, up to {_LONGEST:g}"),
+        ):
+            if not good.all():
+                self._require(good, group[which[np.flatnonzero(~good)[0]]], chunk, expected)
 
     def _require(
         self, good: BoolArray, name: str, chunk: dict[str, FloatArray], expected: str, lengths: FloatArray | None = None
@@ -166,13 +171,23 @@ class Table:
             f"expected {expected}, got {got}. Correct the file."
         )
 
-    def _check_free(self, status: Sequence[str], kinds: Sequence[str]) -> None:
-        for row, said in enumerate(zip(status, kinds, strict=False)):
-            if said == ("ok", "free"):
-                raise ReadingsError(
-                    f"{self.path}, line {self.line_of(row)}: expected status none of a beam of kind free, got 'ok'. "
-                    "Say none if nothing was met, or another kind."
-                )
+    def _check_free(self, ranges: FloatArray | None) -> None:
+        """Complain about rows that say both that nothing was met and what was."""
+        if "status" not in self._texts:
+            return
+        status = np.array(self._texts["status"], dtype=object)
+        kinds = np.array(self._texts.get("kind", [""] * len(status)), dtype=object)
+        free = status == "none"
+        self._contradicts((status == "ok") & (kinds == "free"), "status none of a beam of kind free, got 'ok'")
+        self._contradicts(free & ~np.isin(kinds, ["", "free", "point"]), "kind free of a beam with status none")
+        if ranges is not None:
+            self._contradicts(free & ~np.isnan(ranges), "no range of a beam with status none, got one")
+
+    def _contradicts(self, wrong: BoolArray, expected: str) -> None:
+        if wrong.any():
+            line = self.line_of(int(np.argmax(wrong)))
+            advice = "Status none says that nothing was met: correct it, or what is said beside it."
+            raise ReadingsError(f"{self.path}, line {line}: expected {expected}. {advice}")
 
     def line_of(self, row: int) -> int:
         """Line number of a row of the table, found by reading the file again: only complaints pay for it."""
@@ -190,7 +205,7 @@ class Table:
             return np.stack([numbers[name] for name in group], axis=-1) if group[0] in numbers else None
 
         status = self._texts.get("status")
-        self._check_free(status or [], self._texts.get("kind", []))
+        self._check_free(numbers.get("range"))
         radii = numbers.get("radius")
         try:
             readings = Readings.from_columns(

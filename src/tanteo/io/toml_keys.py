@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.errors import InputError, UnitError
+from tanteo.errors import InputError, UnitError, did_you_mean
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Transforms
@@ -62,6 +61,7 @@ class Keys:
             raise InputError(f"{place}: expected a table, got {table!r}. Write [name] and its keys below.")
         self.place, self._quantities = place, quantities
         self._values: dict[str, FloatArray] = {}
+        self._written: dict[str, tuple[str, Any]] = {}
         self._words: dict[str, str] = {}
         for key, value in table.items():
             if key in words:
@@ -78,6 +78,7 @@ class Keys:
                 if name in self._values:
                     raise UnitError(f"{self.place}, {key}: expected '{name}' once, got it in two units. Keep one.")
                 self._values[name] = self._numbers(key, value) * _UNITS[what][unit]
+                self._written[name] = key, value
                 return
         for name, what in self._quantities.items():
             if key == name or (key.startswith(f"{name}_") and what != "plain"):
@@ -86,9 +87,7 @@ class Keys:
                     f"{self.place}, {key}: expected one of {listed}, got '{key}'. Say the unit in the name."
                 )
         known = [*words, *(self._shown(name) for name in self._quantities)]
-        near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-        hint = f" Did you mean '{near[0]}'?" if near else ""
-        raise InputError(f"{self.place}: expected one of {', '.join(known)}, got '{key}'.{hint}")
+        raise InputError(f"{self.place}: expected one of {', '.join(known)}, got '{key}'.{did_you_mean(key, known)}")
 
     def _shown(self, name: str) -> str:
         unit = next(iter(_UNITS[self._quantities[name]]))
@@ -124,9 +123,7 @@ class Keys:
             return default
         value = self._values[name]
         if value.ndim or not value >= least:
-            raise InputError(
-                f"{self.place}, {name}: expected one number of {least:g} or more, got {value.tolist()}. Correct it."
-            )
+            raise self.refused(name, "one number" if least == -math.inf else f"one number of {least:g} or more")
         return float(value)
 
     def vector(self, name: str, default: Sequence[float] | None = None, *, n: int = 3) -> FloatArray:
@@ -137,8 +134,14 @@ class Keys:
             return np.asarray(default, dtype=np.float64)
         value = self._values[name]
         if value.shape != (n,):
-            raise InputError(f"{self.place}, {name}: expected {n} numbers, got {value.size}. Correct it.")
+            key = self._written[name][0]
+            raise InputError(f"{self.place}, {key}: expected {n} numbers, got {value.size}. Correct it.")
         return value
+
+    def refused(self, name: str, expected: str, advice: str = "Correct it.") -> InputError:
+        """What is wrong with a quantity that was given, by its key and value as they are written."""
+        key, value = self._written[name]
+        return InputError(f"{self.place}, {key}: expected {expected}, got {value!r}. {advice}")
 
 
 def pose_of(keys: Keys) -> Transforms:

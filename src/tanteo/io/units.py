@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 
-from tanteo.errors import UnitError
+from tanteo.errors import UnitError, did_you_mean
 
 LENGTH_UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
 """Metres per unit."""
@@ -117,7 +116,5 @@ def _split(part: str, text: str, name: str, example: str) -> tuple[float, str]:
 def _factor(unit: str, name: str, units: dict[str, float]) -> float:
     unit = _WRITTEN.get(unit, unit)
     if unit not in units:
-        near = difflib.get_close_matches(unit.lower(), units, n=1, cutoff=0.5)
-        hint = f" Did you mean '{near[0]}'?" if near else ""
-        raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{hint}")
+        raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{did_you_mean(unit, units)}")
     return units[unit]

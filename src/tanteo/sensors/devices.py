@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.errors import InputError, ReadingsError
+from tanteo.errors import InputError, ReadingsError, did_you_mean
 from tanteo.sensors.law import NoiseLaw
 from tanteo.sensors.presets import SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
@@ -143,12 +142,10 @@ def misspelt(readings: Readings) -> str:
     """A sentence if a row without a rig names a sensor that is hardly another than one that is known; empty if not."""
     known = sensor_presets()
     for name in dict.fromkeys(readings.sensors):
-        near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=_NEAR)
-        if near:
-            return (
-                f"column sensor: '{name}' is no known sensor (tanteo sensor list), so nothing is assumed of it. "
-                f"Did you mean '{near[0]}'?"
-            )
+        hint = "" if name in known else did_you_mean(name, known, _NEAR)
+        if hint:
+            unknown = f"column sensor: '{name}' is no known sensor (tanteo sensor list)"
+            return f"{unknown}, so nothing is assumed of it.{hint}"
     return ""
 
 

@@ -7,7 +7,6 @@ and A assumed by us. A preset is a start: a calibration of your own device is al
 from __future__ import annotations
 
 import csv
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -16,7 +15,7 @@ from importlib import resources
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, did_you_mean
 from tanteo.sensors.law import NoiseLaw
 
 
@@ -164,7 +163,6 @@ def _values(cls: type[SensorPreset] | type[RobotPreset], row: Mapping[str, str])
 
 def _look_up(what: str, name: str, table: Mapping[str, _P]) -> _P:
     if name not in table:
-        near = difflib.get_close_matches(name.lower(), table, n=1, cutoff=0.4)
-        hint = f" Did you mean '{near[0]}'?" if near else ""
+        hint = did_you_mean(name, table, 0.4)
         raise InputError(f"{what}: expected one of {', '.join(table)}, got '{name}'.{hint}")
     return table[name]

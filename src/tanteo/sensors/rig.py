@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, did_you_mean
 from tanteo.sensors.presets import SensorPreset
 from tanteo.typing import Covariances, FloatArray, Transforms
 
@@ -132,8 +131,7 @@ class Rig:
         known = {s.name: i for i, s in enumerate(self.sensors)} | {"": -1}
         for name in dict.fromkeys(names):
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-                hint = f" Did you mean '{near[0]}'?" if near else ""
+                hint = did_you_mean(name, known, 0.4)
                 expected = ", ".join(s.name for s in self.sensors)
                 raise InputError(f"sensor of a reading: expected one of the rig's ({expected}), got '{name}'.{hint}")
         return np.fromiter((known[n] for n in names), dtype=np.int64, count=len(names))
