@@ -20,8 +20,9 @@ check: $(VENV)/.test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# every worker is a process of its own: more threads than that only wait for each other
 unit: $(VENV)/.test
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -W -q -c docs -b html . build/docs

@@ -30,13 +30,14 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
     import tanteo.demo.story as story
 
     monkeypatch.setattr(story, "find_spec", lambda name: None)
-    monkeypatch.setattr(story, "_MOST", 14)  # enough for the session; random sensing need not go on
+    monkeypatch.setattr(story, "_MOST", 14)  # enough for the session; random sensing need not go on, nor be tried again
+    monkeypatch.setattr(story, "_TRIES", 1)
     got = run("demo", "--no-open", "--report", str(tmp_path / "demo.html"))
     assert got.code == 0
     assert "No camera" in got.out
     assert "It was step_12mm" in got.out
 
 
-def test_a_report_that_cannot_be_written_is_misuse(run, tmp_path):
+def test_a_report_that_cannot_be_written_is_said_before_the_story(run, tmp_path):
     assert run("demo", "--no-open", "--report", str(tmp_path / "demo.txt")).code == 2
-    assert run("demo", "--no-open", "--report", str(tmp_path / "no" / "demo.html")).code == 2
+    assert run("demo", "--no-open", "--report", str(tmp_path / "no" / "demo.html")).code == 1

@@ -22,8 +22,8 @@ def demo(
     from tanteo.errors import InputError
 
     with guarded():
+        check_report(report)
         with misuse():
-            check_report(report)
             if seed < 0:
                 raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
         demonstrate(report, seed, show=not no_open)
