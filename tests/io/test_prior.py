@@ -80,6 +80,7 @@ def test_three_standard_deviations_are_along_and_about_the_axes_of_the_world():
         (parse_near, "1,2,3mm 0,0,90deg +- 5,5mm 3deg", "got 2 and 1"),
         (parse_near, "1,2,3mm 0,0,90deg +- 0mm 3deg", "of the world), got 0 mm and 3 deg. Write"),
         (parse_near, "1,2,3mm 0,0,90deg +- 5mm -3deg", "of the world), got 5 mm and -3 deg. Write"),
+        (parse_near, "1;2;3mm 0;0;90deg +- 5mm 3deg", "--known: expected commas between the numbers, got '1;2;3mm"),
         (parse_near, "ros 1,2,3,0,0,0,2 +- 5mm 3deg", "--known: quaternion: expected a length of 1"),
         (parse_near, "1,2,3mm 0,0,90deg +- 5mm 90deg", "known to 60 degrees"),
         (parse_near, "1,2,3mm 0,0,90deg +- 5mm 3grad", "Did you mean 'rad'"),

@@ -103,6 +103,8 @@ def _parse(text: str, name: str, units: dict[str, float], example: str) -> tuple
 
 
 def _split(part: str, text: str, name: str, example: str) -> tuple[float, str]:
+    if ";" in text:
+        raise UnitError(f"{name}: expected commas between the numbers, got '{text}'. Write a comma for each semicolon.")
     part = part.strip()
     match = _NUMBER.match(part)
     if match is None:
