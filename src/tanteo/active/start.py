@@ -59,7 +59,8 @@ class Start:
         if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):
             raise InputError(f"start, weights: expected probabilities, got {w.tolist()}. Normalise them.")
         if not (np.min(self.part) >= 0 and np.max(self.part) < len(self.targets)):
-            raise InputError(f"start, part: expected indices of {len(self.targets)} parts, got {np.asarray(self.part).tolist()}.")
+            which = np.asarray(self.part).tolist()
+            raise InputError(f"start, part: expected indices of {len(self.targets)} parts, got {which}.")
         if self.priors.pose is not None:
             raise InputError(
                 "priors, pose: expected none, for the start's own poses are what is known. Give it as them."
