@@ -13,7 +13,7 @@ from scenes import points_on_plane, random_pose
 from tanteo import Readings, identify
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors, Table
-from tanteo.matching.prior import log_between
+from tanteo.matching.unknown_place import log_between
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtri_exp
 
 from tanteo.lie import SE3, SO3
-from tanteo.matching.prior import log_between
+from tanteo.matching.unknown_place import log_between
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 

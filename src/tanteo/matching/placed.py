@@ -20,7 +20,8 @@ from tanteo.matching.belief import Mode
 from tanteo.matching.box import SURE, left_by
 from tanteo.matching.model import PartModel
 from tanteo.matching.part_motions import part_scale
-from tanteo.matching.prior import PosePrior, log_density_within, log_place_of_unknown, prior_rows
+from tanteo.matching.prior import PosePrior, log_density_within, prior_rows
+from tanteo.matching.unknown_place import log_place_of_unknown
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances, check_transforms
-from tanteo.lie import SE3, SO3
+from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
@@ -189,44 +188,6 @@ def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
     if prior.box is not None:
         log = log + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0]))
     return np.asarray(log)
-
-
-def log_place_of_unknown(
-    prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float, sd: float | None = None
-) -> float:
-    """Log of how much more probable the prior makes an unknown object where it was sensed than it is anywhere.
-
-    Where the object is was said of whatever it is. Of one that is not known its middle is near its readings, its
-    attitude says nothing.
-
-    Args:
-        prior: what is known of the pose.
-        centroid: of the parts, in their frames ``(3,)`` [m].
-        middle: of the readings, in the world ``(3,)`` [m].
-        radius: of the workspace [m].
-        sd: how far its middle may be from theirs, along each axis [m]; ``radius`` if not given.
-    """
-    log, sd = 0.0, radius if sd is None else sd
-    if prior is not None and prior.box is not None:
-        low, high = (prior.box - middle) / sd
-        log += float((log_between(low, high) + np.log(2 * radius / (prior.box[1] - prior.box[0]))).sum())
-    if prior is not None and prior.T_world_part is not None and prior.T_world_part.ndim == 2:
-        assert prior.covariance is not None
-        rows = prior.T_world_part[:3, :3] @ np.concatenate([np.eye(3), -SO3.hat(centroid)], axis=1)
-        C = rows @ prior.covariance @ rows.T + sd**2 * np.eye(3)
-        off = middle - SE3.apply(prior.T_world_part, centroid)
-        log += float(
-            3 * np.log(2 * radius) - 0.5 * (np.linalg.slogdet(2 * np.pi * C)[1] + off @ np.linalg.solve(C, off))
-        )
-    return log
-
-
-def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Log probability that a unit normal draw is between two numbers ``(*batch)``; far out, too."""
-    upper = low > 0
-    near, far = np.where(upper, -low, high), np.where(upper, -high, low)
-    top = log_ndtr(near)
-    return np.asarray(top + np.log(np.maximum(-np.expm1(np.minimum(log_ndtr(far) - top, 0.0)), 1e-300)))
 
 
 def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
