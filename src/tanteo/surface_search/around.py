@@ -30,6 +30,9 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Tangents
 _WIDER = 3.0
 """So many times as wide as by its curvature the maximum is looked around."""
 
+_MOST_TURN = 1.0
+"""Standard deviation of the attitude then [rad]: of more, draws would meet themselves behind a full turn."""
+
 _BESIDE = 9.0
 """Squared Mahalanobis distance in that within which another maximum is one of those around."""
 
@@ -37,7 +40,9 @@ _BESIDE = 9.0
 def modes_around(
     touches: Touches, free: FreePaths, mode: Mode, left: Sequence[int], priors: Priors
 ) -> tuple[list[Mode], list[int]]:
-    """Modes by draws from all around a maximum, and the maxima that they replace; itself if too few draws count.
+    """Modes by draws from all around a maximum, and the maxima that they replace; itself where that tells nothing.
+
+    That is of parts with a continuous symmetry, of rough poses, and where too few draws count.
 
     Args:
         touches: all readings that met something.
@@ -47,9 +52,10 @@ def modes_around(
         priors: rate of clutter, the size of the workspace, and what is known of the pose.
     """
     part, found, T = mode.target.part, mode.found, mode.found.Ts[mode.k]
-    if part.symmetry.continuous or (priors.pose is not None and priors.pose.T_world_part is not None):
-        return [mode], []
     covariance = _WIDER**2 * mode.covariance
+    known = priors.pose is not None and priors.pose.T_world_part is not None
+    if known or part.symmetry.continuous or np.linalg.eigvalsh(covariance[3:, 3:])[-1] > _MOST_TURN**2:
+        return [mode], []
     rows, maxima, near = _maxima(mode, left, covariance)
     around = Rough(touches, mode.target, priors, partial(given_pose, touches, free, mode.target, priors), T, covariance)
     peaks, tops = about(around, maxima.Ts)
