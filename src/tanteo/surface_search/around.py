@@ -60,6 +60,8 @@ def modes_around(
     around = Rough(touches, mode.target, priors, partial(given_pose, touches, free, mode.target, priors), T, covariance)
     peaks, tops = about(around, maxima.Ts)
     own = replace(around, posterior=_own(around.posterior, peaks, near, T, part.symmetry.Ts))
+    if not np.isfinite(own.posterior(maxima.Ts[:1], maxima.z[:1]).log[0]):
+        return [mode], []  # it lies in the shade of another, or in the way of a beam
     drawn = all_over(own, maxima.Ts[:near])
     log_anywhere = float(np.linalg.slogdet(pose_scale(priors.radius, part.centroid))[1])
     drawn = replace(drawn, tops=tops.first(near), log_weights=drawn.log_weights - log_anywhere)
