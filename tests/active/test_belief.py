@@ -416,6 +416,15 @@ def test_a_mode_of_few_draws_has_a_covariance_all_the_same(count):
         np.testing.assert_allclose(found.covariance, 1e-6 * np.eye(6), atol=1e-7)
 
 
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_few_draws_far_from_a_maximum_have_a_spread_about_their_mean(count):
+    """What a box cuts is that: it may be small, but no square of it is negative."""
+    rng = np.random.default_rng([13, count])
+    x = 0.1 + 1e-3 * rng.normal(size=(count, 6))
+    found = moments_of(x, np.ones(count), np.zeros((count, 0)), np.zeros((count, 0, 0)), 1e-3 * np.eye(6))
+    assert np.linalg.eigvalsh(found.covariance - np.outer(found.mean, found.mean))[0] > 0
+
+
 def test_what_is_left_of_a_rival_is_weighed_as_well_as_the_leading_part():
     """Probability of the t-slot where the clamp leads, against draws of the prior, and others about the heavy ones."""
     parts = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("t_slot", "block", "clamp")]

@@ -43,7 +43,7 @@ def moments_of(x: Tangents, w: FloatArray, z: FloatArray, spreads: FloatArray, r
         given = C - cross @ np.linalg.solve(spread, cross.T)
     one = float(np.sum(share**2) / (1 + np.sum(share**2)))  # of it and all draws
     curvature = one * root @ root.T
-    return Moments(share @ x, (1 - one) * C + curvature, (1 - one) * given + curvature, 0.0)
+    return Moments((1 - one) * share @ x, (1 - one) * C + curvature, (1 - one) * given + curvature, 0.0)
 
 
 def gaps(T: Transforms, others: Transforms, C: Covariances) -> FloatArray:
