@@ -95,7 +95,7 @@ def test_two_outputs_are_two_files(run, tmp_path):
     same = str(tmp_path / "plan.html")
     words = ("plan", "--part", BRACKET, "--tolerance", "1mm", "--sd", "0.1mm")
     got = run(*words, "--csv", same, "--report", same)
-    assert got.code == 1
+    assert got.code == 2
     assert "--report: expected another file than that of --csv" in got.err
     assert not (tmp_path / "plan.html").exists()
 
