@@ -9,7 +9,7 @@ import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.lie import SE3
-from tanteo.matching import Priors
+from tanteo.matching import PosePrior, Priors
 from tanteo.parts import read_part
 from tanteo.surface_search import identify_touches, prepare_target
 from tanteo.surface_search.none_of_these import whereabouts
@@ -35,6 +35,23 @@ def test_readings_that_need_more_room_have_it():
     where = whereabouts(points, 0.1)
     np.testing.assert_allclose(where.middle, 0.0, atol=0.1)
     assert 4 / 3 * np.pi * 0.2**3 < where.volume < 4 / 3 * np.pi * 0.7**3
+
+
+@pytest.mark.parametrize("far", [0.2, 2.0, 50.0])
+@pytest.mark.parametrize("known", [False, True])
+def test_a_far_stray_does_not_make_none_of_these_more_probable(far, known):
+    """A metre or fifty: it is off the part, and of an unknown object it says as little."""
+    target, rng = prepare_target(read_part(EXAMPLES / "bracket_left.step")), np.random.default_rng(3)
+    T = box_centred_pose(rng)
+    p, _ = surface_points(target, 12, rng)
+    points = SE3.apply(T, p) + 1e-3 * rng.normal(size=p.shape)
+    points[0, 0] += far
+    middle = SE3.apply(T, target.part.centroid)
+    pose = PosePrior(box=np.stack([middle - 0.1, middle + 0.1])) if known else None
+    priors = Priors(radius=target.part.radius, pose=pose)
+    answer = identify_touches(touches_of(points, 1e-3), no_paths(), [target], priors=priors)
+    assert answer.unknown_probability < 0.05
+    assert answer.hypotheses[0].outliers == ("0",)
 
 
 def test_a_part_that_is_there_is_rarely_denied():

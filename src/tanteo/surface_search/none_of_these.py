@@ -36,10 +36,12 @@ class Whereabouts:
     Attributes:
         middle: of these places ``(3,)`` [m].
         volume: of them [m^3].
+        radius: of the ball [m].
     """
 
     middle: Vectors
     volume: float
+    radius: float
 
     @property
     def sd(self) -> float:
@@ -48,12 +50,14 @@ class Whereabouts:
 
 
 def whereabouts(points: Vectors, radius: float) -> Whereabouts:
-    """Places of the middle of a ball that holds all readings.
+    """Places of the middle of a ball that holds all readings but those that are farther from most than it is wide.
 
     Args:
         points: of the readings ``(n, 3)`` [m].
         radius: of the ball [m]; a little more than readings need if they need more.
     """
+    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    points = points[away <= max(2 * radius, away.min())]
     middle = points.mean(axis=0)
     for k in range(1, _STEPS):  # Badoiu and Clarkson 2003
         middle = middle + (points[np.argmax(np.sum((points - middle) ** 2, axis=1))] - middle) / (k + 1)
@@ -64,7 +68,7 @@ def whereabouts(points: Vectors, radius: float) -> Whereabouts:
     radius = max(radius, _LARGER * float(np.sqrt(squared[0])))
     along = _directions() @ off.T
     reach = (along + np.sqrt(along**2 + radius**2 - squared)).min(axis=1)  # until a reading leaves the ball
-    return Whereabouts(middle, float(4 / 3 * np.pi * np.mean(reach**3)))
+    return Whereabouts(middle, float(4 / 3 * np.pi * np.mean(reach**3)), radius)
 
 
 @cache
@@ -85,7 +89,8 @@ def log_anywhere(touches: Touches, centroid: Vectors, priors: Priors) -> float:
     """
     where = whereabouts(touches.points, priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
-    share = np.log(where.volume) - 3 * np.log(2 * priors.radius)
+    known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
+    share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
     return float(unknown_log_density(touches, priors).sum() + place + share)
 
 
