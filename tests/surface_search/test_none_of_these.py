@@ -17,11 +17,11 @@ from tanteo.surface_search.none_of_these import whereabouts
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
 
 
-@pytest.mark.parametrize(("n", "reach"), [(1, 0.3), (3, 0.3), (12, 0.3), (100, 0.02)])
+@pytest.mark.parametrize(("n", "reach"), [(1, 0.3), (3, 0.3), (12, 0.3), (100, 0.02), (12, [0.5, 0.02, 0.02])])
 def test_the_places_of_a_ball_that_holds_all_readings(n, reach):
     """Their volume, against draws; and a normal density as high as the even one."""
     rng = np.random.default_rng(n)
-    points, radius = np.array([5.0, -7.0, 1.0]) + rng.uniform(-reach, reach, (n, 3)), 0.55
+    points, radius = np.array([5.0, -7.0, 1.0]) + rng.uniform(-1, 1, (n, 3)) * reach, 0.55
     where = whereabouts(points, radius)
     drawn = points[0] + radius * rng.uniform(-1, 1, (40000, 3))
     held = np.all(np.linalg.norm(drawn[:, None] - points, axis=2) < radius, axis=1)
