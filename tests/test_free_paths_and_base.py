@@ -25,7 +25,7 @@ PARTS = Path(__file__).parents[1] / "examples" / "parts"
 NAMES = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"
 ROBOT = robot_preset("ur_ros_nominal_dh")
 SD, GAP, LENGTH = 3e-4, 3e-3, 0.3
-SCENES = 24
+SCENES = 16
 
 
 @pytest.fixture(scope="module")

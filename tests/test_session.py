@@ -32,7 +32,7 @@ def targets():
 
 def test_a_session_names_and_places_the_part(targets):
     start = rough(targets)
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng((2, seed))
         k, T = drawn_truth(start, rng)
         session = new_session(start, seed=seed, tolerance=2e-3)
@@ -332,7 +332,7 @@ def test_what_cannot_be_a_reading_changes_nothing(targets):
     assert session.ask() is action
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     """Contradictory, repeated, late, from nowhere near the part, and on the way free of everything."""
     rng = np.random.default_rng((3, seed))

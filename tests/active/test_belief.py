@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import betabinom, multivariate_normal, multivariate_t
+from scipy.stats import betabinom, binom, multivariate_normal, multivariate_t
 
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import drawn_truth, rough
@@ -87,7 +87,7 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
 def test_precise_readings_of_a_rough_place_do_not_rule_out_what_they_are_of(targets):
     """A sheet 8 um thin in a place of 15 mm: draws that fall off it told nothing, and "none of these" got it all."""
     start, log, unknown = rough(targets, (0.015, 0.15)), [], []
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng((7, seed))
         k, T = drawn_truth(start, rng, seed % 3)
         touches, belief = readings(targets[k], T, 4, rng, replace(LASER, sd=8e-6)), begin(start)
@@ -147,14 +147,14 @@ def test_many_readings_give_what_identify_gives(targets):
 
 def test_the_region_holds_the_truth(targets):
     """NEES over scenes drawn from the start, five readings: few enough that the posterior is often bent."""
-    start, inside, total = rough(targets[2:]), 0, 30
+    start, inside, total = rough(targets[2:]), 0, 20
     for seed in range(total):
         rng = np.random.default_rng((4, seed))
         T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
         belief = update(begin(start), readings(targets[2], T, 8, rng), no_paths())
         off = corner_distances(belief, 0, T[None])[0]
         inside += chance_within(belief, off) < 0.9  # the corners' true error is within the 90 % ball
-    assert 21 <= inside <= 30  # binomial, 99.9 %
+    assert inside >= binom.ppf(0.001, total, 0.9)
 
 
 def test_free_paths_speak_against_what_blocks_them(targets):

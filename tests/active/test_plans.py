@@ -218,7 +218,7 @@ def test_one_reading_tells_twins_apart(names):
     assert abs(found.ranges[0] - found.ranges[1]) > 5 * found.sds.max()
     assert "tells" in found.message
     right = 0
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         k = seed % 2
         poses = laid_on(pair[k], pair[1 - k])
@@ -230,7 +230,7 @@ def test_one_reading_tells_twins_apart(names):
         session = new_session(start, most=1, probability=0.999)
         sense(session, pair[k], SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6)), rng)
         right += session.belief.of_parts()[k] > 0.9
-    assert right == 6
+    assert right == 4
 
 
 def test_a_step_that_is_located_by_what_both_have_is_told_from_its_twin():
@@ -305,7 +305,7 @@ def carried_out(found, target, start, sd, rng):
 
 @pytest.mark.slow
 def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
-    """The plan of the docs for one edge: 40 placements from the stated start, misses and all."""
+    """The plan of the docs for one edge: 20 placements from the stated start, misses and all."""
     wedge, tolerance, sd = prepare_target(read_part(PARTS / "wedge.step")), 3e-4, 1e-4
     J = SE3.adjoint(SE3.from_parts(np.eye(3), wedge.part.centroid))
     start = at_pose(wedge, np.eye(4), J @ np.diag(np.repeat([5e-3, np.radians(3)], 3) ** 2) @ J.T)
@@ -314,8 +314,8 @@ def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
     assert found.reached
     assert 0.95 <= promised <= found.readings[-1].within_if_met
     rng = np.random.default_rng(27)
-    kept = sum(carried_out(found, wedge, start, sd, rng) <= tolerance for _ in range(40))
-    assert binom.cdf(kept, 40, promised) > 0.005
+    kept = sum(carried_out(found, wedge, start, sd, rng) <= tolerance for _ in range(20))
+    assert binom.cdf(kept, 20, promised) > 0.005
 
 
 def test_the_share_of_placements_where_all_meet_is_as_counted(bracket):

@@ -14,7 +14,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from calibration import campaign
 
-SCENES = 100
+SCENES = 64
 TARGET = 0.03
 
 

@@ -114,7 +114,7 @@ def test_pose_and_covariance_are_those_of_readings_and_rough_pose_together(parts
 
 def test_a_rough_pose_settles_what_two_planes_leave_free(parts):
     part, values = parts["bracket_left"], []
-    for k in range(40):
+    for k in range(20):
         rng = np.random.default_rng((3, k))
         T = random_pose(rng)
         normals = part.planes.normals

@@ -39,8 +39,7 @@ def brute_force(sensed, model, tolerance=0.0):
     return np.array(kept).reshape(-1, len(sensed))
 
 
-@pytest.mark.parametrize("name", ["block", "wedge"])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("name", "seed"), [("block", 0), ("wedge", 1)])
 def test_finds_what_brute_force_finds(models, name, seed):
     """Gates prune early and the extent is checked late; what is left in the end is the same set."""
     model, rng = models[name], np.random.default_rng([31, seed])
@@ -77,7 +76,7 @@ def test_every_number_of_features_left_out(models):
     assert found == expected
 
 
-SCENES = 600
+SCENES = 300
 ALPHA = 0.01
 
 
@@ -124,13 +123,13 @@ def explained(model, features, tolerance):
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.5e-4], ids=["exact part", "made part"])
 def test_the_true_part_is_rejected_as_rarely_as_alpha_says(models, tolerance):
-    """Over 600 scenes of all parts (300 of made ones): lost by a gate, the tree, the extent or the test.
+    """Over 300 scenes of all parts (150 of made ones): lost by a gate, the tree, the extent or the test.
 
     The whole answer, which also weighs what is left out against the rest, is asked for in every tenth scene and in
     those that are lost.
     """
     names = [n for n in models if len(models[n].part.planes)]
-    scenes, asked, lost, rejected = 300 if tolerance else SCENES, 0, 0, 0
+    scenes, asked, lost, rejected = 150 if tolerance else SCENES, 0, 0, 0
     for k in range(scenes):
         model = models[names[k % len(names)]]
         features, _ = scene(model, np.random.default_rng([33, k]), tolerance)
@@ -153,7 +152,7 @@ def test_shared_errors_are_allowed_for(models):
     base = SharedError("base", np.diag([3e-4] * 3 + [1e-3] * 3) ** 2)
     tip = SharedError("tip", (1e-3) ** 2 * np.eye(1))
     accepted = {True: 0, False: 0}
-    scenes = 80
+    scenes = 40
     for k in range(scenes):
         rng = np.random.default_rng([34, k])
         features, _ = scene(model, rng)

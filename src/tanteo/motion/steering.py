@@ -107,7 +107,7 @@ class Steering:
             moved = gap(self._log[-2].T_world_hand, sensed.T_world_hand)
             way = about(self.hand.origins, np.concatenate(moved))
             self.room = np.maximum(self.room - np.sum(way * self.hand.axes, axis=1), 0.0)
-        met = np.isin(sensed.states, (MET, NEAR))
+        met = (sensed.states == MET) | (sensed.states == NEAR)
         self.room = np.where(met, np.where(sensed.states == MET, sensed.ranges, 0.0), self.room)
         self._until[met] = sensed.time + _REMEMBERED
         self.room[sensed.time >= self._until] = np.inf

@@ -184,31 +184,32 @@ def _log_sum(log: FloatArray) -> FloatArray:
 
 def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Log density ``(k,)``, shares of the faces ``(k, F)``, gradient, and the information if the faces were known."""
-    faces, at, d, s2, slant, t = seen.faces, seen.at, seen.d, seen.s2, seen.slant, seen.t
-    gains = np.swapaxes(R[seen.poses], 1, 2) @ touches.gains[seen.readings]
+    faces, d, s2 = seen.faces, seen.d, seen.s2
     cover, pull, hold = covered(seen.beta, seen.beyond, faces.reflex)
     log = seen.log - 0.5 * d * d / s2 + cover
     total = _log_sum(log)
     share = np.exp(log - total[:, None])
-    row_d = _rows(faces.normals, at, gains)
-    row_b = (_rows(faces.inward, at, gains) - slant[..., None] * row_d[:, :, None]) / t[..., None]
-    slopes = -(d / s2)[..., None] * row_d + np.sum(pull[..., None] * row_b, axis=2)
-    rows = np.concatenate([row_d[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * row_b], axis=2)
+    # everything is linear in how the point moves, so that the faces are summed before poses and shared errors come in
+    across = (faces.inward - seen.slant[..., None] * faces.normals[:, :, None]) / seen.t[..., None]
+    slopes = np.sum(pull[..., None] * across, axis=2) - (d / s2)[..., None] * faces.normals
+    ways = np.concatenate([faces.normals[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * across], 2)
+    ways = (np.sqrt(share)[..., None, None] * ways).reshape(len(share), -1, 3)
+    moves = _moves(seen, touches, R)
+    gradient = (np.sum(share[..., None] * slopes, axis=1)[:, None] @ moves)[:, 0]
+    resistance = np.swapaxes(moves, 1, 2) @ (np.swapaxes(ways, 1, 2) @ ways) @ moves
     if seen.tilts is not None:
-        k, wide = seen.with_normal, (len(seen.with_normal), faces.offsets.shape[1])
-        some = np.broadcast_to(at[k, None], (*wide, 3)), np.broadcast_to(gains[k, None], (*wide, *gains.shape[1:]))
-        turns = seen.tilts.rows(*some)
-        slopes[k] -= np.sum(turns * seen.tilts.gap[..., None], axis=-2)
-        more = np.zeros((*rows.shape[:2], 3, rows.shape[-1]))
-        more[k] = turns
-        rows = np.concatenate([rows, more], axis=2)
-    gradient = np.sum(share[..., None] * slopes, axis=1)
-    rows = (np.sqrt(share)[..., None, None] * rows).reshape(len(at), -1, rows.shape[-1])
-    return total, share, gradient, np.swapaxes(rows, 1, 2) @ rows
+        k, wide = seen.with_normal, (len(seen.with_normal), share.shape[1])
+        gains = moves[k, None, :, 6:]
+        turns = seen.tilts.rows(*(np.broadcast_to(x, (*wide, *x.shape[2:])) for x in (seen.at[k, None], gains)))
+        turns = np.sqrt(share[k])[..., None, None] * turns
+        gradient[k] -= np.einsum("kfij,kfi->kj", turns, np.sqrt(share[k])[..., None] * seen.tilts.gap)
+        rows = turns.reshape(len(k), -1, turns.shape[-1])
+        resistance[k] += np.swapaxes(rows, 1, 2) @ rows
+    return total, share, gradient, resistance
 
 
-def _rows(directions: FloatArray, at: Vectors, gains: FloatArray) -> FloatArray:
-    """Derivative of ``direction . point`` by pose and shared errors ``(k, ..., 6 + D)``."""
-    at = at.reshape(len(at), *(1,) * (directions.ndim - 2), 3)
-    shared = np.einsum("k...i,kid->k...d", directions, gains)
-    return np.concatenate([-directions, SO3.cross(directions, np.broadcast_to(at, directions.shape)), shared], axis=-1)
+def _moves(seen: _Seen, touches: Touches, R: Transforms) -> FloatArray:
+    """How the readings move in the part's frame with its pose and with shared errors ``(k, 3, 6 + D)``."""
+    gains = np.swapaxes(R[seen.poses], 1, 2) @ touches.gains[seen.readings]
+    still = np.broadcast_to(-np.eye(3), (len(seen.at), 3, 3))
+    return np.concatenate([still, SO3.hat(seen.at), gains], axis=-1)
