@@ -93,6 +93,15 @@ def test_the_command_of_the_demo_is_the_one_shown():
     assert CONSOLE[0].startswith(f"$ {command}\n")
 
 
+def test_the_demo_that_is_shown_ends_well():
+    (shown,) = (block for block in CONSOLE if block.startswith("$ tanteo demo"))
+    assert "It was step_12mm" in shown
+    assert "\nstep_12mm, located to" in shown
+    assert float(re.search(r"worst corner is ([\d.]+) mm", shown)[1]) < 1.0
+    ours, others = re.search(r"Readings: (\d+)\. Random places would have taken (\d+)", shown).groups()
+    assert int(ours) < int(others)
+
+
 @pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 @pytest.mark.parametrize("target", ["demo", "test"])
 def test_make_has_the_targets(target, tmp_path):

@@ -60,7 +60,6 @@ def test_every_notebook_is_expected_to_say_something():
     assert sorted(SAYS) == [file.stem for file in sorted(NOTEBOOKS.glob("[0-9]*.py"))]
 
 
-@pytest.mark.slow
 def test_the_site(tmp_path):
     """Built once, which runs the notebooks: no warning, every page, nothing asked of anybody, links that hold."""
     for module in ("sphinx", "furo", "myst_parser", "latex2mathml", "sphinx_gallery", "matplotlib"):

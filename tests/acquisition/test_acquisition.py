@@ -183,7 +183,7 @@ def test_the_patch_and_the_stands_of_a_block():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "n"), [("plane", 5), ("edge", 3), ("vertex", 3)])
+@pytest.mark.parametrize(("kind", "n"), [("plane", 7), ("edge", 5), ("vertex", 4)])
 def test_scenes_at_random(kind, n):
     """A small part of ``benchmarks/motions.py``: nothing is touched, and what is stated holds."""
     total, dof, acquired = 0.0, 0, 0

@@ -145,9 +145,10 @@ def test_many_readings_give_what_identify_gives(targets):
     assert belief.weights[0] == pytest.approx(1 - kin, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_the_region_holds_the_truth(targets):
     """NEES over scenes drawn from the start, five readings: few enough that the posterior is often bent."""
-    start, inside, total = rough(targets[2:]), 0, 20
+    start, inside, total = rough(targets[2:]), 0, 30
     for seed in range(total):
         rng = np.random.default_rng((4, seed))
         T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))

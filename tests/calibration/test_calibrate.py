@@ -11,7 +11,7 @@ from tanteo.calibration.log import plane_log
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings, measure
 
-RUNS, STATIONS, FRESH = 16, 25, 8
+RUNS, STATIONS, FRESH = 24, 25, 8
 
 
 def mean_in_interval(values, dof, slack=1.0):

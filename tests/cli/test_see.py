@@ -39,7 +39,6 @@ def test_a_hidden_part_is_named_and_placed(run, few, tmp_path):
     assert read_image(picture).shape == (960, 1280)
 
 
-@pytest.mark.slow
 def test_one_document_with_every_object(run, few):
     result = run("see", IMAGES / "three_parts.png", "--parts", few, *PLACED, "--json")
     document = json.loads(result.out)

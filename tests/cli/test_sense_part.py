@@ -82,6 +82,7 @@ def test_what_is_assumed_beforehand_can_be_said(sense, tmp_path):
     assert document["unknown_probability"] > 4 * usual["unknown_probability"]
 
 
+@pytest.mark.slow
 def test_the_policies_differ_and_the_seed_repeats(sense):
     outs = [sense("--most", "2", *more)[2] for more in ((), ("--seed", "1"), ("--policy", "nearest"))]
     assert outs[0] == outs[1] != outs[2]

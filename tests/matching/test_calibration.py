@@ -14,10 +14,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from calibration import campaign
 
-SCENES = 64
+SCENES = 100
 TARGET = 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mode", "settings"),
     [("touches", {"unknown": 1e-9, "clutter": 1e-6}), ("touches", {"common_sizes": 0.0})],

@@ -112,9 +112,10 @@ def test_pose_and_covariance_are_those_of_readings_and_rough_pose_together(parts
     assert np.mean(sizes) == pytest.approx(1.0, abs=0.15)  # and what is tested is counted rightly
 
 
+@pytest.mark.slow
 def test_a_rough_pose_settles_what_two_planes_leave_free(parts):
     part, values = parts["bracket_left"], []
-    for k in range(20):
+    for k in range(40):
         rng = np.random.default_rng((3, k))
         T = random_pose(rng)
         normals = part.planes.normals

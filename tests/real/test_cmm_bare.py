@@ -90,6 +90,7 @@ def test_both_placements_show_the_same_difference_of_frames(block, located):
     assert apart @ np.linalg.solve(joint, apart) < 22.5
 
 
+@pytest.mark.slow
 def test_identified_among_all_real_parts(block):
     folder = DATA / "step_parts"
     if not folder.is_dir():

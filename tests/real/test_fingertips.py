@@ -120,6 +120,7 @@ def test_the_helmet_set_is_not_on_the_given_mesh_but_is_located(targets):
     assert np.linalg.norm(xi[3:]) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "part"), [("measCylinder_exp", "cylinder"), ("measCleaner_exp", "cleaner")])
 def test_which_of_these(targets, name, part):
     answer = identify_touches(touches_of(points_of(name), SD), no_paths(), list(targets.values()), top=1000)

@@ -103,11 +103,12 @@ def test_normals_are_off_by_their_tilt_and_by_how_far_the_nearest_place_is_from_
     assert squares.mean() == pytest.approx(2.0, abs=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base_sd", [0.0, 5e-4])
 def test_readings_with_normals_place_the_flange_as_well_as_they_say(flange, base_sd):
-    """Half of them on its cylinders; NEES of 30 poses, climbed to from the truth."""
+    """Half of them on its cylinders; NEES of 60 poses, climbed to from the truth."""
     values, priors = [], Priors(radius=flange.part.radius)
-    for k in range(30):
+    for k in range(60):
         rng = np.random.default_rng((6, k))
         touches, T = with_normals(flange, 8, 8, rng, 3e-4, 0.03)
         if base_sd:
@@ -121,10 +122,11 @@ def test_readings_with_normals_place_the_flange_as_well_as_they_say(flange, base
     assert low < np.mean(values) < high
 
 
+@pytest.mark.slow
 def test_a_ball_tip_with_sensed_normals_places_it_as_well_as_it_says(flange):
     """A tip of 3 mm in bores of 7 mm: its centre and the normal are two readings, not one moved by the other."""
     values, r, sd, tilt = [], 3e-3, 1e-4, 0.05
-    for k in range(14):
+    for k in range(25):
         rng = np.random.default_rng((8, k))
         T = box_centred_pose(rng)
         p, n = surface_points(flange, 3000, rng)
@@ -139,6 +141,6 @@ def test_a_ball_tip_with_sensed_normals_places_it_as_well_as_it_says(flange):
         if answer.status == "recognized":
             best = answer.hypotheses[0]
             values.append(nees(flange.part, best.T_world_part, best.covariance, T)[0])
-    assert len(values) > 11
+    assert len(values) > 21
     low, high = chi2.ppf([0.001, 0.999], 6 * len(values)) / len(values)
     assert low < np.mean(values) < high

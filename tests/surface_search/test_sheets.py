@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 
 import tanteo
 from bare_scenes import inside, nees, no_paths, surface_points, touches_of
@@ -21,10 +20,6 @@ from tanteo.surface_search.sheets import all_over, pieces
 
 FOLDER = Path(__file__).parents[2] / "examples" / "parts"
 ROUGH = np.diag(np.repeat([3e-3, np.radians(2)], 3)) ** 2
-
-
-DRAWN = 24
-"""Poses of a rough pose."""
 
 
 @cache
@@ -48,11 +43,12 @@ def near(target, C=ROUGH):
     return sized(Priors(pose=PosePrior(np.eye(4), C)), target.part.radius)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3, 5])
 def test_the_draws_are_of_the_posterior(bracket, n):
     """Of truths drawn from the rough pose, each is denser than as many draws as a uniform share says."""
     ranks, squares = [], []
-    for k in range(DRAWN):
+    for k in range(40):
         touches, T = placed(bracket, n, np.random.default_rng((n, k)))
         priors = near(bracket)
         found = search_all(touches, no_paths(), [bracket], priors).maxima[0][1]
@@ -65,23 +61,24 @@ def test_the_draws_are_of_the_posterior(bracket, n):
         gap = x - w @ x
         squares.append((own - w @ x) @ np.linalg.solve((w[:, None] * gap).T @ gap, own - w @ x))
     ranks = np.array(ranks)
-    assert np.sum(ranks < 0.95) >= binom.ppf(0.001, DRAWN, 0.95)
-    assert binom.ppf(0.002, DRAWN, 0.5) <= np.sum(ranks < 0.5) <= binom.ppf(0.998, DRAWN, 0.5)
+    assert np.sum(ranks < 0.95) >= 33  # 38 expected; fewer than 33 in one of a thousand
+    assert 11 <= np.sum(ranks < 0.5) <= 29
     assert np.median(squares) < 9
 
 
+@pytest.mark.slow
 def test_what_is_sure_of_few_touches_is_in_its_region():
     within = []
     for name in ("block", "wedge", "bracket_left"):
         target = target_of(name)
-        for k in range(15):
+        for k in range(30):
             touches, T = placed(target, 3 + k % 3, np.random.default_rng((4, k)))
             answer = identify_touches(touches, no_paths(), [target], priors=near(target))
             if answer.status == "recognized":
                 best = answer.hypotheses[0]
                 within.append(inside(*nees(target.part, best.T_world_part, best.covariance, T)))
-    assert len(within) > 15
-    assert sum(within) >= binom.ppf(0.01, len(within), 0.93)  # by the curvature of the maxima 0.8 of them
+    assert len(within) > 30
+    assert np.mean(within) > 0.83  # 0.93 expected; by the curvature of the maxima 0.8
 
 
 def test_the_mass_of_a_normal_posterior_is_that_of_its_curvature(bracket):
