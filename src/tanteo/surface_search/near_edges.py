@@ -192,7 +192,9 @@ def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, 
     # everything is linear in how the point moves, so that the faces are summed before poses and shared errors come in
     across = (faces.inward - seen.slant[..., None] * faces.normals[:, :, None]) / seen.t[..., None]
     slopes = np.sum(pull[..., None] * across, axis=2) - (d / s2)[..., None] * faces.normals
-    ways = np.concatenate([faces.normals[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * across], 2)
+    ways = np.concatenate(
+        [faces.normals[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * across], 2
+    )
     ways = (np.sqrt(share)[..., None, None] * ways).reshape(len(share), -1, 3)
     moves = _moves(seen, touches, R)
     gradient = (np.sum(share[..., None] * slopes, axis=1)[:, None] @ moves)[:, 0]
