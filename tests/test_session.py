@@ -332,7 +332,7 @@ def test_what_cannot_be_a_reading_changes_nothing(targets):
     assert session.ask() is action
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     """Contradictory, repeated, late, from nowhere near the part, and on the way free of everything."""
     rng = np.random.default_rng((3, seed))

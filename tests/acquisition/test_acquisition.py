@@ -202,7 +202,10 @@ def test_scenes_at_random(kind, n):
     assert low < total < high
 
 
-@pytest.mark.parametrize(("seed", "k", "what"), [(20261201, 622, "a first look"), (20261204, 333, "a way down")])
+@pytest.mark.parametrize(
+    ("seed", "k", "what"),
+    [(20261201, 622, "a first look"), pytest.param(20261204, 333, "a way down", marks=pytest.mark.slow)],
+)
 def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
     """Two scenes of ``benchmarks/motions.py`` in which it came nearer than half the stand-off, or touched."""
     rng = np.random.default_rng((seed, 1, k))

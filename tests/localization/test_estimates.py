@@ -228,9 +228,10 @@ def test_estimate_pose_finds_the_pose_without_a_start(name, shared):
     assert lost <= binom.ppf(0.999, trials, 0.01)
 
 
+@pytest.mark.slow
 def test_prior_is_used_as_information():
     """Three vertices on planes leave three directions to the prior; chi-square counts both."""
-    rng, trials = np.random.default_rng(15), 100
+    rng, trials = np.random.default_rng(15), 200
     scene = Scene(["vertex_on_plane"] * 3, rng)
     Ts = scene.draw(rng, trials)
     A = np.diag([2e-3] * 3 + [2e-2] * 3) @ (np.eye(6) + 0.3 * rng.normal(size=(6, 6)))

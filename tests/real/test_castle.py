@@ -49,6 +49,7 @@ def test_the_dense_fit_explains_the_frames(frames):
         assert len(pixels.points) > 10_000
 
 
+@pytest.mark.slow
 def test_twenty_four_pixels(target, frames):
     """Aimed at 90 % of 50 draws a frame; ``benchmarks/castle.py`` counts them all."""
     best, among, values = count(target, frames, 24, 8)
@@ -57,6 +58,7 @@ def test_twenty_four_pixels(target, frames):
     assert values.mean() < 12
 
 
+@pytest.mark.slow
 def test_twelve_pixels(target, frames):
     """Aimed at 65 % right; twelve pixels of this noise do not always fix the pose to 3 mm and 1.5 degrees."""
     best, among, values = count(target, frames, 12, 8)

@@ -114,6 +114,7 @@ def holds(block, answer, truth):
     return False
 
 
+@pytest.mark.slow
 def test_eight_touches_do_not_exclude_the_truth(block, located):
     """Eight touches of a block of ten planes fit a hundred poses: the truth must be one of them.
 

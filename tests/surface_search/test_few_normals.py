@@ -28,18 +28,19 @@ def found_with(target, touches):
     return search_all(touches, no_paths(), [target], sized(None, target.part.radius)).maxima[0][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [6, 8])
 def test_what_the_truth_climbs_to_is_found(targets, n):
-    """In all but one of 30 scenes; of a hundred it was missed in seven before, by up to 20 nats."""
+    """In all but two of 48 scenes; of a hundred it was missed in seven before, by up to 20 nats."""
     missed = 0
     for k, target in enumerate(targets):
-        for scene in range(5):
+        for scene in range(8):
             touches, T = oriented(target, n, np.random.default_rng((4, k, scene, n)))
             best = polish(touches, no_paths(), T[None], target, sized(None, target.part.radius))
             maxima = found_with(target, touches)
             matters = best.log_evidence[0] > maxima.log_evidence.max(initial=-np.inf) - 3
             missed += matters and not holds(target, maxima, best)
-    assert missed <= 1
+    assert missed <= 2
 
 
 def test_a_reading_that_is_astray_where_a_climb_ends_is_tried_again(targets):

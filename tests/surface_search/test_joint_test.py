@@ -28,6 +28,7 @@ def with_normals(bracket, n, seed, worse=1.0):
     return replace(touches, normal_sds=np.full(n, 5e-3)), T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [6, 8])
 def test_p_values_of_right_poses_with_sensed_normals_are_even(bracket, n):
     """Six used to be taken from the points alone: of seven readings one in six was refused at one in a hundred."""

@@ -32,6 +32,7 @@ def answered(target, touches, pose):
     return identify_touches(touches, no_paths(), [target], priors=Priors(radius=target.part.radius, pose=pose))
 
 
+@pytest.mark.slow
 def test_a_part_at_the_border_of_its_box_is_found_inside_with_a_covariance_that_covers_it(bracket):
     """One in two has its likeliest pose outside, by the noise: it was dropped, and a pose turned over given as sure."""
     outside, values = 0, []

@@ -221,13 +221,14 @@ def hover(
     hand, cloud = session.hand, session.seen()
     raised, other = over(cloud, patch.point, patch.normal), beside(cloud, patch.point, patch.normal)
     now, why = session.robot.sensed.T_world_hand, _NARROW
+    height = HOVER if closely else _higher(session)
     places = [(place, along) for width, place, along in stands(patch, hand.baseline, wanted) if width >= _WIDE]
     for width in WIDTHS:
         for place, along in places:
             if any(np.linalg.norm(place - tried) < _ELSEWHERE for tried in avoid):
                 continue
             down = facing(hand, place, patch.normal, along, session.standoff, now)
-            up = moved(down, (HOVER if closely else _higher(session)) * patch.normal)
+            up = moved(down, height * patch.normal)
             scanned = np.array([[0, 0], [width, 0], [-width, 0], [0, ALONG], [0, -ALONG]])
             low = moved(down, scanned @ [np.cross(patch.normal, along), along])
             if not (fits(session, raised, low) and fits(session, other, path(now, up, hand.front, 24))):
