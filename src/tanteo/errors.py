@@ -67,6 +67,7 @@ def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
         likeness: from 0 to 1, that the nearest has to have.
     """
     names = list(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=likeness)
+    near = [other for other in names if other.casefold() == name.casefold()]
+    near = near or difflib.get_close_matches(name, names, n=1, cutoff=likeness)
     near = near or difflib.get_close_matches(name.lower(), names, n=1, cutoff=likeness)
     return f" Did you mean '{near[0]}'?" if near else ""

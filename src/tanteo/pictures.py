@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
+from tanteo.replaced import replaced
 from tanteo.sensors import SensorPreset
 from tanteo.typing import FloatArray
 
@@ -115,4 +116,5 @@ def _save(figure: Any, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() not in _SUFFIXES:
         raise InputError(f"picture: expected a file name that ends in {', '.join(_SUFFIXES)}, got '{path.name}'.")
-    figure.savefig(path)
+    with replaced(path) as file:
+        figure.savefig(file)

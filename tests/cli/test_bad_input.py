@@ -298,7 +298,7 @@ CALLS = [
         "two missing parts",
         ["identify", "r.csv", "--sd", "1mm", "--parts", "a", "b"],
         FAILED,
-        "got none. See the",
+        "a: expected a file or a folder, got nothing there.",
     ),
     ("locate a folder", ["locate", "r.csv", "--sd", "1mm", "--part", "parts"], FAILED, "expected one CAD file"),
     ("locate nothing", ["locate", "r.csv"], MISUSED, "--part"),

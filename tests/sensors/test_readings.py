@@ -49,6 +49,12 @@ MIRROR = EYES * np.array([-1, 1, 1, 1.0])[None, :, None]
         ({"normals": P + 1, "normal_sds": np.radians([1, 1, 1e-20])}, "to 60 degrees, got 1e-20. Check the unit"),
         ({"Ts_world_hand": 2 * EYES}, "expected rigid motions"),
         ({"Ts_world_hand": MIRROR}, "expected rigid motions"),
+        ({"points": np.ma.array(P, mask=P > 7)}, "points: expected numbers, got a masked array"),
+        ({"sds": np.ma.array([1.0] * 3, mask=[0, 1, 0])}, "sds: expected numbers, got a masked array"),
+        ({"directions": np.ma.array(P + 1, mask=P > 7)}, "directions: expected numbers, got a masked array"),
+        ({"points": P + 1j}, "points: expected real numbers"),
+        ({"is_free": ["ok", "none", "ok"]}, "is_free: expected true or false, got 'ok'"),
+        ({"ids": [0, 0, 1]}, "got '0' twice"),
     ],
 )
 def test_refusals(columns, message):
@@ -90,6 +96,15 @@ def test_free_by_kind_or_by_flag_is_the_same_and_the_caller_keeps_his_flags():
     assert r.features == ("A", "", "")
     np.testing.assert_array_equal(r.is_free, [False, True, True])
     np.testing.assert_array_equal(flags, [False, False, True])
+
+
+def test_names_are_text_and_empty_cells_of_a_table_are_none():
+    made = Readings.from_columns(P, ids=np.arange(3), features=[np.nan, None, "A"], sensors=["", np.nan, 7])
+    assert made.ids == ("0", "1", "2")
+    assert made.features == ("", "", "A")
+    assert made.sensors == ("", "", "7")
+    plain = Readings.from_columns(np.ma.array(P))  # nothing of it is masked
+    np.testing.assert_array_equal(plain.points, P)
 
 
 def test_no_readings_are_allowed_as_a_value():

@@ -141,13 +141,17 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
     for given in map(Path, paths):
         if given.is_dir():
             try:
-                inside = sorted(file for file in given.iterdir() if file.suffix.lower() in READABLE and file.is_file())
+                inside = sorted(f for f in given.iterdir() if f.suffix.lower() in READABLE and not f.is_dir())
             except OSError as error:
                 why = error.strerror or error
                 reason = f"{given}: expected a folder that may be read, got: {why}. Check its permissions."
                 failures.append(Failure(str(given), reason))
                 continue
-            files.update({file.resolve(): file for file in inside if file.resolve() not in files})
+            nowhere = [file for file in inside if not file.is_file()]
+            reason = "expected a file, got a link that leads nowhere, or a device. Mend it, or take it away."
+            failures += [Failure(str(file), f"{file}: {reason}") for file in nowhere]
+            found = [file for file in inside if file not in nowhere]
+            files.update({file.resolve(): file for file in found if file.resolve() not in files})
             if not inside:
                 kinds = ", ".join(READABLE)
                 reason = f"{given}: expected CAD files ({kinds}), got none in this folder. Name files, or another."

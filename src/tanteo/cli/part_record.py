@@ -15,12 +15,15 @@ from tanteo.cli.targets import writing
 if TYPE_CHECKING:
     from tanteo.session import Session
 
+_ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+"""The system's order to end, and a terminal that has gone."""
+
 
 @contextmanager
 def kept(session: Session, record: str | None) -> Iterator[None]:
-    """What was told until an interruption (Ctrl-C, or the system's order to end) is in the record."""
+    """What was told until an interruption (Ctrl-C, an order to end, a terminal that has gone) is in the record."""
     ours = threading.current_thread() is threading.main_thread()  # others may not listen to signals
-    before = signal.signal(signal.SIGTERM, _interrupt) if ours else None
+    before = {number: signal.signal(number, _interrupt) for number in _ENDS} if ours else {}
     try:
         yield
     except KeyboardInterrupt:
@@ -29,8 +32,8 @@ def kept(session: Session, record: str | None) -> Iterator[None]:
             emit([f"record written up to here: {printable(record)}"], sys.stderr)
         raise
     finally:
-        if ours:
-            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 def _interrupt(number: int, frame: object) -> None:

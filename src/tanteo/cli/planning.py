@@ -14,6 +14,7 @@ from tanteo.cli.printing import bold, emit, printable, put, table
 from tanteo.cli.prior_options import prior_words
 from tanteo.cli.running import UNDECIDED, read_all_parts, require_file
 from tanteo.cli.targets import check_different, check_target, writing
+from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
     from tanteo.active import Distinction, Plan, Probe
@@ -31,7 +32,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
 
     check_report(report)
     check_target("--csv", options.csv)
-    check_different(("--csv", options.csv), ("--report", report))
+    check_different(("--csv", options.csv), ("--report", report), inputs=[("a part", path) for path in options.parts])
     for path in options.parts:
         require_file("--part" if len(options.parts) == 1 else "--distinguish", path)
     parts = [read_all_parts([path], options.units, quiet=as_json)[0] for path in options.parts]
@@ -76,8 +77,8 @@ def _rough(part: Part, near: PosePrior | None) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _write(path: str, text: str) -> None:
-    with writing("--csv", path), open(path, "w", encoding="utf-8", newline="") as stream:
-        stream.write(text)
+    with writing("--csv", path), replaced(path) as file:
+        file.write_text(text, encoding="utf-8", newline="")
 
 
 def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:

@@ -13,6 +13,7 @@ import typer
 
 from tanteo.cli.printing import emit, printable, progress, put
 from tanteo.cli.running import UNDECIDED
+from tanteo.cli.targets import check_different
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def run_replay(
     from tanteo.io.session_record import load_record, resumed
 
     check_report(report)
+    check_different(("--report", report), inputs=[("the record", path)])
     begun = time.perf_counter()
     record = load_record(path)
     parts = parts_of(record.parts, record.source, folders=folders)

@@ -15,6 +15,7 @@ import typer
 from tanteo.cli.options import MisuseError, RunOptions, misuse, misuse_of_options
 from tanteo.cli.printing import complain, emit, printable, progress, put
 from tanteo.cli.prior_options import prior_words
+from tanteo.cli.targets import check_different
 from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
 
 if TYPE_CHECKING:
@@ -61,12 +62,17 @@ def recognize(
     from tanteo.cli.reporting import check_report
 
     check_report(report)
+    sources = [("the readings", readings_path), ("--rig", rig_path), *(("a part", path) for path in part_paths)]
+    check_different(("--report", report), inputs=sources)
     from tanteo.cli.scale import check_scale, check_spread, meant_directions, meant_units, scale_of
     from tanteo.io import read_readings, read_rig, recognition_json
+    from tanteo.io.rig_checks import meant_metres
     from tanteo.sensors.devices import misspelt
 
     _check_readings_name(readings_path)
     rig = None if rig_path is None else read_rig(rig_path)
+    if rig is not None and (question := meant_metres(rig)):
+        complain("warning", question)
     readings = read_readings(readings_path)
     measured = _check_fit(readings, options, rig)
     if rig is None and (question := misspelt(readings)):
@@ -143,7 +149,7 @@ def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> Poin
 
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
-    """The parts; those that cannot be read are warnings as long as one can."""
+    """The parts; files of a folder that cannot be read are warnings as long as one can."""
     from tanteo.catalogue import read_parts
 
     try:
@@ -154,8 +160,13 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
     reasons = [f"{f.reason} Here that is --units." if "unit=" in f.reason else f.reason for f in parts.failures]
     if len(reasons) == 1 and not parts.parts:
         raise PartError(reasons[0])
+    named = {Path(path) for path in paths if not Path(path).is_dir()}
+    lost = [r for r, failure in zip(reasons, parts.failures, strict=True) if Path(failure.path) in named]
     for reason in reasons:
-        complain("warning", reason)
+        if reason not in lost[:1]:
+            complain("warning", reason)
+    if lost:  # an answer would say nothing of a part that was asked for by name
+        raise PartError(lost[0])
     if not parts.parts:
         raise PartError("--parts: expected at least one part that can be read, got none. See the warnings.")
     return parts.parts

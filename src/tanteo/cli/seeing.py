@@ -13,7 +13,7 @@ import typer
 from tanteo.cli.answer import answer_lines
 from tanteo.cli.printing import emit, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
-from tanteo.cli.targets import check_target
+from tanteo.cli.targets import check_different, check_target
 from tanteo.errors import DegenerateError, InputError
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     """Read everything, look, draw, print; exits with 3 unless every object is recognized."""
     start = time.perf_counter()
     check_target("--picture", options.picture, (".png", ".jpg"))
+    sources = [("the image", options.image), ("--camera", options.camera), ("--marks", options.marks)]
+    check_different(("--picture", options.picture), inputs=sources)
     from tanteo.io.camera_file import read_camera
     from tanteo.io.images import read_image, write_image
     from tanteo.io.sight_json import sight_json

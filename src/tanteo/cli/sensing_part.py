@@ -116,7 +116,8 @@ def sense_unknown(
 
     check_report(report)
     check_target("--record", record)
-    check_different(("--record", record), ("--report", report), ("--scene", scene_path))
+    sources = [("--scene", scene_path), *(("a part", path) for path in part_paths)]
+    check_different(("--record", record), ("--report", report), inputs=sources)
     scene = read_scene(scene_path)
     scene = replace(scene, standoff=options.standoff or scene.standoff)
     if options.seed is not None:

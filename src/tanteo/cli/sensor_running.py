@@ -14,7 +14,7 @@ import typer
 
 from tanteo.cli.options import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, printable, put
-from tanteo.cli.targets import check_target, writing
+from tanteo.cli.targets import check_different, check_target, writing
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_presets, sensor_preset, sensor_presets
 
 if TYPE_CHECKING:
@@ -83,8 +83,11 @@ def _preset(name: str) -> SensorPreset | RobotPreset:
 def show_rig(file: str, *, as_json: bool) -> None:
     """Check a rig and print it."""
     from tanteo.io import read_rig
+    from tanteo.io.rig_checks import meant_metres
 
     rig = read_rig(file)
+    if question := meant_metres(rig):
+        complain("warning", question)
     if as_json:
         from tanteo.io.rig_json import rig_document
 
@@ -103,6 +106,8 @@ def run_fit(request: FitRequest, *, as_json: bool, verbose: bool) -> None:
 
     check_target("--write", request.write)
     check_target("--picture", request.picture)
+    check_different(("--write", request.write), ("--picture", request.picture), inputs=[("the log", request.log)])
+    check_different(("--picture", request.picture), inputs=[("--rig", request.rig)])
     with misuse():
         sensor = None if request.sensor is None else sensor_preset(request.sensor)
         robot = None if request.robot is None else robot_preset(request.robot)

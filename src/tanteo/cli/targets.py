@@ -41,13 +41,13 @@ def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> N
             raise _refused(name, path, f"permission denied. {_ELSEWHERE}")
 
 
-def check_different(*targets: tuple[str, str | None]) -> None:
-    """Are these files different ones? Options and paths; None is no file.
+def check_different(*targets: tuple[str, str | None], inputs: Sequence[tuple[str, str | None]] = ()) -> None:
+    """Are these files different ones, and none of them one that is read? Options and paths; None is no file.
 
     Raises:
-        MisuseError: Two of them are one.
+        MisuseError: Two of them are one, or one would be written over what is read.
     """
-    seen: dict[Path, str] = {}
+    seen = {Path(path).resolve(): name for name, path in inputs if path is not None}
     for name, path in targets:
         if path is None:
             continue

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.replaced import replaced
 from tanteo.typing import FloatArray
 from tanteo.vision.opencv import opencv
 
@@ -56,7 +57,8 @@ def write_image(path: str | Path, picture: np.ndarray) -> None:
     if not done:
         raise InputError(f"{path}: expected a name that ends in .png or .jpg, got '{path.name}'. Add the suffix.")
     try:
-        path.write_bytes(data.tobytes())
+        with replaced(path) as file:
+            file.write_bytes(data.tobytes())
     except OSError as error:
         raise InputError(
             f"{path}: expected a place to write to, got: {error.strerror or error}. Name another."

@@ -11,6 +11,7 @@ import numpy as np
 from tanteo.io import units
 from tanteo.io.columns import DIRECTION, HAND, NORMAL, POINT
 from tanteo.lie import SO3
+from tanteo.replaced import replaced
 from tanteo.sensors import Readings
 from tanteo.typing import FloatArray
 
@@ -50,7 +51,7 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
     columns = {name: cells for name, cells in columns.items() if any(cell != "" for cell in cells)}
     # an id that starts with # would read as a comment, unless quoted
     marked = any(name.startswith("#") for name in readings.ids)
-    with Path(path).open("w", encoding="utf-8", newline="") as text:
+    with replaced(path) as file, file.open("w", encoding="utf-8", newline="") as text:
         writer = csv.writer(text, quoting=csv.QUOTE_ALL if marked else csv.QUOTE_MINIMAL, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(zip(*columns.values(), strict=True))

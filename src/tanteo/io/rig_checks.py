@@ -10,6 +10,9 @@ from tanteo.sensors import Rig, RigSensor
 _FARTHEST = 2.0
 """A sensor farther than this from the hand's origin [m] is a wrong unit."""
 
+_NEAREST = 0.5e-3
+"""One that is nearer, but not there, may be in metres [m]."""
+
 _WIDEST = np.pi / 3
 """A cone wider than this [rad] is a wrong unit."""
 
@@ -49,6 +52,18 @@ def check_beam(sensor: RigSensor, place: str) -> None:
             f"{place}, direction: expected the beam to lead away from the hand, got one that passes its origin within "
             f"{1e3 * nearest:.3g} mm. Turn it around, or move the hand's origin out of its way."
         )
+
+
+def meant_metres(rig: Rig) -> str:
+    """A question where a sensor sits so near to the hand's origin that its place may be in metres; else empty."""
+    for sensor in rig.sensors:
+        away = float(np.linalg.norm(sensor.T_hand_sensor[:3, 3]))
+        if 0 < away < _NEAREST:
+            return (
+                f"{rig.source}, sensors.{sensor.name}: it sits {1e3 * away:.2g} mm from the origin of the hand's "
+                "frame. Is its position in metres? Then call it position_m."
+            )
+    return ""
 
 
 def _reach(sensor: RigSensor) -> float:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tanteo.lie import SO3
+from tanteo.replaced import replaced
 from tanteo.sensors import Rig, RigSensor
 from tanteo.typing import FloatArray
 
@@ -27,7 +28,9 @@ def write_rig(rig: Rig, path: str | Path, *, comment: str = "") -> None:
     Raises:
         OSError: The file cannot be written.
     """
-    Path(path).write_text(rig_text(rig, comment=comment), encoding="utf-8")
+    text = rig_text(rig, comment=comment)
+    with replaced(path) as file:
+        file.write_text(text, encoding="utf-8")
 
 
 def rig_text(rig: Rig, *, comment: str = "") -> str:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +24,7 @@ from tanteo.io.record_values import (
 from tanteo.io.result_json import recognition_document
 from tanteo.matching import Priors
 from tanteo.parts import Part
+from tanteo.replaced import replaced
 from tanteo.session import Action, Sensing, Session, Told
 from tanteo.surface_search import Target, prepare_target
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
@@ -91,14 +90,8 @@ def write_record(session: Session, path: str | Path) -> None:
         OSError: the file cannot be written.
     """
     text = json.dumps(session_document(session), allow_nan=False, separators=(",", ":"))
-    temporary = Path(f"{path}.part")
-    try:
-        temporary.write_text(text + "\n", encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
+    with replaced(path) as file:
+        file.write_text(text + "\n", encoding="utf-8")
 
 
 def session_document(session: Session) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from tanteo.active.explain import explain
 from tanteo.errors import InputError
 from tanteo.matching import Recognition
 from tanteo.parts import Part
+from tanteo.replaced import replaced
 from tanteo.report.answered import answer_front
 from tanteo.report.contacts import find_contacts
 from tanteo.report.course import course_section
@@ -88,7 +89,8 @@ def write_report(path: str | Path, page: str) -> None:
     Raises:
         OSError: The file cannot be written.
     """
-    Path(path).write_text(page, encoding="utf-8", newline="\n")
+    with replaced(path) as file:
+        file.write_text(page, encoding="utf-8", newline="\n")
 
 
 def _page(

@@ -108,9 +108,9 @@ class Readings:
         """
         first = next((c for c in (points, ranges, ids) if c is not None), None)
         n = n if n is not None else (0 if first is None else len(first))
-        free = np.zeros(n, dtype=bool) if is_free is None else np.array(is_free, dtype=bool)
+        free = np.zeros(n, dtype=bool) if is_free is None else _flags(is_free)
         kinds = _filled_kinds(kinds, free, n)
-        labels = ("",) * n if features is None else tuple(features)
+        labels = ("",) * n if features is None else _names(features)
         columns = {
             "points": points, "directions": _units("directions", directions),
             "normals": _units("normals", normals), "normal_sds": normal_sds, "sds": sds,
@@ -120,10 +120,10 @@ class Readings:
         }  # fmt: skip
         arrays = {k: np.broadcast_to(np.nan, (n, *_COLUMNS[k])) if v is None else v for k, v in columns.items()}
         return cls(
-            ids=tuple(map(str, range(1, n + 1))) if ids is None else tuple(ids),
+            ids=tuple(map(str, range(1, n + 1))) if ids is None else _names(ids),
             features=tuple("" if f else label for f, label in zip(free, labels, strict=True)) if free.any() else labels,
             kinds=kinds,
-            sensors=("",) * n if sensors is None else tuple(sensors),
+            sensors=("",) * n if sensors is None else _names(sensors),
             is_free=free,
             source=source,
             **arrays,
@@ -172,7 +172,7 @@ def concatenate(parts: Sequence[Readings]) -> Readings:
 
 def _frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """A read-only float64 copy of the right shape; broadcast columns of NaN stay one number in memory."""
-    array = np.asarray(value, dtype=np.float64)
+    array = _numbers(name, value)
     if array.shape != shape:
         raise ReadingsError(f"{name}: expected shape {shape}, got {array.shape}. Give one row a reading.")
     if array.flags.writeable:
@@ -181,8 +181,30 @@ def _frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     return array
 
 
+def _numbers(name: str, value: FloatArray) -> FloatArray:
+    """Real numbers as float64: of masked or complex ones a part would go unsaid."""
+    if np.ma.is_masked(value):
+        raise ReadingsError(f"{name}: expected numbers, got a masked array. Fill it with NaN, or leave the rows out.")
+    if np.iscomplexobj(value):
+        raise ReadingsError(f"{name}: expected real numbers, got complex ones. Give their real parts.")
+    return np.asarray(value, dtype=np.float64)
+
+
+def _names(values: Sequence[object]) -> tuple[str, ...]:
+    """Names as text; None and NaN, which tables have in empty cells, are none."""
+    return tuple("" if v is None or v != v else str(v) for v in values)
+
+
+def _flags(value: BoolArray) -> BoolArray:
+    """A copy; words would all be true."""
+    flags = np.array(value)
+    if flags.dtype.kind not in "bui" and flags.size:
+        raise ReadingsError(f"is_free: expected true or false, got '{flags.flat[0]}'. Compare the words first.")
+    return flags.astype(bool)
+
+
 def _frozen_flags(value: BoolArray, n: int) -> BoolArray:
-    flags = np.array(value, dtype=bool)
+    flags = _flags(value)
     if flags.shape != (n,):
         raise ReadingsError(f"is_free: expected shape {(n,)}, got {flags.shape}. Give one flag a reading.")
     flags.flags.writeable = False
@@ -202,7 +224,7 @@ def _units(name: str, vectors: Vectors | None) -> Vectors | None:
     """Vectors scaled to length one; NaN rows stay."""
     if vectors is None:
         return None
-    vectors = np.asarray(vectors, dtype=np.float64)
+    vectors = _numbers(name, vectors)
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ReadingsError(f"{name}: expected shape (n, 3), got {vectors.shape}. Give one row a reading.")
     if np.isinf(vectors).any():
