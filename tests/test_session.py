@@ -468,7 +468,7 @@ def test_a_part_that_was_moved_is_said_to_have_been(targets):
     assert "did the part or the sensor move?" in session.answer().message
 
 
-@pytest.mark.parametrize("of_the_object", [False, True])
+@pytest.mark.parametrize("of_the_object", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_reading_that_does_not_fit_is_made_once_more_and_settles_it(targets, of_the_object):
     """Two readings are off: strays of the sensor the first time only; a part that is only like it is off again."""
     start, rng, wrong = rough(targets), np.random.default_rng(10), []

@@ -44,6 +44,7 @@ def test_the_edge_of_a_bend(degrees):
     np.testing.assert_allclose(again.P, got.feature.P, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_slight_bend_is_not_felt_and_the_answer_says_why():
     _, got = felt(10, seed=0)
     assert got.status == "nothing"
@@ -64,6 +65,7 @@ def test_planes_that_meet_elsewhere_are_of_another_edge():
     assert "mm beside where the surface bends" in message
 
 
+@pytest.mark.slow
 def test_the_far_end_of_a_bevel_is_not_taken_for_the_edge_of_the_face():
     """Two millimetres of bevel; the same border without it is acquired (``test_acquisition``)."""
     robot = SimulatedHand(bevelled(0.002), gripper(), over(-0.02, 0.07), rng=np.random.default_rng(0))

@@ -61,6 +61,7 @@ def _hat(v):
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "unknown"), [(2, 0.5), (2, 0.9), (5, 0.01)])
 def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
     """Probability of each part against the likelihood averaged over many draws of the prior; a coarse sensor."""

@@ -79,6 +79,7 @@ def test_what_is_promised_after_a_plan_is_what_linear_least_squares_gives(bracke
     assert np.mean(off <= tolerance) == pytest.approx(found.readings[-1].within_if_met, abs=0.02)
 
 
+@pytest.mark.slow
 def test_two_readings_fewer_would_not_do(block):
     """Every plan of two readings less, among other places than those of the plan itself too, misses the confidence."""
     start = at_pose(block, np.eye(4), C)
@@ -209,7 +210,9 @@ def test_a_plan_that_cannot_be_meant_is_refused(bracket, tolerance, confidence, 
         plan(at_pose(bracket, np.eye(4), C), TOUCH, tolerance, confidence, most)
 
 
-@pytest.mark.parametrize("names", [("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")])
+@pytest.mark.parametrize(
+    "names", [("bracket_left", "bracket_right"), pytest.param(("step_12mm", "step_15mm"), marks=pytest.mark.slow)]
+)
 def test_one_reading_tells_twins_apart(names):
     pair = [prepare_target(read_part(PARTS / f"{name}.step")) for name in names]
     found = distinguish(*pair, LASER)
@@ -271,6 +274,7 @@ def test_what_is_known_well_enough_needs_no_reading(block):
     assert found.message.startswith("No reading is needed: all corners of block within 1000 mm")
 
 
+@pytest.mark.slow
 def test_a_part_that_may_be_anywhere_is_not_planned_for(block):
     """A linear plan would promise what readings that meet nothing cannot keep."""
     found = plan(at_pose(block, np.eye(4), np.diag(np.repeat([10.0, 0.05], 3) ** 2)), TOUCH, 1e-3)

@@ -113,7 +113,7 @@ def test_two_outputs_are_two_files(run, tmp_path):
         (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "nothing"), "sensor"),
         (("--distinguish", BRACKET, "--sd", "1mm"), "two CAD files"),
         (("--distinguish", BRACKET, "--distinguish", BRACKET, "--sd", "1mm"), "twice"),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--most", "0"), "--most"),
+        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--most", "0"), "--most: expected 1 or more, got 0."),
         (
             ("--distinguish", BRACKET, "--distinguish", "x.step", "--sd", "1mm", "--csv", "x.csv"),
             "--csv: expected with",

@@ -107,6 +107,7 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         (GOOD + "c,,,\n", ReadingsError, "reading 'c': expected a point"),
         (GOOD + "c,1,2\n", ReadingsError, "line 4: expected 4 cells as in the header, got 3 ('c,1,2')"),
         (GOOD + "c,1,5,2,5,3\n", ReadingsError, "Mind decimal commas"),
+        (GOOD + ",,,\n,,,\n", ReadingsError, "line 4, column 'id': expected a name in every row"),
         (GOOD + "a,1,2,3\n", ReadingsError, "line 4, column 'id': expected every reading to have its own, got 'a'"),
         (GOOD + ",1,2,3\n", ReadingsError, "line 4, column 'id': expected a name"),
         (GOOD + 'c,1,2,"3\n', ReadingsError, "line 4: expected comma-separated cells, got a quotation mark"),

@@ -354,6 +354,13 @@ def test_a_cut_record_and_other_bytes(recorded, cut, tail):
         load_record(path)
 
 
+def test_a_mark_that_an_editor_put_before_it_is_no_fault(recorded):
+    session, path = recorded
+    write_record(session, path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert load_record(path).seed == session.seed
+
+
 def test_unit_vectors_and_infinite_bounds_stay(recorded):
     session, path = recorded
     session.probe = replace(session.probe, approach=np.random.default_rng(0).normal(size=3))

@@ -39,7 +39,7 @@ def brute_force(sensed, model, tolerance=0.0):
     return np.array(kept).reshape(-1, len(sensed))
 
 
-@pytest.mark.parametrize(("name", "seed"), [("block", 0), ("wedge", 1)])
+@pytest.mark.parametrize(("name", "seed"), [("block", 0), pytest.param("wedge", 1, marks=pytest.mark.slow)])
 def test_finds_what_brute_force_finds(models, name, seed):
     """Gates prune early and the extent is checked late; what is left in the end is the same set."""
     model, rng = models[name], np.random.default_rng([31, seed])

@@ -57,6 +57,14 @@ def test_a_part_of_eighty_metres_is_asked_about(tmp_path, solids, unit, hint):
         read_part(solids.write_stl(tmp_path / "q.stl", *solids.box()), unit="um")
 
 
+@pytest.mark.parametrize("unit", [None, "mm"])
+def test_a_file_that_states_its_unit_is_told_to_state_another(tmp_path, solids, unit):
+    path = tmp_path / "p.glb"
+    as_trimesh(solids.box()).export(path)
+    with pytest.raises(PartError, match=r"too large\. The unit is the file's own: export the part again, in mm"):
+        read_part(path, unit=unit)
+
+
 def test_off_with_comments_and_polygons(tmp_path):
     path = tmp_path / "wedge.off"
     faces = ["4 0 1 2 3 # base", "4 0 4 5 1", "3 1 5 2", "4 2 5 4 3 255 0 0", "3 0 3 4"]

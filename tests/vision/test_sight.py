@@ -73,6 +73,7 @@ def test_every_part_of_a_scene_is_recognized(two, models):
         assert seen.outline["area"] > 0
 
 
+@pytest.mark.slow
 def test_the_same_image_gives_the_same_answer(two, models):
     image, camera, _, _ = two
     first, second = (see_table(image, camera, models[:2]) for _ in range(2))

@@ -80,7 +80,8 @@ class PlanOptions:
         from tanteo.io.units import parse_length
 
         if (part is None) == (not distinguish):
-            raise InputError("plan: expected --part FILE, or --distinguish A B, got neither or both. Say one.")
+            got = "both" if distinguish else "neither"
+            raise InputError(f"plan: expected --part FILE, or --distinguish A B, got {got}. Say one.")
         if distinguish and len(distinguish) != 2:
             raise InputError(f"--distinguish: expected two CAD files, got {len(distinguish)}. Name both.")
         if distinguish and Path(distinguish[0]).resolve() == Path(distinguish[1]).resolve():
@@ -100,8 +101,10 @@ class PlanOptions:
         confidence, most = _CONFIDENCE if confidence is None else confidence, _MOST if most is None else most
         if not 0 < confidence < 1:
             raise InputError(f"--confidence: expected a number between 0 and 1, got {confidence:g}. Use 0.95.")
-        if most < 1 or seed < 0:
-            raise InputError(f"--most, --seed: expected 1 or more, and 0 or more, got {most} and {seed}.")
+        if most < 1:
+            raise InputError(f"--most: expected 1 or more, got {most}. Leave it out for {_MOST}.")
+        if seed < 0:
+            raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
         length = np.nan if tolerance is None else parse_length(tolerance, "--tolerance")
         if length <= 0:
             raise InputError(f"--tolerance: expected a positive length, got '{tolerance}'. Write it as 0.2mm.")
@@ -131,7 +134,8 @@ def _probe(
     from tanteo.sensors.law import NoiseLaw
 
     if (sensor is None) == (sd is None):
-        raise InputError("--sensor, --sd: expected one of the two, got neither or both. Say --sensor NAME.")
+        got = "neither" if sd is None else "both"
+        raise InputError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
     where: dict[str, object] = {}
     for name, text in (("standoff", standoff), ("clearance", clearance)):
         if text is not None:

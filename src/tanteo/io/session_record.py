@@ -215,7 +215,7 @@ def read_record(
 
 def _document(file: Path) -> dict[str, Any]:
     try:
-        document = json.loads(file.read_bytes().decode(), parse_constant=_no_constant)
+        document = json.loads(file.read_bytes().decode("utf-8-sig"), parse_constant=_no_constant)
     except OSError as error:
         raise InputError(f"{file}: expected a record, got: {error.strerror or error}. Check the path.") from None
     except (ValueError, RecursionError) as error:  # what is not UTF-8 is a ValueError too

@@ -76,6 +76,8 @@ class Table:
         return [pool.setdefault(name, name) for name in names]
 
     def _check_ids(self, names: list[str]) -> None:
+        if "" in names:
+            self.fail(names.index(""), "id", "", "a name in every row, or no column id")
         before = len(self._ids)
         self._ids.update(names)
         if len(self._ids) < before + len(names):
@@ -84,8 +86,6 @@ class Table:
                 if name in seen:
                     self.fail(k, "id", name, "every reading to have its own")
                 seen.add(name)
-        if "" in self._ids:
-            self.fail(names.index(""), "id", "", "a name in every row, or no column id")
 
     def _floats(self, column: Column, cells: Sequence[str]) -> FloatArray:
         """Numbers of a column, NaN for empty cells."""

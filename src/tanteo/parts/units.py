@@ -50,13 +50,14 @@ def unit_name(text: str) -> str:
     return short
 
 
-def check_size(diagonal: float, unit: str, label: str) -> None:
+def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
     """Refuse a part whose size says that it was read in the wrong unit.
 
     Args:
         diagonal: of the bounding box [m].
         unit: short name of the unit the part was read in.
         label: how messages name the file.
+        stated: whether the file itself says its unit, which nobody else can then.
 
     Raises:
         PartError: the diagonal is outside 0.5 mm to 50 m; the message names the units that would fit.
@@ -66,6 +67,8 @@ def check_size(diagonal: float, unit: str, label: str) -> None:
     plausible = [name for name, metres in METRES.items() if 5e-3 <= diagonal / METRES[unit] * metres <= 5.0]
     size = "too large" if diagonal > LARGEST_DIAGONAL else "too small"
     hint = f"Did you mean {' or '.join(f'unit={name!r}' for name in plausible)}?" if plausible else "Check it."
+    if stated and plausible:
+        hint = f"The unit is the file's own: export the part again, in {' or '.join(plausible)}."
     raise PartError(
         f"{label}: expected a part of {SMALLEST_DIAGONAL * 1e3:g} mm to {LARGEST_DIAGONAL:g} m, got a diagonal of "
         f"{diagonal:.4g} m in unit {unit!r}, which is {size}. {hint}"
