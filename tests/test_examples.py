@@ -21,6 +21,8 @@ pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 NUMBERED = sorted(EXAMPLES.glob("[0-9]*.py"))
+LONG = ("09_from_an_image", "12_a_session")
+"""Their commands run in other tests as well."""
 
 SAYS = {
     "01_which_part": ["step_not_felt: ambiguous", "unknown_part: unknown", "too_few: insufficient", "sliding along"],
@@ -51,7 +53,10 @@ def run(script, cache, *arguments):
     return done
 
 
-@pytest.mark.parametrize("script", NUMBERED, ids=lambda script: script.stem)
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem in LONG else []) for s in NUMBERED],
+)
 def test_an_example_runs_and_is_a_page(script, cache):
     text = script.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 60

@@ -458,6 +458,7 @@ def test_readings_that_do_not_fit_until_or_since_some_time_are_said(aside, words
     assert moved([f"a{k + 1}" for k in range(len(mask))], mask) == words
 
 
+@pytest.mark.slow
 def test_a_part_that_was_moved_is_said_to_have_been(targets):
     start, rng = rough(targets[2:]), np.random.default_rng(6)
     session, T = new_session(start, tolerance=1e-3, most=20), start.Ts[0]

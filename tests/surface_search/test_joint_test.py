@@ -60,6 +60,7 @@ def test_normals_that_are_worse_than_stated_are_what_contradicts(bracket):
     assert "most of all the normal of reading" in answer.message
 
 
+@pytest.mark.slow
 def test_a_rough_pose_that_three_touches_cannot_contradict_alone_is_blamed(bracket):
     """They fit exactly; that they do so some sd from where the part was said to be is no reading's fault."""
     rng = np.random.default_rng(4)

@@ -64,6 +64,7 @@ def test_where_a_motion_is_free_there_is_no_ellipsoid(target):
     assert groups_of_regions(found, target, level).tolist() == [1, 2]
 
 
+@pytest.mark.slow
 def test_much_noise_does_not_make_the_search_endless(target, monkeypatch):
     """Readings that scatter more than a wall is thick have many maxima in one region: found once, they are no news."""
     from tanteo.surface_search import rounds

@@ -55,7 +55,10 @@ def test_a_rough_pose_leads_to_its_maximum_for_every_group(target, monkeypatch):
     assert found.groups[0] == 0b11100
 
 
-@pytest.mark.parametrize(("name", "k", "scenes"), [("bracket_left", 0, (1, 2, 7)), ("clamp", 1, (6, 7))])
+@pytest.mark.parametrize(
+    ("name", "k", "scenes"),
+    [pytest.param("bracket_left", 0, (1, 2, 7), marks=pytest.mark.slow), ("clamp", 1, (6, 7))],
+)
 def test_the_right_pose_is_found_beside_a_reading_that_is_astray(name, k, scenes, monkeypatch):
     """Eight touches, one of them off by millimetres: it pulls rough poses to where no reading fits."""
     part, priors, found = prepare_target(read_part(PARTS / f"{name}.step")), Priors(radius=0.1), {}
