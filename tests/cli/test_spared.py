@@ -85,6 +85,22 @@ def test_a_terminal_that_has_gone_does_not_lose_what_was_told(tmp_path):
     assert os.listdir(tmp_path) == ["session.json"]
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminals that hang up")
+def test_who_does_not_want_to_hear_of_it_goes_on():
+    """``nohup tanteo sense part ...``"""
+    from tanteo.cli.part_record import kept
+
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with kept(None, None):
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+            assert signal.getsignal(signal.SIGTERM) not in (signal.SIG_IGN, signal.SIG_DFL)
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_a_rig_in_metres_is_asked_about(run, tmp_path):
     rig = tmp_path / "rig.toml"
     text = '[sensors.eye]\npreset = "vl53l0x"\nposition_{} = [0.04, 0, 0.06]\ndirection = [0, 0, 1]\n'

@@ -23,7 +23,8 @@ _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(sign
 def kept(session: Session, record: str | None) -> Iterator[None]:
     """What was told until an interruption (Ctrl-C, an order to end, a terminal that has gone) is in the record."""
     ours = threading.current_thread() is threading.main_thread()  # others may not listen to signals
-    before = {number: signal.signal(number, _interrupt) for number in _ENDS} if ours else {}
+    heard = [number for number in _ENDS if ours and signal.getsignal(number) != signal.SIG_IGN]  # nohup means it
+    before = {number: signal.signal(number, _interrupt) for number in heard}
     try:
         yield
     except KeyboardInterrupt:
