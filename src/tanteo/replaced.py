@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import shutil
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ def replaced(path: str | Path) -> Iterator[Path]:
     Raises:
         OSError: It cannot be written.
     """
-    file = Path(path).resolve()
+    file = Path(os.path.realpath(path))  # unlike Path.resolve it takes links that lead in a circle
     other = file.with_name(f".{secrets.token_hex(6)}-{file.name[-60:]}")
     if file.exists() and not file.is_file():
         yield file

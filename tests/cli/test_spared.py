@@ -26,6 +26,7 @@ PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
         "see image.png --camera camera.yaml --parts wedge.stl --units mm --picture image.png",
         "sense plane --scene s.toml --record s.toml",
         "sense part --scene s.toml --parts wedge.stl --record wedge.stl",
+        "sense part --scene s.toml --parts . --record wedge.stl",
         "sensor fit log.csv --sensor vl53l0x --write log.csv",
         "sensor fit log.csv --rig rig.png --picture rig.png",
         "sensor fit log.csv --rig rig.png --write ./log.csv",
@@ -33,8 +34,9 @@ PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
 )
 def test_what_is_read_is_not_written_over(run, tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
-    for name in {w.removeprefix("./") for w in words.split() if "." in w and not w[0].isdigit()}:
+    for name in {w.removeprefix("./") for w in words.split() if "." in w[1:] and not w[0].isdigit()}:
         (tmp_path / name).write_text("mine")
+    (tmp_path / "wedge.stl").write_text("mine")
     before = {file.name: file.read_text() for file in tmp_path.iterdir()}
     code, out, err = run(*words.split())
     assert (code, out) == (2, "")
@@ -117,3 +119,13 @@ def test_a_column_in_capitals_is_taken_for_the_same_one(run, parts, tmp_path):
     code, _, err = run("identify", tmp_path / "r.csv", "--sd", "1mm", "--units", "mm", "--parts", parts)
     assert code == 1
     assert "got 'X_mm'. Did you mean 'x_mm'?" in err
+
+
+def test_a_link_that_leads_in_a_circle_is_replaced(run, parts, tmp_path):
+    (tmp_path / "r.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n")
+    report = tmp_path / "r.html"
+    report.symlink_to(report)
+    words = ["identify", tmp_path / "r.csv", "--sd", "1mm", "--units", "mm", "--parts", parts, "--report", report]
+    assert run(*words).code == 3
+    assert not report.is_symlink()
+    assert report.stat().st_size > 1000

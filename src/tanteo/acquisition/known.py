@@ -107,7 +107,7 @@ def _cells(points: Vectors) -> IntArray:
 
 
 def _once(cells: IntArray) -> IntArray:
-    """Each number once: sorted, as :func:`numpy.unique` hashes whole numbers, which takes ten times as long here."""
+    """Each number once: sorted, as :func:`numpy.unique` hashes whole numbers, which is slower here."""
     ordered = np.sort(cells)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) > 0])
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-import tempfile
-from contextlib import suppress
 from pathlib import Path
 
 from tanteo.catalogue.archive import FORMAT_VERSION, part_from_bytes, part_to_bytes
 from tanteo.errors import InputError
 from tanteo.parts import Part
 from tanteo.parts.files import UNITLESS
+from tanteo.replaced import replaced
 
 
 def cache_folder() -> Path:
@@ -68,16 +67,9 @@ def store(key: str, part: Part) -> bool:
     entry = _entry(key)
     try:
         entry.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=entry.parent, suffix=".tmp")
+        with replaced(entry) as file:
+            file.write_bytes(part_to_bytes(part))
     except OSError:
-        return False
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(part_to_bytes(part))
-        os.replace(temporary, entry)
-    except OSError:
-        with suppress(OSError):
-            os.unlink(temporary)
         return False
     return True
 

@@ -13,7 +13,7 @@ from tanteo.cli.plan_options import PlanOptions
 from tanteo.cli.printing import bold, emit, printable, put, table
 from tanteo.cli.prior_options import prior_words
 from tanteo.cli.running import UNDECIDED, read_all_parts, require_file
-from tanteo.cli.targets import check_different, check_target, writing
+from tanteo.cli.targets import check_different, check_target, parts_read, writing
 from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
 
     check_report(report)
     check_target("--csv", options.csv)
-    check_different(("--csv", options.csv), ("--report", report), inputs=[("a part", path) for path in options.parts])
+    check_different(("--csv", options.csv), ("--report", report), inputs=parts_read(options.parts))
     for path in options.parts:
         require_file("--part" if len(options.parts) == 1 else "--distinguish", path)
     parts = [read_all_parts([path], options.units, quiet=as_json)[0] for path in options.parts]

@@ -15,11 +15,11 @@ import typer
 from tanteo.cli.options import MisuseError, RunOptions, misuse, misuse_of_options
 from tanteo.cli.printing import complain, emit, printable, progress, put
 from tanteo.cli.prior_options import prior_words
-from tanteo.cli.targets import check_different
+from tanteo.cli.targets import check_different, parts_read
 from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
 
 if TYPE_CHECKING:
-    from tanteo.matching import PosePrior, Priors
+    from tanteo.matching import PosePrior, Priors, Recognition
     from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings, Rig
 
@@ -62,17 +62,14 @@ def recognize(
     from tanteo.cli.reporting import check_report
 
     check_report(report)
-    sources = [("the readings", readings_path), ("--rig", rig_path), *(("a part", path) for path in part_paths)]
+    sources = [("the readings", readings_path), ("--rig", rig_path), *parts_read(part_paths)]
     check_different(("--report", report), inputs=sources)
-    from tanteo.cli.scale import check_scale, check_spread, meant_directions, meant_units, scale_of
-    from tanteo.io import read_readings, read_rig, recognition_json
-    from tanteo.io.rig_checks import meant_metres
+    from tanteo.cli.scale import asked_rig, check_scale, check_spread, meant_directions, meant_units, scale_of
+    from tanteo.io import read_readings
     from tanteo.sensors.devices import misspelt
 
     _check_readings_name(readings_path)
-    rig = None if rig_path is None else read_rig(rig_path)
-    if rig is not None and (question := meant_metres(rig)):
-        complain("warning", question)
+    rig = None if rig_path is None else asked_rig(rig_path)
     readings = read_readings(readings_path)
     measured = _check_fit(readings, options, rig)
     if rig is None and (question := misspelt(readings)):
@@ -92,14 +89,7 @@ def recognize(
         )  # fmt: skip
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
-    if as_json:
-        put(recognition_json(result))
-        if result.status != "recognized":
-            emit([f"{result.status}: {printable(result.message)}"], sys.stderr)
-    else:
-        from tanteo.cli.answer import answer_lines
-
-        emit(answer_lines(result, "" if pose is None else prior_words(pose), verbose=verbose))
+    _print(result, pose, as_json=as_json, verbose=verbose)
     if result.status == "unknown" and not warned:
         question = meant_units(scale) or meant_directions(points, measured.directions)
         if question:
@@ -110,6 +100,20 @@ def recognize(
         report_answer(report, result, readings, parts, rig, options, pose, as_json=as_json)
     if result.status != "recognized":
         raise typer.Exit(UNDECIDED)
+
+
+def _print(result: Recognition, pose: PosePrior | None, *, as_json: bool, verbose: bool) -> None:
+    """The answer, for a program or for a person."""
+    if as_json:
+        from tanteo.io import recognition_json
+
+        put(recognition_json(result))
+        if result.status != "recognized":
+            emit([f"{result.status}: {printable(result.message)}"], sys.stderr)
+        return
+    from tanteo.cli.answer import answer_lines
+
+    emit(answer_lines(result, "" if pose is None else prior_words(pose), verbose=verbose))
 
 
 def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:

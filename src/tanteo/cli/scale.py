@@ -15,6 +15,7 @@ from tanteo.errors import ReadingsError
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
+    from tanteo.sensors import Rig
     from tanteo.typing import Covariances, FloatArray, Vectors
 
 _FEW = 3
@@ -176,3 +177,14 @@ def _fits(span: float, sizes: Sequence[float]) -> bool:
 
 def _length(metres: float) -> str:
     return f"{metres:.3g} m" if metres >= 0.1 else f"{1e3 * metres:.3g} mm"
+
+
+def asked_rig(path: str) -> Rig:
+    """A rig from a file, with a question where its lengths may be in metres."""
+    from tanteo.io import read_rig
+    from tanteo.io.rig_checks import meant_metres
+
+    rig = read_rig(path)
+    if question := meant_metres(rig):
+        complain("warning", question)
+    return rig

@@ -15,7 +15,7 @@ from tanteo.cli.part_record import kept, write
 from tanteo.cli.part_start import nothing_seen, start_of
 from tanteo.cli.printing import emit, printable, put
 from tanteo.cli.running import UNDECIDED, read_all_parts
-from tanteo.cli.targets import check_different, check_target
+from tanteo.cli.targets import check_different, check_target, parts_read
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def sense_unknown(
 
     check_report(report)
     check_target("--record", record)
-    sources = [("--scene", scene_path), *(("a part", path) for path in part_paths)]
+    sources = [("--scene", scene_path), *parts_read(part_paths)]
     check_different(("--record", record), ("--report", report), inputs=sources)
     scene = read_scene(scene_path)
     scene = replace(scene, standoff=options.standoff or scene.standoff)

@@ -82,12 +82,9 @@ def _preset(name: str) -> SensorPreset | RobotPreset:
 
 def show_rig(file: str, *, as_json: bool) -> None:
     """Check a rig and print it."""
-    from tanteo.io import read_rig
-    from tanteo.io.rig_checks import meant_metres
+    from tanteo.cli.scale import asked_rig
 
-    rig = read_rig(file)
-    if question := meant_metres(rig):
-        complain("warning", question)
+    rig = asked_rig(file)
     if as_json:
         from tanteo.io.rig_json import rig_document
 
@@ -101,7 +98,8 @@ def show_rig(file: str, *, as_json: bool) -> None:
 def run_fit(request: FitRequest, *, as_json: bool, verbose: bool) -> None:
     """Calibrate, print, write, draw; exits with 3 when the log does not tell where a beam is."""
     from tanteo.calibration import calibrate
-    from tanteo.io import read_readings, read_rig
+    from tanteo.cli.scale import asked_rig
+    from tanteo.io import read_readings
     from tanteo.sensors import robot_preset
 
     check_target("--write", request.write)
@@ -111,7 +109,7 @@ def run_fit(request: FitRequest, *, as_json: bool, verbose: bool) -> None:
     with misuse():
         sensor = None if request.sensor is None else sensor_preset(request.sensor)
         robot = None if request.robot is None else robot_preset(request.robot)
-    rig = None if request.rig is None else read_rig(request.rig)
+    rig = None if request.rig is None else asked_rig(request.rig)
     readings = read_readings(request.log)
     with misuse():
         found = calibrate(readings, rig=rig, sensor=sensor, robot=robot)

@@ -47,13 +47,22 @@ def check_different(*targets: tuple[str, str | None], inputs: Sequence[tuple[str
     Raises:
         MisuseError: Two of them are one, or one would be written over what is read.
     """
-    seen = {Path(path).resolve(): name for name, path in inputs if path is not None}
+    seen = {os.path.realpath(path): name for name, path in inputs if path is not None}
     for name, path in targets:
         if path is None:
             continue
-        if other := seen.get(Path(path).resolve()):
+        file = os.path.realpath(path)
+        if other := seen.get(file):
             raise MisuseError(f"{name}: expected another file than that of {other}, got '{path}' for both. Name two.")
-        seen[Path(path).resolve()] = name
+        seen[file] = name
+
+
+def parts_read(paths: Sequence[str]) -> list[tuple[str, str]]:
+    """Inputs of :func:`check_different`: files of parts, and those in folders of them."""
+    from tanteo.parts import READABLE
+
+    inside = [str(f) for p in paths if Path(p).is_dir() for f in Path(p).iterdir() if f.suffix.lower() in READABLE]
+    return [("a part", path) for path in (*paths, *inside)]
 
 
 @contextmanager
