@@ -5,7 +5,7 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.acquisition import FaceIdea, sense_plane
-from tanteo.acquisition.known import GAP, Known
+from tanteo.acquisition.known import _CELL, GAP, Known, _cells, _middles
 from tanteo.hand import Workspace
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, look
@@ -90,3 +90,10 @@ def test_a_post_that_no_beam_has_met_is_not_run_into(away, turn):
     got = sense_plane(robot, FaceIdea([0.06, 0.04, 0.05], [0, 0, 1]), standoff=0.02, rules=RULES)
     assert got.status in ("acquired", "limit")
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.5 * 0.02
+
+
+def test_every_cell_that_holds_a_point_counts_once_on_both_sides_of_the_origin():
+    points = np.random.default_rng(3).normal(scale=0.01, size=(5000, 3))
+    expected = np.unique(np.round(points / _CELL), axis=0) * _CELL
+    np.testing.assert_allclose(_middles(_cells(points)), expected, atol=1e-12)
+    assert len(_middles(_cells(np.zeros((0, 3))))) == 0
