@@ -19,6 +19,7 @@ fit) is not an error: it is a result with a status.
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Iterable
 
 
@@ -56,6 +57,25 @@ class DegenerateError(TanteoError):
 
 class MissingExtraError(TanteoError, ImportError):
     """An optional dependency is not installed; the message gives the pip command."""
+
+
+def check_kind(name: str, value: object, kinds: type | tuple[type, ...], advice: str) -> None:
+    """Refuse an argument of another kind, before it fails as an attribute that is missing somewhere below.
+
+    Args:
+        name: of the argument.
+        value: what was passed.
+        kinds: what it may be; the first is named.
+        advice: how to come by one.
+
+    Raises:
+        InputError: with what it is.
+    """
+    if isinstance(value, kinds):
+        return
+    kind = kinds[0] if isinstance(kinds, tuple) else kinds
+    got = repr(str(value)) if isinstance(value, (str, os.PathLike)) else f"one of type {type(value).__name__}"
+    raise InputError(f"{name}: expected {kind.__name__}, got {got}. {advice}")
 
 
 def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.5) -> str:

@@ -14,12 +14,35 @@ LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
 """No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
 
 
+def check_number(name: str, value: object, unit: str = "") -> None:
+    """Refuse what is not one real number, a text with a unit above all.
+
+    Raises:
+        InputError: with what it is.
+    """
+    if np.ndim(value) == 0 and np.asarray(value).dtype.kind in "fiu":  # type: ignore[arg-type]
+        return
+    metres = " 0.3 mm is 0.3e-3." if unit == "m" else ""
+    raise InputError(f"{name}: expected one number{f' [{unit}]' if unit else ''}, got {value!r}.{metres}")
+
+
+def check_count(name: str, value: object, least: int) -> None:
+    """Refuse what is not a whole number from ``least`` on.
+
+    Raises:
+        InputError: with what it is.
+    """
+    if not (np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iu" and value >= least):  # type: ignore[arg-type,operator]
+        raise InputError(f"{name}: expected a whole number from {least}, got {value!r}.")
+
+
 def check_length(name: str, value: float, least: float = 0.0) -> None:
     """Refuse what is no length from ``least`` to :data:`LARGEST`.
 
     Raises:
         InputError: with the value.
     """
+    check_number(name, value, "m")
     if not least <= value <= LARGEST:
         zero = " Leave it out for 0." if least == 0 else " Check its unit."
         raise InputError(f"{name}: expected a length from {least:g} to {LARGEST:g} m, got {value:g} m.{zero}")

@@ -15,9 +15,10 @@ from tanteo.limits import check_length
 from tanteo.matching import prepare
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
-from tanteo.matching.recognition import identify_features, with_elapsed
+from tanteo.matching.recognition import check_question, identify_features, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
+from tanteo.parts.several import as_part
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure, say_repeated
 from tanteo.surface_search import (
     FreePaths,
@@ -95,6 +96,7 @@ def identify(
         InputError: if an argument or the readings cannot be what was meant.
     """
     start = time.perf_counter()
+    parts = check_question(parts, alpha, top, seed, priors)
     check_length("tolerance", tolerance)
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
@@ -185,7 +187,7 @@ def _require_labels_alone(*, bare: bool, placed: bool) -> None:
 
 def locate(readings: Readings, part: Part, **options: object) -> Recognition:
     """Where the part is, given that it is this one (or none): :func:`identify` with one part."""
-    return identify(readings, [part], **options)  # type: ignore[arg-type]
+    return identify(readings, [as_part("part", part)], **options)  # type: ignore[arg-type]
 
 
 def _single_points(sensed: LabelledFeatures) -> bool:

@@ -188,3 +188,24 @@ def test_separate_closed_bodies_are_one_part(tmp_path, solids):
     part = read_part(solids.write_off(tmp_path / "two.off", *two), unit="mm")
     assert part.volume == pytest.approx(4.8e-4)
     assert (len(part.planes), len(part.edges), len(part.corners)) == (12, 24, 16)
+
+
+def test_a_binary_stl_that_breaks_off_is_said_to(tmp_path, solids):
+    path = tmp_path / "cut.stl"
+    whole = as_trimesh(solids.box()).export(file_type="stl")
+    for kept in (len(whole) - 20, len(whole) // 2, 100):
+        path.write_bytes(whole[:kept])
+        with pytest.raises(PartError, match=rf"of 12 triangles \(684 bytes\), got {kept} bytes: it is cut off"):
+            read_part(path, unit="mm")
+    path.write_bytes(whole + b"\0" * 200)  # what some programs write behind the last triangle
+    assert len(read_part(path, unit="mm").planes) == 6
+
+
+def test_a_text_stl_that_breaks_off_is_said_to(tmp_path, solids):
+    path = tmp_path / "cut.stl"
+    whole = as_trimesh(solids.box()).export(file_type="stl_ascii")
+    path.write_text(whole[: len(whole) // 2])
+    with pytest.raises(PartError, match="expected the word endsolid, got a text that breaks off"):
+        read_part(path, unit="mm")
+    path.write_text(whole.upper())
+    assert len(read_part(path, unit="mm").planes) == 6

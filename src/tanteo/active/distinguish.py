@@ -16,8 +16,10 @@ from tanteo.active.utility import about_mode
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.part_motions import corner_moves
+from tanteo.parts import Part
 from tanteo.surface_search import FreePaths, Target, Touches, identify_touches
 from tanteo.surface_search.refine import refine
+from tanteo.surface_search.target import as_targets
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PLACES = 60
@@ -72,7 +74,9 @@ class Distinction:
         return self.information >= _TELLS
 
 
-def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, seed: int = 0) -> Distinction:
+def distinguish(
+    first: Target | Part, second: Target | Part, probe: Probe, sd: float = 2e-4, seed: int = 0
+) -> Distinction:
     """The reading that tells most about which of two parts it is, located to ``sd`` at its corners.
 
     The second part is where it looks most like the first; it may look like it in several ways, and the reading is that
@@ -85,6 +89,7 @@ def distinguish(first: Target, second: Target, probe: Probe, sd: float = 2e-4, s
         sd: to which the part is located, at its corners [m].
         seed: of the places that are tried.
     """
+    first, second = as_targets("parts", (first, second))
     twins = laid_on(first, second)
     start = Start(
         (first, second),

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, check_kind
 from tanteo.hand import Workspace
 from tanteo.limits import LARGEST, LEAST_SD
-from tanteo.sensors import RobotPreset, SensorPreset
+from tanteo.sensors import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.law import NoiseLaw
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
@@ -134,17 +134,20 @@ class Probe:
         return np.asarray(within & (cosines >= np.cos(self.max_incidence)))
 
 
-def probe_of(preset: SensorPreset, robot: RobotPreset | None = None, **where: object) -> Probe:
+def probe_of(preset: SensorPreset | str, robot: RobotPreset | str | None = None, **where: object) -> Probe:
     """The probe of a sensor's preset on a robot; ``where`` are further fields of :class:`Probe`.
 
     Args:
-        preset: the sensor.
-        robot: its errors; none are assumed without it.
+        preset: the sensor, or its name.
+        robot: its errors, or its name; none are assumed without it.
         where: standoff, clearance, approach, workspace and so on.
 
     Raises:
         InputError: a stand-off at which the sensor reads nothing yet.
     """
+    preset = sensor_preset(preset) if isinstance(preset, str) else preset
+    robot = robot_preset(robot) if isinstance(robot, str) else robot
+    check_kind("preset", preset, (SensorPreset, str), "Name one of tanteo.sensors.sensor_presets().")
     far = 0.3 if preset.is_contact else preset.max_range
     standoff = min(0.05, far) if preset.is_contact else float(np.clip(0.05, 1.2 * preset.min_range, 0.8 * far))
     standoff = float(where.get("standoff", standoff))  # type: ignore[arg-type]

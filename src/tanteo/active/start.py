@@ -13,7 +13,9 @@ from tanteo.lie import SE3
 from tanteo.limits import check_places, check_spreads
 from tanteo.matching import Hypothesis, PosePrior, Priors
 from tanteo.matching.evidence import log_sum, sized
+from tanteo.parts import Part
 from tanteo.surface_search import Target, Touches
+from tanteo.surface_search.target import as_targets
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _FEW, _THIN = 5, 0.03
@@ -105,37 +107,49 @@ class Start:
 
 
 def around(
-    targets: Sequence[Target], T_world_place: Transforms, covariance: Covariances, priors: Priors | None = None
+    targets: Sequence[Target] | Sequence[Part],
+    T_world_place: Transforms,
+    covariance: Covariances,
+    priors: Priors | None = None,
 ) -> Start:
     """Some part, its centroid about a place and its axes about along those of the place: a feeder, a fixture.
 
     Args:
-        targets: the parts, all equally probable.
+        targets: the parts, prepared or not, all equally probable.
         T_world_place: the place ``(4, 4)``.
         covariance: of the part there ``(6, 6)``, order x y z rx ry rz, in the frame of the place at the centroid.
         priors: of "none of these" and of stray readings.
     """
+    targets = as_targets("parts", targets)
     if not targets:
         raise InputError("parts: expected at least one part, got none.")
+    T_world_place = check_transforms("T_world_place", T_world_place)
+    covariance = check_covariances("covariance", covariance, 6)
     T_part_centre = np.stack([SE3.from_parts(np.eye(3), target.part.centroid) for target in targets])
     J = SE3.adjoint(T_part_centre)
     return Start(
         tuple(targets),
         np.arange(len(targets)),
         T_world_place @ SE3.inverse(T_part_centre),
-        J @ np.asarray(covariance, dtype=np.float64) @ np.swapaxes(J, 1, 2),
+        J @ covariance @ np.swapaxes(J, 1, 2),
         np.ones(len(targets)),
         priors or Priors(),
     )
 
 
-def at_pose(target: Target, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None) -> Start:
+def at_pose(
+    target: Target | Part, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None
+) -> Start:
     """One part at a rough pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
     T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
-    return Start((target,), np.zeros(1, dtype=np.int64), T[None], C[None], np.ones(1), priors or Priors())
+    return Start(
+        as_targets("part", target), np.zeros(1, dtype=np.int64), T[None], C[None], np.ones(1), priors or Priors()
+    )
 
 
-def from_hypotheses(hypotheses: Sequence[Hypothesis], targets: Sequence[Target], priors: Priors | None = None) -> Start:
+def from_hypotheses(
+    hypotheses: Sequence[Hypothesis], targets: Sequence[Target] | Sequence[Part], priors: Priors | None = None
+) -> Start:
     """What another answer left open: that of an image, or of earlier readings, which are not told again.
 
     Args:
@@ -146,6 +160,7 @@ def from_hypotheses(hypotheses: Sequence[Hypothesis], targets: Sequence[Target],
     Raises:
         InputError: a hypothesis names a part that is not among the targets.
     """
+    targets = as_targets("parts", targets)
     names = [target.part.name for target in targets]
     missing = sorted({h.part for h in hypotheses} - set(names))
     if missing:

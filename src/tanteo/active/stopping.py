@@ -12,7 +12,7 @@ from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.samples import even_normals
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.limits import LEAST_SD, check_length
+from tanteo.limits import LEAST_SD, check_count, check_length, check_number
 from tanteo.matching.belief import without_spin
 from tanteo.matching.part_motions import observed_covariance
 from tanteo.typing import FloatArray
@@ -55,6 +55,8 @@ class Stop:
     def __post_init__(self) -> None:
         for name in ("probability", "confidence"):
             value = getattr(self, name)
+            if value is not None:
+                check_number(name, value)
             if value is not None and not 0 < value < 1:
                 raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Say 0.99.")
         if self.tolerance is not None:
@@ -65,8 +67,10 @@ class Stop:
                 raise InputError(
                     f"feature: expected a tolerance with '{self.feature}', got none. Say tolerance=0.5e-3."
                 )
-        if self.most < 1 or not self.least_gain >= 0:
-            raise InputError("most, least_gain: expected a reading at least, and no negative information.")
+        check_count("most", self.most, 1)
+        check_number("least_gain", self.least_gain)
+        if not self.least_gain >= 0:
+            raise InputError("least_gain: expected no negative information [nats].")
 
     def reached(self, belief: Belief) -> str:
         """Why sensing can end now, in words; empty if it cannot."""

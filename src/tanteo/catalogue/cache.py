@@ -23,7 +23,7 @@ def cache_folder() -> Path:
     """Return the folder of the cache; it need not exist."""
     chosen = os.environ.get("TANTEO_CACHE")
     if chosen:
-        return Path(chosen)
+        return Path(chosen).expanduser()
     if sys.platform == "win32":
         base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tanteo.catalogue import cache as remembered
 from tanteo.catalogue.pool import Request, read_in_processes
-from tanteo.errors import InputError, TanteoError, UnitError
+from tanteo.errors import InputError, TanteoError, UnitError, check_kind
 from tanteo.parts import READABLE, Part, read_part
 from tanteo.parts.files import UNITLESS
 from tanteo.parts.units import unit_name
@@ -94,6 +94,8 @@ def read_parts(
     Raises:
         UnitError: the unit is unknown, or missing while some file needs one.
     """
+    if not isinstance(paths, (str, os.PathLike)):
+        check_kind("paths", paths, Iterable, "Name a file or a folder, or several.")
     files, failures = _collect([paths] if isinstance(paths, (str, os.PathLike)) else paths)
     short = None if unit is None else unit_name(unit)
     needy = [file for file in files if file.suffix.lower() in UNITLESS]

@@ -66,7 +66,7 @@ def idea_from_image(kind: str, scene: SceneFile, options: IdeaOptions) -> Predic
     """
     from tanteo.acquisition import predicted
     from tanteo.cli.options import read_unit
-    from tanteo.cli.running import read_all_parts
+    from tanteo.cli.part_files import read_all_parts
 
     unit = None if options.units is None else read_unit(options.units)
     view = view_of(scene, options.image)

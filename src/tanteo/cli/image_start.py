@@ -37,6 +37,12 @@ class ImageOptions:
     camera: str | None
     marks: str | None
 
+    @property
+    def files(self) -> list[tuple[str, str | None]]:
+        """The files that are read, each with its option."""
+        image = None if self.image == RENDER else self.image
+        return [("--image", image), ("--camera", self.camera), ("--marks", self.marks)]
+
 
 def image_options(image: str | None, camera: str | None, marks: str | None) -> ImageOptions | None:
     """The options from what was typed; None without an image.

@@ -9,10 +9,11 @@ import numpy as np
 import typer
 
 from tanteo.cli.options import misuse_of_options
+from tanteo.cli.part_files import read_all_parts
 from tanteo.cli.plan_options import PlanOptions
 from tanteo.cli.printing import bold, emit, printable, put, table
 from tanteo.cli.prior_options import prior_words
-from tanteo.cli.running import UNDECIDED, read_all_parts, require_file
+from tanteo.cli.running import UNDECIDED, require_file
 from tanteo.cli.targets import check_different, check_target, parts_read, writing
 from tanteo.replaced import replaced
 

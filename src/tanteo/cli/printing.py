@@ -9,6 +9,7 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from itertools import zip_longest
 from typing import TYPE_CHECKING, TextIO
 
@@ -16,6 +17,10 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+
+_WARNED: ContextVar[list[str] | None] = ContextVar("warned", default=None)
+"""Warnings of the command that runs."""
 
 
 def printable(text: str) -> str:
@@ -61,8 +66,25 @@ def put(text: str, stream: TextIO | None = None) -> None:
         raise InputError(f"output: expected a place to write to, got: {why}. Send it elsewhere.") from None
 
 
+@contextmanager
+def listening() -> Iterator[None]:
+    """Inside, warnings are kept for :func:`warned`."""
+    token = _WARNED.set([])
+    try:
+        yield
+    finally:
+        _WARNED.reset(token)
+
+
+def warned() -> tuple[str, ...]:
+    """What this command has warned of so far: for programs, which do not read standard error."""
+    return tuple(_WARNED.get() or ())
+
+
 def complain(kind: str, message: str) -> None:
     """``error: message`` or ``warning: message`` on standard error."""
+    if kind == "warning" and (kept := _WARNED.get()) is not None:
+        kept.append(message)
     colour = {"error": "31", "warning": "33"}[kind]
     label = f"\x1b[{colour}m{kind}:\x1b[0m" if has_colour(sys.stderr) else f"{kind}:"
     emit([f"{label} {printable(message)}"], sys.stderr)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from tanteo.cli.printing import emit, printable, progress, put
+from tanteo.cli.printing import emit, printable, progress, put, warned
 from tanteo.cli.running import UNDECIDED
 from tanteo.cli.targets import check_different
 from tanteo.errors import InputError
@@ -62,12 +61,12 @@ def run_replay(
 def _print(answer: Recognition, told: Explanation | None, *, as_json: bool, verbose: bool) -> None:
     if as_json:
         from tanteo.io.explanation_json import explanation_document
-        from tanteo.io.result_json import recognition_document
+        from tanteo.io.result_json import document_json, recognition_document
 
         document = recognition_document(answer)
         if told is not None:
             document["explanation"] = explanation_document(told)
-        put(json.dumps(document, indent=2, allow_nan=False) + "\n")
+        put(document_json(document, warned()))
         if answer.status != "recognized":
             emit([f"{answer.status}: {printable(answer.message)}"], sys.stderr)
         return

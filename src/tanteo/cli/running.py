@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 import typer
 
 from tanteo.cli.options import MisuseError, RunOptions, misuse, misuse_of_options
-from tanteo.cli.printing import complain, emit, printable, progress, put
+from tanteo.cli.part_files import read_all_parts
+from tanteo.cli.printing import complain, emit, listening, printable, put, warned
 from tanteo.cli.prior_options import prior_words
 from tanteo.cli.targets import check_different, parts_read
-from tanteo.errors import PartError, ReadingsError, TanteoError, UnitError
+from tanteo.errors import PartError, ReadingsError, TanteoError
 
 if TYPE_CHECKING:
     from tanteo.matching import PosePrior, Priors, Recognition
-    from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings, Rig
 
 _FAILED, _MISUSED, UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
@@ -30,7 +30,8 @@ _FAILED, _MISUSED, UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
 def guarded() -> Iterator[None]:
     """Turn what tanteo raises on purpose into a message and an exit code."""
     try:
-        yield
+        with listening():
+            yield
     except MisuseError as error:
         complain("error", str(error))
         raise typer.Exit(_MISUSED) from None
@@ -64,6 +65,7 @@ def recognize(
     check_report(report)
     sources = [("the readings", readings_path), ("--rig", rig_path), *parts_read(part_paths)]
     check_different(("--report", report), inputs=sources)
+    from tanteo.cli.handedness import meant_mirrored
     from tanteo.cli.scale import asked_rig, check_scale, check_spread, meant_directions, meant_units, scale_of
     from tanteo.io import read_readings
     from tanteo.sensors.devices import misspelt
@@ -77,23 +79,28 @@ def recognize(
     points = measured.points
     parts = read_all_parts(part_paths, options.units, quiet=as_json)
     scale = scale_of(points, parts, _beginning(readings_path), options.units)
-    warned = check_scale(points, scale) or check_spread(measured.covs, scale)
+    doubted = check_scale(points, scale) or check_spread(measured.covs, scale)
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
-    with misuse_of_options():
-        result = identify(
-            readings, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
+
+    def ask(asked: Readings) -> Recognition:
+        return identify(
+            asked, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
             tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
             priors=_priors(options, pose), seed=options.seed,
         )  # fmt: skip
+
+    with misuse_of_options():
+        result = ask(readings)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
-    _print(result, pose, as_json=as_json, verbose=verbose)
-    if result.status == "unknown" and not warned:
+    if result.status == "unknown" and not doubted:
         question = meant_units(scale) or meant_directions(points, measured.directions)
+        question = question or ("" if pose is not None else meant_mirrored(readings, ask))
         if question:
             complain("warning", question)
+    _print(result, pose, as_json=as_json, verbose=verbose)
     if report is not None:
         from tanteo.cli.reporting import report_answer
 
@@ -107,7 +114,7 @@ def _print(result: Recognition, pose: PosePrior | None, *, as_json: bool, verbos
     if as_json:
         from tanteo.io import recognition_json
 
-        put(recognition_json(result))
+        put(recognition_json(result, warned()))
         if result.status != "recognized":
             emit([f"{result.status}: {printable(result.message)}"], sys.stderr)
         return
@@ -150,30 +157,6 @@ def _check_fit(readings: Readings, options: RunOptions, rig: Rig | None) -> Poin
         return measure(
             readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig
         )
-
-
-def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
-    """The parts; files of a folder that cannot be read are warnings as long as one can."""
-    from tanteo.catalogue import read_parts
-
-    try:
-        with progress("reading parts", quiet=quiet) as tick:
-            parts = read_parts(paths, unit=units, progress=tick)
-    except UnitError as error:
-        raise MisuseError(f"{error} Here that is --units.") from None
-    reasons = [f"{f.reason} Here that is --units." if "unit=" in f.reason else f.reason for f in parts.failures]
-    if len(reasons) == 1 and not parts.parts:
-        raise PartError(reasons[0])
-    named = {Path(path) for path in paths if not Path(path).is_dir()}
-    lost = [r for r, failure in zip(reasons, parts.failures, strict=True) if Path(failure.path) in named]
-    for reason in reasons:
-        if reason not in lost[:1]:
-            complain("warning", reason)
-    if lost:  # an answer would say nothing of a part that was asked for by name
-        raise PartError(lost[0])
-    if not parts.parts:
-        raise PartError("--parts: expected at least one part that can be read, got none. See the warnings.")
-    return parts.parts
 
 
 def require_file(name: str, path: str) -> None:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from tanteo.cli.answer import answer_lines
-from tanteo.cli.printing import emit, printable, put
-from tanteo.cli.running import UNDECIDED, read_all_parts
+from tanteo.cli.part_files import read_all_parts
+from tanteo.cli.printing import emit, printable, put, warned
+from tanteo.cli.running import UNDECIDED
 from tanteo.cli.targets import check_different, check_target
 from tanteo.errors import DegenerateError, InputError
 
@@ -58,9 +59,9 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     from tanteo.io.sight_json import sight_json
 
     camera = placed_camera(read_camera(options.camera), options.marks, quiet=as_json)
+    image = read_image(options.image)
     if not as_json:
         emit(_taken(camera), sys.stderr)
-    image = read_image(options.image)
     if image.max() < _DARK and not as_json:
         words = f"a dark image, its largest level is {image.max():.0f} of 255. Of 12 bits in 16? Scale them."
         emit([printable(f"{options.image}: {words}")], sys.stderr)
@@ -75,7 +76,7 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     sight = _timed(sight, loaded, time.perf_counter() - start)
     statuses = [seen.recognition.status for seen in sight.objects] or ["unknown"]
     if as_json:
-        put(sight_json(sight))
+        put(sight_json(sight, warned()))
     else:
         emit(sight_lines(sight, verbose=verbose))
     if any(status != "recognized" for status in statuses):

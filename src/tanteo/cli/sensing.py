@@ -12,7 +12,7 @@ import typer
 
 from tanteo.cli.options import misuse
 from tanteo.cli.printing import bold, emit, printable, put
-from tanteo.cli.targets import check_different, check_target, writing
+from tanteo.cli.targets import check_different, check_target, parts_read, writing
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +50,8 @@ def sense(
             raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
         boxes = [_forbidden(text) for text in forbid]
     check_target("--record", record)
-    check_different(("--record", record), inputs=[("--scene", scene_path)])
+    seen = [] if image is None else [*image.image.files, *parts_read(image.parts)]
+    check_different(("--record", record), inputs=[("--scene", scene_path), *seen])
     scene = read_scene(scene_path)
     if seed is not None:
         scene = replace(scene, seed=seed)

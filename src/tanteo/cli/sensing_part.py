@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import typer
 
 from tanteo.cli.options import misuse_of_options
+from tanteo.cli.part_files import read_all_parts
 from tanteo.cli.part_live import shown_live
 from tanteo.cli.part_record import kept, write
 from tanteo.cli.part_start import nothing_seen, start_of
-from tanteo.cli.printing import emit, printable, put
-from tanteo.cli.running import UNDECIDED, read_all_parts
+from tanteo.cli.printing import emit, printable, put, warned
+from tanteo.cli.running import UNDECIDED
 from tanteo.cli.targets import check_different, check_target, parts_read
 from tanteo.errors import InputError
 
@@ -116,7 +117,7 @@ def sense_unknown(
 
     check_report(report)
     check_target("--record", record)
-    sources = [("--scene", scene_path), *parts_read(part_paths)]
+    sources = [("--scene", scene_path), *parts_read(part_paths), *(image.files if image is not None else [])]
     check_different(("--record", record), ("--report", report), inputs=sources)
     scene = read_scene(scene_path)
     scene = replace(scene, standoff=options.standoff or scene.standoff)
@@ -181,7 +182,7 @@ def _answer(session: Session, done: Executed, least: float, *, as_json: bool, ve
 
     result = session.answer()
     if as_json:
-        put(executed_json(result, done, readings=session.count, clearance=least))
+        put(executed_json(result, done, readings=session.count, clearance=least, warnings=warned()))
     else:
         cost = (
             f"  cost        {session.count} readings, {done.seconds:.1f} s simulated, {done.travel:.2f} m of travel, "

@@ -15,6 +15,7 @@ import typer
 from tanteo.cli.options import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, printable, put
 from tanteo.cli.targets import check_different, check_target, writing
+from tanteo.errors import InputError
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_presets, sensor_preset, sensor_presets
 
 if TYPE_CHECKING:
@@ -76,8 +77,10 @@ def show_preset(name: str, picture: str | None, *, as_json: bool) -> None:
 def _preset(name: str) -> SensorPreset | RobotPreset:
     if name in robot_presets():
         return robot_presets()[name]
-    with misuse():
+    try:
         return sensor_preset(name)
+    except InputError as error:
+        raise MisuseError(str(error).replace("sensor:", "NAME:", 1)) from None
 
 
 def show_rig(file: str, *, as_json: bool) -> None:

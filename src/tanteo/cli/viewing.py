@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tanteo.cli.options import misuse_of_options
+from tanteo.cli.part_files import read_all_parts
 from tanteo.cli.part_start import nothing_seen, start_of
 from tanteo.cli.printing import emit, progress
-from tanteo.cli.running import read_all_parts
 from tanteo.cli.sensing_part import PartOptions, prepare_run
 from tanteo.errors import InputError, MissingExtraError
 

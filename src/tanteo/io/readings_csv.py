@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
-from tanteo.errors import ReadingsError
+from tanteo.errors import ReadingsError, check_kind
 from tanteo.io.columns import read_header
 from tanteo.io.lines import Lines
 from tanteo.io.table import Table
@@ -30,6 +30,7 @@ def read_readings(path: str | Path, progress: Callable[[int], None] | None = Non
             file, line, column and value.
         UnitError: A unit is missing, unknown or contradictory.
     """
+    check_kind("path", path, (str, Path), "Name the file.")
     path = Path(path)
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,12 +41,24 @@ def recognition_document(recognition: Recognition, frame: str = "world") -> dict
     }
 
 
-def recognition_json(recognition: Recognition) -> str:
-    """The result as one JSON document, indented, ending in a newline."""
-    return json.dumps(recognition_document(recognition), indent=2, allow_nan=False) + "\n"
+def recognition_json(recognition: Recognition, warnings: Sequence[str] = ()) -> str:
+    """The result as one JSON document, indented, ending in a newline.
+
+    Args:
+        recognition: the answer.
+        warnings: what else a person was told on the way: files that could not be read, units that look wrong.
+    """
+    return document_json(recognition_document(recognition), warnings)
 
 
-def executed_json(recognition: Recognition, done: Executed, *, readings: int, clearance: float) -> str:
+def document_json(document: dict[str, Any], warnings: Sequence[str] = ()) -> str:
+    """A document with its warnings as strict JSON, indented, ending in a newline."""
+    return json.dumps({**document, "warnings": list(warnings)}, indent=2, allow_nan=False) + "\n"
+
+
+def executed_json(
+    recognition: Recognition, done: Executed, *, readings: int, clearance: float, warnings: Sequence[str] = ()
+) -> str:
     """The result of a run of the hand as one JSON document: the answer, and beside it ``sensing``, what it took.
 
     Args:
@@ -53,6 +66,7 @@ def executed_json(recognition: Recognition, done: Executed, *, readings: int, cl
         done: the run.
         readings: that were told.
         clearance: least true distance of the hand from everything [m].
+        warnings: as for :func:`recognition_json`.
     """
     sensing = {
         "reached": done.end.reached,
@@ -63,8 +77,7 @@ def executed_json(recognition: Recognition, done: Executed, *, readings: int, cl
         "least_clearance_m": _number(clearance),
         "visits": [_visit(visit) for visit in done.visits],
     }
-    document = recognition_document(recognition) | {"sensing": sensing}
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+    return document_json(recognition_document(recognition) | {"sensing": sensing}, warnings)
 
 
 def _visit(visit: Visit) -> dict[str, Any]:

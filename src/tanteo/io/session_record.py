@@ -26,7 +26,8 @@ from tanteo.matching import Priors
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.session import Action, Sensing, Session, Told
-from tanteo.surface_search import Target, prepare_target
+from tanteo.surface_search import Target
+from tanteo.surface_search.target import as_targets
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
 SCHEMA = "tanteo.session/1"
@@ -177,7 +178,7 @@ def resumed(
     """
     rough = record.start
     values = {name: getattr(rough, name) for name in RoughPoses.__slots__}
-    targets = tuple(part if isinstance(part, Target) else prepare_target(part) for part in parts)
+    targets = as_targets("parts", parts)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
     session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed, able)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from tanteo.io.result_json import recognition_document
+from tanteo.io.result_json import document_json, recognition_document
 from tanteo.matching.results import Recognition
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ def sight_document(sight: Sight) -> dict[str, Any]:
     return {**recognition_document(first, sight.frame), "objects": objects}
 
 
-def sight_json(sight: Sight) -> str:
-    """The same as one JSON document, indented, ending in a newline."""
-    return json.dumps(sight_document(sight), indent=2, allow_nan=False) + "\n"
+def sight_json(sight: Sight, warnings: Sequence[str] = ()) -> str:
+    """The same as one JSON document, indented, ending in a newline, with what a person was warned of."""
+    return document_json(sight_document(sight), warnings)
 
 
 def _object(seen: Sighting, frame: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.limits import check_length
+from tanteo.limits import check_length, check_number
 from tanteo.localization.solve import assemble, pose_information
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.model import PartModel
@@ -55,6 +55,8 @@ class Priors:
     pose: PosePrior | None = None
 
     def __post_init__(self) -> None:
+        for name in ("unknown", "clutter", "kin", "right_angled", "common_sizes"):
+            check_number(f"priors, {name}", getattr(self, name))
         for name in ("unknown", "clutter", "kin"):
             if not 0 < getattr(self, name) < 1:
                 raise InputError(

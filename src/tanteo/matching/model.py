@@ -192,5 +192,8 @@ def _surface_moments(model: PartModel) -> tuple[float, float, float]:
 
 
 def prepare(part: Part) -> PartModel:
-    """Candidates of a part; tables follow when they are asked for."""
-    return PartModel(part.name, part, candidates_of(part), part.radius)
+    """Candidates of a part; tables follow when they are asked for. Kept with the part."""
+    if "model" not in part.derived:
+        part.derived["model"] = PartModel(part.name, part, candidates_of(part), part.radius)
+    model: PartModel = part.derived["model"]
+    return model

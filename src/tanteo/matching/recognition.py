@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, check_kind
 from tanteo.features import SharedError
 from tanteo.fitting import Sides
 from tanteo.lie import SE3
+from tanteo.limits import check_count, check_number
 from tanteo.localization import ModelFeature, Pairing, estimate_pose
 from tanteo.matching.belief import Mode, believe
 from tanteo.matching.evidence import Priors, sized
@@ -26,10 +28,30 @@ from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
+from tanteo.parts.several import as_parts
 from tanteo.typing import Transforms
 
 _FITS = 0.5
 """Probability of none of the parts up to which one of them fits, before it is asked where."""
+
+
+def check_question(parts: Any, alpha: float, top: int, seed: int, priors: Priors | None) -> tuple[Any, ...]:
+    """The parts as a tuple; arguments that cannot be meant are refused.
+
+    Raises:
+        InputError: no part or something else in its place, ``alpha`` outside (0, 1), no ``top``, no seed, no priors.
+    """
+    found = as_parts("parts", parts)
+    if not found:
+        raise InputError("parts: expected at least one part, got none.")
+    check_number("alpha", alpha)
+    if not 0 < alpha < 1:
+        raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
+    check_count("top", top, 1)
+    check_count("seed", seed, 0)
+    if priors is not None:
+        check_kind("priors", priors, Priors, "What is known of the pose is Priors(pose=...), from tanteo.matching.")
+    return found
 
 
 def identify_features(
@@ -50,7 +72,7 @@ def identify_features(
     Args:
         features: sensed planes, edges and vertices in the world; a plane whose outward side is unknown as a pair of
             both.
-        parts: candidates, as parts or prepared (``prepare(part)``; do it once for many calls).
+        parts: candidates, as parts or prepared (``prepare(part)``, which is kept with the part).
         tolerance: sd of the made part's surface against its CAD [m].
         alpha: an answer whose joint test has a smaller p-value than this is not accepted.
         top: number of hypotheses to report.
@@ -66,12 +88,7 @@ def identify_features(
     Raises:
         InputError: without parts, or for an ``alpha`` outside (0, 1).
     """
-    if not parts:
-        raise InputError("parts: expected at least one part, got none.")
-    if not 0 < alpha < 1:
-        raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
-    if top < 1:
-        raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
+    parts = check_question(parts, alpha, top, seed, priors)
     if not features:
         return Recognition("insufficient", "There is no feature: sense three faces or more.", (), 1.0, {}, seed)
     clock = Clock()

@@ -38,7 +38,7 @@ def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, Int
                 f"unit: expected the length unit of {label}, got none, and {suffix[1:].upper()} files carry none. "
                 "Pass unit='mm' (or um, cm, m, in, ft)."
             )
-        read = _read_off if suffix == ".off" else _read_with_trimesh
+        read = {".off": _read_off, ".stl": _read_stl}.get(suffix, _read_with_trimesh)
         vertices, triangles, _ = read(path, label)
         return vertices, triangles, unit_name(unit)
     vertices, triangles, stated = _read_with_trimesh(path, label)
@@ -46,14 +46,35 @@ def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, Int
     return vertices, triangles, own
 
 
-def _read_with_trimesh(path: Path, label: str) -> tuple[FloatArray, IntArray, str | None]:
+def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray, str | None]:
+    """Read STL, text or binary; bytes behind the last triangle of a binary one are left unread."""
+    data = path.read_bytes()
+    if not (data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:1000].lower()):
+        count = int.from_bytes(data[80:84], "little")
+        promised = 84 + 50 * count
+        if count and promised > len(data):
+            raise PartError(
+                f"{label}: expected a binary STL of {count:,} triangles ({promised:,} bytes), got {len(data):,} bytes: "
+                "it is cut off, or no STL. Copy or export it again."
+            )
+        return _read_with_trimesh(path, label, data[:promised])
+    vertices, triangles, unit = _read_with_trimesh(path, label)
+    if not len(triangles) and b"endsolid" not in data.lower():
+        raise PartError(f"{label}: expected the word endsolid, got a text that breaks off. Copy or export it again.")
+    return vertices, triangles, unit
+
+
+def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tuple[FloatArray, IntArray, str | None]:
+    """Read what trimesh reads; ``data`` instead of the file's own bytes."""
     import struct
     import zipfile
+    from io import BytesIO
 
     import trimesh
 
+    source = str(path) if data is None else BytesIO(data)
     try:
-        scene = trimesh.load_scene(str(path), process=False)
+        scene = trimesh.load_scene(source, file_type=path.suffix[1:].lower(), process=False)
         mesh = scene.to_mesh()
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, EOFError, UnicodeError) as error:
         raise _unreadable(path, label, error) from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -218,6 +218,7 @@ class Part:
         box: ``(2, 3)``, lowest and highest coordinates [m].
         radius: of the sphere about :attr:`centroid` that holds every vertex [m].
         repairs: one sentence for each thing that was repaired on reading.
+        derived: what was computed from the part alone and is kept as long as the part, by name; not part of its value.
     """
 
     name: str
@@ -237,6 +238,11 @@ class Part:
     box: FloatArray
     radius: float
     repairs: tuple[str, ...] = ()
+    derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __getstate__(self) -> list[Any]:
+        """Of what goes to another process or into a copy, what was derived is left out: it can be derived again."""
+        return [{} if f.name == "derived" else getattr(self, f.name) for f in fields(self)]
 
     def __post_init__(self) -> None:
         _freeze(self, vertices=np.float64, triangles=np.int64, triangle_face=np.int64)

@@ -43,7 +43,7 @@ def unit_name(text: str) -> str:
     Raises:
         UnitError: the text names no known length unit.
     """
-    plain = text.strip().lower()
+    plain = str(text).strip().lower()
     short = _SPELLINGS.get(plain, _SPELLINGS.get(plain.removesuffix("s"), plain))
     if short not in METRES:
         raise UnitError(f"unit: expected one of {', '.join(METRES)}, got {text!r}. Name the unit of the file.")

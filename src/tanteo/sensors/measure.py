@@ -15,13 +15,13 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.errors import InputError
-from tanteo.limits import LARGEST, LEAST_SD
+from tanteo.errors import InputError, check_kind
+from tanteo.limits import LARGEST, LEAST_SD, check_number
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
-from tanteo.sensors.readings import Readings
+from tanteo.sensors.readings import Readings, check_readings_kind
 from tanteo.sensors.rig import Rig
 from tanteo.sensors.shared import Common, aims_of, base, of_devices, tip
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
@@ -60,8 +60,9 @@ def measure(
             range), the tip's error is asked for without hand poses, a range without a rig, or a name is unknown.
         ReadingsError: A range is outside what its device can give.
     """
-    sensor = sensor_preset(sensor) if isinstance(sensor, str) else sensor
-    robot = robot_preset(robot) if isinstance(robot, str) else robot
+    sensor, robot = _checked(readings, sensor, robot, rig)
+    if sd is not None:
+        check_number("sd", sd, "m")
     if sd is not None and not LEAST_SD <= sd <= LARGEST:
         raise InputError(f"sd: expected one standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}.")
     devices, numbers = find_devices(readings, sensor, rig)
@@ -97,6 +98,23 @@ def measure(
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers, shared),
         taken_off=(readings.radii - radii)[hit],
+    )
+
+
+def _checked(
+    readings: Readings, sensor: SensorPreset | str | None, robot: RobotPreset | str | None, rig: Rig | None
+) -> tuple[SensorPreset | None, RobotPreset | None]:
+    """The presets, by name or not; what is no readings, preset or rig at all is refused."""
+    check_readings_kind("readings", readings)
+    if rig is not None:
+        check_kind("rig", rig, Rig, "Read its file first: tanteo.io.read_rig(path).")
+    if sensor is not None:
+        check_kind("sensor", sensor, (SensorPreset, str), "Name one of tanteo.sensors.sensor_presets().")
+    if robot is not None:
+        check_kind("robot", robot, (RobotPreset, str), "Name one of tanteo.sensors.robot_presets().")
+    return (
+        sensor_preset(sensor) if isinstance(sensor, str) else sensor,
+        robot_preset(robot) if isinstance(robot, str) else robot,
     )
 
 

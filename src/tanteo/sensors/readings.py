@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.errors import ReadingsError
+from tanteo.errors import ReadingsError, check_kind
 from tanteo.sensors.checks import check_readings
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
@@ -107,6 +107,8 @@ class Readings:
             ReadingsError: Names the column, the reading and the value.
         """
         first = next((c for c in (points, ranges, ids) if c is not None), None)
+        if first is not None and not hasattr(first, "__len__"):
+            raise ReadingsError(f"readings: expected columns, one row a reading, got {first!r}.")
         n = n if n is not None else (0 if first is None else len(first))
         free = np.zeros(n, dtype=bool) if is_free is None else _flags(is_free)
         kinds = _filled_kinds(kinds, free, n)
@@ -157,6 +159,16 @@ class Readings:
         return np.asarray(~np.isnan(self.Ts_world_hand[:, 3, 3]))
 
 
+def check_readings_kind(name: str, value: object) -> None:
+    """Refuse what are no readings at all.
+
+    Raises:
+        InputError: with what it is.
+    """
+    how = "tanteo.read_readings(path) reads a file, tanteo.Readings.from_columns(points, sds=..) takes arrays."
+    check_kind(name, value, Readings, how)
+
+
 def concatenate(parts: Sequence[Readings]) -> Readings:
     """Several sets of readings as one, in order; their names must differ.
 
@@ -185,9 +197,14 @@ def _numbers(name: str, value: FloatArray) -> FloatArray:
     """Real numbers as float64: of masked or complex ones a part would go unsaid."""
     if np.ma.is_masked(value):
         raise ReadingsError(f"{name}: expected numbers, got a masked array. Fill it with NaN, or leave the rows out.")
-    if np.iscomplexobj(value):
-        raise ReadingsError(f"{name}: expected real numbers, got complex ones. Give their real parts.")
-    return np.asarray(value, dtype=np.float64)
+    try:
+        if np.iscomplexobj(value):
+            raise ReadingsError(f"{name}: expected real numbers, got complex ones. Give their real parts.")
+        return np.asarray(value, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        if isinstance(error, ReadingsError):
+            raise
+        raise ReadingsError(f"{name}: expected numbers, one row a reading, got others ({error}).") from None
 
 
 def _names(values: Sequence[object]) -> tuple[str, ...]:

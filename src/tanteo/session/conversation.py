@@ -21,9 +21,11 @@ from tanteo.active import (
     propose,
     update,
 )
-from tanteo.errors import InputError
+from tanteo.errors import check_kind
+from tanteo.limits import check_count
 from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate
+from tanteo.sensors.readings import check_readings_kind
 from tanteo.session.again import once_more
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.names import new_readings
@@ -65,8 +67,10 @@ class Session:
     _refused: list[Action] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise InputError(f"seed: expected 0 or more, got {self.seed}. Use 0.")
+        check_kind("start", self.start, Start, "tanteo.active.around(parts, T, covariance) makes one.")
+        check_kind("probe", self.probe, Probe, "tanteo.active.probe_of(name) makes one.")
+        check_kind("sensing", self.sensing, Sensing, "Say Sensing(sensor=name), or Sensing(sd=0.3e-3).")
+        check_count("seed", self.seed, 0)
         if self.stop.feature is not None:
             check_feature(self.stop.feature, [target.part for target in self.start.targets])
         self._belief = begin(self.start)
@@ -191,6 +195,7 @@ class Session:
         Raises:
             InputError: the readings cannot be made into measurements; nothing has changed then.
         """
+        check_readings_kind("readings", readings)
         fresh, note = new_readings(self._readings, readings)
         asked = self._asked
         if action is None and fresh is not None and asked is not None and answers(fresh, asked):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from tanteo.active import Probe
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.limits import LARGEST, check_length
+from tanteo.limits import LARGEST, LEAST_SD, check_length
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
 from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
@@ -42,6 +42,8 @@ class Sensing:
 
     def __post_init__(self) -> None:
         check_length("tolerance", self.tolerance)
+        if self.sd is not None:
+            check_length("sd", self.sd, LEAST_SD)
 
     def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
         """Points in the world with their covariance, and the free beams.

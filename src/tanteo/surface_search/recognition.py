@@ -8,11 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
-from tanteo.matching.recognition import Clock
+from tanteo.matching.recognition import Clock, check_question
 from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
@@ -20,7 +19,7 @@ from tanteo.surface_search.answer import as_hypothesis, what_limits, worst_readi
 from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.off_part import face_elsewhere, left_out, mostly_on, not_on_it
 from tanteo.surface_search.said import what_was_said
-from tanteo.surface_search.target import Target, prepare_target
+from tanteo.surface_search.target import Target, as_targets
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.surface_search.weighed import search_and_weigh
 
@@ -55,7 +54,7 @@ def identify_touches(
     Args:
         touches: points in the world; with directions, normals and tip radii where known.
         free: paths on which nothing was met.
-        parts: candidates, or prepared targets (``prepare_target(part)``; do it once for many calls).
+        parts: candidates, or prepared targets (``prepare_target(part)``, which is kept with the part).
         shared: the errors behind ``touches.gains``, in that order, for the words of the answer.
         alpha: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
@@ -65,12 +64,7 @@ def identify_touches(
     Raises:
         InputError: without parts, or for an ``alpha`` outside (0, 1).
     """
-    if not parts:
-        raise InputError("parts: expected at least one part, got none.")
-    if not 0 < alpha < 1:
-        raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
-    if top < 1:
-        raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
+    parts = check_question(parts, alpha, top, seed, priors)
     if len(touches) < LEAST:
         few = "1 reading fits" if len(touches) == 1 else f"{len(touches)} readings fit"
         message = f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
@@ -80,7 +74,7 @@ def identify_touches(
     clock = Clock()
     priors = sized(priors, max(_part(part).radius for part in parts))
     fitting = [part for part in parts if _large_enough(touches, _part(part))]
-    targets = [part if isinstance(part, Target) else prepare_target(part) for part in fitting]
+    targets = list(as_targets("parts", fitting))
     clock.lap("prepare")
     centroid = np.mean([_part(part).centroid for part in parts], axis=0)
     look = partial(search_and_weigh, touches, free, targets, len(parts), centroid)

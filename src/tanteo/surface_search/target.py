@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from dataclasses import field as attribute
+from typing import Any
 
 import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.matching.model import PartModel
 from tanteo.parts import Part, exact_faces
+from tanteo.parts.several import as_parts
 from tanteo.shapes import (
     Borders,
     DistanceField,
@@ -115,10 +117,19 @@ class Target:
 
 
 def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
-    """Prepare a part; takes some tenths of a second, once."""
+    """Prepare a part; takes some tenths of a second, once: what has the usual samples is kept with the part."""
     model = part if isinstance(part, PartModel) else None
     part = model.part if model is not None else part  # type: ignore[assignment]
     assert isinstance(part, Part)
+    if samples != SAMPLES:
+        return _prepared(part, model, samples)
+    if "target" not in part.derived:
+        part.derived["target"] = _prepared(part, model, samples)
+    target: Target = part.derived["target"]
+    return target
+
+
+def _prepared(part: Part, model: PartModel | None, samples: int) -> Target:
     surface = model.surface if model is not None else Surface(part.vertices, part.triangles)
     points, triangles = _spread(part, samples)
     normals = surface.normals[triangles]
@@ -130,6 +141,15 @@ def prepare_target(part: Part | PartModel, samples: int = SAMPLES) -> Target:
     curved = exact_faces(part, surface.normals)
     exact = spins_about(part, curved), borders(surface), curved
     return Target(part, surface, field, planes, points, normals, gaps, spacing, turns, *exact)
+
+
+def as_targets(name: str, parts: Any) -> tuple[Target, ...]:
+    """Parts, or one, as targets; what is prepared stays as it is.
+
+    Raises:
+        InputError: paths, or something else in the place of parts.
+    """
+    return tuple(part if isinstance(part, Target) else prepare_target(part) for part in as_parts(name, parts))
 
 
 def finer(target: Target, spacing: float, most: int = MOST_SAMPLES) -> Target:

@@ -1,0 +1,35 @@
+"""Would the readings be of a known part in a mirror? Then two of their axes were exchanged, or one is reversed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tanteo.matching import Recognition
+    from tanteo.sensors import Readings
+
+_MIRROR = np.array([1.0, 1.0, -1.0])
+"""One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""
+
+
+def meant_mirrored(readings: Readings, ask: Callable[[Readings], Recognition]) -> str:
+    """A question where the mirrored readings are surely of a part; empty where they are not, or cannot be mirrored.
+
+    Args:
+        readings: Of no known part. Those that depend on the pose of a hand cannot be mirrored.
+        ask: Which part readings are of.
+    """
+    if np.isfinite(readings.Ts_world_hand).any():
+        return ""
+    turned = {name: getattr(readings, name) * _MIRROR for name in ("points", "directions", "normals")}
+    answer = ask(replace(readings, **turned))
+    if answer.status != "recognized":
+        return ""
+    return (
+        f"In a mirror the readings are of {answer.hypotheses[0].part}. Are two of the columns x, y, z exchanged, or is "
+        "one reversed? tanteo takes right-handed frames."
+    )

@@ -1,0 +1,70 @@
+"""What a person is warned of on standard error, a program finds in the document."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def touches(tmp_path):
+    """Three places of a face: too little, but readings."""
+    file = tmp_path / "r.csv"
+    file.write_text("x_mm,y_mm,z_mm,sd_mm\n10,10,0,0.1\n30,10,0,0.1\n20,30,0,0.1\n")
+    return file
+
+
+def told(run, *words):
+    """The warnings of the document, which are those on standard error."""
+    result = run(*words, "--json")
+    found = json.loads(result.out)["warnings"]
+    assert [line.removeprefix("warning: ") for line in result.err.splitlines() if line.startswith("warning")] == found
+    return found
+
+
+def test_a_part_that_could_not_be_read(run, parts, touches):
+    assert told(run, "identify", touches, "--parts", parts, "--units", "mm") == []
+    (parts / "broken.stl").write_text("no mesh")
+    (warning,) = told(run, "identify", touches, "--parts", parts, "--units", "mm")
+    assert "broken.stl" in warning
+
+
+def test_a_folder_within_the_folder(run, parts, touches):
+    (parts / "old").mkdir()
+    (parts / "empty").mkdir()
+    (parts / "wedge.stl").rename(parts / "old" / "wedge.stl")
+    (warning,) = told(run, "identify", touches, "--parts", parts, "--units", "mm")
+    words = "1 CAD file in it is not read, as folders in a folder are not looked into. Name it, too."
+    assert warning == f"{parts / 'old'}: {words}"
+    assert told(run, "identify", touches, "--parts", parts, "--parts", parts / "old", "--units", "mm") == []
+    (parts / "block.stl").rename(parts / "old" / "block.stl")
+    code, _, err = run("identify", touches, "--parts", parts, "--units", "mm")
+    assert code == 1
+    assert "2 CAD files in it are not read" in err
+
+
+def test_a_unit_that_was_not_used(run, touches):
+    pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
+    part = EXAMPLES / "parts" / "wedge.step"
+    (warning,) = told(run, "locate", touches, "--part", part, "--units", "in")
+    assert warning == "--units in was not used: the file says itself that it is in mm."
+    assert told(run, "locate", touches, "--part", part, "--units", "millimetres") == []
+
+
+def test_a_command_does_not_tell_the_warnings_of_the_one_before(run, parts, touches):
+    (parts / "broken.stl").write_text("no mesh")
+    assert len(told(run, "identify", touches, "--parts", parts, "--units", "mm")) == 1
+    assert told(run, "locate", touches, "--part", parts / "wedge.stl", "--units", "mm") == []
+
+
+def test_a_hand_says_it_too(run, tmp_path):
+    pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
+    (tmp_path / "wedge.step").write_bytes((EXAMPLES / "parts/wedge.step").read_bytes())
+    (tmp_path / "broken.step").write_text("ISO-10303-21;\n")
+    words = ["sense", "part", "--scene", EXAMPLES / "scenes/part_unknown.toml", "--parts", tmp_path, "--most", "1"]
+    (warning,) = told(run, *words)
+    assert "broken.step" in warning
