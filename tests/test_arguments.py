@@ -18,6 +18,7 @@ from tanteo.matching import PosePrior, Priors, prepare
 from tanteo.sensors import Readings, sensor_preset
 from tanteo.session import Sensing, Session
 from tanteo.surface_search import prepare_target
+from tanteo.vision import prepare_vision
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 EYE, LOOSE = np.eye(4), 1e-4 * np.eye(6)
@@ -122,6 +123,7 @@ def test_a_session_takes_parts_and_names_of_sensors(part):
 def test_what_is_prepared_is_kept_with_the_part_and_only_there(part):
     assert prepare_target(part) is prepare_target(part)
     assert prepare(part) is prepare(part)
+    assert prepare_vision(part) is prepare_vision(part)
     assert prepare_target(part, 100) is not prepare_target(part, 100)
     assert len(prepare_target(part, 100).samples) < len(prepare_target(part).samples)
     for other in (replace(part, name="b"), copy.copy(part), copy.deepcopy(part), pickle.loads(pickle.dumps(part))):

@@ -112,7 +112,12 @@ def test_a_face_is_gone_to_where_the_image_puts_it(feature):
     [
         (("--image", "render"), 2, "--image: expected with --parts"),
         (PARTS, 2, "--parts, --face, --units: expected with --image"),
-        (("--parts", str(EXAMPLES / "parts" / "flange.step"), "--image", "render"), 1, "got none of these with"),
+        pytest.param(
+            ("--parts", str(EXAMPLES / "parts" / "flange.step"), "--image", "render"),
+            1,
+            "got none of these with",
+            marks=pytest.mark.slow,
+        ),
         (
             (*PARTS, "--image", "render", "--face", "face 99"),
             1,

@@ -18,6 +18,7 @@ def run(unknown, session, watch=lambda visit: None):
     return sense_part(session, unknown.robot, unknown.rules, furniture=unknown.furniture, watch=watch)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [2])
 def test_the_part_is_named_and_placed_without_contact(targets, number):
     unknown = unknown_scene(targets, number, np.random.default_rng((5, number)))

@@ -54,6 +54,7 @@ def test_a_far_stray_does_not_make_none_of_these_more_probable(far, known):
     assert answer.hypotheses[0].outliers == ("0",)
 
 
+@pytest.mark.slow
 def test_a_part_that_is_there_is_rarely_denied():
     """Of scenes of the part the mean of P(none) is at most the odds of its prior; within three standard errors."""
     target, denied = prepare_target(read_part(EXAMPLES / "hex_spacer.step")), []

@@ -71,7 +71,10 @@ def box_about(part, T, away):
     return PosePrior(box=SE3.apply(T, part.centroid) + np.array([[away, -0.02, -0.02], [away + 0.04, 0.02, 0.02]]))
 
 
-@pytest.mark.parametrize("wrong", [lambda p, T: table_at(p, T, 0.01), lambda p, T: box_about(p, T, 5e-3)])
+@pytest.mark.parametrize(
+    "wrong",
+    [lambda p, T: table_at(p, T, 0.01), pytest.param(lambda p, T: box_about(p, T, 5e-3), marks=pytest.mark.slow)],
+)
 def test_a_wrong_table_or_box_is_blamed_not_the_part(bracket, wrong):
     """Twelve touches agree with some pose on the wrong table, but for a few: nine of ten were said to be of no part."""
     messages = []

@@ -52,8 +52,9 @@ def recognition_json(recognition: Recognition, warnings: Sequence[str] = ()) -> 
 
 
 def document_json(document: dict[str, Any], warnings: Sequence[str] = ()) -> str:
-    """A document with its warnings as strict JSON, indented, ending in a newline."""
-    return json.dumps({**document, "warnings": list(warnings)}, indent=2, allow_nan=False) + "\n"
+    """A document, with warnings if there are any, as strict JSON, indented, ending in a newline."""
+    more = {"warnings": list(warnings)} if warnings else {}
+    return json.dumps(document | more, indent=2, allow_nan=False) + "\n"
 
 
 def executed_json(

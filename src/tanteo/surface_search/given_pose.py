@@ -125,13 +125,13 @@ def _expected(
 ) -> tuple[FloatArray, FloatArray]:
     """Shared errors that are expected at the poses, and their covariances."""
     bare = replace(touches, reach=np.zeros(len(touches)))  # what blocks a beam now may not when they move
-    spreads = np.zeros((len(Ts), z.shape[1], z.shape[1]))
+    information = np.zeros((len(Ts), z.shape[1], z.shape[1]))
     for _ in range(_STEPS):
         at = _before_shared(explain(bare, Ts, z, target, priors))
         A, b = normal_equations(bare, at, z)
-        spreads = np.asarray(np.linalg.inv(A[:, 6:, 6:]))
-        z = z + (spreads @ b[:, 6:, None])[..., 0]
-    return z, spreads
+        information = A[:, 6:, 6:]
+        z = z + np.linalg.solve(information, b[:, 6:, None])[..., 0]
+    return z, np.asarray(np.linalg.inv(information))
 
 
 def _before_shared(at: Explained) -> Explained:

@@ -209,10 +209,7 @@ def normal_equations(touches: Touches, at: Explained, z: FloatArray) -> tuple[Fl
     JtW = np.swapaxes(at.J, 1, 2) * w[:, None, :]
     A, b = JtW @ at.J, -(JtW @ at.r[..., None])[..., 0]
     if edges is not None:
-        share = all_[edges.poses, edges.readings, None]
-        poses, first = np.unique(edges.poses, return_index=True)  # they come in order
-        A[poses] += np.add.reduceat(share[..., None] * edges.resistance, first)
-        b[poses] += np.add.reduceat(share * edges.gradient, first)
+        edges.add_to(A, b, all_[edges.poses, edges.readings])
     D = z.shape[1]
     if D:
         A[:, 6:, 6:] += np.eye(D)

@@ -38,8 +38,10 @@ class NearEdges:
         poses: row of the pose ``(k,)``.
         readings: row of the reading ``(k,)``.
         log: log density if the reading is on the part ``(k,)``.
-        gradient: of it by pose and shared errors ``(k, 6 + D)``.
-        resistance: information of it given the faces, never negative ``(k, 6 + D, 6 + D)``.
+        slope: gradient of it by the reading's place in the part's frame ``(k, 3)``.
+        stiffness: information of it on that place given the faces, never negative ``(k, 3, 3)``.
+        moves: how the place moves with pose and shared errors ``(k, 3, 6 + D)``.
+        turned: what sensed normals add to gradient and information; None if there are none.
         off: how far it is off all of the faces together, in standard deviations ``(k,)``: as a normal density would
             have to be to fall as much below that of a reading in the middle of the likeliest face.
         tilts: of its sensed normal against that of the likeliest face, likewise; 0 where none was sensed ``(k,)``.
@@ -48,10 +50,66 @@ class NearEdges:
     poses: IntArray
     readings: IntArray
     log: FloatArray
-    gradient: FloatArray
-    resistance: FloatArray
+    slope: FloatArray
+    stiffness: FloatArray
+    moves: FloatArray
+    turned: _Turned | None
     off: FloatArray
     tilts: FloatArray
+
+    @property
+    def gradient(self) -> FloatArray:
+        """Of :attr:`log` by pose and shared errors ``(k, 6 + D)``."""
+        gradient = (self.slope[:, None] @ self.moves)[:, 0]
+        if self.turned is not None:
+            gradient[self.turned.which] += self.turned.gradient
+        return np.asarray(gradient)
+
+    @property
+    def resistance(self) -> FloatArray:
+        """Information on pose and shared errors given the faces, never negative ``(k, 6 + D, 6 + D)``."""
+        resistance = np.swapaxes(self.moves, 1, 2) @ self.stiffness @ self.moves
+        if self.turned is not None:
+            resistance[self.turned.which] += self.turned.resistance
+        return np.asarray(resistance)
+
+    def add_to(self, A: FloatArray, b: FloatArray, share: FloatArray) -> None:
+        """Add what all readings of a pose say, each with its share ``(k,)``, to information and gradient of the poses.
+
+        Summed as places, which have three coordinates however many errors are shared, in one product a pose.
+        """
+        poses, first, counts = np.unique(self.poses, return_index=True, return_counts=True)  # they come in order
+        shape = len(poses), int(counts.max()), 3
+        row = np.repeat(np.arange(len(poses)), counts)
+        slot = np.arange(len(self.poses)) - np.repeat(first, counts)
+        moves, pushes = np.zeros((*shape, A.shape[-1])), np.zeros((*shape, A.shape[-1]))
+        slopes = np.zeros(shape)
+        moves[row, slot] = self.moves
+        pushes[row, slot] = (share[:, None, None] * self.stiffness) @ self.moves
+        slopes[row, slot] = share[:, None] * self.slope
+        rows = shape[0], 3 * shape[1]
+        turned = np.swapaxes(moves.reshape(*rows, -1), 1, 2)
+        A[poses] += turned @ pushes.reshape(*rows, -1)
+        b[poses] += (turned @ slopes.reshape(*rows, 1))[..., 0]
+        if self.turned is not None:
+            share, of = share[self.turned.which], self.poses[self.turned.which]
+            np.add.at(A, of, share[:, None, None] * self.turned.resistance)
+            np.add.at(b, of, share[:, None] * self.turned.gradient)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Turned:
+    """What sensed normals say of pose and shared errors, for some of the readings near edges.
+
+    Attributes:
+        which: of these ``(m,)``.
+        gradient: ``(m, 6 + D)``.
+        resistance: ``(m, 6 + D, 6 + D)``.
+    """
+
+    which: IntArray
+    gradient: FloatArray
+    resistance: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,12 +146,14 @@ def near_edges(touches: Touches, target: Target, R: Transforms, p: Vectors, near
     seen = _seen(touches, target, R, p, nearest)
     if seen is None:
         return None
-    log, share, gradient, resistance = _mixture(seen, touches, R)
+    log, share, slope, stiffness = _mixture(seen)
+    moves = _moves(seen, touches, R)
+    turned = None if seen.tilts is None else _turned(seen, seen.tilts, share, moves)
     off, own = np.sqrt(np.maximum(2 * (seen.log.max(axis=1) - log), 0.0)), np.zeros(len(log))
     if seen.tilts is not None:
         k = seen.with_normal
         own[k] = np.linalg.norm(seen.tilts.gap[np.arange(len(k)), share[k].argmax(axis=1)], axis=1)
-    return NearEdges(seen.poses, seen.readings, log, gradient, resistance, off, own)
+    return NearEdges(seen.poses, seen.readings, log, slope, stiffness, moves, turned, off, own)
 
 
 def log_near_edges(
@@ -182,32 +242,31 @@ def _log_sum(log: FloatArray) -> FloatArray:
         return np.asarray(safe + np.log(np.exp(log - safe[:, None]).sum(axis=1)))
 
 
-def _mixture(seen: _Seen, touches: Touches, R: Transforms) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Log density ``(k,)``, shares of the faces ``(k, F)``, gradient, and the information if the faces were known."""
+def _mixture(seen: _Seen) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Log density ``(k,)``, shares of the faces ``(k, F)``, slope, and the stiffness if the faces were known."""
     faces, d, s2 = seen.faces, seen.d, seen.s2
     cover, pull, hold = covered(seen.beta, seen.beyond, faces.reflex)
     log = seen.log - 0.5 * d * d / s2 + cover
     total = _log_sum(log)
     share = np.exp(log - total[:, None])
-    # everything is linear in how the point moves, so that the faces are summed before poses and shared errors come in
     across = (faces.inward - seen.slant[..., None] * faces.normals[:, :, None]) / seen.t[..., None]
     slopes = np.sum(pull[..., None] * across, axis=2) - (d / s2)[..., None] * faces.normals
     ways = np.concatenate(
         [faces.normals[:, :, None] / np.sqrt(s2)[..., None, None], np.sqrt(hold)[..., None] * across], 2
     )
     ways = (np.sqrt(share)[..., None, None] * ways).reshape(len(share), -1, 3)
-    moves = _moves(seen, touches, R)
-    gradient = (np.sum(share[..., None] * slopes, axis=1)[:, None] @ moves)[:, 0]
-    resistance = np.swapaxes(moves, 1, 2) @ (np.swapaxes(ways, 1, 2) @ ways) @ moves
-    if seen.tilts is not None:
-        k, wide = seen.with_normal, (len(seen.with_normal), share.shape[1])
-        gains = moves[k, None, :, 6:]
-        turns = seen.tilts.rows(*(np.broadcast_to(x, (*wide, *x.shape[2:])) for x in (seen.at[k, None], gains)))
-        turns = np.sqrt(share[k])[..., None, None] * turns
-        gradient[k] -= np.einsum("kfij,kfi->kj", turns, np.sqrt(share[k])[..., None] * seen.tilts.gap)
-        rows = turns.reshape(len(k), -1, turns.shape[-1])
-        resistance[k] += np.swapaxes(rows, 1, 2) @ rows
-    return total, share, gradient, resistance
+    return total, share, np.sum(share[..., None] * slopes, axis=1), np.swapaxes(ways, 1, 2) @ ways
+
+
+def _turned(seen: _Seen, tilts: Tilts, share: FloatArray, moves: FloatArray) -> _Turned:
+    """What the sensed normals add, each face with its share."""
+    k, wide = seen.with_normal, (len(seen.with_normal), share.shape[1])
+    gains = moves[k, None, :, 6:]
+    turns = tilts.rows(*(np.broadcast_to(x, (*wide, *x.shape[2:])) for x in (seen.at[k, None], gains)))
+    turns = np.sqrt(share[k])[..., None, None] * turns
+    gradient = -np.einsum("kfij,kfi->kj", turns, np.sqrt(share[k])[..., None] * tilts.gap)
+    rows = turns.reshape(len(k), -1, turns.shape[-1])
+    return _Turned(k, gradient, np.swapaxes(rows, 1, 2) @ rows)
 
 
 def _moves(seen: _Seen, touches: Touches, R: Transforms) -> FloatArray:

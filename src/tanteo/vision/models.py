@@ -43,10 +43,13 @@ class VisionModel:
 
 
 def prepare_vision(part: Part) -> VisionModel:
-    """Make a part ready; do it once for many images."""
-    frame, ways = wireframe(part), rests(part)
-    outlines = tuple(outline_from_above(frame.surface, rest) for rest in ways)
-    return VisionModel(part, frame, wireframe(part, COARSE), spread(part), ways, outlines)
+    """Make a part ready; what was made is kept with the part, for further images."""
+    if "vision" not in part.derived:
+        frame, ways = wireframe(part), rests(part)
+        outlines = tuple(outline_from_above(frame.surface, rest) for rest in ways)
+        part.derived["vision"] = VisionModel(part, frame, wireframe(part, COARSE), spread(part), ways, outlines)
+    model: VisionModel = part.derived["vision"]
+    return model
 
 
 def spread(part: Part, count: int = INNER) -> Vectors:

@@ -86,7 +86,7 @@ def see_table(
     Args:
         image: rows x columns, grey levels from 0 to 255.
         camera: calibrated, standing at ``camera.T_world_camera``.
-        parts: candidates, as parts or prepared (``prepare_vision(part)``; do it once for many images).
+        parts: candidates, as parts or prepared (``prepare_vision(part)``, which is kept with the part).
         T_world_table: the table is z = 0 of this frame, things lie on its upper side; the world's own if not given.
         table: how well that is known.
         weights: of the evidence.
