@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from tanteo import Readings, identify
+from tanteo import Readings, identify, read_part
 from tanteo.active import Probe, at_pose
 from tanteo.errors import InputError
 from tanteo.limits import LARGEST, LEAST_SD, check_length, check_places, check_spreads
@@ -60,13 +60,15 @@ def test_what_is_known_or_sensed_is_within_them(make, value):
 
 
 def test_a_tolerance_and_a_start_are(tmp_path):
+    (tmp_path / "p.off").write_text("OFF 4 4 0\n0 0 0\n50 0 0\n0 40 0\n0 0 30\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n")
+    part = read_part(tmp_path / "p.off", unit="mm")
     readings = Readings.from_columns(np.eye(3), sds=np.full(3, 1e-3))
     with pytest.raises(InputError, match=r"tolerance: .* got 1e\+197 m"):
         identify(readings, [], tolerance=1e197)
     with pytest.raises(InputError, match=r"got 1e\+297 m"):
-        at_pose(object(), far(1e297), POSE[1])
+        at_pose(part, far(1e297), POSE[1])
     with pytest.raises(InputError, match=r"got 1e\+97"):
-        at_pose(object(), POSE[0], 1e194 * np.eye(6))
+        at_pose(part, POSE[0], 1e194 * np.eye(6))
 
 
 @pytest.mark.parametrize("length", [1e-200, 1e200])

@@ -42,7 +42,7 @@ def active_sensing(wedge, folder):
     covariance = np.diag([5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05]) ** 2
     place = SE3.from_parts(np.eye(3), wedge.part.centroid)
     measure = lambda action: true_range(wedge, np.eye(4), action)  # noqa: E731
-    return {"targets": [wedge], "T_world_place": place, "covariance": covariance, "measure": measure}
+    return {"parts": [wedge.part], "T_world_place": place, "covariance": covariance, "measure": measure}
 
 
 def replay(wedge, folder):
@@ -67,7 +67,7 @@ def report(wedge, folder):
 def sense_part(wedge, folder):
     at = unknown_scene([wedge], 0, np.random.default_rng(3))
     return {
-        "targets": [wedge], "T_world_place": at.start.Ts[0] @ SE3.from_parts(np.eye(3), wedge.part.centroid),
+        "parts": [wedge.part], "T_world_place": at.start.Ts[0] @ SE3.from_parts(np.eye(3), wedge.part.centroid),
         "covariance": np.diag([8e-3, 8e-3, 4e-3, 0.03, 0.03, 0.1]) ** 2, "robot": at.robot,
         "clamp": at.rules.workspace.forbidden[0], "surface": at.furniture.surface,
     }  # fmt: skip

@@ -32,8 +32,10 @@ def check_count(name: str, value: object, least: int) -> None:
     Raises:
         InputError: with what it is.
     """
-    if not (np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iu" and value >= least):  # type: ignore[arg-type,operator]
-        raise InputError(f"{name}: expected a whole number from {least}, got {value!r}.")
+    if np.ndim(value) or np.asarray(value).dtype.kind not in "iu":  # type: ignore[arg-type]
+        raise InputError(f"{name}: expected a whole number, got {value!r}.")
+    if value < least:  # type: ignore[operator]
+        raise InputError(f"{name}: expected {least} or more, got {value}.")
 
 
 def check_length(name: str, value: float, least: float = 0.0) -> None:

@@ -96,8 +96,8 @@ def identify(
         InputError: if an argument or the readings cannot be what was meant.
     """
     start = time.perf_counter()
-    parts = check_question(parts, alpha, top, seed, priors)
     check_length("tolerance", tolerance)
+    parts = check_question(parts, alpha, top, seed, priors)
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     sensed = fit_labelled(measured, tolerance)
     touches = as_touches(measured, tolerance, readings.ranges[measured.rows])
