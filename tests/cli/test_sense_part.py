@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from tanteo.errors import InputError
 from tanteo.io import read_readings
 from tanteo.io.session_record import read_record
 from tanteo.lie import SE3, SO3
@@ -143,3 +144,26 @@ def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path
     code, out, err = run("replay", str(record), "-v")
     assert code in (0, 3)
     assert "given again to the last bit" in err
+
+
+@pytest.mark.parametrize("suffix", ["json", "csv"])
+def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix):
+    """Who is killed or loses power has what was told until then."""
+    record = tmp_path / f"session.{suffix}"
+    monkeypatch.setattr("tanteo.cli.sensing_part.write", lambda session, path: None)
+    sense("--most", "1", "--record", str(record))
+    told = read_readings(record) if suffix == "csv" else read_record(record).readings
+    assert len(told) > 0
+
+
+def test_a_record_that_cannot_be_written_does_not_cost_the_answer(sense, tmp_path, monkeypatch):
+    def full(session, path):
+        raise InputError("--record: expected a file that can be written, got 'r.json': disk full.")
+
+    for place in ("part_record", "sensing_part"):
+        monkeypatch.setattr(f"tanteo.cli.{place}.write", full)
+    code, out, err = sense("--most", "2", "--record", str(tmp_path / "r.json"))
+    assert code == 1
+    assert out.startswith(("bracket_", "ambiguous", "insufficient"))
+    assert err.count("disk full. Sensing goes on.") == 1
+    assert err.count("error: --record") == 1

@@ -1,16 +1,17 @@
-"""The record of ``tanteo sense part``, which an interruption does not lose."""
+"""The record of ``tanteo sense part``: written after every question, so that no end of the program loses it."""
 
 from __future__ import annotations
 
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tanteo.cli.printing import complain, emit, printable
 from tanteo.cli.targets import writing
+from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.session import Session
@@ -20,13 +21,28 @@ _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(sign
 
 
 @contextmanager
-def kept(session: Session, record: str | None) -> Iterator[None]:
-    """What was told until an interruption (Ctrl-C, an order to end, a terminal that has gone) is in the record."""
+def kept(session: Session, record: str | None) -> Iterator[Callable[[], None]]:
+    """What was told until an interruption (Ctrl-C, an order to end, a terminal that has gone) is in the record.
+
+    Yields:
+        To call after every question: who is killed, or loses power, has the record up to there.
+    """
+    failed = list[InputError]()
+
+    def keep() -> None:
+        if record is None or session.readings is None or failed:
+            return
+        try:
+            write(session, record)
+        except InputError as error:  # the end will say it again, and then it is a failure
+            failed.append(error)
+            complain("warning", f"{error} Sensing goes on.")
+
     ours = threading.current_thread() is threading.main_thread()  # others may not listen to signals
     heard = [number for number in _ENDS if ours and signal.getsignal(number) != signal.SIG_IGN]  # nohup means it
     before = {number: signal.signal(number, _interrupt) for number in heard}
     try:
-        yield
+        yield keep
     except KeyboardInterrupt:
         if record is not None and session.readings is not None:
             write(session, record)

@@ -130,11 +130,16 @@ def sense_unknown(
         nothing_seen(as_json=as_json)
     with misuse_of_options():
         session, robot, rules = prepare_run(scene, start, options)
-    with kept(session, record), shown_live(verbose=verbose) as watch:
+    with kept(session, record) as keep, shown_live(verbose=verbose) as show:
+
+        def watch(visit: Visit) -> None:
+            keep()
+            show(visit)
+
         done = _executed(scene, session, robot, rules, watch)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
-    write(session, record)
     decided = _answer(session, done, least, as_json=as_json, verbose=verbose)
+    write(session, record)
     if report is not None:
         _report(report, session, done, least, as_json=as_json)
     if not (decided and done.end.reached):
