@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,8 +66,8 @@ def recognize(
     check_report(report)
     sources = [("the readings", readings_path), ("--rig", rig_path), *parts_read(part_paths)]
     check_different(("--report", report), inputs=sources)
-    from tanteo.cli.handedness import meant_mirrored
-    from tanteo.cli.scale import asked_rig, check_scale, check_spread, meant_directions, meant_units, scale_of
+    from tanteo.cli.meant import meant
+    from tanteo.cli.scale import asked_rig, check_scale, check_spread, scale_of
     from tanteo.io import read_readings
     from tanteo.sensors.devices import misspelt
 
@@ -95,12 +96,14 @@ def recognize(
         result = ask(readings)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
-    if result.status == "unknown" and not doubted:
-        question = meant_units(scale) or meant_directions(points, measured.directions)
-        question = question or ("" if pose is not None else meant_mirrored(readings, ask))
-        if question:
-            complain("warning", question)
-    _print(result, pose, as_json=as_json, verbose=verbose)
+    show = partial(_print, result, pose, as_json=as_json, verbose=verbose)
+    if not as_json:  # a person reads while it is thought about what may be wrong; a document has it all
+        show()
+    mirrored = ask if pose is None else None
+    if result.status == "unknown" and not doubted and (question := meant(scale, measured, readings, mirrored)):
+        complain("warning", question)
+    if as_json:
+        show()
     if report is not None:
         from tanteo.cli.reporting import report_answer
 

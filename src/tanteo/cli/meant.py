@@ -1,4 +1,4 @@
-"""Would the readings be of a known part in a mirror? Then two of their axes were exchanged, or one is reversed."""
+"""What may be wrong with readings of no known part: units, directions, or that they are of a part in a mirror."""
 
 from __future__ import annotations
 
@@ -8,12 +8,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tanteo.cli.scale import meant_directions, meant_units
+
 if TYPE_CHECKING:
+    from tanteo.cli.scale import Scale
     from tanteo.matching import Recognition
-    from tanteo.sensors import Readings
+    from tanteo.sensors import PointMeasurements, Readings
 
 _MIRROR = np.array([1.0, 1.0, -1.0])
 """One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""
+
+
+def meant(
+    scale: Scale,
+    measured: PointMeasurements,
+    readings: Readings,
+    ask: Callable[[Readings], Recognition] | Literal[False],
+) -> str:
+    """A question where units, directions or axes may be others than was said; empty where none would help.
+
+    Args:
+        scale: Sizes on both sides.
+        measured: What was measured.
+        readings: Of no known part.
+        ask: Which part readings are of; None where a mirror does not leave the rest as it is: the place is known.
+    """
+    question = meant_units(scale) or meant_directions(measured.points, measured.directions)
+    return question or (meant_mirrored(readings, ask) if ask else "")
 
 
 def meant_mirrored(readings: Readings, ask: Callable[[Readings], Recognition]) -> str:

@@ -60,7 +60,7 @@ def test_where_the_place_is_known_nothing_is_mirrored(run, tmp_path, option):
 
 def test_readings_of_a_hand_are_not_mirrored(tmp_path):
     from tanteo import read_readings
-    from tanteo.cli.handedness import meant_mirrored
+    from tanteo.cli.meant import meant_mirrored
 
     def ask(readings):
         raise AssertionError("asked")
