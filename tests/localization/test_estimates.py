@@ -244,8 +244,42 @@ def test_prior_is_used_as_information():
         total += e.chi2
     low, high = interval(6 * trials, 0.99)
     assert low <= np.sum(values) <= high
+    assert e.dof == 3
     low, high = interval(3 * trials, 0.99)
     assert low <= total <= high
+
+
+def test_a_prior_that_agrees_is_not_called_a_contradiction():
+    """Its six equations count: else p is too small by far, as chi-square has them."""
+    rng, p = np.random.default_rng(17), []
+    scene, A = Scene(["plane_plane"] * 4, rng), np.diag([2e-3] * 3 + [2e-2] * 3)
+    Ts = scene.draw(rng, 40)
+    for t in range(40):
+        T0 = scene.T @ SE3.inverse(SE3.exp(A @ rng.normal(size=6)))
+        e = estimate_pose(scene.pairings([T[t] for T in Ts]), prior=(T0, A @ A.T))
+        assert e.dof == 12
+        p.append(e.p_value)
+    assert np.sum(np.array(p) < 0.01) <= binom.ppf(0.999, 40, 0.01)
+    assert 0.3 < np.mean(p) < 0.7  # four standard errors
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        ({"prior": (2 * np.eye(4), np.eye(6))}, "prior, T_world_part: "),
+        ({"prior": (np.eye(4), -np.eye(6))}, "prior, covariance: "),
+        ({"prior": (np.eye(4), np.zeros((6, 6)))}, "positive variance in every direction"),
+        ({"prior": (np.eye(4), np.eye(3))}, "prior, covariance: expected 6 x 6"),
+        ({"prior": (np.eye(4)[None], np.eye(6))}, "expected one pose and one covariance"),
+        ({"start": np.eye(3)}, "start: expected 4 x 4"),
+        ({"length": -1.0}, "length: expected a length"),
+    ],
+)
+def test_what_cannot_be_known_of_a_pose_is_refused(known, words):
+    rng = np.random.default_rng(18)
+    scene = Scene(["plane_plane"] * 3, rng)
+    with pytest.raises(InputError, match=words):
+        estimate_pose(scene.pairings([T[0] for T in scene.draw(rng, 1)]), **known)
 
 
 def test_a_prior_alone_is_the_answer():
@@ -253,6 +287,7 @@ def test_a_prior_alone_is_the_answer():
     e = estimate_pose([], prior=(T0, C))
     np.testing.assert_allclose(e.T_world_part, T0, atol=1e-12)
     np.testing.assert_allclose(e.covariance, C, rtol=1e-9, atol=1e-18)
+    assert (e.dof, e.p_value) == (0, 1.0)
 
 
 @pytest.mark.parametrize("name", SETS)

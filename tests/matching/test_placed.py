@@ -151,14 +151,27 @@ def test_a_pose_at_the_border_of_a_box_is_the_mean_of_what_is_inside(parts):
     readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
     alone = identify(readings, [part]).hypotheses[0]
     centre = SE3.apply(alone.T_world_part, part.centroid)
-    for outside, status in ((5e-5, "recognized"), (5e-3, "unknown")):
-        box = centre + np.array([[outside, -0.02, -0.02], [0.04, 0.02, 0.02]])
+    box = centre + np.array([[5e-5, -0.02, -0.02], [0.04, 0.02, 0.02]])
+    answer = identify(readings, [part], priors=Priors(pose=PosePrior(box=box)))
+    assert answer.status == "recognized"
+    best = answer.hypotheses[0]
+    assert SE3.apply(best.T_world_part, part.centroid)[0] > box[0, 0] - 5e-7
+    assert np.linalg.det(best.covariance) < np.linalg.det(alone.covariance)
+
+
+def test_a_pose_that_a_box_contradicts_is_told_where_it_was_felt(parts):
+    """What the box leaves of its distribution are poses far from all readings, with the fit of another one."""
+    part, rng = parts["bracket_left"], np.random.default_rng(11)
+    readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
+    alone = identify(readings, [part]).hypotheses[0]
+    for outside in (5e-3, 0.5):
+        box = SE3.apply(alone.T_world_part, part.centroid) + np.array([[outside, -0.02, -0.02], [1.0, 0.02, 0.02]])
         answer = identify(readings, [part], priors=Priors(pose=PosePrior(box=box)))
-        assert answer.status == status
+        assert answer.status == "unknown"
+        assert "not where it was said to be" in answer.message
         best = answer.hypotheses[0]
-        assert SE3.apply(best.T_world_part, part.centroid)[0] > box[0, 0] - 1e-2 * outside
-        assert np.linalg.det(best.covariance) < np.linalg.det(alone.covariance)
-    assert "not where it was said to be" in answer.message
+        np.testing.assert_allclose(best.T_world_part, alone.T_world_part, atol=1e-9)
+        assert (best.chi2, best.dof, best.rms) == pytest.approx((alone.chi2, alone.dof, alone.rms))
 
 
 def test_a_table_at_another_height_is_named(parts):

@@ -23,7 +23,7 @@ def meant(
     scale: Scale,
     measured: PointMeasurements,
     readings: Readings,
-    ask: Callable[[Readings], Recognition] | Literal[False],
+    ask: Callable[[Readings], Recognition] | None,
 ) -> str:
     """A question where units, directions or axes may be others than was said; empty where none would help.
 

@@ -10,6 +10,8 @@ from scipy.special import chdtrc
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
+from tanteo.frames import check_covariances, check_transforms
+from tanteo.limits import LEAST_SD, check_length
 from tanteo.localization.observability import describe_motion, free_motions
 from tanteo.localization.pairing import Pairing, build_blocks, model_length, model_middle
 from tanteo.localization.scaling import motion_scale
@@ -39,8 +41,9 @@ class PoseEstimate:
             the same robot finds the part again.
         free: motions ``(k, 6)`` that no pairing resists, part frame, pure translations first [m, rad].
         unobserved: the same in words.
-        chi2: joint squared Mahalanobis distance of the pairings.
-        dof: its degrees of freedom.
+        chi2: joint squared Mahalanobis distance of the pairings, and of the prior if there is one.
+        dof: its degrees of freedom: equations of the pairings, six more with a prior, less the six of the pose but for
+            those that stay free.
         p_value: probability of a larger ``chi2`` if all is as stated; 1 without redundancy.
         distances: squared Mahalanobis distance of each pairing at the estimate, under its own noise.
         alternatives: other poses ``(k, 4, 4)`` that fit about as well (undirected edges, few points).
@@ -78,8 +81,10 @@ def estimate_pose(
 
     Args:
         pairings: sensed features and what they are; at least one unless there is a prior.
-        prior: mean pose and covariance (part frame, right), for example from vision.
-        start: where to begin; found in closed form from directions and points if not given.
+        prior: mean pose ``T_world_part`` ``(4, 4)`` and covariance ``(6, 6)``, order x y z rx ry rz, part frame, right
+            perturbation [m, rad], positive in every direction: what vision says, for example.
+        start: pose ``T_world_part`` ``(4, 4)`` at which to begin; found in closed form from directions and points if
+            not given.
         length: size of the part [m], to weigh metres against radians; from the model features if not given.
         middle: of the part, in its frame ``(3,)`` [m], for the same; from the model features if not given.
 
@@ -87,8 +92,15 @@ def estimate_pose(
         The pose. Free directions stay where the start put them and are named; nothing is invented about them.
 
     Raises:
-        InputError: without pairings, or for kinds that cannot be paired.
+        InputError: without pairings, for kinds that cannot be paired, a prior or start that is no rigid motion, or a
+            prior without spread in some direction.
     """
+    if prior is not None:
+        prior = _checked(*prior)
+    if start is not None:
+        start = check_transforms("start", start)
+    if length is not None:
+        check_length("length", length, LEAST_SD)
     if not pairings and prior is None:
         raise InputError("pairings: expected at least one pairing of a sensed with a model feature, got none.")
     blocks, L, errors, order = build_blocks(pairings)
@@ -101,7 +113,18 @@ def estimate_pose(
         starts = starts if prior is None else np.concatenate([starts, prior[0][None]])
     solution, N = _best(blocks, starts, L.shape[1], information, scale)
     best = int(np.argmin(solution.chi2))
-    return _report(pairings, blocks, order, solution, best, N, L, errors, scale)
+    return _report(pairings, blocks, order, solution, best, N, L, errors, scale, of_prior=6 * (prior is not None))
+
+
+def _checked(T_world_part: Transforms, covariance: Covariances) -> tuple[Transforms, Covariances]:
+    """A prior, if it can be one."""
+    T = check_transforms("prior, T_world_part", T_world_part)
+    C = check_covariances("prior, covariance", covariance, 6)
+    if T.shape != (4, 4) or C.shape != (6, 6):
+        raise InputError(f"prior: expected one pose and one covariance, got shapes {T.shape} and {C.shape}.")
+    if np.linalg.eigvalsh(C)[0] <= 0:
+        raise InputError("prior, covariance: expected a positive variance in every direction, got zero.")
+    return T, C
 
 
 def _best(
@@ -134,13 +157,15 @@ def _report(
     L: FloatArray,
     errors: tuple[SharedError, ...],
     scale: FloatArray,
+    *,
+    of_prior: int,
 ) -> PoseEstimate:
     T, chi2 = solution.T_world_part[best], float(solution.chi2[best])
     distances = pairing_distances(blocks, order, T, solution.z[best])
     chi2 = chi2 if np.all(np.isfinite(distances)) else np.inf
     information = solution.information[best]
     covariance = covariance_with_free(pose_information(information), N, scale)
-    dof = int(solution.equations[best]) - (6 - len(N))
+    dof = int(solution.equations[best]) + of_prior - (6 - len(N))
     unobserved = tuple(describe_motion(xi, T, scale) for xi in N)
     p_value = float(chdtrc(dof, chi2)) if dof > 0 else 1.0
     insufficient = bool(unobserved)

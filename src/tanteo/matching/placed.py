@@ -28,6 +28,9 @@ from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 _STEPS, _SETTLED = 20, 1e-9
 """Steps at most; squared length of a step, in standard deviations, that ends them."""
 
+_CONTRADICTED = 1e-4
+"""Share of a pose's distribution in a box below which they contradict each other: the pose stays where it was felt."""
+
 _DRAWS = 64
 """Of a pose, over which what else is known is averaged."""
 
@@ -172,7 +175,10 @@ def _in_box(part: Part, prior: PosePrior, one: Located, log: float) -> tuple[Loc
     log, share = log + float(left.log_share[0]), float(np.exp(left.log_share[0]))
     if share > SURE or len(one.free):
         return one, log
-    T, (C, same), p = Ts[0] @ SE3.exp(left.means[0]), left.covariances, min(one.prior_p, share)
+    p = min(one.prior_p, share)
+    if share < _CONTRADICTED:  # what it leaves is of poses that nothing was felt at
+        return replace(one, prior_p=p), log
+    T, (C, same) = Ts[0] @ SE3.exp(left.means[0]), left.covariances
     return replace(one, T_world_part=T, covariance=C, covariance_same_robot=same, prior_p=p), log
 
 
