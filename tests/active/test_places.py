@@ -149,7 +149,7 @@ def test_a_session_ends_when_the_feature_is_placed_and_says_so(wedge):
 
 
 @pytest.mark.parametrize(
-    ("feature", "says"), [("plane 3", "expected 'face 3', 'edge 4' or 'vertex 2'"), ("edge 99", "wedge: edge 0 to 14")]
+    ("feature", "says"), [("hole 3", "expected 'face 3', 'edge 4' or 'vertex 2'"), ("edge 99", "wedge: edge 0 to 14")]
 )
 def test_a_feature_that_is_not_there_is_refused(wedge, feature, says):
     start = at_pose(wedge, np.eye(4), C)

@@ -40,7 +40,7 @@ def test_show_as_json(run, parts):
     assert (document["schema"], document["part"], document["unit_of_file"]) == ("tanteo.part/1", "block", "mm")
     np.testing.assert_allclose(document["box_m"], [[0, 0, 0], [0.09, 0.05, 0.02]], atol=1e-9)
     assert document["volume_m3"] == pytest.approx(90e-6)
-    assert len(document["planes"]) == 6
+    assert [plane["name"] for plane in document["planes"]] == [f"face {k}" for k in range(6)]
     assert len(document["edges"]) == 12
     assert len(document["vertices"]) == 8
     assert document["symmetry"]["order"] == 4

@@ -17,7 +17,7 @@ from tanteo.matching.part_motions import box_corners, point_moves
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Vectors
 
-_NAME = re.compile(r"(face|edge|vertex) (\d+)")
+_NAME = re.compile(r"(face|plane|edge|vertex) (\d+)")
 
 _MOST = 64
 """Points of a curved face, no more."""
@@ -81,9 +81,14 @@ def check_feature(feature: str, parts: Sequence[Part] = ()) -> None:
             f"feature: expected 'face 3', 'edge 4' or 'vertex 2', got '{feature}'. `tanteo part show` lists them."
         )
     if parts and all(_feature(part, feature) is None for part in parts):
-        kind = feature.split()[0]
+        kind = _kind(feature)
         counts = ", ".join(f"{part.name}: {_range(kind, part)}" for part in parts[:3])
         raise InputError(f"feature: expected one of a part, got '{feature}'. There are, of {counts}.")
+
+
+def _kind(feature: str) -> str:
+    """A plane is a face, by the number of the face; answers call it a plane."""
+    return feature.split()[0].replace("plane", "face")
 
 
 def _count(kind: str, part: Part) -> int:
@@ -98,9 +103,9 @@ def _range(kind: str, part: Part) -> str:
 def _feature(part: Part, feature: str) -> tuple[Vectors, FloatArray] | None:
     """Points of a feature and their projectors; None if the part has no such feature."""
     match = _NAME.fullmatch(feature)
-    if match is None or int(match[2]) >= _count(match[1], part):
+    if match is None or int(match[2]) >= _count(_kind(feature), part):
         return None
-    kind, k = match[1], int(match[2])
+    kind, k = _kind(feature), int(match[2])
     if kind == "vertex":
         return part.corners.points[[k]], np.eye(3)[None]
     if kind == "edge":

@@ -35,9 +35,13 @@ def part_document(part: Part) -> dict[str, Any]:
             "motions": part.symmetry.Ts.tolist(),
         },
         "planes": [
-            {"name": f"plane {i}", "area_m2": area, "normal": normal, "centroid_m": centroid}
-            for i, (area, normal, centroid) in enumerate(
-                zip(planes.areas.tolist(), planes.normals.tolist(), planes.centroids.tolist(), strict=True)
+            {"name": f"face {face}", "area_m2": area, "normal": normal, "centroid_m": centroid}
+            for face, area, normal, centroid in zip(
+                planes.faces.tolist(),
+                planes.areas.tolist(),
+                planes.normals.tolist(),
+                planes.centroids.tolist(),
+                strict=True,
             )
         ],
         "edges": [

@@ -7,6 +7,9 @@ import re
 
 from tanteo.errors import UnitError, did_you_mean
 
+_SHORT = 2
+"""Letters of a unit that is as likely another unit as a slip of the pen."""
+
 LENGTH_UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
 """Metres per unit."""
 
@@ -118,5 +121,7 @@ def _split(part: str, text: str, name: str, example: str) -> tuple[float, str]:
 def _factor(unit: str, name: str, units: dict[str, float]) -> float:
     unit = _WRITTEN.get(unit, unit)
     if unit not in units:
-        raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{did_you_mean(unit, units)}")
+        alike = len(unit) > _SHORT or unit.lower() in units  # a cm is no m
+        hint = did_you_mean(unit, units) if alike else ""
+        raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{hint}")
     return units[unit]
