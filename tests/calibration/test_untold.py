@@ -1,5 +1,7 @@
 """What a log cannot tell is named, keeps the uncertainty it had, and is never made up; bad logs are refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -189,3 +191,33 @@ def test_an_unknown_plane_is_named():
     found = calibrate(joined(simulated_log(rng, T, PLANE, hands, label="floor")))
     with pytest.raises(InputError, match="expected one of floor, got 'wall'"):
         plane_angle(found, "floor", found, "wall")
+
+
+def test_two_planes_taken_for_one_are_not_calibrated_with():
+    """A third of the places would be set aside, and the beam of the rest be anywhere."""
+    rng, logs = np.random.default_rng(3), []
+    wall = PLANE @ SE3.exp(np.array([0, 0, 0, 1.2, 0, 0]))
+    for plane, label in ((PLANE, "table"), (wall, "wall")):
+        logs.append(simulated_log(rng, T, plane, random_hands(rng, 30, plane, T, tilt=0.6), label=label))
+    log = joined(*logs)
+    assert calibrate(log).status == "calibrated"
+    found = calibrate(replace(log, features=("",) * len(log), kinds=("point",) * len(log)))
+    assert found.status == "insufficient"
+    assert "Check" in found.message
+
+
+def test_a_beam_that_is_not_where_the_rig_has_it_is_said():
+    rng = np.random.default_rng(4)
+    log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T, tilt=0.6))
+    assert "from where the rig has it" not in calibrate(log, rig=rig_of()).message
+    found = calibrate(log, rig=rig_of(T_hand_sensor=T @ SE3.exp(np.array([0.02, 0, 0, 0, 0, 0]))))
+    assert found.status == "calibrated"
+    assert "'eye' is " in found.message
+    assert "is it the rig of this log?" in found.message
+
+
+def test_places_that_scatter_far_more_than_readings_are_said():
+    rng = np.random.default_rng(5)
+    hands = random_hands(rng, 40, PLANE, T, tilt=0.6)
+    assert "scatters" not in calibrate(simulated_log(rng, T, PLANE, hands)).message
+    assert "'eye' scatters " in calibrate(simulated_log(rng, T, PLANE, hands, place=(0.03, 0.0, 0.0))).message

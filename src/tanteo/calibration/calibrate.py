@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtrc
 
 from tanteo.calibration.fit import Fit, beam_slice, best_fit
 from tanteo.calibration.geometry import BEAM, PLANE
@@ -19,6 +21,18 @@ from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_prese
 
 _FEWEST_STATIONS = 4
 """More parameters than three stations of a plane can never be told."""
+
+_CEILING = 0.9
+"""Share of its largest reading from which on a device that is set aside may just have met nothing."""
+
+_POSE = 5
+"""The first parameters of a beam: where it is."""
+
+_ROUGH, _UNLIKELY = 8.0, 1e-3
+"""Scatter from place to place in that at one place, and probability of where a beam is by its rig, that are doubted."""
+
+_MOST_ASIDE = 0.25
+"""Share of other places set aside beyond which the log is not of these planes, or not of these poses of the hand."""
 
 
 def calibrate(
@@ -62,10 +76,10 @@ def calibrate(
     setups = starts(log, by_rig)
     priors = [make_prior(log.beams, len(log.planes), rig, sensor, setup) for setup in setups]
     fit, prior = best_fit(log, setups, priors)
-    return _result(log, fit, prior, robot)
+    return _result(log, fit, prior, robot, rigged=rig is not None)
 
 
-def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) -> Calibration:
+def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *, rigged: bool) -> Calibration:
     basis = place_basis(log.ranges, fit.prediction.incidences)
     about = (fit.law, log, 1 - fit.stray, basis, fit.prediction.jacobian, fit.cov)
     squares = law_cov(*about)
@@ -73,11 +87,19 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) ->
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
     told = [untold(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
     status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
+    aside = fit.stray > 0.5
+    inexplicable = aside & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
     if not fit.explains:
         status = "insufficient"
         message = (
             "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
             "take more places on each plane."
+        )
+    elif np.mean(inexplicable) > _MOST_ASIDE:
+        status = "insufficient"
+        message = (
+            f"{np.sum(inexplicable)} of {len(aside)} places contradict what the rest says, so that the rest is not "
+            "believed either. Check the labels of the planes, and frame, units and quaternions of the hand poses."
         )
     beams = tuple(
         BeamFit(
@@ -93,6 +115,8 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) ->
         )
         for k, name in enumerate(log.beams)
     )
+    if status == "calibrated":
+        message += _doubts(beams, log, fit, prior, rigged=rigged)
     return Calibration(
         status=status,
         message=message,
@@ -107,6 +131,27 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None) ->
         good=fit.stray <= 0.5,
         cov=fit.cov,
     )
+
+
+def _doubts(beams: Sequence[BeamFit], log: PlaneLog, fit: Fit, prior: Prior, *, rigged: bool) -> str:
+    """Sentences on what does not go together, though a calibration came of it."""
+    says = ""
+    off = prior.deviation(fit.setup)
+    for k, beam in enumerate(beams):
+        within = float(beam.repeats.law.sigma(float(np.median(log.ranges[log.beam == k]))))
+        if beam.repeats.dof and beam.place_sds[0] > _ROUGH * within:
+            says += (
+                f" From place to place '{beam.name}' scatters {beam.place_sds[0] / within:.0f} times as much as at one "
+                "place: check labels and hand poses."
+            )
+        d, C = off[beam_slice(k)][:_POSE], prior.covs[k][:_POSE, :_POSE]
+        p = float(chdtrc(_POSE, d @ np.linalg.solve(C, d)))
+        if rigged and p < _UNLIKELY:
+            says += (
+                f" '{beam.name}' is {1e3 * np.linalg.norm(d[:3]):.3g} mm and {np.degrees(np.linalg.norm(d[3:])):.2g} "
+                f"deg from where the rig has it, more than it allows (p = {p:.1g}): is it the rig of this log?"
+            )
+    return says
 
 
 def _plane(log: PlaneLog, fit: Fit, p: int, robot: RobotPreset | None) -> PlaneFit:
