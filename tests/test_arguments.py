@@ -78,6 +78,7 @@ MISUSES = [
     (lambda r, p: around("wedge.step", EYE, LOOSE), r"parts: .*'wedge\.step'"),
     (lambda r, p: around(p, np.eye(3), LOOSE), r"T_world_place: expected 4 x 4"),
     (lambda r, p: around(p, EYE, np.eye(3)), r"covariance: expected 6 x 6"),
+    (lambda r, p: around(p, EYE, np.diag([1e-4] * 3 + [100.0] * 3)), r"got 10 rad\. Is it in degrees"),
     (lambda r, p: probe_of(3), r"preset: expected SensorPreset"),
     (lambda r, p: probe_of("nobody"), r"sensor: expected one of"),
     (lambda r, p: Session(p, probe_of("keyence_il300")), r"start: expected Start.*around\(parts"),

@@ -19,7 +19,16 @@ from tanteo.matching.recognition import check_question, identify_features, with_
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
 from tanteo.parts.several import as_part
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure, say_repeated
+from tanteo.sensors import (
+    PointMeasurements,
+    Readings,
+    Rig,
+    RobotPreset,
+    SensorPreset,
+    measure,
+    say_repeated,
+    say_stuck,
+)
 from tanteo.surface_search import (
     FreePaths,
     Touches,
@@ -112,7 +121,12 @@ def identify(
             touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
         )
         unused = _UNUSED[why] if any(measured.features) else ""
-        says = _gone_through(answer, free, measured.free.ids, parts), unused, say_repeated(measured)
+        says = (
+            _gone_through(answer, free, measured.free.ids, parts),
+            unused,
+            say_repeated(measured),
+            say_stuck(readings),
+        )
         return with_elapsed(_said(answer, *says, placed=placed), measure=elapsed)
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
@@ -131,7 +145,7 @@ def identify(
         beside=(lambda model, Ts, z: log_free_paths(free, Ts, z, model, assumed)) if len(free) else None,
         shared=measured.shared,
     )
-    notes = _gone_through(answer, free, measured.free.ids, parts), say_repeated(measured)
+    notes = _gone_through(answer, free, measured.free.ids, parts), say_repeated(measured), say_stuck(readings)
     return _with_notes(with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed), sensed)
 
 

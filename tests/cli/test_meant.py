@@ -5,7 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from bare_scenes import box_centred_pose, surface_points
+from tanteo.lie import SE3
+from tanteo.parts import read_part
+from tanteo.shapes import Surface
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PART = EXAMPLES / "parts" / "step_15mm.step"
@@ -58,11 +64,53 @@ def test_where_the_place_is_known_nothing_is_mirrored(run, tmp_path, option):
     assert "mirror" not in run("locate", file, "--part", PART, *option).err
 
 
-def test_readings_of_a_hand_are_not_mirrored(tmp_path):
-    from tanteo import read_readings
-    from tanteo.cli.meant import meant_mirrored
-
-    def ask(readings):
+def test_readings_of_a_hand_are_not_mirrored(run, monkeypatch):
+    def mirrored(*args):
         raise AssertionError("asked")
 
-    assert meant_mirrored(read_readings(EXAMPLES / "readings/wedge_ranges.csv"), ask) == ""
+    monkeypatch.setattr("tanteo.cli.meant.meant_mirrored", mirrored)
+    words = ["--rig", EXAMPLES / "readings/laser_rig.toml", "--part", PART]
+    assert run("locate", EXAMPLES / "readings/wedge_ranges.csv", *words).out.startswith("unknown")
+
+
+def bare(part, file, *, mirrored, seed, count=11):
+    """Touches of a part anywhere, without labels; in a left-handed frame or not."""
+    rng = np.random.default_rng(seed)
+    surface = Surface(part.vertices, part.triangles)
+    points, normals = surface_points(surface, count, rng)
+    T = box_centred_pose(rng)
+    points = SE3.apply(T, points) + 1e-4 * rng.normal(size=points.shape)
+    directions = -normals @ T[:3, :3].T
+    flip = [1, 1, -1] if mirrored else [1, 1, 1]
+    rows = np.concatenate([1e3 * points * flip, directions * flip], axis=1)
+    lines = [",".join(f"{x:.4f}" for x in row) for row in rows]
+    file.write_text("\n".join(["x_mm,y_mm,z_mm,dx,dy,dz", *lines, ""]))
+    return file
+
+
+def test_a_sure_answer_whose_mirror_image_fits_better_is_asked_about(run, tmp_path):
+    """With few touches one of a mirrored part's may pass for a stray of the part."""
+    part, asked = read_part(EXAMPLES / "parts/bracket_left.step"), 0
+    for seed in range(6):
+        file = bare(part, tmp_path / "r.csv", mirrored=True, seed=seed)
+        code, out, err = run("locate", file, "--part", part.source, "--sd", "0.1mm")
+        outliers = "Readings that do not fit" in out
+        assert not (code == 0 and outliers and "right-handed" not in err)
+        asked += "right-handed" in err
+        file = bare(part, tmp_path / "r.csv", mirrored=False, seed=seed)
+        assert "right-handed" not in run("locate", file, "--part", part.source, "--sd", "0.1mm").err
+    assert asked > 0
+
+
+def test_normals_that_point_into_the_material_are_asked_about(run, tmp_path):
+    part, rng = read_part(EXAMPLES / "parts/bracket_left.step"), np.random.default_rng(1)
+    points, normals = surface_points(Surface(part.vertices, part.triangles), 12, rng)
+    for sign, said in ((-1, True), (1, False)):
+        rows = np.concatenate([1e3 * points, -normals, sign * normals], axis=1)
+        lines = [",".join(f"{x:.4f}" for x in row) for row in rows]
+        file = tmp_path / "r.csv"
+        file.write_text(
+            "\n".join(["x_mm,y_mm,z_mm,dx,dy,dz,nx,ny,nz,normal_sd_deg,sd_mm", *[f"{x},1,0.1" for x in lines]])
+        )
+        result = run("locate", file, "--part", part.source)
+        assert ("normals are meant to point out of the material" in result.err) == said

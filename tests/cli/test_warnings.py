@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -68,3 +70,12 @@ def test_a_hand_says_it_too(run, tmp_path):
     words = ["sense", "part", "--scene", EXAMPLES / "scenes/part_unknown.toml", "--parts", tmp_path, "--most", "1"]
     (warning,) = told(run, *words)
     assert "broken.step" in warning
+
+
+def test_a_mesh_far_from_its_origin(run, touches, tmp_path, parts):
+    mesh, far = trimesh.load(parts / "wedge.stl"), tmp_path / "far.stl"
+    for away, said in ((1e5, 1), (1e4, 0)):
+        mesh.vertices = np.array(trimesh.load(parts / "wedge.stl").vertices) + np.array([away, 0, 0])
+        mesh.export(far)
+        warnings = told(run, "locate", touches, "--part", far, "--units", "mm")
+        assert sum("single precision resolves" in w for w in warnings) == said

@@ -70,6 +70,10 @@ class Start:
         if np.linalg.eigvalsh(C).min() <= 0:
             raise InputError("start: expected a spread in every direction, got none in one. A tiny one is enough.")
         check_spreads("start", C)
+        if (turn := float(np.sqrt(np.linalg.eigvalsh(C[..., 3:, 3:]).max()))) > np.pi:
+            raise InputError(
+                f"start, covariance: expected turns of up to half a turn, 1 sd, got {turn:.3g} rad. Is it in degrees?"
+            )
         check_places("start, T_world_part", Ts[..., :3, 3])
         radius = max(target.part.radius for target in self.targets)
         if abs(w.sum() - 1) > 1e-12:  # what sums to one stays as it is, to the last bit

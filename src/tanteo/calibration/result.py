@@ -92,8 +92,8 @@ class Calibration:
     """Everything that a log of planes says of the sensors.
 
     Attributes:
-        status: ``calibrated``; ``insufficient`` where neither log nor rig tells where a beam is, or where a quarter of the
-            places contradict the rest.
+        status: ``calibrated``; ``insufficient`` where neither log nor rig tells where a beam is, or where a quarter of
+            the places contradict the rest.
         message: One sentence for a person.
         beams: The sensors.
         planes: The planes.

@@ -14,6 +14,12 @@ from tanteo.errors import PartError, UnitError
 if TYPE_CHECKING:
     from tanteo.parts import Part
 
+_SINGLE = (".stl", ".glb")
+"""Formats whose coordinates are of single precision, as a rule."""
+
+_PRECISION, _BLUR = 1.2e-7, 4e-6
+"""Of single precision, relative; and how much of it is worth a warning [m]."""
+
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
     """The parts; files of a folder that cannot be read are warnings as long as one can."""
@@ -30,7 +36,8 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
         raise PartError(reasons[0])
     named = {Path(path) for path in paths if not Path(path).is_dir()}
     lost = [r for r, failure in zip(reasons, parts.failures, strict=True) if Path(failure.path) in named]
-    for reason in [r for r in reasons if r not in lost[:1]] + below + _unused_unit(parts.parts, units):
+    odd = [*below, *_unused_unit(parts.parts, units), *_coarse(parts.parts)]
+    for reason in [r for r in reasons if r not in lost[:1]] + odd:
         complain("warning", reason)
     if lost:  # an answer would say nothing of a part that was asked for by name
         raise PartError(lost[0])
@@ -51,6 +58,17 @@ def _below(paths: Sequence[str]) -> Iterator[str]:
         if count := sum(f.suffix.lower() in READABLE for f in folder.iterdir()):
             files = "1 CAD file in it is" if count == 1 else f"{count} CAD files in it are"
             yield f"{folder}: {files} not read, as folders in a folder are not looked into. Name it, too."
+
+
+def _coarse(parts: Sequence[Part]) -> Iterator[str]:
+    """What to say of meshes so far from their origin that single precision blurs them."""
+    for part in parts:
+        far = float(abs(part.box).max())
+        if Path(part.source).suffix.lower() in _SINGLE and far * _PRECISION > _BLUR:
+            yield (
+                f"{part.source}: it lies {far:.3g} m from its origin, where single precision resolves "
+                f"{1e6 * far * _PRECISION:.2g} um, so that faces may break up. Export it near the origin, or as STEP."
+            )
 
 
 def _unused_unit(parts: Sequence[Part], units: str | None) -> list[str]:

@@ -22,6 +22,7 @@ from tanteo.errors import PartError, ReadingsError, TanteoError
 
 if TYPE_CHECKING:
     from tanteo.matching import PosePrior, Priors, Recognition
+    from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings, Rig
 
 _FAILED, _MISUSED, UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
@@ -85,22 +86,22 @@ def recognize(
 
     loaded = time.perf_counter() - start
 
-    def ask(asked: Readings) -> Recognition:
+    def ask(asked: Readings, among: Sequence[Part]) -> Recognition:
         return identify(
-            asked, parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
+            asked, among, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
             tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
             priors=_priors(options, pose), seed=options.seed,
         )  # fmt: skip
 
     with misuse_of_options():
-        result = ask(readings)
+        result = ask(readings, parts)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     show = partial(_print, result, pose, as_json=as_json, verbose=verbose)
     if not as_json:  # a person reads while it is thought about what may be wrong; a document has it all
         show()
-    mirrored = ask if pose is None else None
-    if result.status == "unknown" and not doubted and (question := meant(scale, measured, readings, mirrored)):
+    again = ask if pose is None else None
+    if not doubted and (question := meant(result, scale, measured, readings, parts, again)):
         complain("warning", question)
     if as_json:
         show()

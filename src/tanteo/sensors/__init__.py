@@ -34,6 +34,7 @@ from tanteo.sensors.presets import (
 from tanteo.sensors.readings import Readings, concatenate
 from tanteo.sensors.repeated import say_repeated
 from tanteo.sensors.rig import Rig, RigSensor
+from tanteo.sensors.stuck import say_stuck
 
 __all__ = [
     "KINDS",
@@ -69,6 +70,7 @@ __all__ = [
     "robot_preset",
     "robot_presets",
     "say_repeated",
+    "say_stuck",
     "sensed_point",
     "sensor_error_cov",
     "sensor_preset",

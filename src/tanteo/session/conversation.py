@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from tanteo.active import (
 from tanteo.errors import check_kind
 from tanteo.limits import check_count
 from tanteo.matching import PosePrior, Recognition
-from tanteo.sensors import Readings, concatenate
+from tanteo.sensors import Readings, concatenate, say_stuck
 from tanteo.sensors.readings import check_readings_kind
 from tanteo.session.again import once_more
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
@@ -135,7 +135,7 @@ class Session:
         question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
         if end := enough(self.stop, self._belief, self.count):
-            return end
+            return replace(end, why=f"{end.why} {self._doubt()}".rstrip())
         if self._asked is not None:
             return self._asked
         if not len(self._belief.weights):
@@ -243,7 +243,12 @@ class Session:
             top: hypotheses to report.
             alpha: an answer whose joint test has a smaller p-value is not accepted.
         """
-        return answered(self._belief, self.stop, self.seed, top, alpha)
+        answer = answered(self._belief, self.stop, self.seed, top, alpha)
+        return replace(answer, message=f"{answer.message} {self._doubt()}".rstrip())
+
+    def _doubt(self) -> str:
+        """What is odd about the readings themselves, in words."""
+        return say_stuck(self.readings) if self.readings is not None else ""
 
     def _open(self, candidates: Candidates) -> Candidates:
         """The candidates that can be made and are not like one that was refused."""

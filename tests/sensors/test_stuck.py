@@ -1,0 +1,34 @@
+"""A sensor that says the same everywhere is asked about; one that says the same of one place, or by chance, is not."""
+
+import numpy as np
+import pytest
+
+from tanteo.sensors import Readings, say_stuck
+
+
+def ranges(values, *, sensors=None, places=None):
+    n = len(values)
+    hands = np.tile(np.eye(4), (n, 1, 1))
+    hands[:, 0, 3] = np.arange(n) if places is None else places
+    return Readings.from_columns(ranges=values, sensors=sensors or ["eye"] * n, Ts_world_hand=hands)
+
+
+@pytest.mark.parametrize(("value", "other", "least"), [(0.10342, 0.2, 4), (0.1, 0.20013, 4), (0.1, 0.2, 7)])
+def test_so_many_equal_ranges_are_no_chance(value, other, least):
+    """Fewer where the device shows elsewhere that it tells ranges finely."""
+    other = [other, other + 0.01]
+    assert say_stuck(ranges([*other, *[value] * (least - 1), *other])) == ""
+    words = say_stuck(ranges([*other, *[value] * least, *other]))
+    assert words.startswith(f"The {least} ranges 3 to {least + 2} of 'eye' are all {1e3 * value:g} mm")
+
+
+def test_repeats_of_one_place_and_other_sensors_in_between_are_no_run():
+    assert say_stuck(ranges([0.10342] * 9, places=np.zeros(9))) == ""
+    mixed = ranges([0.10342, 0.3] * 5, sensors=["left", "right"] * 5)
+    assert "1 to 9 of 'left'" in say_stuck(mixed)
+    assert say_stuck(ranges([0.10342, 0.3] * 5)) == ""
+
+
+def test_what_has_no_range_is_not_asked_about():
+    assert say_stuck(Readings.from_columns(np.zeros((9, 3)))) == ""
+    assert say_stuck(ranges([0.1] * 0)) == ""
