@@ -21,7 +21,7 @@ from tanteo.surface_search import prepare_target
 from tanteo.vision import prepare_vision
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-EYE, LOOSE = np.eye(4), 1e-4 * np.eye(6)
+EYE, LOOSE, DOWN = np.eye(4), 1e-4 * np.eye(6), np.tile([0.0, 0.0, -1.0], (12, 1))
 
 
 @pytest.fixture(scope="module")
@@ -140,3 +140,13 @@ def test_the_cache_may_be_below_the_home_folder(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("TANTEO_CACHE", os.path.join("~", "kept"))
     assert cache_folder() == tmp_path / "kept" or os.name == "nt"
+
+
+@pytest.mark.parametrize("labelled", [False, True])
+def test_millimetres_are_recognised_by_their_span(part, readings, labelled):
+    columns = {"features": [f"f{k // 3}" for k in range(12)], "kinds": ["plane"] * 12} if labelled else {}
+    wide = Readings.from_columns(1e3 * readings.points, sds=readings.sds, directions=DOWN, **columns)
+    assert "the largest part measures 0.0" in tanteo.identify(wide, part).message
+    assert "the largest part measures 0.0" in tanteo.identify(wide, prepare_target(part)).message
+    same = Readings.from_columns(readings.points, sds=readings.sds)
+    assert "measures" not in tanteo.identify(same, part).message

@@ -12,13 +12,12 @@ import numpy.typing as npt
 from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.limits import check_length
-from tanteo.matching import prepare
 from tanteo.matching.evidence import Priors, sized
-from tanteo.matching.model import PartModel
 from tanteo.matching.recognition import check_question, identify_features, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.parts import Part
 from tanteo.parts.several import as_part
+from tanteo.remarks import as_model, remarks
 from tanteo.sensors import (
     PointMeasurements,
     Readings,
@@ -26,8 +25,6 @@ from tanteo.sensors import (
     RobotPreset,
     SensorPreset,
     measure,
-    say_repeated,
-    say_stuck,
 )
 from tanteo.surface_search import (
     FreePaths,
@@ -35,13 +32,9 @@ from tanteo.surface_search import (
     as_free_paths,
     as_touches,
     bend,
-    gone_through,
     identify_touches,
     log_free_paths,
 )
-
-_PATHS = 3
-"""Paths that a message names."""
 
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
@@ -80,8 +73,10 @@ def identify(
 ) -> Recognition:
     """Which of the parts was sensed, and where it is.
 
-    If every reading has a feature label, features are fitted and matched by the interpretation tree; if some have
-    none, all readings go against the whole surface of every part.
+    Readings with a label, and single ones with a sensed normal, become features, which the interpretation tree matches.
+    If any reading has neither, all go against the whole surface of every part; likewise where labels cannot be used,
+    which the message says with the reason: too few readings of a face beside a rough pose, or shared errors that bend
+    faces.
 
     Args:
         readings: what the devices said; see ``tanteo.io.read_readings``.
@@ -121,17 +116,12 @@ def identify(
             touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
         )
         unused = _UNUSED[why] if any(measured.features) else ""
-        says = (
-            _gone_through(answer, free, measured.free.ids, parts),
-            unused,
-            say_repeated(measured),
-            say_stuck(readings),
-        )
+        says = unused, *remarks(answer, readings, measured, free, parts)
         return with_elapsed(_said(answer, *says, placed=placed), measure=elapsed)
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
-    models = [_prepared(part) for part in parts]
+    models = [as_model(part) for part in parts]
     assumed = sized(priors, max((model.radius for model in models), default=0.0))
     answer = identify_features(
         sensed.features,
@@ -145,7 +135,7 @@ def identify(
         beside=(lambda model, Ts, z: log_free_paths(free, Ts, z, model, assumed)) if len(free) else None,
         shared=measured.shared,
     )
-    notes = _gone_through(answer, free, measured.free.ids, parts), say_repeated(measured), say_stuck(readings)
+    notes = remarks(answer, readings, measured, free, parts)
     return _with_notes(with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed), sensed)
 
 
@@ -169,25 +159,6 @@ def _said(answer: Recognition, *notes: str, placed: bool) -> Recognition:
     return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *notes])))
 
 
-def _prepared(part: Part | PartModel) -> PartModel:
-    return part if isinstance(part, PartModel) else prepare(part)
-
-
-def _gone_through(answer: Recognition, free: FreePaths, ids: Sequence[str], parts: Sequence[Part]) -> str:
-    """A sentence on the paths on which nothing was met, though the best answer's part is surely in their way."""
-    if not answer.hypotheses or not len(free):
-        return ""
-    best = answer.hypotheses[0]
-    model = _prepared(next(part for part in parts if part.name == best.part))
-    short = gone_through(free, best.T_world_part, best.covariance, best.shared, model)
-    rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
-    if not len(rows):
-        return ""
-    named = ", ".join(f"{ids[k]} (it ends {1e3 * short[k]:.2g} mm further)" for k in rows[:_PATHS])
-    rest = f" and {len(rows) - _PATHS} more" if len(rows) > _PATHS else ""
-    return f"{best.part} is in the way of {len(rows)} of {len(ids)} paths on which nothing was met: {named}{rest}."
-
-
 def _require_labels_alone(*, bare: bool, placed: bool) -> None:
     """The paper compares features that were sensed, and nothing else."""
     if placed:
@@ -200,7 +171,11 @@ def _require_labels_alone(*, bare: bool, placed: bool) -> None:
 
 
 def locate(readings: Readings, part: Part, **options: object) -> Recognition:
-    """Where the part is, given that it is this one (or none): :func:`identify` with one part."""
+    """Where the part is, given that it is this one (or none): :func:`identify` with one part, and its other arguments.
+
+    Raises:
+        InputError: as :func:`identify`; or several parts.
+    """
     return identify(readings, [as_part("part", part)], **options)  # type: ignore[arg-type]
 
 

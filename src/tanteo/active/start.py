@@ -123,6 +123,9 @@ def around(
         T_world_place: the place ``(4, 4)``.
         covariance: of the part there ``(6, 6)``, order x y z rx ry rz, in the frame of the place at the centroid.
         priors: of "none of these" and of stray readings.
+
+    Raises:
+        InputError: no parts, a place that is no rigid motion, a covariance that cannot be one or is in degrees.
     """
     targets = as_targets("parts", targets)
     if not targets:

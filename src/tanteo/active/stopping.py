@@ -43,6 +43,9 @@ class Stop:
         least_gain: information below which no reading is worth making [nats], but to confirm what is known but for
             "none of these", and where the readings that may still be made tell what little is left to know.
         most: number of readings at which to end in any case.
+
+    Raises:
+        InputError: no probability, a tolerance that is no length, a feature without tolerance, or no name of one.
     """
 
     probability: float | None = 0.99

@@ -39,7 +39,8 @@ PartPaths = Annotated[
 ]
 PartPath = Annotated[str, typer.Option("--part", metavar="FILE", help="CAD file of the part (STEP, STL, ...).")]
 Units = Annotated[
-    str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none (STL): mm, m, um, in.")
+    str | None,
+    typer.Option("--units", metavar="UNIT", help="Unit of STL, OBJ, PLY and OFF: mm, cm, m, um, in, ft."),
 ]
 Sensor = Annotated[
     str | None,

@@ -25,10 +25,11 @@ def plan(
         ),
     ] = None,
     tolerance: Annotated[
-        str | None, typer.Option("--tolerance", metavar="LENGTH", help="Of the corners of the part's box, as 0.2mm.")
+        str | None,
+        typer.Option("--tolerance", metavar="LENGTH", help="How far off its corners may be, as 0.2mm."),
     ] = None,
     confidence: Annotated[
-        float | None, typer.Option("--confidence", help="With which the corners keep it.", show_default="0.95")
+        float | None, typer.Option("--confidence", help="Probability with which they keep it: 0.95 if not said.")
     ] = None,
     feature: Feature = None,
     sensor: Annotated[
@@ -52,11 +53,17 @@ def plan(
     ] = None,
     standoff: Annotated[str | None, typer.Option("--standoff", metavar="LENGTH", help="From start to surface.")] = None,
     clearance: Annotated[
-        str | None, typer.Option("--clearance", metavar="LENGTH", help="Room that the probe needs on its way, as 10mm.")
+        str | None,
+        typer.Option("--clearance", metavar="LENGTH", help="Room that the probe needs: 10mm if not said."),
     ] = None,
-    most: Annotated[int | None, typer.Option("--most", help="Readings at most.", show_default="30")] = None,
+    most: Annotated[int | None, typer.Option("--most", help="Readings at most: 30 if not said.")] = None,
     units: Annotated[
-        str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none (STL).")
+        str | None,
+        typer.Option(
+            "--units",
+            metavar="UNIT",
+            help="Unit of STL, OBJ, PLY and OFF: mm, cm, m, um, in, ft.",
+        ),
     ] = None,
     csv: Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the plan as a table too.")] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the places that are tried.")] = 0,

@@ -26,7 +26,8 @@ Feature = Annotated[
 Confidence = Annotated[float, typer.Option("--confidence", help="With which they are.")]
 Most = Annotated[int, typer.Option("--most", help="Readings after which to stop in any case.")]
 MeshUnits = Annotated[
-    str | None, typer.Option("--units", metavar="UNIT", help="Unit of CAD files that carry none: mm, m, um, in.")
+    str | None,
+    typer.Option("--units", metavar="UNIT", help="Unit of STL, OBJ, PLY and OFF: mm, cm, m, um, in, ft."),
 ]
 ImageFile = Annotated[
     str | None,

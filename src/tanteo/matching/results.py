@@ -22,7 +22,7 @@ class Hypothesis:
         probability: posterior, over all parts, poses and "none of these".
         T_world_part: pose ``(4, 4)``, maps points of the part [m] to the world.
         covariance: ``(6, 6)``, order x y z rx ry rz, in the part frame, right perturbation [m, rad]. Directions that
-            nothing observes carry the variance of a uniform draw over the workspace.
+            nothing observes carry the variance of a uniform draw over the part's size (diagonal of its box) or a turn.
         worst_corner_sd: largest standard deviation of the position of a corner of the part's box [m].
         unobserved: directions that the readings leave free and no symmetry explains, in words.
         symmetry_order: number of equivalent poses, this one included.
