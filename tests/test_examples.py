@@ -21,7 +21,7 @@ pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 NUMBERED = sorted(EXAMPLES.glob("[0-9]*.py"))
-LONG = ("09_from_an_image", "12_a_session")
+LONG = ("08_bare_touches", "09_from_an_image", "12_a_session")
 """Their commands run in other tests as well."""
 
 SAYS = {

@@ -61,6 +61,7 @@ def test_what_a_feature_tells_is_the_ratio_of_determinants(situation):
         assert gain == pytest.approx(0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1]), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_sessions_that_choose_features_reach_their_goal_and_name_them():
     targets = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right")]
     start, rng = rough(targets, (5e-3, 0.1)), np.random.default_rng(8)

@@ -210,9 +210,8 @@ def test_a_plan_that_cannot_be_meant_is_refused(bracket, tolerance, confidence, 
         plan(at_pose(bracket, np.eye(4), C), TOUCH, tolerance, confidence, most)
 
 
-@pytest.mark.parametrize(
-    "names", [("bracket_left", "bracket_right"), pytest.param(("step_12mm", "step_15mm"), marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("names", [("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")])
 def test_one_reading_tells_twins_apart(names):
     pair = [prepare_target(read_part(PARTS / f"{name}.step")) for name in names]
     found = distinguish(*pair, LASER)

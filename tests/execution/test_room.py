@@ -21,7 +21,7 @@ LYING = SE3.from_parts(np.eye(3), [0.0, 0.0, 0.03])
 
 
 def believed(targets, sd=0.005):
-    return begin(around(targets, LYING, np.diag(np.repeat([sd, 10 * sd], 3)) ** 2))
+    return begin(around(targets, LYING, np.diag(np.repeat([sd, min(10 * sd, 3.0)], 3)) ** 2))
 
 
 def exact_gap(body, possible, T):

@@ -39,6 +39,7 @@ def by_part(answer):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_every_example_is_recognised_among_all(models, seed):
     for name, model in models.items():

@@ -311,6 +311,7 @@ def test_real_files_agree_with_the_kernel(pattern):
         assert part.area == pytest.approx(area, rel=2e-3), file.name
 
 
+@pytest.mark.slow
 @needs_data
 def test_curved_faces_of_real_parts_lie_on_the_surface_they_name():
     checked = 0

@@ -82,6 +82,7 @@ def _evidence_beside(target, T, points):
     return float(log.max() - log[0])
 
 
+@pytest.mark.slow
 def test_real_cleaner(targets):
     """Target 7.1 mm; least squares cannot be under 7.66 by much, no pose under 7.45; published 9.1."""
     points, answer = located(targets, "measCleaner_exp", "cleaner", SD)
