@@ -131,6 +131,31 @@ def test_derivatives(parts, name, corner, normal_sd):
     assert np.linalg.eigvalsh(found.resistance).min() > -1e-9 * np.abs(found.resistance).max()
 
 
+@pytest.mark.parametrize("normal_sd", [0.0, 0.3])
+def test_poses_are_summed_as_their_readings_one_by_one(block, normal_sd):
+    """Each with its share; poses with more readings near edges than others, and one with none."""
+    rng, n = np.random.default_rng(12), 8
+    T = box_centred_pose(rng)
+    points = SE3.apply(T, near_points(block, rng, n, corner=False))
+    sensed = {} if not normal_sd else {"normals": _mostly_known(rng, n), "normal_sd": normal_sd}
+    touches = touches_of(points, SD, gains=1e-3 * rng.normal(size=(n, 3, 2)), **sensed)
+    Ts = T @ SE3.exp(np.array([0, 3, 1e3, 6])[:, None] * SD * rng.normal(size=(4, 6)) * [1, 1, 1, 1e-2, 1e-2, 1e-2])
+    p = SE3.apply(SE3.inverse(Ts)[:, None], points)
+    found = at_edges(touches, block, Ts[:, :3, :3], p)
+    counts = np.bincount(found.poses, minlength=4)
+    assert counts[2] == 0
+    assert len(set(counts[[0, 1, 3]])) > 1
+    share = rng.uniform(0.1, 1, size=len(found.poses))
+    A, b = np.zeros((4, 8, 8)), np.zeros((4, 8))
+    found.add_to(A, b, share)
+    for k in range(4):
+        mine = found.poses == k
+        gradient = np.sum(share[mine, None] * found.gradient[mine], axis=0)
+        resistance = np.sum(share[mine, None, None] * found.resistance[mine], axis=0)
+        np.testing.assert_allclose(b[k], gradient, rtol=1e-9, atol=1e-9 * np.abs(found.gradient).max())
+        np.testing.assert_allclose(A[k], resistance, rtol=1e-9, atol=1e-9 * np.abs(found.resistance).max())
+
+
 def _mostly_known(rng, n):
     """Normals of any direction; the first reading has none."""
     m = rng.normal(size=(n, 3))
