@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, surface_points
+from tanteo.cli.meant import meant_image
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.shapes import Surface
@@ -114,3 +116,14 @@ def test_normals_that_point_into_the_material_are_asked_about(run, tmp_path):
         )
         result = run("locate", file, "--part", part.source)
         assert ("normals are meant to point out of the material" in result.err) == said
+
+
+@pytest.mark.parametrize(("left_aside", "asked"), [((), True), (("3",), False)])
+def test_a_mirror_image_has_to_fit_all_readings(left_aside, asked):
+    part = read_part(EXAMPLES / "parts/bracket_left.step")
+
+    def ask(readings, parts):
+        best = SimpleNamespace(part=parts[1].name, outliers=left_aside, probability=0.999)
+        return SimpleNamespace(hypotheses=[best])
+
+    assert bool(meant_image(None, part, ask)) == asked
