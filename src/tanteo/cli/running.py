@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
@@ -21,6 +21,7 @@ from tanteo.cli.targets import check_different, parts_read
 from tanteo.errors import PartError, ReadingsError, TanteoError
 
 if TYPE_CHECKING:
+    from tanteo.cli.scale import Scale
     from tanteo.matching import PosePrior, Priors, Recognition
     from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings, Rig
@@ -67,7 +68,55 @@ def recognize(
     check_report(report)
     sources = [("the readings", readings_path), ("--rig", rig_path), *parts_read(part_paths)]
     check_different(("--report", report), inputs=sources)
+    given = _read(readings_path, part_paths, rig_path, options, quiet=as_json)
     from tanteo.cli.meant import meant
+    from tanteo.recognition import identify
+
+    loaded = time.perf_counter() - start
+
+    def ask(asked: Readings, among: Sequence[Part]) -> Recognition:
+        return identify(
+            asked, among, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
+            tip_sd=options.tip_sd, rig=given.rig, alpha=options.alpha, top=options.top,
+            as_published=options.as_published, priors=_priors(options, pose), seed=options.seed,
+        )  # fmt: skip
+
+    with misuse_of_options():
+        result = ask(given.readings, given.parts)
+    elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
+    result = replace(result, elapsed=elapsed)
+    show = partial(_print, result, pose, as_json=as_json, verbose=verbose)
+    if not as_json:  # a person reads while it is thought about what may be wrong; a document has it all
+        show()
+    again = ask if pose is None else None
+    about = result, given.scale, given.measured, given.readings, given.parts
+    if not given.doubted and (question := meant(*about, again)):
+        complain("warning", question)
+    if as_json:
+        show()
+    if report is not None:
+        from tanteo.cli.reporting import report_answer
+
+        report_answer(report, result, given.readings, given.parts, given.rig, options, pose, as_json=as_json)
+    if result.status != "recognized":
+        raise typer.Exit(UNDECIDED)
+
+
+class _Given(NamedTuple):
+    """What was read; whether a person was warned already that it hardly goes together."""
+
+    readings: Readings
+    measured: PointMeasurements
+    parts: Sequence[Part]
+    rig: Rig | None
+    scale: Scale
+    doubted: bool
+
+
+def _read(
+    readings_path: str, part_paths: Sequence[str], rig_path: str | None, options: RunOptions, *, quiet: bool
+) -> _Given:
+    """Read everything, with a warning where it hardly goes together."""
     from tanteo.cli.scale import asked_rig, check_scale, check_spread, scale_of
     from tanteo.io import read_readings
     from tanteo.sensors.devices import misspelt
@@ -78,39 +127,10 @@ def recognize(
     measured = _check_fit(readings, options, rig)
     if rig is None and (question := misspelt(readings)):
         complain("warning", question)
-    points = measured.points
-    parts = read_all_parts(part_paths, options.units, quiet=as_json)
-    scale = scale_of(points, parts, _beginning(readings_path), options.units)
-    doubted = check_scale(points, scale) or check_spread(measured.covs, scale)
-    from tanteo.recognition import identify
-
-    loaded = time.perf_counter() - start
-
-    def ask(asked: Readings, among: Sequence[Part]) -> Recognition:
-        return identify(
-            asked, among, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
-            tip_sd=options.tip_sd, rig=rig, alpha=options.alpha, top=options.top, as_published=options.as_published,
-            priors=_priors(options, pose), seed=options.seed,
-        )  # fmt: skip
-
-    with misuse_of_options():
-        result = ask(readings, parts)
-    elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
-    result = replace(result, elapsed=elapsed)
-    show = partial(_print, result, pose, as_json=as_json, verbose=verbose)
-    if not as_json:  # a person reads while it is thought about what may be wrong; a document has it all
-        show()
-    again = ask if pose is None else None
-    if not doubted and (question := meant(result, scale, measured, readings, parts, again)):
-        complain("warning", question)
-    if as_json:
-        show()
-    if report is not None:
-        from tanteo.cli.reporting import report_answer
-
-        report_answer(report, result, readings, parts, rig, options, pose, as_json=as_json)
-    if result.status != "recognized":
-        raise typer.Exit(UNDECIDED)
+    parts = read_all_parts(part_paths, options.units, quiet=quiet)
+    scale = scale_of(measured.points, parts, _beginning(readings_path), options.units)
+    doubted = check_scale(measured.points, scale) or check_spread(measured.covs, scale)
+    return _Given(readings, measured, parts, rig, scale, doubted)
 
 
 def _print(result: Recognition, pose: PosePrior | None, *, as_json: bool, verbose: bool) -> None:
