@@ -20,10 +20,17 @@ def check_number(name: str, value: object, unit: str = "") -> None:
     Raises:
         InputError: with what it is.
     """
-    if np.ndim(value) == 0 and np.asarray(value).dtype.kind in "fiu":  # type: ignore[arg-type]
+    if _kind(value) in ("f", "i", "u"):
         return
     metres = " 0.3 mm is 0.3e-3." if unit == "m" else ""
     raise InputError(f"{name}: expected one number{f' [{unit}]' if unit else ''}, got {value!r}.{metres}")
+
+
+def _kind(value: object) -> str:
+    """NumPy's letter for what one number is; of anything else another."""
+    if isinstance(value, (list, tuple)) or np.ndim(value) > 0:  # type: ignore[arg-type]
+        return "O"
+    return np.asarray(value).dtype.kind
 
 
 def check_count(name: str, value: object, least: int) -> None:
@@ -32,7 +39,7 @@ def check_count(name: str, value: object, least: int) -> None:
     Raises:
         InputError: with what it is.
     """
-    if np.ndim(value) or np.asarray(value).dtype.kind not in "iu":  # type: ignore[arg-type]
+    if _kind(value) not in ("i", "u"):
         raise InputError(f"{name}: expected a whole number, got {value!r}.")
     if value < least:  # type: ignore[operator]
         raise InputError(f"{name}: expected {least} or more, got {value}.")

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, surface_points
-from tanteo.cli.meant import meant_image
+from tanteo.cli.meant import meant_image, meant_mirrored
+from tanteo.errors import InputError
+from tanteo.io import read_readings
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.shapes import Surface
@@ -127,3 +129,12 @@ def test_a_mirror_image_has_to_fit_all_readings(left_aside, asked):
         return SimpleNamespace(hypotheses=[best])
 
     assert bool(meant_image(None, part, ask)) == asked
+
+
+def test_a_question_that_cannot_be_asked_takes_nothing_from_the_answer():
+    def ask(readings, parts):
+        raise InputError("no")
+
+    part = read_part(EXAMPLES / "parts/step_15mm.step")
+    readings = read_readings(EXAMPLES / "readings/step_15mm.csv")
+    assert meant_image(readings, part, ask) == meant_mirrored(readings, [part], ask) == ""

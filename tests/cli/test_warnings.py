@@ -79,3 +79,20 @@ def test_a_mesh_far_from_its_origin(run, touches, tmp_path, parts):
         mesh.export(far)
         warnings = told(run, "locate", touches, "--part", far, "--units", "mm")
         assert sum("single precision resolves" in w for w in warnings) == said
+
+
+def test_a_folder_that_may_not_be_read(run, parts, touches, monkeypatch):
+    """It is said, without a traceback; root may read all, so that the system's answer is played."""
+    locked, real = parts / "locked", Path.iterdir
+    locked.mkdir()
+
+    def iterdir(path):
+        if path == locked:
+            raise PermissionError(13, "Permission denied")
+        return real(path)
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    assert told(run, "identify", touches, "--parts", parts, "--units", "mm") == []
+    code, out, err = run("identify", touches, "--parts", locked, "--units", "mm", "--report", parts / "r.html")
+    assert (code, out) == (1, "")
+    assert "expected a folder that may be read" in err

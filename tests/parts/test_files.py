@@ -207,5 +207,6 @@ def test_a_text_stl_that_breaks_off_is_said_to(tmp_path, solids):
     path.write_text(whole[: len(whole) // 2])
     with pytest.raises(PartError, match="expected the word endsolid, got a text that breaks off"):
         read_part(path, unit="mm")
-    path.write_text(whole.upper())
-    assert len(read_part(path, unit="mm").planes) == 6
+    for same in (whole.upper(), "\ufeff" + whole, whole.replace("\n", " " + "x" * 2000 + "\n", 1)):
+        path.write_text(same, encoding="utf-8")
+        assert len(read_part(path, unit="mm").planes) == 6

@@ -14,6 +14,7 @@ from tanteo.limits import check_places, check_spreads
 from tanteo.matching import Hypothesis, PosePrior, Priors
 from tanteo.matching.evidence import log_sum, sized
 from tanteo.parts import Part
+from tanteo.parts.several import as_part
 from tanteo.surface_search import Target, Touches
 from tanteo.surface_search.target import as_targets
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
@@ -150,7 +151,12 @@ def at_pose(
     """One part at a rough pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
     T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     return Start(
-        as_targets("part", target), np.zeros(1, dtype=np.int64), T[None], C[None], np.ones(1), priors or Priors()
+        as_targets("part", as_part("part", target)),
+        np.zeros(1, dtype=np.int64),
+        T[None],
+        C[None],
+        np.ones(1),
+        priors or Priors(),
     )
 
 

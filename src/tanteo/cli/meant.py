@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.cli.scale import meant_directions, meant_units
+from tanteo.errors import TanteoError
 
 if TYPE_CHECKING:
     from tanteo.cli.scale import Scale
@@ -76,7 +77,10 @@ def meant_image(readings: Readings, part: Part, ask: Ask) -> str:
     from tanteo.parts import mirror_part
 
     image = mirror_part(part)
-    answer = ask(readings, [part, image])
+    try:
+        answer = ask(readings, [part, image])
+    except TanteoError:  # a question that cannot be asked takes nothing from the answer
+        return ""
     best = answer.hypotheses[0] if answer.hypotheses else None
     if best is None or best.part != image.name or best.outliers or best.probability < _SURE:
         return ""
@@ -94,7 +98,10 @@ def meant_mirrored(readings: Readings, parts: Sequence[Part], ask: Ask) -> str:
         ask: Which of them readings are of.
     """
     turned = {name: getattr(readings, name) * _MIRROR for name in ("points", "directions", "normals")}
-    answer = ask(replace(readings, **turned), parts)
+    try:
+        answer = ask(replace(readings, **turned), parts)
+    except TanteoError:
+        return ""
     if answer.status != "recognized":
         return ""
     return f"In a mirror the readings are of {answer.hypotheses[0].part}. {_ASK}"

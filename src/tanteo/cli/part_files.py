@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tanteo.cli.options import MisuseError
 from tanteo.cli.printing import complain, progress
+from tanteo.cli.targets import inside
 from tanteo.errors import PartError, UnitError
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 _SINGLE = (".stl", ".glb")
 """Formats whose coordinates are of single precision, as a rule."""
 
-_PRECISION, _BLUR = 1.2e-7, 4e-6
-"""Of single precision, relative; and how much of it is worth a warning [m]."""
+_BLUR = 4e-6
+"""How much of rounding is worth a warning [m]."""
 
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
@@ -51,23 +51,24 @@ def _below(paths: Sequence[str]) -> Iterator[str]:
     from tanteo.parts import READABLE
 
     named = {Path(path).resolve() for path in paths}
-    inside = [f for path in paths if Path(path).is_dir() for f in sorted(Path(path).iterdir())]
-    for folder in inside:
-        if not (folder.is_dir() and os.access(folder, os.R_OK | os.X_OK)) or folder.resolve() in named:
+    for folder in (f for path in paths for f in inside(path)):
+        if folder.resolve() in named:
             continue
-        if count := sum(f.suffix.lower() in READABLE for f in folder.iterdir()):
+        if count := sum(f.suffix.lower() in READABLE for f in inside(folder)):
             files = "1 CAD file in it is" if count == 1 else f"{count} CAD files in it are"
             yield f"{folder}: {files} not read, as folders in a folder are not looked into. Name it, too."
 
 
 def _coarse(parts: Sequence[Part]) -> Iterator[str]:
     """What to say of meshes so far from their origin that single precision blurs them."""
+    from tanteo.parts.facets import FLOAT32
+
     for part in parts:
         far = float(abs(part.box).max())
-        if Path(part.source).suffix.lower() in _SINGLE and far * _PRECISION > _BLUR:
+        if Path(part.source).suffix.lower() in _SINGLE and far * FLOAT32 > _BLUR:
             yield (
                 f"{part.source}: it lies {far:.3g} m from its origin, where single precision resolves "
-                f"{1e6 * far * _PRECISION:.2g} um, so that faces may break up. Export it near the origin, or as STEP."
+                f"{1e6 * far * FLOAT32:.2g} um, so that faces may break up. Export it near the origin, or as STEP."
             )
 
 

@@ -61,8 +61,16 @@ def parts_read(paths: Sequence[str]) -> list[tuple[str, str]]:
     """Inputs of :func:`check_different`: files of parts, and those in folders of them."""
     from tanteo.parts import READABLE
 
-    inside = [str(f) for p in paths if Path(p).is_dir() for f in Path(p).iterdir() if f.suffix.lower() in READABLE]
-    return [("a part", path) for path in (*paths, *inside)]
+    found = [str(f) for path in paths for f in inside(path) if f.suffix.lower() in READABLE]
+    return [("a part", path) for path in (*paths, *found)]
+
+
+def inside(path: str | Path) -> list[Path]:
+    """What is in a folder, in order; nothing where that is none, or one that may not be read."""
+    try:
+        return sorted(Path(path).iterdir()) if Path(path).is_dir() else []
+    except OSError:
+        return []
 
 
 @contextmanager

@@ -48,20 +48,24 @@ def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, Int
 
 def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray, str | None]:
     """Read STL, text or binary; bytes behind the last triangle of a binary one are left unread."""
+    found = _read_with_trimesh(path, label)
     data = path.read_bytes()
-    if not (data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:1000].lower()):
-        count = int.from_bytes(data[80:84], "little")
-        promised = 84 + 50 * count
-        if count and promised > len(data):
+    if len(found[1]):
+        return found
+    if b"\0" not in data:
+        if b"facet" in data.lower() and b"endsolid" not in data.lower():
             raise PartError(
-                f"{label}: expected a binary STL of {count:,} triangles ({promised:,} bytes), got {len(data):,} bytes: "
-                "it is cut off, or no STL. Copy or export it again."
+                f"{label}: expected the word endsolid, got a text that breaks off. Copy or export it again."
             )
-        return _read_with_trimesh(path, label, data[:promised])
-    vertices, triangles, unit = _read_with_trimesh(path, label)
-    if not len(triangles) and b"endsolid" not in data.lower():
-        raise PartError(f"{label}: expected the word endsolid, got a text that breaks off. Copy or export it again.")
-    return vertices, triangles, unit
+        return found
+    count = int.from_bytes(data[80:84], "little")
+    promised = 84 + 50 * count
+    if promised > len(data):
+        raise PartError(
+            f"{label}: expected a binary STL of {count:,} triangles ({promised:,} bytes), got {len(data):,} bytes: "
+            "it is cut off, or no STL. Copy or export it again."
+        )
+    return _read_with_trimesh(path, label, data[:promised])
 
 
 def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tuple[FloatArray, IntArray, str | None]:
