@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
-from tanteo.active import Probe, Stop, at_pose, begin, chance_within, draw, places_of, plan
+from tanteo.active import Probe, Stop, at_pose, begin, chance_within, check_feature, draw, places_of, plan
 from tanteo.active.design import design_of
 from tanteo.errors import InputError
 from tanteo.lie import SE3
@@ -185,3 +185,11 @@ def test_lines_that_show_a_feature_are_on_it(wedge, flange):
     np.testing.assert_array_equal(feature_lines(wedge.part, "edge 7")[0], wedge.part.edges.ends[7])
     cross = feature_lines(wedge.part, "vertex 3")
     np.testing.assert_allclose(cross.mean(axis=1), np.tile(wedge.part.corners.points[3], (3, 1)), atol=1e-12)
+
+
+def test_a_plane_is_the_face_of_its_number(wedge):
+    """Answers call a planar face a plane."""
+    plane, face = (places_of(wedge.part, name) for name in ("plane 3", "face 3"))
+    assert np.array_equal(plane.points, face.points)
+    with pytest.raises(InputError, match=r"wedge: face 0 to \d+"):
+        check_feature("plane 99", [wedge.part])
