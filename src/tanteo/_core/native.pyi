@@ -1,0 +1,139 @@
+"""What native.cpp offers. Arrays that go in are C-contiguous; integers of another width are converted."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+AnyInts: TypeAlias = NDArray[np.integer[Any]]
+Indices: TypeAlias = NDArray[np.int32]
+
+def version() -> str: ...
+
+class Shape:
+    @property
+    def area(self) -> float: ...
+    @property
+    def diagonal(self) -> float: ...
+    @property
+    def flats(self) -> int: ...
+    @property
+    def centre(self) -> FloatArray: ...
+
+class Problem:
+    @property
+    def size(self) -> int: ...
+
+def make_shape(
+    vertices: FloatArray,
+    triangles: AnyInts,
+    faces: AnyInts,
+    profile_rows: AnyInts,
+    profiles: FloatArray,
+    edges: FloatArray,
+    corners: FloatArray,
+    hull: FloatArray,
+    centre: FloatArray,
+    samples: FloatArray,
+    sample_normals: FloatArray,
+    cells: int,
+) -> Shape: ...
+def make_problem(
+    points: FloatArray,
+    covs: FloatArray,
+    extra: FloatArray,
+    radii: FloatArray,
+    directions: FloatArray,
+    normals: FloatArray,
+    normal_sds: FloatArray,
+    reach: FloatArray,
+    log_outlier: FloatArray,
+    kinds: AnyInts,
+    groups: AnyInts,
+    gains: FloatArray,
+    scale_sd: float,
+    rates: FloatArray,
+    rate_weights: FloatArray,
+    mean_rate: float,
+    rays: FloatArray,
+    ray_shifts: FloatArray,
+    ray_turns: FloatArray,
+    prior_means: FloatArray,
+    prior_roots: FloatArray,
+    prior_log_weights: FloatArray,
+    table: FloatArray,
+) -> Problem: ...
+def log_densities(shape: Shape, problem: Problem, poses: FloatArray, shared: FloatArray) -> FloatArray: ...
+def slopes(
+    shape: Shape,
+    problem: Problem,
+    poses: FloatArray,
+    shared: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]: ...
+def details(shape: Shape, problem: Problem, poses: FloatArray, shared: FloatArray) -> tuple[FloatArray, Indices]: ...
+def propose(
+    shape: Shape,
+    problem: Problem,
+    rows: AnyInts,
+    pairs: AnyInts,
+    per_pair: int,
+    spins: int,
+    tolerance: float,
+    blur: float,
+    tilt: float,
+    keep: int,
+    seed: int,
+) -> tuple[FloatArray, FloatArray]: ...
+def scores(
+    shape: Shape,
+    problem: Problem,
+    rows: AnyInts,
+    poses: FloatArray,
+    blur: float,
+    tilt: float,
+) -> FloatArray: ...
+def settle(
+    shape: Shape,
+    problem: Problem,
+    rows: AnyInts,
+    scales: FloatArray,
+    poses: FloatArray,
+) -> tuple[FloatArray, FloatArray]: ...
+def climb(
+    shape: Shape,
+    problem: Problem,
+    poses: FloatArray,
+    shared: FloatArray,
+    blurs: FloatArray,
+    steps: int,
+    enough: float,
+    margin: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, Indices]: ...
+def marginals(
+    shape: Shape,
+    problem: Problem,
+    poses: FloatArray,
+    shared: FloatArray,
+) -> tuple[FloatArray, FloatArray]: ...
+def place(poses: FloatArray, offsets: FloatArray, centre: FloatArray) -> FloatArray: ...
+def offsets(base: FloatArray, poses: FloatArray, centre: FloatArray) -> FloatArray: ...
+def mixture(
+    poses: FloatArray,
+    bases: FloatArray,
+    owners: AnyInts,
+    means: FloatArray,
+    inverses: FloatArray,
+    log_weights: FloatArray,
+    freedom: float,
+    centre: FloatArray,
+) -> tuple[FloatArray, FloatArray]: ...
+def distinct(
+    poses: FloatArray,
+    informations: FloatArray,
+    limit: float,
+    most: int,
+    centre: FloatArray,
+) -> tuple[Indices, Indices]: ...
+def closest_points(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray, Indices]: ...
+def first_hits(shape: Shape, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, Indices]: ...
