@@ -6,18 +6,19 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
+from tanteo.inference.recognition import identify_points
 from tanteo.limits import check_length
-from tanteo.matching.evidence import Priors, sized
+from tanteo.matching.evidence import Priors
 from tanteo.matching.recognition import check_question, identify_features, with_elapsed
 from tanteo.matching.results import Recognition
+from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part
 from tanteo.parts.several import as_part
-from tanteo.remarks import as_model, remarks
+from tanteo.remarks import remarks
 from tanteo.sensors import (
     PointMeasurements,
     Readings,
@@ -26,31 +27,8 @@ from tanteo.sensors import (
     SensorPreset,
     measure,
 )
-from tanteo.surface_search import (
-    FreePaths,
-    Touches,
-    as_free_paths,
-    as_touches,
-    bend,
-    identify_touches,
-    log_free_paths,
-)
-
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
-
-_BENT = 3.0
-"""Standard deviations by which shared errors may bend the readings of one face until labels are not fitted.
-
-A fitted face takes such an error once, to first order; the search over the surface settles it with the pose.
-"""
-
-_UNUSED = {
-    "bent": "Labels were not used: what all readings share, the tip or a sensor, may be off by many times their noise.",
-    "bare": "Labels were not used: some readings have none. Label them too, or leave them out.",
-    "few": "Labels were not used: some have too few readings to be fitted.",
-}
-"""Why the surface was searched although readings have labels."""
 
 _DOUBT_PRIOR = "What was said of the pose beforehand counts, too: check it, or leave it out and compare."
 
@@ -73,10 +51,8 @@ def identify(
 ) -> Recognition:
     """Which of the parts was sensed, and where it is.
 
-    Readings with a label, and single ones with a sensed normal, become features, which the interpretation tree matches.
-    If any reading has neither, all go against the whole surface of every part; likewise where labels cannot be used,
-    which the message says with the reason: too few readings of a face beside a rough pose, or shared errors that bend
-    faces.
+    All readings go against the whole surface of every part. A label says that its readings share one face, edge or
+    corner, nothing else; a reading that contradicts its label still counts as a measurement.
 
     Args:
         readings: what the devices said; see ``tanteo.io.read_readings``.
@@ -103,54 +79,43 @@ def identify(
     check_length("tolerance", tolerance)
     parts = check_question(parts, alpha, top, seed, priors)
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
-    sensed = fit_labelled(measured, tolerance)
-    touches = as_touches(measured, tolerance, readings.ranges[measured.rows])
-    bare = bool(len(sensed.bare)) or _single_points(sensed)
     placed = priors is not None and priors.pose is not None
     if as_published:
-        _require_labels_alone(bare=bare, placed=placed)
-    free = as_free_paths(measured, tolerance) if not as_published else FreePaths.none()
+        return _as_published(measured, parts, tolerance, alpha, top, priors, seed, start, placed=placed)
+    points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
+    rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
-    if why := _unlabelled(measured, touches, sensed, bare=bare, placed=placed) if not as_published else "":
-        answer = identify_touches(
-            touches, free, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
-        )
-        unused = _UNUSED[why] if any(measured.features) else ""
-        says = unused, *remarks(answer, readings, measured, free, parts)
-        return with_elapsed(_said(answer, *says, placed=placed), measure=elapsed)
+    answer = identify_points(
+        points, rays, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
+    )
+    notes = remarks(answer, readings, measured, rays, parts)
+    return with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed)
+
+
+def _as_published(
+    measured: PointMeasurements,
+    parts: Sequence[Part],
+    tolerance: float,
+    alpha: float,
+    top: int,
+    priors: Priors | None,
+    seed: int,
+    start: float,
+    *,
+    placed: bool,
+) -> Recognition:
+    """The constraints and tests of the 1991 paper as printed, of features fitted to labelled readings."""
+    sensed = fit_labelled(measured, tolerance)
+    _require_labels_alone(bare=bool(len(sensed.bare)), placed=placed)
+    elapsed = time.perf_counter() - start
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
-    models = [as_model(part) for part in parts]
-    assumed = sized(priors, max((model.radius for model in models), default=0.0))
     answer = identify_features(
-        sensed.features,
-        models,
-        tolerance=tolerance,
-        alpha=alpha,
-        top=top,
-        as_published=as_published,
-        priors=priors,
-        seed=seed,
-        beside=(lambda model, Ts, z: log_free_paths(free, Ts, z, model, assumed)) if len(free) else None,
+        sensed.features, parts, tolerance=tolerance, alpha=alpha, top=top, as_published=True, priors=priors, seed=seed,
         shared=measured.shared,
-    )
-    notes = remarks(answer, readings, measured, free, parts)
-    return _with_notes(with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed), sensed)
-
-
-def _unlabelled(
-    measured: PointMeasurements, touches: Touches, sensed: LabelledFeatures, *, bare: bool, placed: bool
-) -> str:
-    """Why the surface is searched, not labels matched: a key of :data:`_UNUSED`; empty if labels are matched."""
-    if bare:
-        return "bare"
-    fitted = {i for f in sensed.features for i in (f[0] if isinstance(f, tuple) else f).readings} | {*sensed.rejected}
-    if placed and not (fitted and fitted.issuperset(measured.ids)):
-        return "few"
-    labels, kinds = np.array(measured.features, dtype=object), np.array(measured.kinds, dtype=object)
-    faces = [np.flatnonzero(labels == name) for name in dict.fromkeys(labels[~np.isin(kinds, ["edge", "vertex"])])]
-    return "bent" if any(bend(touches.take(rows)) > _BENT for rows in faces) else ""
+    )  # fmt: skip
+    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
 
 
 def _said(answer: Recognition, *notes: str, placed: bool) -> Recognition:
@@ -177,12 +142,6 @@ def locate(readings: Readings, part: Part, **options: object) -> Recognition:
         InputError: as :func:`identify`; or several parts.
     """
     return identify(readings, [as_part("part", part)], **options)  # type: ignore[arg-type]
-
-
-def _single_points(sensed: LabelledFeatures) -> bool:
-    """Whether every feature is one point with its normal: then the surface, not the list of planes, is the model."""
-    features = [f[0] if isinstance(f, tuple) else f for f in sensed.features]
-    return bool(features) and all(f.kind.name == "plane" and len(f.readings) == 1 for f in features)
 
 
 def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:

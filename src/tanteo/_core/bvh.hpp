@@ -1,0 +1,159 @@
+// A tree of boxes over anything that has one: what is near a point, what a ray may meet.
+#pragma once
+#include <cstdint>
+#include <limits>
+#include <numeric>
+#include <vector>
+
+#include "vec.hpp"
+
+namespace tanteo {
+
+struct Box {
+    Vec3 lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
+    void add(const Vec3& p) {
+        for (int k = 0; k < 3; ++k) {
+            lo[k] = std::min(lo[k], p[k]);
+            hi[k] = std::max(hi[k], p[k]);
+        }
+    }
+    void add(const Box& b) {
+        add(b.lo);
+        add(b.hi);
+    }
+    double squared_distance(const Vec3& p) const {
+        double s = 0;
+        for (int k = 0; k < 3; ++k) {
+            const double d = std::max({lo[k] - p[k], p[k] - hi[k], 0.0});
+            s += d * d;
+        }
+        return s;
+    }
+};
+
+class Bvh {
+  public:
+    void build(const std::vector<Box>& boxes) {
+        items.resize(boxes.size());
+        std::iota(items.begin(), items.end(), 0);
+        nodes.clear();
+        if (!boxes.empty()) split(boxes, 0, static_cast<int>(boxes.size()));
+    }
+
+    // visit(item) for all items whose box is within a distance of a point
+    template <class Visit>
+    void near(const Vec3& p, double reach, Visit&& visit) const {
+        if (nodes.empty()) return;
+        const double r2 = reach * reach;
+        int stack[64], top = 0;
+        stack[top++] = 0;
+        while (top) {
+            const Node& node = nodes[stack[--top]];
+            if (node.box.squared_distance(p) > r2) continue;
+            if (node.count) {
+                for (int k = 0; k < node.count; ++k) visit(items[node.first + k]);
+            } else {
+                stack[top++] = node.first + 1;
+                stack[top++] = node.first;
+            }
+        }
+    }
+
+    // closest(item, best) returns the squared distance of an item, or anything larger than best; the least of all
+    template <class Closest>
+    double closest(const Vec3& p, double best, Closest&& closest) const {
+        if (nodes.empty()) return best;
+        struct Entry {
+            int node;
+            double d2;
+        } stack[64];
+        int top = 0;
+        stack[top++] = {0, nodes[0].box.squared_distance(p)};
+        while (top) {
+            const Entry at = stack[--top];
+            if (at.d2 >= best) continue;
+            const Node& node = nodes[at.node];
+            if (node.count) {
+                for (int k = 0; k < node.count; ++k) best = std::min(best, closest(items[node.first + k], best));
+            } else {
+                const Entry a{node.first, nodes[node.first].box.squared_distance(p)};
+                const Entry b{node.first + 1, nodes[node.first + 1].box.squared_distance(p)};
+                stack[top++] = a.d2 < b.d2 ? b : a;
+                stack[top++] = a.d2 < b.d2 ? a : b;
+            }
+        }
+        return best;
+    }
+
+    // hit(item, nearest) returns how far along a ray an item is met, or anything larger than nearest; the least of all
+    template <class Hit>
+    double cast(const Vec3& origin, const Vec3& direction, double nearest, Hit&& hit) const {
+        if (nodes.empty()) return nearest;
+        const Vec3 inverse{1 / direction.x, 1 / direction.y, 1 / direction.z};
+        int stack[64], top = 0;
+        stack[top++] = 0;
+        while (top) {
+            const Node& node = nodes[stack[--top]];
+            double enter = 0, leave = nearest;
+            for (int k = 0; k < 3; ++k) {
+                const double a = (node.box.lo[k] - origin[k]) * inverse[k], b = (node.box.hi[k] - origin[k]) * inverse[k];
+                if (a != a || b != b) continue;  // along a side of the box
+                enter = std::max(enter, std::min(a, b));
+                leave = std::min(leave, std::max(a, b));
+            }
+            if (enter > leave * (1 + 1e-12) + 1e-15) continue;
+            if (node.count) {
+                for (int k = 0; k < node.count; ++k) nearest = std::min(nearest, hit(items[node.first + k], nearest));
+            } else {
+                stack[top++] = node.first + 1;
+                stack[top++] = node.first;
+            }
+        }
+        return nearest;
+    }
+
+  private:
+    struct Node {
+        Box box;
+        int first = 0, count = 0;  // of a leaf its items, else the first of two nodes side by side
+    };
+    std::vector<Node> nodes;
+    std::vector<int> items;
+    static constexpr int LEAF = 4;
+
+    void split(const std::vector<Box>& boxes, int begin, int end) {
+        nodes.emplace_back();
+        fill(boxes, 0, begin, end, 0);
+    }
+
+    void fill(const std::vector<Box>& boxes, int at, int begin, int end, int depth) {
+        Box all, middles;
+        for (int k = begin; k < end; ++k) {
+            all.add(boxes[items[k]]);
+            middles.add(0.5 * (boxes[items[k]].lo + boxes[items[k]].hi));
+        }
+        nodes[at].box = all;
+        if (end - begin <= LEAF || depth > 28) {  // the stacks hold 64: a median split is never so deep
+            nodes[at].first = begin;
+            nodes[at].count = end - begin;
+            return;
+        }
+        int axis = 0;
+        const Vec3 size = middles.hi - middles.lo;
+        for (int k = 1; k < 3; ++k)
+            if (size[k] > size[axis]) axis = k;
+        const int middle = (begin + end) / 2;
+        std::nth_element(items.begin() + begin, items.begin() + middle, items.begin() + end, [&](int a, int b) {
+            const double p = boxes[a].lo[axis] + boxes[a].hi[axis], q = boxes[b].lo[axis] + boxes[b].hi[axis];
+            return p != q ? p < q : a < b;
+        });
+        const int first = static_cast<int>(nodes.size());
+        nodes[at].first = first;
+        nodes.emplace_back();
+        nodes.emplace_back();
+        fill(boxes, first, begin, middle, depth + 1);
+        fill(boxes, first + 1, middle, end, depth + 1);
+    }
+};
+
+}  // namespace tanteo

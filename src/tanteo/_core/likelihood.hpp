@@ -1,0 +1,68 @@
+// The log density of everything that was sensed, given a pose of the part, the shared errors and the noise scale.
+#pragma once
+#include <vector>
+
+#include "problem.hpp"
+#include "shape.hpp"
+
+namespace tanteo {
+
+constexpr int MOST_STATES = 64;
+
+// What is asked about: a pose, whitened shared errors, and the log of the noise scale over its sd.
+struct State {
+    Pose pose;
+    std::vector<double> z;  // shared errors, then the noise scale if it is a state
+};
+
+// One face, edge or corner that a point may have met.
+struct Hit {
+    double weight;  // density over that of an outlier
+    double distance, per_sd;
+    Vec3 normal;
+    Vec3 slope;  // gradient of the log of the share by the point
+    Mat3 stiff;  // information of the share on the point, and of the point itself for edges and corners
+    int face, tilted;
+    double tilt[2], per_tilt[2], bend[2], along;  // sensed normal against the surface's
+    Vec3 e[2];
+};
+
+struct Seen {  // a point at a pose
+    Vec3 in_part;
+    int first = 0, count = 0;
+    double density = 0;  // of the part, over that of an outlier
+    double belongs = 0;
+};
+
+class Likelihood {
+  public:
+    Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem) {}
+
+    // log density, prior included; with_slope: also gradient and Gauss-Newton information, of size() states,
+    // about the centre of the shape
+    double at(const State& state, bool with_slope);
+
+    double blur = 0, blur_turn = 0;  // added to the noise of points [m] and normals [rad]: coarse to fine
+    std::vector<double> gradient, information;
+    std::vector<Seen> seen;
+    std::vector<Hit> hits;
+
+  private:
+    const Shape& shape;
+    const Problem& problem;
+    std::vector<double> node_log, hit_share, group_values;
+
+    void look(const State& state, int j, bool with_slope);
+    void look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope);
+    void look_over_edges(const Point& point, int j, double variance);
+    void look_at_edges(const Point& point, int j, const Mat3& C);
+    void look_at_corners(const Point& point, int j, const Mat3& C);
+    bool blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const;
+    double combine();
+    double in_group(const std::vector<int>& rows, double rate, std::vector<double>* shares);
+    void add_points(const State& state);
+    double add_rays(const State& state);
+    double add_priors(const State& state, bool with_slope);
+};
+
+}  // namespace tanteo

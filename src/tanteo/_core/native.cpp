@@ -1,0 +1,514 @@
+// The door to Python: arrays in, arrays out; every loop runs without the interpreter's lock.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <stdexcept>
+
+#include "likelihood.hpp"
+#include "propose.hpp"
+#include "sample.hpp"
+#include "solve.hpp"
+
+#ifndef TANTEO_VERSION
+#define TANTEO_VERSION "unknown"
+#endif
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace tanteo;
+
+using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+using Ints = nb::ndarray<const int32_t, nb::c_contig, nb::device::cpu>;
+using Out = nb::ndarray<nb::numpy, double>;
+using OutInts = nb::ndarray<nb::numpy, int32_t>;
+
+namespace {
+
+template <class T>
+nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, std::vector<size_t> shape) {
+    auto* kept = new std::vector<T>(std::move(values));
+    nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+    return nb::ndarray<nb::numpy, T>(kept->data(), shape.size(), shape.data(), owner);
+}
+
+void check(bool ok, const char* what) {
+    if (!ok) throw std::invalid_argument(what);
+}
+
+size_t rows_of(const Doubles& a, size_t width, const char* what) {
+    check(a.ndim() >= 1 && (a.size() == 0 || a.size() == a.shape(0) * width), what);
+    return a.shape(0);
+}
+
+std::vector<Vec3> vectors(const Doubles& a, const char* what) {
+    std::vector<Vec3> out(rows_of(a, 3, what));
+    for (size_t k = 0; k < out.size(); ++k) out[k] = load(a.data() + 3 * k);
+    return out;
+}
+
+std::vector<int> ints(const Ints& a) { return std::vector<int>(a.data(), a.data() + a.size()); }
+std::vector<double> doubles(const Doubles& a) { return std::vector<double>(a.data(), a.data() + a.size()); }
+
+std::vector<Pose> poses(const Doubles& Ts) {
+    std::vector<Pose> out(rows_of(Ts, 16, "poses: expected (S, 4, 4)"));
+    for (size_t k = 0; k < out.size(); ++k) out[k] = load_pose(Ts.data() + 16 * k);
+    return out;
+}
+
+Out poses_out(const std::vector<Pose>& all) {
+    std::vector<double> out(16 * all.size());
+    for (size_t k = 0; k < all.size(); ++k) store_pose(all[k], &out[16 * k]);
+    return array_of(std::move(out), {all.size(), 4, 4});
+}
+
+std::vector<State> states(const Doubles& Ts, const Doubles& zs, const Problem& problem) {
+    const size_t D = problem.size() - 6;
+    const std::vector<Pose> at = poses(Ts);
+    check(zs.size() == at.size() * D, "shared: expected one row of states a pose");
+    std::vector<State> out(at.size());
+    for (size_t k = 0; k < at.size(); ++k)
+        out[k] = {at[k], std::vector<double>(zs.data() + k * D, zs.data() + (k + 1) * D)};
+    return out;
+}
+
+Out shared_out(const std::vector<State>& all, size_t D) {
+    std::vector<double> out;
+    for (const State& s : all) out.insert(out.end(), s.z.begin(), s.z.end());
+    return array_of(std::move(out), {all.size(), D});
+}
+
+// the lower triangle is known; both are handed out
+void symmetric(const std::vector<double>& A, int K, double* out) {
+    for (int a = 0; a < K; ++a)
+        for (int b = 0; b < K; ++b) out[a * K + b] = a >= b ? A[a * K + b] : A[b * K + a];
+}
+
+std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, Ints profile_rows, Doubles profiles,
+                                  Doubles edges, Doubles corners, Doubles hull, Doubles centre, Doubles samples,
+                                  Doubles sample_normals, int cells) {
+    const std::vector<Vec3> points = vectors(vertices, "vertices: expected (V, 3)");
+    const std::vector<int> corners_of = ints(triangles);
+    check(corners_of.size() == 3 * faces.size() && profile_rows.size() == faces.size(), "triangles: sizes differ");
+    for (const int v : corners_of) check(v >= 0 && v < static_cast<int>(points.size()), "triangles: no such vertex");
+    for (const int f : ints(faces)) check(f >= 0, "faces: expected indices");
+    std::vector<Profile> known(rows_of(profiles, 11, "profiles: expected (F, 11)"));
+    for (size_t k = 0; k < known.size(); ++k) {
+        const double* p = profiles.data() + 11 * k;
+        known[k] = {load(p), load(p + 3), p[6], p[7], p[8], p[9], p[10]};
+    }
+    for (const int r : ints(profile_rows)) check(r < static_cast<int>(known.size()), "profiles: no such row");
+    std::vector<Segment> segments;
+    for (size_t k = 0; k < rows_of(edges, 6, "edges: expected (E, 6)"); ++k) {
+        const Vec3 a = load(edges.data() + 6 * k), b = load(edges.data() + 6 * k + 3);
+        segments.push_back({a, unit(b - a), norm(b - a)});
+    }
+    check(samples.size() == sample_normals.size() && samples.size() > 0, "samples: expected some, with normals");
+    check(cells >= 4 && cells <= 256, "cells: expected 4 to 256");
+    std::vector<Vec3> known_corners = vectors(corners, "corners: expected (C, 3)"), hulls = vectors(hull, "hull");
+    std::vector<Vec3> spread = vectors(samples, "samples"), directions = vectors(sample_normals, "sample normals");
+    const std::vector<int> of_face = ints(faces), of_profile = ints(profile_rows);
+    check(centre.size() == 3, "centre: expected (3,)");
+    const Vec3 middle = load(centre.data());
+    nb::gil_scoped_release release;
+    auto shape = std::make_unique<Shape>(points, corners_of, of_face, of_profile, std::move(known), std::move(segments),
+                                         std::move(known_corners), middle);
+    shape->hull = std::move(hulls);
+    shape->samples = std::move(spread);
+    shape->sample_normals = std::move(directions);
+    shape->build_grid(cells);
+    return shape;
+}
+
+std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
+                                      Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier,
+                                      Ints kinds, Ints groups, Doubles gains, double scale_sd, Doubles rates,
+                                      Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
+                                      Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
+                                      Doubles prior_log_weights, Doubles table) {
+    auto problem = std::make_unique<Problem>();
+    const size_t n = rows_of(at, 3, "points: expected (n, 3)");
+    check(covs.size() == 9 * n && extra.size() == n && radii.size() == n && directions.size() == 3 * n &&
+              normals.size() == 3 * n && normal_sds.size() == n && reach.size() == n && log_outlier.size() == n &&
+              kinds.size() == n && groups.size() == n,
+          "points: columns differ in length");
+    problem->gains = doubles(gains);
+    check(gains.ndim() == 3 && gains.shape(0) == n && gains.shape(1) == 3, "gains: expected (n, 3, D)");
+    problem->shared = static_cast<int>(gains.shape(2));
+    problem->scale_sd = scale_sd;
+    check(problem->size() <= MOST_STATES, "shared errors: more than 57 components");
+    for (size_t k = 0; k < n; ++k) {
+        Point p;
+        p.at = load(at.data() + 3 * k);
+        for (int i = 0; i < 9; ++i) p.cov.m[i] = covs.data()[9 * k + i];
+        p.extra = extra.data()[k];
+        p.radius = radii.data()[k];
+        p.direction = load(directions.data() + 3 * k);
+        p.normal = load(normals.data() + 3 * k);
+        p.normal_sd = normal_sds.data()[k];
+        p.reach = reach.data()[k];
+        p.log_outlier = log_outlier.data()[k];
+        check(kinds.data()[k] >= 0 && kinds.data()[k] <= 2, "kinds: expected 0 to 2");
+        p.kind = static_cast<Kind>(kinds.data()[k]);
+        p.group = groups.data()[k];
+        p.directed = squared(p.direction) > 0;
+        p.oriented = squared(p.normal) > 0;
+        const double v = p.cov(0, 0);
+        p.isotropic = true;
+        for (int i = 0; i < 9; ++i) p.isotropic = p.isotropic && std::fabs(p.cov.m[i] - (i % 4 ? 0 : v)) <= 1e-9 * v;
+        if (p.group >= 0) {
+            check(p.group < static_cast<int>(n), "groups: expected numbers below that of points");
+            if (p.group >= static_cast<int>(problem->groups.size())) problem->groups.resize(p.group + 1);
+            problem->groups[p.group].push_back(static_cast<int>(k));
+        }
+        problem->points.push_back(p);
+    }
+    problem->rates = doubles(rates);
+    problem->rate_weights = doubles(rate_weights);
+    check(rates.size() && rates.size() == rate_weights.size(), "rates: expected as many weights");
+    problem->mean_rate = mean_rate;
+    const size_t m = rows_of(rays, 9, "rays: expected (m, 9)"), D = problem->shared;
+    for (size_t k = 0; k < m; ++k) {
+        const double* r = rays.data() + 9 * k;
+        problem->rays.push_back({load(r), load(r + 3), r[6], r[7], r[8]});
+    }
+    check(ray_shifts.size() == 3 * m * D && ray_turns.size() == 3 * m * D, "rays: expected shifts and turns (m, 3, D)");
+    problem->ray_shifts = doubles(ray_shifts);
+    problem->ray_turns = doubles(ray_turns);
+    const std::vector<Pose> means = poses(prior_means);
+    check(prior_roots.size() == 36 * means.size() && prior_log_weights.size() == means.size(), "prior: sizes differ");
+    for (size_t k = 0; k < means.size(); ++k) {
+        PosePrior prior;
+        prior.mean = means[k];
+        std::copy_n(prior_roots.data() + 36 * k, 36, prior.root);
+        prior.log_weight = prior_log_weights.data()[k];
+        problem->priors.push_back(prior);
+    }
+    if (table.size()) {
+        check(table.size() == 7, "table: expected point, normal and sd");
+        problem->has_table = true;
+        problem->table = {load(table.data()), load(table.data() + 3), table.data()[6]};
+    }
+    return problem;
+}
+
+Out log_densities(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
+    const std::vector<State> all = states(Ts, zs, problem);
+    std::vector<double> out(all.size());
+    {
+        nb::gil_scoped_release release;
+        Likelihood likelihood(shape, problem);
+        for (size_t k = 0; k < all.size(); ++k) out[k] = likelihood.at(all[k], false);
+    }
+    return array_of(std::move(out), {all.size()});
+}
+
+std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
+    const std::vector<State> all = states(Ts, zs, problem);
+    const size_t S = all.size(), K = problem.size();
+    std::vector<double> logs(S), gradients(S * K), informations(S * K * K);
+    {
+        nb::gil_scoped_release release;
+        Likelihood likelihood(shape, problem);
+        for (size_t k = 0; k < S; ++k) {
+            logs[k] = likelihood.at(all[k], true);
+            std::copy(likelihood.gradient.begin(), likelihood.gradient.end(), &gradients[k * K]);
+            symmetric(likelihood.information, static_cast<int>(K), &informations[k * K * K]);
+        }
+    }
+    return {array_of(std::move(logs), {S}), array_of(std::move(gradients), {S, K}),
+            array_of(std::move(informations), {S, K, K})};
+}
+
+// Of every point at every pose: density on the part over that of an outlier, probability that it belongs, and of the
+// likeliest place: distance, one over its sd, tilt of the normal in sds, density if it were right on it, normal; and
+// where the point is in the part. Faces: that of the place.
+nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
+    const std::vector<State> all = states(Ts, zs, problem);
+    const size_t S = all.size(), n = problem.points.size();
+    std::vector<double> table(S * n * 12);
+    std::vector<int32_t> faces(S * n, -1);
+    {
+        nb::gil_scoped_release release;
+        Likelihood likelihood(shape, problem);
+        for (size_t k = 0; k < S; ++k) {
+            likelihood.at(all[k], false);
+            for (size_t j = 0; j < n; ++j) {
+                const Seen& s = likelihood.seen[j];
+                double* row = &table[(k * n + j) * 12];
+                row[0] = s.density;
+                row[1] = s.belongs;
+                const Point& point = problem.points[j];
+                store(s.in_part, row + 9);
+                if (!s.count) {  // the nearest place of the surface
+                    const Closest c = shape.closest(s.in_part);
+                    const Vec3& normal = shape.normals[c.triangle];
+                    const double sign = dot(s.in_part - c.point, normal) < 0 ? -1 : 1;
+                    const Vec3 d = all[k].pose.R * unit(s.in_part - c.point);
+                    double variance = dot(d, point.cov * d) + point.extra;
+                    row[2] = sign * std::sqrt(c.squared) - point.radius;
+                    row[3] = 1 / std::sqrt(variance);
+                    row[4] = 0;
+                    row[5] = 0;
+                    store(c.squared > 0 ? sign * unit(s.in_part - c.point) : normal, row + 6);
+                    faces[k * n + j] = shape.faces[c.triangle];
+                    continue;
+                }
+                const Hit* best = &likelihood.hits[s.first];
+                for (int i = s.first; i < s.first + s.count; ++i)
+                    if (likelihood.hits[i].weight > best->weight) best = &likelihood.hits[i];
+                row[2] = best->distance;
+                row[3] = best->per_sd;
+                row[4] = best->tilted ? std::hypot(best->tilt[0], best->tilt[1]) : 0;
+                const double r = best->distance * best->per_sd;
+                row[5] = best->weight * std::exp(0.5 * r * r);
+                store(best->normal, row + 6);
+                faces[k * n + j] = best->face;
+            }
+        }
+    }
+    return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(faces), {S, n}));
+}
+
+std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,
+                              double tolerance, double blur, double tilt, int keep, uint64_t seed) {
+    const int n = static_cast<int>(problem.points.size());
+    for (const int j : ints(rows)) check(j >= 0 && j < n, "rows: no such point");
+    for (const int j : ints(pairs)) check(j >= 0 && j < n, "pairs: no such point");
+    std::vector<Proposal> found;
+    {
+        nb::gil_scoped_release release;
+        Random random{seed};
+        found = propose(shape, problem, ints(rows), ints(pairs), {per_pair, spins, tolerance, blur, tilt, keep}, random);
+    }
+    std::vector<Pose> out;
+    std::vector<double> costs;
+    for (const Proposal& p : found) {
+        out.push_back(p.pose);
+        costs.push_back(p.cost);
+    }
+    const size_t count = costs.size();
+    return {poses_out(out), array_of(std::move(costs), {count})};
+}
+
+Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, double blur, double tilt) {
+    const std::vector<Pose> all = poses(Ts);
+    std::vector<double> out;
+    for (const int j : ints(rows)) check(j >= 0 && j < static_cast<int>(problem.points.size()), "rows: no such point");
+    const std::vector<int> which = ints(rows);
+    {
+        nb::gil_scoped_release release;
+        for (const Pose& pose : all) out.push_back(score(shape, problem, which, pose, blur, tilt, 1e300));
+    }
+    const size_t count = out.size();
+    return array_of(std::move(out), {count});
+}
+
+std::tuple<Out, Out> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales, Doubles Ts) {
+    std::vector<Pose> all = poses(Ts);
+    std::vector<double> costs(all.size());
+    const std::vector<int> which = ints(rows);
+    for (const int j : which) check(j >= 0 && j < static_cast<int>(problem.points.size()), "rows: no such point");
+    const std::vector<double> steps = doubles(scales);
+    check(!steps.empty(), "scales: expected some");
+    {
+        nb::gil_scoped_release release;
+        for (size_t k = 0; k < all.size(); ++k) costs[k] = settle(shape, problem, which, steps, all[k]);
+    }
+    return {poses_out(all), array_of(std::move(costs), {all.size()})};
+}
+
+// Maxima: poses, shared errors, log densities, informations about the centre, and which start led to each.
+nb::tuple climbed(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs, Doubles blurs, int steps,
+                  double enough, double margin) {
+    const std::vector<State> starts = states(Ts, zs, problem);
+    const std::vector<double> coarse = doubles(blurs);
+    std::vector<Climb> found;
+    {
+        nb::gil_scoped_release release;
+        found = climb_all(shape, problem, starts, coarse, steps, enough, margin);
+    }
+    const size_t S = found.size(), K = problem.size();
+    std::vector<Pose> at(S);
+    std::vector<State> all(S);
+    std::vector<double> logs(S), informations(S * K * K);
+    std::vector<int32_t> from(S);
+    for (size_t k = 0; k < S; ++k) {
+        all[k] = found[k].state;
+        at[k] = found[k].state.pose;
+        logs[k] = found[k].log;
+        from[k] = found[k].from;
+        symmetric(found[k].information, static_cast<int>(K), &informations[k * K * K]);
+    }
+    return nb::make_tuple(poses_out(at), shared_out(all, K - 6), array_of(std::move(logs), {S}),
+                          array_of(std::move(informations), {S, K, K}), array_of(std::move(from), {S}));
+}
+
+// log densities of poses, shared errors and noise scale integrated out, and their best values there
+std::tuple<Out, Out> marginals(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
+    std::vector<State> all = states(Ts, zs, problem);
+    std::vector<double> logs(all.size());
+    {
+        nb::gil_scoped_release release;
+        Likelihood likelihood(shape, problem);
+        for (size_t k = 0; k < all.size(); ++k) logs[k] = marginal(likelihood, problem, all[k]);
+    }
+    const size_t count = logs.size();
+    return {array_of(std::move(logs), {count}), shared_out(all, problem.size() - 6)};
+}
+
+Vec3 three(const Doubles& a) {
+    check(a.size() == 3, "centre: expected (3,)");
+    return load(a.data());
+}
+
+Out placed(Doubles Ts, Doubles offsets, Doubles centre) {
+    std::vector<Pose> all = poses(Ts);
+    check(offsets.size() == 6 * all.size(), "offsets: expected (S, 6)");
+    const Vec3 c = three(centre);
+    for (size_t k = 0; k < all.size(); ++k)
+        all[k] = moved(all[k], load(offsets.data() + 6 * k), load(offsets.data() + 6 * k + 3), c);
+    return poses_out(all);
+}
+
+Out offsets(Doubles T, Doubles Ts, Doubles centre) {
+    const std::vector<Pose> all = poses(Ts);
+    check(T.size() == 16, "base: expected one pose");
+    const Pose base = load_pose(T.data());
+    const Vec3 c = three(centre);
+    std::vector<double> out(6 * all.size());
+    for (size_t k = 0; k < all.size(); ++k) {
+        Vec3 v, w;
+        difference(base, all[k], c, v, w);
+        store(v, &out[6 * k]);
+        store(w, &out[6 * k + 3]);
+    }
+    return array_of(std::move(out), {all.size(), 6});
+}
+
+std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles means, Doubles inverses, Doubles log_weights,
+                             double freedom, Doubles centre) {
+    const std::vector<Pose> all = poses(Ts), base = poses(bases);
+    const size_t C = owners.size(), m = base.size();
+    check(means.size() == 6 * C && inverses.size() == 36 * C && log_weights.size() == C, "components: sizes differ");
+    std::vector<Component> components(C);
+    for (size_t k = 0; k < C; ++k) {
+        Component& c = components[k];
+        c.owner = owners.data()[k];
+        check(c.owner >= 0 && c.owner < static_cast<int>(m), "components: no such base");
+        std::copy_n(means.data() + 6 * k, 6, c.mean);
+        std::copy_n(inverses.data() + 36 * k, 36, c.inverse);
+        c.log_weight = log_weights.data()[k];
+    }
+    const Vec3 middle = three(centre);
+    std::vector<double> logs(all.size()), shares(all.size() * m);
+    {
+        nb::gil_scoped_release release;
+        const Mixture mix(base, std::move(components), freedom, middle);
+        for (size_t k = 0; k < all.size(); ++k) logs[k] = mix.log_density(all[k], &shares[k * m]);
+    }
+    return {array_of(std::move(logs), {all.size()}), array_of(std::move(shares), {all.size(), m})};
+}
+
+// Of poses in the given order, those that are farther than a limit from all before, in squared standard deviations of
+// the information of the earlier one; and for every pose the kept one that it is, or -1 after the most were kept.
+std::tuple<OutInts, OutInts> distinct(Doubles Ts, Doubles informations, double limit, int most, Doubles centre) {
+    const std::vector<Pose> all = poses(Ts);
+    check(informations.size() == 36 * all.size(), "informations: expected (S, 6, 6)");
+    const Vec3 c = three(centre);
+    std::vector<int32_t> kept, who(all.size(), -1);
+    for (size_t k = 0; k < all.size(); ++k) {
+        for (size_t l = 0; l < kept.size() && who[k] < 0; ++l) {
+            Vec3 v, w;
+            difference(all[kept[l]], all[k], c, v, w);
+            if (squared(w) > 1) continue;
+            const double x[6] = {v.x, v.y, v.z, w.x, w.y, w.z}, *I = informations.data() + 36 * kept[l];
+            double q = 0;
+            for (int a = 0; a < 6; ++a)
+                for (int b = 0; b < 6; ++b) q += I[6 * a + b] * x[a] * x[b];
+            if (q < limit) who[k] = static_cast<int32_t>(l);
+        }
+        if (who[k] >= 0 || static_cast<int>(kept.size()) >= most) continue;
+        who[k] = static_cast<int32_t>(kept.size());
+        kept.push_back(static_cast<int32_t>(k));
+    }
+    const size_t count = kept.size();
+    return {array_of(std::move(kept), {count}), array_of(std::move(who), {all.size()})};
+}
+
+nb::tuple closest_points(const Shape& shape, Doubles points) {
+    const std::vector<Vec3> all = vectors(points, "points: expected (n, 3)");
+    std::vector<double> distances(all.size()), places(3 * all.size());
+    std::vector<int32_t> triangles(all.size());
+    {
+        nb::gil_scoped_release release;
+        for (size_t k = 0; k < all.size(); ++k) {
+            const Closest c = shape.closest(all[k]);
+            distances[k] = std::sqrt(c.squared);
+            store(c.point, &places[3 * k]);
+            triangles[k] = c.triangle;
+        }
+    }
+    const size_t n = all.size();
+    return nb::make_tuple(array_of(std::move(distances), {n}), array_of(std::move(places), {n, 3}),
+                          array_of(std::move(triangles), {n}));
+}
+
+nb::tuple first_hits(const Shape& shape, Doubles origins, Doubles directions) {
+    const std::vector<Vec3> from = vectors(origins, "origins: expected (n, 3)");
+    const std::vector<Vec3> along = vectors(directions, "directions: expected (n, 3)");
+    check(from.size() == along.size(), "rays: as many origins as directions");
+    std::vector<double> distances(from.size());
+    std::vector<int32_t> triangles(from.size());
+    {
+        nb::gil_scoped_release release;
+        for (size_t k = 0; k < from.size(); ++k) {
+            int t = -1;
+            const double d = shape.cast(from[k], along[k], 1e300, &t);
+            distances[k] = t < 0 ? std::numeric_limits<double>::infinity() : d;
+            triangles[k] = t;
+        }
+    }
+    const size_t n = from.size();
+    return nb::make_tuple(array_of(std::move(distances), {n}), array_of(std::move(triangles), {n}));
+}
+
+}  // namespace
+
+NB_MODULE(native, m) {
+    m.def("version", [] { return TANTEO_VERSION; });
+    nb::class_<Shape>(m, "Shape")
+        .def_prop_ro("area", [](const Shape& s) { return s.area; })
+        .def_prop_ro("diagonal", [](const Shape& s) { return s.diagonal; })
+        .def_prop_ro("flats", [](const Shape& s) { return s.flats.size(); })
+        .def_prop_ro("centre", [](const Shape& s) {
+            return array_of(std::vector<double>{s.centre.x, s.centre.y, s.centre.z}, {3});
+        }, nb::rv_policy::automatic);
+    nb::class_<Problem>(m, "Problem").def_prop_ro("size", &Problem::size);
+    m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
+          "corners"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
+    m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "normals"_a,
+          "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "gains"_a, "scale_sd"_a, "rates"_a,
+          "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a, "prior_means"_a, "prior_roots"_a,
+          "prior_log_weights"_a, "table"_a);
+    m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
+    m.def("slopes", &slopes, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
+    m.def("details", &details, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
+    m.def("propose", &proposed, "shape"_a, "problem"_a, "rows"_a, "pairs"_a, "per_pair"_a, "spins"_a, "tolerance"_a,
+          "blur"_a, "tilt"_a, "keep"_a, "seed"_a);
+    m.def("scores", &scores, "shape"_a, "problem"_a, "rows"_a, "poses"_a, "blur"_a, "tilt"_a);
+    m.def("settle", &settled, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a);
+    m.def("climb", &climbed, "shape"_a, "problem"_a, "poses"_a, "shared"_a, "blurs"_a, "steps"_a, "enough"_a,
+          "margin"_a);
+    m.def("marginals", &marginals, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
+    m.def("place", &placed, "poses"_a, "offsets"_a, "centre"_a);
+    m.def("offsets", &offsets, "base"_a, "poses"_a, "centre"_a);
+    m.def("mixture", &mixture, "poses"_a, "bases"_a, "owners"_a, "means"_a, "inverses"_a, "log_weights"_a, "freedom"_a,
+          "centre"_a);
+    m.def("distinct", &distinct, "poses"_a, "informations"_a, "limit"_a, "most"_a, "centre"_a);
+    m.def("closest_points", &closest_points, "shape"_a, "points"_a);
+    m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);
+}

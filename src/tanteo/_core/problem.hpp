@@ -1,0 +1,63 @@
+// What was sensed and what is known beforehand: packed once, read many times.
+#pragma once
+#include <vector>
+
+#include "vec.hpp"
+
+namespace tanteo {
+
+enum class Kind : int { FACE = 0, EDGE = 1, CORNER = 2 };
+
+// A sensed point: of a face, edge or corner of the part, or an outlier.
+struct Point {
+    Vec3 at;            // world; of a ball its centre
+    Mat3 cov;           // of the sensor alone
+    double extra = 0;   // variance that the noise scale leaves alone: the tolerance of the part
+    double radius = 0;  // of the ball
+    Vec3 direction;     // into the material; zero where it is not known
+    Vec3 normal;        // sensed, outward; zero where it was not
+    double normal_sd = 1;
+    double reach = 0;       // free path before the point along its direction
+    double log_outlier = 0; // density if it is an outlier
+    Kind kind = Kind::FACE;
+    int group = -1;  // of rows that share one face
+    bool directed = false, oriented = false, isotropic = false;
+};
+
+// A straight path on which nothing was met.
+struct FreeRay {
+    Vec3 origin, direction;
+    double length = 0, slope = 0, least_cosine = 0;
+};
+
+// One normal density of poses, in the tangent at its mean: log(T0^-1 T) has the information root' root.
+struct PosePrior {
+    Pose mean;
+    double root[36];  // row-major: residuals are root * xi
+    double log_weight = 0;
+};
+
+struct Table {
+    Vec3 point, normal;
+    double sd = 0;
+};
+
+struct Problem {
+    std::vector<Point> points;
+    std::vector<double> gains;  // (n, 3, D): true point = point + gain z
+    std::vector<std::vector<int>> groups;  // rows of points, one group each
+    std::vector<FreeRay> rays;
+    std::vector<double> ray_shifts, ray_turns;  // (m, 3, D)
+    int shared = 0;                             // D
+    double scale_sd = 0;                        // of the log of the noise scale; 0: the noise is as stated
+    std::vector<double> rates, rate_weights;    // quadrature of the outlier rate
+    double mean_rate = 0.02;
+    std::vector<PosePrior> priors;
+    bool has_table = false;
+    Table table;
+
+    int size() const { return 6 + shared + (scale_sd > 0); }
+    const double* gain(int j) const { return &gains[static_cast<size_t>(j) * 3 * shared]; }
+};
+
+}  // namespace tanteo

@@ -1,0 +1,192 @@
+#include "solve.hpp"
+
+#include <cmath>
+
+namespace tanteo {
+
+namespace {
+
+constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
+constexpr int FIRST_STEPS = 6;        // until climbs are compared
+constexpr double ROUGHLY = 0.1;       // a gain that ends a climb that is not the last
+
+State stepped(const State& state, const double* step, const Vec3& centre) {
+    State next = state;
+    next.pose = moved(state.pose, load(step), load(step + 3), centre);
+    for (size_t k = 0; k < next.z.size(); ++k) next.z[k] += step[6 + k];
+    return next;
+}
+
+// A step no larger than a turn and a shift of the same size at the rim of the part.
+void shorten(double* step, int K, double turn, double shift) {
+    const double a = norm(load(step + 3)) / turn, b = norm(load(step)) / shift;
+    const double over = std::max(a, b);
+    if (over > 1)
+        for (int k = 0; k < K; ++k) step[k] /= over;
+}
+
+}  // namespace
+
+double settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const std::vector<double>& scales,
+              Pose& pose) {
+    double cost = 0;
+    for (size_t k = 0; k <= scales.size(); ++k) {
+        const double scale = scales[std::min(k, scales.size() - 1)], per = 1 / scale;
+        double A[36] = {0}, b[6] = {0}, total = 0;
+        for (const int j : rows) {
+            const Point& point = problem.points[j];
+            if (point.kind != Kind::FACE) continue;
+            const Vec3 p = into_part(pose, point.at);
+            const Closest c = shape.closest(p);
+            const Vec3& n = shape.normals[c.triangle];
+            double far = std::sqrt(c.squared);
+            Vec3 g = far > 1e-7 * shape.diagonal ? (1 / far) * (p - c.point) : n;
+            if (dot(g, n) < 0) {
+                g = -g;
+                far = -far;
+            }
+            const int flat = shape.flat_of[c.triangle], profile = flat < 0 ? -1 : shape.flats[flat].profile;
+            if (profile >= 0 && dot(g, n) > 0.9) {
+                const Profile::At at = shape.profiles[profile].at(p, false);
+                if (dot(at.normal, n) > 0.9) {
+                    far = at.distance;
+                    g = at.normal;
+                }
+            }
+            const double r = (far - point.radius) * per;
+            const Vec3 y = p - shape.centre, turn = cross(g, y);
+            // the point moves by -v + y x w
+            double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+            double w = 1 / (1 + 0.25 * r * r);
+            if (point.directed && dot(n, transposed_times(pose.R, point.direction)) > 0) {
+                total += 4;
+                continue;
+            }
+            total += w * r * r;
+            w *= w;
+            for (int i = 0; i < 6; ++i) {
+                b[i] -= w * row[i] * r;
+                for (int l = 0; l <= i; ++l) A[6 * i + l] += w * row[i] * row[l];
+            }
+            if (!point.oriented) continue;
+            const Vec3 m = transposed_times(pose.R, point.normal), tilt = cross(m, n);
+            const double sd = std::max(point.normal_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
+            const double q = 2 * (1 - dot(m, n)) * info;
+            double v = 1 / (1 + q / 8);
+            total += v * q;
+            v *= v * info;
+            for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
+                b[3 + i] -= v * tilt[i];
+                for (int l = 0; l <= i; ++l) A[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
+            }
+        }
+        cost = total / std::max<size_t>(rows.size(), 1);
+        if (k == scales.size()) break;
+        for (int i = 0; i < 6; ++i) {
+            const double soft = i < 3 ? 10 / shape.diagonal : 0.5;
+            A[7 * i] += 1e-3 * A[7 * i] + soft * soft;
+        }
+        if (!cholesky(A, 6)) continue;
+        solve_cholesky(A, 6, b);
+        shorten(b, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
+        pose = moved(pose, load(b), load(b + 3), shape.centre);
+    }
+    return cost;
+}
+
+void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
+            Climb& climb) {
+    const int K = problem.size();
+    likelihood.blur = blur;
+    likelihood.blur_turn = blur / (0.25 * shape.diagonal);
+    climb.log = likelihood.at(climb.state, true);
+    climb.gradient = likelihood.gradient;
+    climb.information = likelihood.information;
+    std::vector<double> L(static_cast<size_t>(K) * K), step(K);
+    double damping = 1e-3;
+    for (int k = 0; k < steps; ++k) {
+        L = climb.information;
+        for (int i = 0; i < K; ++i) {
+            const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
+            L[i * K + i] += damping * L[i * K + i] + soft * soft;
+        }
+        step = climb.gradient;
+        double gain = -1;
+        if (cholesky(L.data(), K)) {
+            solve_cholesky(L.data(), K, step.data());
+            double most = 0;  // what the step may gain at most, if the density is as its curvature says
+            for (int i = 0; i < K; ++i) most += step[i] * climb.gradient[i];
+            if (most < enough) break;
+            shorten(step.data(), K, LARGEST_TURN, 0.25 * shape.diagonal);
+            const State next = stepped(climb.state, step.data(), shape.centre);
+            const double there = likelihood.at(next, true);
+            gain = there - climb.log;
+            if (gain > 0) {
+                climb.state = next;
+                climb.log = there;
+                std::swap(climb.gradient, likelihood.gradient);
+                std::swap(climb.information, likelihood.information);
+            }
+        }
+        damping = gain > 0 ? std::max(0.1 * damping, 1e-6) : 20 * damping;
+        if ((gain > 0 && gain < enough) || damping > 100) break;
+    }
+}
+
+std::vector<Climb> climb_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
+                             const std::vector<double>& blurs, int steps, double enough, double margin) {
+    Likelihood likelihood(shape, problem);
+    std::vector<Climb> climbs(starts.size());
+    for (size_t k = 0; k < starts.size(); ++k) {
+        climbs[k].state = starts[k];
+        climbs[k].from = static_cast<int>(k);
+    }
+    const int few = std::min(steps, FIRST_STEPS);
+    const auto level = [&](double blur, int most, double gain) {
+        double best = -1e300;
+        for (Climb& climb : climbs) {
+            ascend(likelihood, shape, problem, blur, most, gain, climb);
+            best = std::max(best, climb.log);
+        }
+        climbs.erase(std::remove_if(climbs.begin(), climbs.end(),
+                                    [&](const Climb& climb) { return !(climb.log >= best - margin); }),
+                     climbs.end());
+    };
+    for (const double blur : blurs) level(blur, few, ROUGHLY);
+    level(0, few, ROUGHLY);
+    if (steps > few) level(0, steps - few, enough);
+    return climbs;
+}
+
+double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
+    const int K = problem.size(), D = K - 6;
+    if (!D) return likelihood.at(state, false);
+    std::vector<double> L(static_cast<size_t>(D) * D), step(D);
+    double log = likelihood.at(state, true), log_det = 0;
+    for (int k = 0; k < 4; ++k) {
+        for (int i = 0; i < D; ++i) {
+            step[i] = likelihood.gradient[6 + i];
+            for (int l = 0; l <= i; ++l) L[i * D + l] = likelihood.information[(6 + i) * K + 6 + l];
+        }
+        if (!cholesky(L.data(), D)) break;
+        log_det = 0;
+        for (int i = 0; i < D; ++i) log_det += 2 * std::log(L[i * D + i]);
+        solve_cholesky(L.data(), D, step.data());
+        double size = 0;
+        for (int i = 0; i < D; ++i) size += step[i] * likelihood.gradient[6 + i];
+        if (size < 1e-3) break;  // twice what is left to gain
+        State next = state;
+        double gain = -1, there = log, share = 1;
+        for (int tries = 0; tries < 4 && gain < 0; ++tries, share *= 0.3) {
+            for (int i = 0; i < D; ++i) next.z[i] = state.z[i] + share * step[i];
+            there = likelihood.at(next, true);
+            gain = there - log;
+        }
+        if (gain < 0) break;
+        state = next;
+        log = there;
+    }
+    return log - 0.5 * log_det;
+}
+
+}  // namespace tanteo

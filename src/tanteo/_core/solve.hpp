@@ -1,0 +1,35 @@
+// From poses to better poses: coarse steps to the nearest surface, then Levenberg-Marquardt on the log density itself.
+#pragma once
+#include <vector>
+
+#include "likelihood.hpp"
+
+namespace tanteo {
+
+// Robust least squares from points to the nearest place of the surface, at scales from coarse to fine [m], of the
+// points in rows. Returns the mean robust cost at the last scale.
+double settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const std::vector<double>& scales,
+              Pose& pose);
+
+// A climb: where it is, and what is known there.
+struct Climb {
+    State state;
+    double log = 0;
+    std::vector<double> gradient, information;
+    int from = 0;  // which of the starts
+};
+
+// Levenberg-Marquardt steps with that much blur, until one gains less than enough.
+void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
+            Climb& climb);
+
+// Climbs from all starts to maxima, through blurred noise first. After each level, and a few steps into the last one,
+// those that are behind the best by more than a margin are given up.
+std::vector<Climb> climb_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
+                             const std::vector<double>& blurs, int steps, double enough, double margin);
+
+// log of the integral over shared errors and noise scale at a pose, by Laplace's method about their best values,
+// which replace those of the state.
+double marginal(Likelihood& likelihood, const Problem& problem, State& state);
+
+}  // namespace tanteo

@@ -1,0 +1,65 @@
+"""Each measurement at some poses: how dense it is on the part, whether it belongs, which face it met, how far off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.problem import outlier_log_density
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Details:
+    """``n`` points at ``S`` poses.
+
+    Attributes:
+        log_hit: log density on the part ``(S, n)``.
+        log_outlier: as an outlier ``(S, n)``.
+        log_there: right on the face that it most likely met, wherever that may be ``(S, n)``.
+        belongs: probability that it is on the part ``(S, n)``.
+        distances: from that face ``(S, n)`` [m].
+        per_sd: one over the standard deviation along its normal ``(S, n)`` [1/m].
+        tilts: of a sensed normal, in standard deviations ``(S, n)``; 0 where none was sensed.
+        normals: of that face there, outward, part frame ``(S, n, 3)``; zero for edges and corners.
+        in_part: the point in the part frame ``(S, n, 3)`` [m].
+        faces: index of the face ``(S, n)``; below -1 for edges and corners.
+    """
+
+    log_hit: FloatArray
+    log_outlier: FloatArray
+    log_there: FloatArray
+    belongs: FloatArray
+    distances: FloatArray
+    per_sd: FloatArray
+    tilts: FloatArray
+    normals: Vectors
+    in_part: Vectors
+    faces: IntArray
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Distances in standard deviations ``(S, n)``."""
+        return self.distances * self.per_sd
+
+
+def details_at(climber: Climber, Ts: Transforms, zs: FloatArray) -> Details:
+    """The measurements at poses ``(S, 4, 4)`` and other states ``(S, D)``."""
+    points = climber.problem.points
+    table, faces = _core.details(climber.prepared.shape, climber.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
+    outlier = outlier_log_density(points, climber.problem.priors)
+    with np.errstate(divide="ignore"):
+        hit, there = np.log(table[..., 0]) + outlier, np.log(table[..., 5]) + outlier
+    there = np.maximum(there, hit)
+    return Details(
+        hit, np.broadcast_to(outlier, hit.shape), there, table[..., 1], table[..., 2], table[..., 3], table[..., 4],
+        table[..., 6:9], table[..., 9:], faces,
+    )  # fmt: skip
+
+
+def belongs_at(climber: Climber, peaks: Peaks, count: int) -> FloatArray:
+    """Probability of each point to be on the part at the first maxima ``(count, n)``."""
+    return details_at(climber, peaks.Ts[:count], peaks.zs[:count]).belongs

@@ -1,0 +1,74 @@
+"""What is said of measurements that are not on the part that explains the others, or scatter more than stated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.inference.near_variants import log_density_elsewhere, log_density_of_near_variant, shifted
+from tanteo.inference.outliers import so_many
+from tanteo.inference.result import Explained
+from tanteo.matching.evidence import Priors
+from tanteo.matching.results import Hypothesis
+from tanteo.measurements import ContactPoints
+
+_NOTABLE = 0.05
+"""So many outliers are mentioned if they, or more, are not more probable than this; the unknown object from this on."""
+
+_SCATTER = 1.1
+"""A noise scale up to this is as stated."""
+
+
+def mostly_on(best: Hypothesis, unknown: float) -> bool:
+    """Whether the unknown object is more probable than a part that most of the points, but not all, are on."""
+    return best.probability < unknown and 0 < len(best.outliers) < len(best.pairings)
+
+
+def not_on_it(best: Hypothesis, unknown: float) -> str:
+    """What it means that the unknown object is more probable than a part that most of the points are on."""
+    n = len(best.outliers) + len(best.pairings)
+    return (
+        f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
+        f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more strays "
+        "(--strays)."
+    )
+
+
+def left_out(best: Hypothesis, priors: Priors) -> str:
+    """A warning if more points are off the part than is expected."""
+    outliers = len(best.outliers)
+    n = outliers + len(best.pairings)
+    if so_many(outliers, n, priors.clutter) > _NOTABLE:
+        return ""
+    return f" {outliers} of {n} readings are not on it, more than expected: check them, and the order of their columns."
+
+
+def face_elsewhere(points: ContactPoints, one: Explained, unknown: float, priors: Priors) -> str:
+    """Which face of the part is elsewhere, if it may be a near variant that differs by that one; empty if not.
+
+    Args:
+        points: the measurements.
+        one: the likeliest mode.
+        unknown: probability of the unknown object.
+        priors: what is assumed beforehand.
+    """
+    if unknown < _NOTABLE:
+        return ""
+    part, at = one.mode.prepared.part, one.at
+    anywhere = log_density_elsewhere(at.log_hit, np.array(at.log_outlier), priors.clutter, points.places)
+    if log_density_of_near_variant(at, part, priors.clutter, points.places)[0] < anywhere[0] + np.log(2):
+        return ""
+    found = shifted(at, part, priors.clutter)
+    k = int(np.argmax(found.log_odds))
+    way = "out" if found.offsets[k] > 0 else "in"
+    return (
+        f" {found.counts[k]} readings agree that {part.faces[found.faces[k]].name} of {part.name} is "
+        f"{1e3 * abs(found.offsets[k]):.2g} mm farther {way}."
+    )
+
+
+def scattered(scale: float, worst: str) -> str:
+    """That the points scatter more than stated, if they do, and the worst of them."""
+    if scale <= _SCATTER:
+        return ""
+    says = f" The readings scatter {scale:.1f} times as much as stated: covariances were widened by that."
+    return says + (f" The worst is {worst} even so." if worst else "")

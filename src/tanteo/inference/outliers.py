@@ -1,0 +1,78 @@
+"""How often measurements are outliers: stated as a mean, and found out from the measurements (decision 35)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.special import bdtrc, roots_genlaguerre, roots_jacobi
+
+from tanteo.matching.evidence import log_sum
+from tanteo.typing import FloatArray
+
+_SHAPE = 0.5
+"""First parameter of the beta density of the rate, that of Jeffreys' prior."""
+
+_NODES = 4
+"""Nodes of the quadrature over the rate: so many at least."""
+
+_RARE = 1e-3
+"""Below this mean a beta density is a gamma density."""
+
+
+def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
+    """Rates of outliers and their weights ``(K,)``, nodes of Gauss's quadrature under the beta density of that mean.
+
+    Args:
+        mean: rate that is stated, above 0 and below 1.
+        n: readings, which know the rate the better the more they are: then the nodes are closer.
+    """
+    return _rates(mean, max(_NODES, int(np.ceil(1.2 * np.sqrt(n)))))
+
+
+@cache
+def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
+    if mean < _RARE:
+        x, w = roots_genlaguerre(nodes, _SHAPE - 1)
+        return mean / _SHAPE * x, w / w.sum()
+    x, w = roots_jacobi(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
+    return (1 + x) / 2, w / w.sum()
+
+
+def log_density(log_hit: FloatArray, log_outlier: FloatArray, mean: float) -> FloatArray:
+    """Log density of all readings at each pose ``(S,)``, the rate of outliers integrated out.
+
+    Args:
+        log_hit: log density of each reading if it is on the surface ``(S, n)``.
+        log_outlier: if it is aoutlier ``(S, n)``.
+        mean: rate of outliers that is stated.
+    """
+    return log_sum(log_by_rate(log_hit, log_outlier, *outlier_rates(mean, log_hit.shape[1])), axis=0)
+
+
+def on_surface(log_hit: FloatArray, log_outlier: FloatArray, mean: float) -> FloatArray:
+    """Probability that each reading is on the surface ``(S, n)``, given all; arguments of :func:`log_density`."""
+    rates, weights = outlier_rates(mean, log_hit.shape[1])
+    log = log_by_rate(log_hit, log_outlier, rates, weights)
+    share = np.exp(log - log_sum(log, axis=0))
+    ratio = np.exp(np.clip(log_outlier - log_hit, -600, 600))
+    out = np.zeros(ratio.shape)
+    for rate, of_pose in zip(rates, share, strict=True):
+        out += of_pose[:, None] / (1 + rate / (1 - rate) * ratio)
+    return out
+
+
+def so_many(outliers: int, n: int, mean: float) -> float:
+    """Probability of at least so many outliers among ``n`` readings; 0 of any if ``mean`` is 0."""
+    if outliers == 0 or mean == 0:
+        return float(outliers == 0)
+    rates, weights = outlier_rates(mean, n)
+    return float(weights @ bdtrc(outliers - 1, n, rates))
+
+
+def log_by_rate(log_hit: FloatArray, log_outlier: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:
+    """Log density of all readings and each rate together ``(K, S)``, of those weights ``(K,)``."""
+    top = np.maximum(log_hit, log_outlier)
+    hit, outlier = np.exp(log_hit - top), np.exp(log_outlier - top)
+    each = [np.sum(np.log((1 - rate) * hit + rate * outlier), axis=-1) for rate in rates]
+    return np.asarray(np.log(weights)[:, None] + np.stack(each) + top.sum(axis=-1))

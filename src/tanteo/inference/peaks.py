@@ -1,0 +1,197 @@
+"""Maxima of the posterior of one part: settled on the surface, climbed, told apart, counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.problem import Problem
+from tanteo.inference.proposals import Scales
+from tanteo.inference.symmetry import folded, gauge_information, is_held
+from tanteo.typing import FloatArray, IntArray, Transforms
+
+SAME = 4.0
+"""Squared Mahalanobis distance within which two maxima are one."""
+
+FAINT = 14.0
+"""Log evidence below the best at which a maximum is forgotten."""
+
+_STEPS, _ENOUGH = 20, 1e-3
+"""Steps of a climb at most, and the gain in log density at which it ends."""
+
+_MARGIN = 30.0
+"""Log density behind the best at which a climb is given up half-way: twice what is forgotten at the end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Peaks:
+    """Maxima of one part, best first.
+
+    Attributes:
+        Ts: poses ``(S, 4, 4)``.
+        zs: whitened shared errors, and the noise scale where it is a state ``(S, D)``.
+        logs: log densities ``(S,)``.
+        information: of pose about the centre and the other states ``(S, 6 + D, 6 + D)``.
+        evidence: log of the integral about each, by its curvature ``(S,)``.
+        groups: from which groups of proposals each was found, one bit each ``(S,)``.
+    """
+
+    Ts: Transforms
+    zs: FloatArray
+    logs: FloatArray
+    information: FloatArray
+    evidence: FloatArray
+    groups: IntArray
+
+    def __len__(self) -> int:
+        return len(self.logs)
+
+    @property
+    def times(self) -> IntArray:
+        """Groups of proposals that led to each ``(S,)``."""
+        return np.bitwise_count(self.groups).astype(np.int64)
+
+    def take(self, rows: IntArray) -> Peaks:
+        """Some of them."""
+        return Peaks(*(getattr(self, name)[rows] for name in self.__slots__))
+
+    def join(self, other: Peaks) -> Peaks:
+        """Both, as they come."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in self.__slots__)
+        return Peaks(*(np.concatenate(pair) for pair in pairs))
+
+    @classmethod
+    def none(cls, states: int) -> Peaks:
+        """No maximum yet."""
+        K = 6 + states
+        empty = np.zeros(0)
+        return cls(
+            np.zeros((0, 4, 4)), np.zeros((0, states)), empty, np.zeros((0, K, K)), empty, np.zeros(0, dtype=np.int64)
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Climber:
+    """What leads from poses of one part to maxima.
+
+    Attributes:
+        prepared: the part.
+        core: the problem, compiled for it.
+        problem: the problem.
+        scales: lengths of the search.
+        rows: points on which poses are settled.
+    """
+
+    prepared: PreparedPart
+    core: _core.Problem
+    problem: Problem
+    scales: Scales
+    rows: IntArray
+
+    @property
+    def named(self) -> bool:
+        """Whether a prior names one of several symmetric poses."""
+        return self.problem.mixture(self.prepared) is not None
+
+    def settle(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
+        """Move poses onto the surface and keep the best that differ, with the groups that led to each."""
+        if not len(Ts):
+            return Ts, groups
+        shape, end = self.prepared.shape, float(self.scales.settle[-1])
+        Ts, costs = _core.settle(shape, self.core, self.rows, self.scales.settle, np.ascontiguousarray(Ts))
+        order = np.argsort(costs, kind="stable")
+        near = np.r_[np.full(3, (2 * end) ** -2.0), np.full(3, (2 * end / (0.25 * shape.diagonal)) ** -2.0)]
+        Ts = np.ascontiguousarray(Ts[order])
+        near = np.ascontiguousarray(np.broadcast_to(np.diag(near), (len(Ts), 6, 6)))
+        kept, who = _core.distinct(Ts, near, 1.0, keep, shape.centre)
+        return np.ascontiguousarray(Ts[kept]), _united(groups[order], who, len(kept))
+
+    def climb(
+        self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
+    ) -> Peaks:
+        """The maxima that poses lead to, each once; ``fine``: without blurred noise first."""
+        D = self.problem.states
+        if not len(Ts):
+            return Peaks.none(D)
+        zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
+        blurs = np.zeros(0) if fine else self.scales.blurs
+        Ts, zs, logs, information, rows = _core.climb(
+            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, _STEPS, _ENOUGH, _MARGIN
+        )
+        evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
+        groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups[rows]
+        return self.distinct(Peaks(Ts, zs, logs, information, evidence, groups))
+
+    def look(self, Ts: Transforms, groups: IntArray, keep: int) -> Peaks:
+        """The maxima that proposals lead to."""
+        Ts, groups = self.settle(Ts, groups, keep)
+        return self.climb(Ts, groups=groups)
+
+    def regular(self, information: FloatArray) -> FloatArray:
+        """Information with a weak prior of the part's own size and of a turn, so that free directions end somewhere."""
+        out = np.array(information)
+        size = 0.25 * self.prepared.part.diagonal
+        out[..., range(3), range(3)] += size**-2.0
+        out[..., range(3, 6), range(3, 6)] += 0.6**-2.0
+        if is_held(self.prepared, named=self.named):
+            out[..., :6, :6] += gauge_information(self.prepared)
+        return out
+
+    def of_pose(self, information: FloatArray) -> FloatArray:
+        """Information on the pose, the other states integrated out ``(S, 6, 6)``."""
+        full = self.regular(information)
+        if full.shape[-1] == 6:
+            return full
+        cross = full[..., :6, 6:]
+        return np.asarray(full[..., :6, :6] - cross @ np.linalg.solve(full[..., 6:, 6:], np.swapaxes(cross, -1, -2)))
+
+    def distinct(self, peaks: Peaks, count: int = 10**6) -> Peaks:
+        """Maxima without those near a better one, best first; what is the same was found by the groups of both."""
+        if not len(peaks):
+            return peaks
+        order = np.argsort(-peaks.evidence, kind="stable")
+        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - FAINT]
+        peaks = peaks.take(order)
+        peaks = self._folded(peaks)
+        information = np.ascontiguousarray(self.of_pose(peaks.information))
+        kept, who = _core.distinct(peaks.Ts, information, SAME, count, self.prepared.shape.centre)
+        return replace(peaks.take(kept), groups=_united(peaks.groups, who, len(kept)))
+
+    def _folded(self, peaks: Peaks) -> Peaks:
+        """Poses folded onto each other, the first as it is or near what is known of it."""
+        symmetry = self.prepared.part.symmetry
+        if symmetry.order == 1 and not is_held(self.prepared, named=self.named):
+            return replace(peaks, Ts=np.ascontiguousarray(peaks.Ts))
+        known = self.problem.mixture(self.prepared)
+        out = peaks.Ts[:0] if known is None else known.Ts[:1]
+        for T in peaks.Ts:
+            out = np.concatenate([out, folded(self.prepared, T[None], out, named=self.named) if len(out) else T[None]])
+        Ts = np.ascontiguousarray(out[len(out) - len(peaks) :])
+        # the axes of the tangent have turned with the pose
+        information = _core.slopes(self.prepared.shape, self.core, Ts, np.ascontiguousarray(peaks.zs))[2]
+        return replace(peaks, Ts=Ts, information=information)
+
+    def unlike(self, new: Peaks, known: Peaks) -> Peaks:
+        """The new maxima that are none of those that are known."""
+        if not len(new):
+            return new
+        Ts = folded(self.prepared, new.Ts, known.Ts, named=self.named)
+        information, centre = self.of_pose(known.information), self.prepared.shape.centre
+        x = np.stack([_core.offsets(T, Ts, centre) for T in known.Ts])
+        gaps = np.einsum("kni,kij,knj->kn", x, information, x)
+        return new.take(np.flatnonzero(gaps.min(axis=0) > SAME))
+
+    def merged(self, old: Peaks, new: Peaks, count: int) -> Peaks:
+        """Both; a maximum found again was found by more groups."""
+        return self.distinct(old.join(new), count)
+
+
+def _united(groups: IntArray, who: IntArray, count: int) -> IntArray:
+    """Groups of all that are the same ``(count,)``."""
+    out = np.zeros(count, dtype=np.int64)
+    known = who >= 0
+    np.bitwise_or.at(out, who[known], groups[known])
+    return out

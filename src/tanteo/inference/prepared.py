@@ -1,0 +1,123 @@
+"""A part as the likelihood sees it: its compiled shape, and what its symmetry makes one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.parts import Part, exact_faces
+from tanteo.parts.several import as_parts
+from tanteo.shapes import Revolved, Surface
+from tanteo.typing import FloatArray, IntArray, Vectors
+
+SAMPLES = 1024
+"""Places of the surface from which pose proposals are made."""
+
+_CELLS = 40
+"""Cells of the distance grid along the longest side."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedPart:
+    """What inference asks of a part.
+
+    Attributes:
+        part: the part.
+        shape: the compiled shape.
+        samples: places even over the surface ``(K, 3)``, in the part frame [m].
+        normals: outward there ``(K, 3)``.
+        curved: the exact surfaces behind curved faces; None if there are none.
+    """
+
+    part: Part
+    shape: _core.Shape
+    samples: Vectors
+    normals: Vectors
+    curved: Revolved | None
+
+    @cached_property
+    def surface(self) -> Surface:
+        """For distances and rays in batches."""
+        return Surface(self.part.vertices, self.part.triangles)
+
+    @property
+    def centre(self) -> Vectors:
+        """About which small motions turn the part: its centroid ``(3,)`` [m]."""
+        return self.part.centroid
+
+    @property
+    def spacing(self) -> float:
+        """Typical distance between samples [m]."""
+        return float(np.sqrt(self.part.area / len(self.samples)))
+
+
+def prepare(part: Part | PreparedPart) -> PreparedPart:
+    """Prepare a part; what is prepared is kept with the part."""
+    if isinstance(part, PreparedPart):
+        return part
+    part = getattr(part, "part", part)
+    if "prepared" not in part.derived:
+        part.derived["prepared"] = _prepared(part)
+    prepared: PreparedPart = part.derived["prepared"]
+    return prepared
+
+
+def prepare_all(name: str, parts: Any) -> tuple[PreparedPart, ...]:
+    """Parts, or one, prepared.
+
+    Raises:
+        InputError: paths, or something else in the place of parts.
+    """
+    return tuple(part if isinstance(part, PreparedPart) else prepare(part) for part in as_parts(name, parts))
+
+
+def _prepared(part: Part) -> PreparedPart:
+    corners = part.vertices[part.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(across, axis=1)
+    normals = across / np.maximum(lengths, 1e-300)[:, None]
+    samples, rows = _spread(corners, lengths)
+    curved = exact_faces(part, normals)
+    profiles, profile_rows = np.zeros((0, 11)), np.full(len(corners), -1)
+    if curved is not None:
+        p = curved.profiles
+        columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.alike
+        profiles, profile_rows = np.column_stack(columns), curved.rows
+    shape = _core.make_shape(
+        _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
+        _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),
+        _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
+    )  # fmt: skip
+    return PreparedPart(part, shape, samples, normals[rows], curved)
+
+
+def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray]:
+    """Places even over the surface, one in each of as many strips of equal area, in no order; the same every time."""
+    rng = np.random.default_rng(1991)
+    along = (rng.permutation(SAMPLES) + rng.uniform(size=SAMPLES)) / SAMPLES
+    rows = np.minimum(np.searchsorted(np.cumsum(weights) / weights.sum(), along), len(corners) - 1)
+    u, v = np.sort(rng.uniform(size=(2, SAMPLES, 1)), axis=0)
+    a, b, c = corners[rows].transpose(1, 0, 2)
+    return np.ascontiguousarray(u * a + (v - u) * b + (1 - v) * c), rows
+
+
+def _hull(part: Part) -> Vectors:
+    """Vertices on which the part may stand: those that are the farthest in some direction, or all of a flat part."""
+    from scipy.spatial import ConvexHull, QhullError  # slow to import, and needed with a table only
+
+    try:
+        return part.vertices[ConvexHull(part.vertices).vertices]
+    except QhullError:
+        return part.vertices
+
+
+def _doubles(values: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def _ints(values: IntArray) -> np.ndarray:
+    return np.ascontiguousarray(values, dtype=np.int32)

@@ -1,0 +1,149 @@
+"""Whether the part is where it was said to be: the prior of the pose, against the measurements.
+
+Near the answer distances tell. If the prior is far off, the answer is a pose that fits badly where the part is not, and
+only a search without it finds the one that fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from tanteo.inference.outliers import so_many
+from tanteo.inference.peaks import Climber
+from tanteo.inference.posterior import Mode, Posterior
+from tanteo.inference.result import Explained, explained
+from tanteo.localization import pose_information, weak_motions
+from tanteo.matching.evidence import Priors
+from tanteo.matching.part_motions import part_scale
+from tanteo.matching.prior import in_box, prior_rows
+from tanteo.matching.results import Hypothesis
+from tanteo.typing import FloatArray, Transforms
+
+_DOUBT = 0.05
+"""P-values of the answer, and of the prior, above which a search without it is not worth its time."""
+
+_PLAUSIBLE, _OUTLIERS = 1e-3, 0.03
+"""A pose explains the measurements if its chi-square, and as many outliers as it leaves, are no less likely."""
+
+_DRAWS = 32
+"""Samples of the mode among which the one is looked for that agrees best with both."""
+
+
+@dataclass(frozen=True, slots=True)
+class PriorCheck:
+    """How the prior of the pose agrees with the measurements.
+
+    Attributes:
+        p: p-value of it; 1 if nothing was known.
+        elsewhere: the part that explains the measurements far better where it was not said to be; empty if none does.
+    """
+
+    p: float = 1.0
+    elsewhere: str = ""
+
+
+def check_prior(
+    posterior: Posterior, best: Hypothesis | None, without: Callable[[], Posterior], alpha: float
+) -> PriorCheck:
+    """Whether the prior of the pose is contradicted: near the answer, or by an answer without it.
+
+    Where it is true, measurements are ``1 / alpha`` times denser without it than with it in at most ``alpha`` of all
+    cases, whatever their distribution, because both densities integrate to one.
+
+    Args:
+        posterior: the answer.
+        best: its first hypothesis; None if there is none.
+        without: the answer if nothing had been known of the pose, which is looked for if there is doubt.
+        alpha: least p-value.
+    """
+    priors = posterior.problem.priors
+    if priors.pose is None:
+        return PriorCheck()
+    fits = best is not None and best.probability >= posterior.unknown
+    p = p_of_prior(posterior.modes[0], priors) if posterior.modes else 1.0
+    if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > _DOUBT:
+        return PriorCheck(p)
+    other = without()
+    if not other.modes or other.modes[0].probability < other.unknown:
+        return PriorCheck(p if fits else 1.0)
+    if not explains(explained(other.modes[0]), priors.clutter):
+        return PriorCheck(p if fits else 1.0)
+    bound = float(np.exp(min(posterior.log_evidence - other.log_evidence, 0.0)))
+    if bound < alpha:
+        return PriorCheck(min(p, bound), other.modes[0].prepared.part.name)
+    return PriorCheck(p)
+
+
+def explains(one: Explained, rate: float) -> bool:
+    """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
+    outliers, n = int(np.sum(~one.belongs)), len(one.belongs)
+    if so_many(outliers, n, rate) <= _OUTLIERS:
+        return False
+    chi2, dof = one.chi_square()
+    return bool(dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE)
+
+
+def _share(posterior: Posterior) -> float:
+    """Of the first mode as it would be without a box, what the box leaves: 1 if it is well inside."""
+    pose, mode = posterior.problem.priors.pose, posterior.modes[0]
+    if pose is None or pose.box is None:
+        return 1.0
+    alone = _alone(mode, posterior.problem.priors)
+    peak = alone.climb(mode.T_peak[None], fine=True)
+    L = np.linalg.cholesky(np.linalg.inv(alone.of_pose(peak.information[0])))
+    draws = np.random.default_rng(1991).normal(size=(256, 6)) @ L.T
+    from tanteo import _core
+
+    Ts = _core.place(np.repeat(peak.Ts[:1], len(draws), axis=0), draws, alone.prepared.shape.centre)
+    return float(np.mean(in_box(pose, alone.prepared.part, Ts)))
+
+
+def _alone(mode: Mode, priors: Priors) -> Climber:
+    """The climber of a mode if nothing were known of the pose."""
+    problem = replace(mode.climber.problem, priors=replace(priors, pose=None), mixtures={})
+    return replace(mode.climber, problem=problem, core=problem.compiled(mode.prepared))
+
+
+def p_of_prior(mode: Mode, priors: Priors) -> float:
+    """P-value of what was known of the pose beforehand, beside the measurements near an answer: 1 without.
+
+    Without it the measurements fit somewhere near as well or better: by how much, beside the squared distance of the
+    pose from the prior, is chi-square of as many degrees as both say something of. The prior is looked at where it
+    agrees best with the measurements: at the answer, or at a sample of it.
+
+    Args:
+        mode: the answer.
+        priors: what is assumed beforehand.
+    """
+    part = mode.prepared.part
+    share = _box_share(mode, priors)
+    known = prior_rows(priors.pose, part, mode.T_peak[None])[0].shape[1]
+    if not known:
+        return share
+    alone = _alone(mode, priors)
+    apart = alone.climb(mode.T_peak[None], mode.z[None], fine=True)
+    left = weak_motions(pose_information(apart.information[0]), part_scale(part))
+    best = float(apart.logs[0])
+
+    def off(Ts: Transforms, zs: FloatArray) -> FloatArray:
+        from tanteo import _core
+
+        rows = prior_rows(priors.pose, part, Ts)[0]
+        logs = _core.log_densities(mode.prepared.shape, alone.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
+        return np.asarray(np.sum(rows**2, axis=1) + 2 * (best - logs))
+
+    heavy = np.argsort(-mode.weights, kind="stable")[:_DRAWS]
+    Ts = np.concatenate([mode.T_peak[None], mode.Ts[heavy]])
+    least = off(Ts, np.repeat(mode.z[None], len(Ts), axis=0)).min()
+    return min(share, float(chdtrc(max(known - len(left), 1), max(least, 0.0))))
+
+
+def _box_share(mode: Mode, priors: Priors) -> float:
+    """How much of a mode a box leaves; 1 without."""
+    if priors.pose is None or priors.pose.box is None:
+        return 1.0
+    return float(mode.weights @ in_box(priors.pose, mode.prepared.part, mode.Ts))

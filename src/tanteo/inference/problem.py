@@ -1,0 +1,143 @@
+"""The question: what was sensed, the errors that readings share, and what is known beforehand; packed for the core."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.outliers import outlier_rates
+from tanteo.inference.prepared import PreparedPart
+from tanteo.lie import SE3
+from tanteo.matching.evidence import Priors
+from tanteo.matching.prior import log_density_within
+from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.typing import Covariances, FloatArray, Transforms
+
+_KINDS = {"edge": 1, "vertex": 2}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseMixture:
+    """Normal densities of where a part may be, with their weights; those of one part.
+
+    Attributes:
+        Ts: means ``T_world_part`` ``(A, 4, 4)``.
+        covariances: ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        log_weights: ``(A,)``.
+    """
+
+    Ts: Transforms
+    covariances: Covariances
+    log_weights: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """What inference is asked; immutable.
+
+    Attributes:
+        points: contact points and beam hits.
+        rays: free-space rays.
+        priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
+        scale_sd: standard deviation of the log of the noise scale; 0 where the noise is as stated.
+        mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
+    """
+
+    points: ContactPoints
+    rays: FreeRays
+    priors: Priors
+    scale_sd: float = 0.0
+    mixtures: dict[int, PoseMixture] = field(default_factory=dict)
+
+    @property
+    def states(self) -> int:
+        """Shared errors and noise scale beside the pose."""
+        return self.points.gains.shape[2] + (self.scale_sd > 0)
+
+    def with_scale(self, sd: float) -> Problem:
+        """The same with the noise known to that (log) standard deviation only."""
+        return replace(self, scale_sd=sd)
+
+    def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
+        """What is known of the pose of a part, as normal densities; None if nothing is."""
+        if id(prepared) in self.mixtures:
+            return self.mixtures[id(prepared)]
+        pose = self.priors.pose
+        if pose is None or pose.T_world_part is None:
+            return None
+        Ts = np.asarray(pose.T_world_part).reshape(-1, 4, 4)
+        C = np.asarray(pose.covariance).reshape(-1, 6, 6)
+        return PoseMixture(Ts, C, np.full(len(Ts), -np.log(len(Ts))))
+
+    def log_pose_density(self, prepared: PreparedPart) -> float:
+        """Log of what the core leaves out of the prior density of the pose: it is over shifts [m] and turns [rad]."""
+        anywhere = -3 * np.log(2 * self.priors.radius) - np.log(8 * np.pi**2)
+        pose = self.priors.pose
+        if id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None):
+            anywhere = 0.0  # the mixture is a density already
+        if pose is None:
+            return float(anywhere)
+        return float(anywhere + log_density_within(replace_pose(pose), self.priors.radius))
+
+    def compiled(self, prepared: PreparedPart) -> _core.Problem:
+        """The question about one part, for the core."""
+        t, rays = self.points, self.rays
+        rates, weights = outlier_rates(self.priors.clutter, len(t))
+        extra = np.full(len(t), t.tolerance**2)
+        table = self.priors.pose.table if self.priors.pose is not None else None
+        lines = np.column_stack(
+            [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
+        )
+        means, roots, log_weights = self._normals(prepared)
+        return _core.make_problem(
+            _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
+            _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
+            np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), groups_of(t), _c(t.gains),
+            float(self.scale_sd), _c(rates), _c(weights), self.priors.clutter, _c(lines), _c(rays.gains),
+            _c(rays.turns), _c(means), _c(roots), _c(log_weights),
+            np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
+        )  # fmt: skip
+
+    def _normals(self, prepared: PreparedPart) -> tuple[Transforms, FloatArray, FloatArray]:
+        """Means, roots of the inverse covariances and log weights of the normal densities, symmetric poses among them."""
+        known = self.mixture(prepared)
+        if known is None:
+            return np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0)
+        roots = np.swapaxes(np.linalg.cholesky(np.linalg.inv(known.covariances)), -1, -2)
+        log = known.log_weights - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(known.covariances)[1]
+        turns = prepared.part.symmetry.Ts
+        if len(turns) == 1:
+            return known.Ts, roots, log
+        # a pose is as probable as all that symmetry makes of it: log(T0^-1 T S) = Ad(S^-1) log((T0 S^-1)^-1 T)
+        back = SE3.inverse(turns)
+        means, roots = known.Ts[:, None] @ back, roots[:, None] @ SE3.adjoint(back)
+        return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
+
+
+def replace_pose(pose: object) -> object:
+    """What is known of the pose but for its normal density."""
+    return replace(pose, T_world_part=None, covariance=None)  # type: ignore[type-var]
+
+
+def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:
+    """Log density of each point if it is an outlier, or of an unknown object: anywhere in the workspace ``(n,)``."""
+    ball = np.log(4 / 3 * np.pi * priors.radius**3)
+    log = np.where(points.directed, -np.log(2 * priors.radius), -ball)
+    return np.asarray(log - np.where(points.oriented, np.log(4 * np.pi), 0.0))
+
+
+def groups_of(points: ContactPoints) -> np.ndarray:
+    """Number of the label of each point ``(n,)``; -1 where it has none, or is alone with it and says no more."""
+    counts: dict[tuple[str, str], int] = {}
+    keys = list(zip(points.labels, points.kinds, strict=True))
+    for key in keys:
+        counts[key] = counts.get(key, 0) + 1
+    several = [key for key, count in counts.items() if key[0] and count > 1]
+    number = {key: k for k, key in enumerate(several)}
+    return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
+
+
+def _c(values: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(values, dtype=np.float64)

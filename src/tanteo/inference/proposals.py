@@ -1,0 +1,132 @@
+"""Where a climb starts: pairs of surface places as far apart as two points, poses of other parts, draws of the prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.problem import Problem
+from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints
+from tanteo.typing import FloatArray, IntArray, Transforms
+
+FEW = 12
+"""Points on which proposals are scored: more tell no more at this precision."""
+
+_TILT = 0.25
+"""Of a sensed normal against that of a place of the surface [rad]."""
+
+_SPINS = 24
+"""Turns about the line of two points, where no normal says which: one in a quarter of a radian."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How much is proposed in one round.
+
+    Attributes:
+        pairs: of points.
+        per_pair: pairs of surface places for each.
+        keep: proposals of each half of the pairs that are settled.
+        climb: that are climbed.
+    """
+
+    pairs: int = 6
+    per_pair: int = 40
+    keep: int = 20
+    climb: int = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scales:
+    """Lengths of the search, from the part and the noise.
+
+    Attributes:
+        blur: error of a proposal: the spacing of surface places, or the noise [m].
+        settle: scales of the steps to the nearest surface, from coarse to fine [m].
+        blurs: noise added in climbs before the last [m].
+    """
+
+    blur: float
+    settle: FloatArray
+    blurs: FloatArray
+
+
+def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
+    """The lengths of a search."""
+    points = problem.points
+    sd = float(np.median(points.sd))
+    shared = float(np.sqrt(np.mean(np.sum(points.gains**2, axis=(1, 2))))) if points.gains.size else 0.0
+    off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
+    spread = 2 * float(np.quantile(off, 0.75))
+    wide = float(np.hypot(sd, shared))
+    blur = max(min(prepared.spacing, spread / 8), 1.5 * wide)
+    end = max(2 * sd, shared, 1e-3 * blur)
+    count = max(6, int(np.ceil(np.log(1.5 * blur / end) / 0.25)) + 1)
+    blurs = 0.25 * blur * 0.3 ** np.arange(8)
+    return Scales(blur, np.geomspace(1.5 * blur, min(end, blur), count), blurs[blurs > 2 * sd])
+
+
+def spread_rows(points: ContactPoints, count: int) -> IntArray:
+    """Rows of points that are far from each other, the farthest from the middle first."""
+    p = points.points
+    if len(p) <= count:
+        return np.arange(len(p), dtype=np.int32)
+    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
+    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.int32)
+
+
+def far_pairs(points: ContactPoints, rows: IntArray, count: int) -> IntArray:
+    """Pairs of those points that are far apart ``(count, 2)``, no point in many of them: one outlier spoils few."""
+    p = points.points[rows]
+    gaps = np.linalg.norm(p[:, None] - p, axis=-1)
+    first, second = np.triu_indices(len(p), 1)
+    order = np.argsort(-gaps[first, second], kind="stable")
+    used, most, out = np.zeros(len(p), dtype=int), 1 + 2 * count // max(len(p), 1), []
+    for k in order:
+        i, j = first[k], second[k]
+        if used[i] < most and used[j] < most and gaps[i, j] > 0:
+            out.append((rows[i], rows[j]))
+            used[[i, j]] += 1
+        if len(out) == count:
+            break
+    return np.array(out, dtype=np.int32).reshape(-1, 2)
+
+
+def from_pairs(
+    core: _core.Problem, prepared: PreparedPart, rows: IntArray, pairs: IntArray, scales: Scales, effort: Effort, seed: int
+) -> Transforms:
+    """Poses that put two points on the surface, the others near it, best first."""
+    Ts, _ = _core.propose(
+        prepared.shape, core, rows, pairs, effort.per_pair, _SPINS, scales.blur, scales.blur, _TILT, effort.keep, seed
+    )
+    return Ts
+
+
+def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.random.Generator) -> Transforms:
+    """Draws of what is known of the pose, the means first; none where nothing is known."""
+    known = problem.mixture(prepared)
+    if known is None:
+        return np.zeros((0, 4, 4))
+    weights = np.exp(known.log_weights - known.log_weights.max())
+    rows = rng.choice(len(weights), size=count, p=weights / weights.sum())
+    xi = np.linalg.cholesky(known.covariances)[rows] @ rng.normal(size=(count, 6, 1))
+    return np.concatenate([known.Ts[: count], known.Ts[rows] @ SE3.exp(xi[..., 0])])
+
+
+def turned(prepared: PreparedPart, Ts: Transforms) -> Transforms:
+    """Poses with the part turned in its place by half turns, after which many a part nearly fills its old place."""
+    part = prepared.part
+    principal = np.linalg.eigh(np.cov(prepared.samples.T))[1].T
+    axes = np.concatenate([np.eye(3), principal])
+    middles = np.stack([part.box.mean(axis=0), prepared.samples.mean(axis=0)]).repeat(3, axis=0)
+    R = 2 * axes[:, :, None] * axes[:, None] - np.eye(3)
+    turns = SE3.from_parts(R, middles - SE3.apply(R, middles))
+    return np.ascontiguousarray((Ts[:, None] @ turns).reshape(-1, 4, 4))

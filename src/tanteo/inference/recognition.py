@@ -1,0 +1,170 @@
+"""From measurements to the answer: which part they are of, where it is, and in which words that is said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.features import SharedError
+from tanteo.inference.diagnostics import face_elsewhere, left_out, mostly_on, not_on_it, scattered
+from tanteo.inference.posterior import Posterior, infer
+from tanteo.inference.prepared import PreparedPart, prepare
+from tanteo.inference.prior_check import check_prior, explains
+from tanteo.inference.problem import Problem
+from tanteo.inference.result import Explained, as_hypothesis, explained, what_limits, worst_reading
+from tanteo.matching.evidence import Priors, sized
+from tanteo.matching.recognition import Clock, check_question
+from tanteo.matching.results import Recognition
+from tanteo.matching.verdict import CONFIDENCE, verdict
+from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.parts import Part
+
+LEAST = 3
+"""Fewer measurements than this fit any surface in any way."""
+
+_PATCH = 0.2
+"""Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
+
+_CLOSE = "the readings lie so close together that other places may look like it: sense farther apart, or say --near."
+
+_BARELY = 2.0
+"""Points that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
+
+_MAY_MISS = 0.05
+"""Probability of poses that the search met only once from which the answer says that others may fit."""
+
+_SCALE_SD, _SCALE_PRIOR = float(np.log(2.0)), 0.1
+"""If the noise is not as stated it is so by about a factor of two, 1 sd, and that is as probable beforehand."""
+
+
+def identify_points(
+    points: ContactPoints,
+    rays: FreeRays,
+    parts: Sequence[Part] | Sequence[PreparedPart],
+    *,
+    shared: Sequence[SharedError] = (),
+    alpha: float = 0.01,
+    top: int = 5,
+    priors: Priors | None = None,
+    seed: int = 0,
+) -> Recognition:
+    """Which part the measurements are of, and its pose, labelled or not.
+
+    Args:
+        points: contact points and beam hits in the world; with directions, normals, tip radii and labels where known.
+        rays: on which nothing was met.
+        parts: candidates, prepared or not; what is prepared is kept with the part.
+        shared: the errors behind ``points.gains``, in that order, for the words of the answer.
+        alpha: an answer whose joint test has a smaller p-value is not accepted.
+        top: number of hypotheses to report.
+        priors: what is assumed beforehand.
+        seed: of the search and the samples.
+
+    Raises:
+        InputError: without parts, or for an ``alpha`` outside (0, 1).
+    """
+    parts = check_question(parts, alpha, top, seed, priors)
+    named = priors is not None and priors.pose is not None
+    if message := _too_little(points, named=named):
+        return Recognition("insufficient", message, (), 1.0, {}, seed)
+    clock = Clock()
+    prepared = [prepare(part) for part in parts]
+    priors = sized(priors, max(part.part.radius for part in prepared))
+    clock.lap("prepare")
+    problem = Problem(points, rays, priors)
+    posterior = _answer(problem, prepared, seed)
+    clock.lap("search")
+    found = [explained(mode) for mode in posterior.modes]
+    scale = _noise_scale(found[0]) if found else 1.0
+    hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
+    clock.lap("locate")
+    worst = worst_reading(points, found[0]) if found else ""
+    alone = replace(problem, priors=replace(priors, pose=None))
+    check = check_prior(posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, prepared, seed), alpha)
+    clock.lap("compare")
+    shares = [(mode.prepared.part.name, mode.probability) for mode in posterior.modes]
+    unknown = posterior.unknown
+    status, message = verdict(
+        hypotheses, unknown, alpha, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere
+    )
+    if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
+        message = not_on_it(hypotheses[0], unknown)
+    if status == "recognized" and _close_together(points, found[0], priors):
+        status, message = "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
+    if hypotheses and status == "recognized":
+        message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
+    message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
+    message += _missed(posterior.missing, status) + scattered(scale, worst)
+    return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
+
+
+def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Posterior:
+    """The posterior; with the noise scale as a state where that explains the measurements better, prior included."""
+    fitting = [part for part in parts if _large_enough(problem.points, part.part)]
+    centroid = np.mean([part.part.centroid for part in parts], axis=0)
+    posterior = infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
+    if posterior.modes and not _as_stated(posterior):
+        scaled = infer(problem.with_scale(_SCALE_SD), fitting, len(parts), centroid, np.random.default_rng(seed))
+        if scaled.log_evidence + np.log(_SCALE_PRIOR) > posterior.log_evidence + np.log1p(-_SCALE_PRIOR):
+            return scaled
+    return posterior
+
+
+def _as_stated(posterior: Posterior) -> bool:
+    """Whether the best mode is an answer, and explains the measurements with the noise that was stated."""
+    one = explained(posterior.modes[0])
+    chi2, dof = one.chi_square()
+    sure = posterior.unknown < 1 - CONFIDENCE
+    return sure and (dof <= 0 or chi2 < dof + 3 * np.sqrt(2 * dof)) and explains(one, posterior.problem.priors.clutter)
+
+
+def _noise_scale(one: Explained) -> float:
+    """Times the stated noise that the measurements have; 1 where it was taken as stated."""
+    problem = one.mode.climber.problem
+    return float(np.exp(problem.scale_sd * one.mode.z[-1])) if problem.scale_sd > 0 else 1.0
+
+
+def _close_together(points: ContactPoints, best: Explained, priors: Priors) -> bool:
+    """Whether the points are of a small patch, which many a part has twice, and nothing else says where it is."""
+    placed = priors.pose is not None and priors.pose.T_world_part is not None
+    off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
+    return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.mode.prepared.part.diagonal
+
+
+def _too_little(points: ContactPoints, *, named: bool) -> str:
+    """What to do if nothing tells the points from those of a line, or from one point; empty if there is enough."""
+    if len(points) < LEAST:
+        few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
+        return f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
+    if named or points.oriented.any():
+        return ""
+    along, across = np.linalg.svd(points.points - points.points.mean(axis=0), compute_uv=False)[:2]
+    sd = float(np.median(points.sd))
+    if across > sd * np.sqrt(len(points)):
+        return ""
+    if along > _BARELY * sd * np.sqrt(len(points)):
+        return "The readings lie on one line within their noise: sense places beside it, on several sides."
+    noise, what = f"{1e3 * sd:.4g} mm", "standard deviation"
+    if points.tolerance > 0:
+        noise, what = f"{noise} with the tolerance", "standard deviation, tolerance"
+    return (
+        f"The noise of the readings (sd {noise}) is as large as the whole set of them, so nothing can be told: check "
+        f"{what} and their units, or sense places farther apart."
+    )
+
+
+def _missed(once: float, status: str) -> str:
+    """What the search may have missed, where that matters: others than the poses that are listed."""
+    if status not in ("ambiguous", "insufficient") or once <= _MAY_MISS:
+        return ""
+    return f" {100 * once:.0f} % of the probability is in poses that the search met only once: others may fit."
+
+
+def _large_enough(points: ContactPoints, part: Part) -> bool:
+    """Whether the part is as large as the points' spread, a few outliers left aside."""
+    centre = np.median(points.points, axis=0)
+    reach = np.sort(np.linalg.norm(points.points - centre, axis=1) - 4 * points.sd - points.radii)
+    shared = 4 * np.sqrt(np.sum(points.gains**2) / max(len(points), 1))
+    return bool(reach[int(0.75 * (len(reach) - 1))] - shared <= part.diagonal)

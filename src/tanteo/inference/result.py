@@ -1,0 +1,235 @@
+"""From a mode of the posterior to a hypothesis: pose, covariance, what is unobserved, which measurements do not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.features import SharedError
+from tanteo.inference.details import Details, details_at
+from tanteo.inference.posterior import Mode
+from tanteo.lie import SE3, SO3
+from tanteo.localization import SharedGiven, covariance_with_free, pose_information, weak_motions
+from tanteo.matching.hypothesis import hypothesis_at
+from tanteo.matching.part_motions import corner_sd, part_scale, spins, without_spins
+from tanteo.matching.prior import PosePrior, prior_rows
+from tanteo.matching.results import Hypothesis
+from tanteo.measurements import ContactPoints
+from tanteo.typing import Covariances, FloatArray, Tangents
+
+_NOTABLE = 0.5
+"""Share of the largest corner sd from which an error that all measurements share is worth a sentence."""
+
+_ALIKE = 1.5
+"""Times the standard deviation from the curvature that the whole posterior may have, to be explained by its parts."""
+
+_REMARKABLE = 2.0
+"""A measurement that is off by fewer standard deviations is not what contradicts a pose."""
+
+_LESSENED = {
+    "robot base": "; more readings do not lessen it, but the same robot, when it goes back, is off by the same",
+    "tip offset": ", or turn the hand more between readings",
+    "mounting": ", or turn the hand more between readings",
+    "bias": ", or sense from more sides, opposite ones best",
+    "scale": ", or sense from nearer, or from opposite sides",
+}
+"""What else can be done about an error that all measurements share, by what its name begins with."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explained:
+    """A mode with the measurements at its maximum.
+
+    Attributes:
+        mode: the mode.
+        at: the measurements there, one pose.
+        free: motions that nothing resists, those of the part's symmetry first, over ``part_scale`` ``(m, 6)``.
+    """
+
+    mode: Mode
+    at: Details
+    free: Tangents
+
+    @property
+    def belongs(self) -> np.ndarray:
+        """Which points are on the part ``(n,)``."""
+        return np.asarray(self.at.belongs[0] > 0.5)
+
+    def chi_square(self) -> tuple[float, int]:
+        """Of the points that belong and their normals, and the degrees of freedom if no motion is free."""
+        belongs, tilts = self.belongs, self.at.tilts[0]
+        chi2 = float(np.sum(self.at.residuals[0, belongs] ** 2) + np.sum(tilts[belongs] ** 2))
+        return chi2, int(belongs.sum()) + 2 * int(np.count_nonzero(tilts[belongs])) - 6
+
+
+def explained(mode: Mode) -> Explained:
+    """The mode with the measurements at its maximum."""
+    part, T = mode.prepared.part, mode.T_peak[None]
+    at = details_at(mode.climber, T, mode.z[None])
+    information = without_spins(part, pose_information(mode.information))
+    return Explained(mode, at, weak_motions(information, part_scale(part), fixed=spins(part)))
+
+
+def as_hypothesis(points: ContactPoints, one: Explained, pose: PosePrior | None = None) -> Hypothesis:
+    """The hypothesis: the pose of the mode with the covariance of its samples.
+
+    Args:
+        points: the measurements.
+        one: the mode.
+        pose: what was known of it beforehand; the joint test asks whether the measurements agree with that, too.
+    """
+    mode, part, belongs = one.mode, one.mode.prepared.part, one.belongs
+    free, distances = one.free, one.at.distances[0]
+    covariance, given = _covariances(one)
+    common, common_given = _common_tolerance(points, one)
+    known = prior_rows(pose, part, mode.T_peak[None])[0][0]
+    chi2, fixed = one.chi_square()
+    chi2 += float(np.sum(mode.z**2) + np.sum(known**2))
+    named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
+    dof = fixed + len(known) + len(free) - (len(spins(part)) if named else 0)
+    names = face_names(one)
+    return hypothesis_at(
+        part,
+        mode.T_world_part,
+        covariance + common,
+        free=free,
+        probability=mode.probability,
+        chi2=chi2,
+        dof=dof,
+        rms=float(np.sqrt(np.mean(distances[belongs] ** 2))) if belongs.any() else 0.0,
+        outliers=tuple(name for name, ok in zip(points.ids, belongs, strict=True) if not ok),
+        pairings=tuple((i, f) for i, f, ok in zip(points.ids, names, belongs, strict=True) if ok),
+        outlier_distances=tuple(float(d) for d, ok in zip(distances, belongs, strict=True) if not ok),
+        covariance_same_robot=None if given is None else given + common_given,
+        shared=_shared_given(mode),
+    )
+
+
+def face_names(one: Explained) -> list[str]:
+    """What each point is nearest to, in words."""
+    part = one.mode.prepared.part
+    edges = len(part.edges)
+    return [
+        part.faces[f].name if f >= 0 else (f"edge {-2 - f}" if -2 - f < edges else f"vertex {-2 - f - edges}")
+        for f in one.at.faces[0]
+    ]
+
+
+def _covariances(one: Explained) -> tuple[Covariances, Covariances | None]:
+    """Of the pose, uniform along free motions; and the same if the shared errors were known."""
+    mode, part = one.mode, one.mode.prepared.part
+    scale = part_scale(part)
+    whole = without_spins(part, pose_information(mode.information))
+    covariance = _with_free(mode.covariance if mode.ess > 1 else None, whole, one.free, scale)
+    if not len(mode.z):
+        return covariance, None
+    known = without_spins(part, mode.information[:6, :6])
+    if len(one.free) > len(spins(part)):
+        return covariance, _with_free(None, known, one.free, scale)
+    # what the samples have beyond the curvature is of the pose, whether the shared errors are known or not
+    curved = _with_free(None, whole, one.free, scale)
+    given = _with_free(None, known, one.free, scale)
+    wider = max(float(np.trace(np.linalg.solve(curved, covariance))) / 6, 1.0)
+    return covariance, given * min(wider, float(np.trace(np.linalg.solve(given, covariance))) / 6)
+
+
+def _with_free(
+    covariance: Covariances | None, information: FloatArray, free: Tangents, scale: FloatArray
+) -> Covariances:
+    if covariance is not None:
+        to_unit = np.linalg.inv(scale)
+        unit = to_unit @ covariance @ to_unit.T
+        information = to_unit.T @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ to_unit
+    return covariance_with_free(information, free, scale)
+
+
+def _shared_given(mode: Mode) -> SharedGiven | None:
+    """The shared errors given the pose that is the answer; None without any."""
+    D = mode.climber.problem.points.gains.shape[2]
+    if not D:
+        return None
+    given = SharedGiven.at(mode.z[:D], mode.information[: 6 + D, : 6 + D])
+    return given.about(SE3.log(SE3.inverse(mode.T_peak) @ mode.T_world_part))
+
+
+def _common_tolerance(points: ContactPoints, one: Explained) -> tuple[Covariances, Covariances]:
+    """What the covariances lack because a made face deviates as a whole, not anew at every point, twice ``(6, 6)``.
+
+    The estimate weighs points as if their deviations were independent; for that estimator, points of one face with one
+    deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``. First with the shared errors that are
+    estimated beside the pose, then as if these were known.
+    """
+    if points.tolerance == 0:
+        return np.zeros((6, 6)), np.zeros((6, 6))
+    mode, at, part = one.mode, one.at, one.mode.prepared.part
+    n, p, w, per_sd = at.normals[0], at.in_part[0], at.belongs[0], at.per_sd[0]
+    shared = np.einsum("ni,nid->nd", n @ mode.T_peak[:3, :3].T, points.gains)
+    J = np.concatenate([-n, SO3.cross(n, p), shared], axis=1)
+    J = np.pad(J, ((0, 0), (0, len(mode.information) - J.shape[1])))
+    weighted = J * (w * points.tolerance * per_sd**2)[:, None]
+    rows = one.free @ np.linalg.inv(part_scale(part))
+    held = np.array(mode.information)
+    held[:6, :6] += 1e9 * np.abs(held).max() * rows.T @ rows
+    extra = -weighted.T @ weighted
+    for face in np.unique(at.faces[0]):
+        together = weighted[at.faces[0] == face].sum(axis=0)
+        extra = extra + np.outer(together, together)
+    return _gained(np.linalg.inv(held)[:6], extra), _gained(np.linalg.inv(held[:6, :6]), extra[:6, :6])
+
+
+def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
+    """``gain extra gain'``, without what is negative of it."""
+    values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
+    return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
+
+
+def worst_reading(points: ContactPoints, one: Explained) -> str:
+    """The point, or sensed normal, that agrees least among those on the part; empty if none is far off."""
+    off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
+    tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
+    if off[tilted, i] < _REMARKABLE:
+        return ""
+    return f"{'the normal of ' if tilted else ''}reading {points.ids[i]}, {off[tilted, i]:.1f} sd off"
+
+
+def what_limits(one: Explained, shared: Sequence[SharedError]) -> str:
+    """A sentence on the largest of the errors that all measurements share, if it matters; empty if not.
+
+    Args:
+        one: the answer.
+        shared: the errors behind its shared states, in that order.
+    """
+    mode, part = one.mode, one.mode.prepared.part
+    information, start = mode.information, 6
+    total, worst, name, lessened = _corner_sd(mode, information), 0.0, "", ""
+    if corner_sd(part, mode.covariance) > _ALIKE * total:
+        return ""  # the curvature of the maximum says little of how far off the pose may be, or why
+    for error in shared:
+        stop = start + len(error.covariance)
+        known = np.array(information)
+        known[start:stop, start:stop] += 1e12 * np.eye(stop - start)
+        part_of = float(np.sqrt(max(total**2 - _corner_sd(mode, known) ** 2, 0.0)))
+        if part_of > worst:
+            worst, name, lessened = part_of, error.meaning or error.name, _lessened(error)
+        start = stop
+    if worst < _NOTABLE * total:
+        return ""
+    known_well = float(np.sqrt(total**2 - worst**2))
+    what = f"{name}, which all readings share: {1e3 * worst:.2g} mm of the {1e3 * total:.2g} mm"
+    says = f"What limits it is not the readings but {what}" if worst > known_well else f"Part of it is {what}"
+    return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then){lessened}."
+
+
+def _corner_sd(mode: Mode, information: FloatArray) -> float:
+    """Of the worst corner [m], from the information on all states; spins of the part are no error."""
+    part = mode.prepared.part
+    scale = part_scale(part)
+    unit = scale.T @ without_spins(part, pose_information(information)) @ scale
+    return corner_sd(part, scale @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ scale.T)
+
+
+def _lessened(error: SharedError) -> str:
+    """How measurements can lessen that error; empty if nothing is known of it."""
+    return next((advice for source, advice in _LESSENED.items() if error.name.startswith(source)), "")

@@ -1,0 +1,182 @@
+"""Adaptive mixture importance sampling of the posterior of one part, about all of its maxima at once.
+
+Student-t components about each maximum (Owen and Zhou 2000; Cornuet et al. 2012, deterministic mixture weights): each
+sample is weighed by the whole mixture of all components ever drawn from, so modes that overlap share their samples and
+nothing is counted twice. Shared errors and the noise scale are integrated at each pose by Laplace's method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.symmetry import is_held, log_gauge
+from tanteo.matching.prior import in_box
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+
+FREEDOM = 4.0
+"""Degrees of freedom of the Student-t components: tails heavy enough for weights to stay bounded."""
+
+_WIDER = 1.3
+"""Times the inverse information that a component has at first."""
+
+_CLIP = 15
+"""A sample's share of the weights while components are adapted is no more than one in so many."""
+
+_TOLD = 24
+"""Effective samples that tell whether a region looks normal."""
+
+_STRANGE, _LOOKED_AT = 0.1, 4
+"""Share of all weights at which a sample is climbed from; so many of them at a time."""
+
+
+@dataclass(slots=True, eq=False)
+class Sampler:
+    """Samples of one part.
+
+    Attributes:
+        climber: the part and the problem.
+        peaks: maxima, the bases of the components.
+        rng: of all draws.
+        log_constant: of the prior, what the core leaves out, symmetric poses included.
+    """
+
+    climber: Climber
+    peaks: Peaks
+    rng: np.random.Generator
+    log_constant: float
+    Ts: Transforms = field(init=False)
+    zs: FloatArray = field(init=False)
+    log_target: FloatArray = field(init=False)
+    log_weights: FloatArray = field(init=False)
+    shares: FloatArray = field(init=False)
+    means: FloatArray = field(init=False)
+    covariances: Covariances = field(init=False)
+    _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
+    _slopes: FloatArray = field(init=False)
+    _unlike: FloatArray | None = field(init=False, default=None)
+    _images: Transforms = field(init=False)
+
+    def __post_init__(self) -> None:
+        D, peaks = self.climber.problem.states, self.peaks
+        self.Ts, self.zs = np.zeros((0, 4, 4)), np.zeros((0, D))
+        self.log_target, self.log_weights = np.zeros(0), np.zeros(0)
+        self.shares, self.means = np.zeros((0, len(peaks))), np.zeros((len(peaks), 6))
+        self.covariances, self._slopes = self._about(peaks)
+        turns = self.climber.prepared.part.symmetry.Ts
+        self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
+
+    def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
+        """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""
+        covariances = _WIDER * np.linalg.inv(self.climber.of_pose(peaks.information))
+        full = self.climber.regular(peaks.information)
+        if full.shape[-1] == 6:
+            return covariances, np.zeros((len(peaks), 0, 6))
+        return covariances, -np.linalg.solve(full[:, 6:, 6:], full[:, 6:, :6])
+
+    def add(self, peaks: Peaks) -> None:
+        """More maxima, whose components come after those there are; they have no samples yet."""
+        covariances, slopes = self._about(peaks)
+        self.peaks = self.peaks.join(peaks)
+        self.covariances = np.concatenate([self.covariances, covariances])
+        self.means = np.concatenate([self.means, np.zeros((len(peaks), 6))])
+        self._slopes = np.concatenate([self._slopes, slopes])
+        self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
+
+    def strange(self) -> Transforms:
+        """Samples that weigh as much as a maximum of their own would: where the mixture has no component yet."""
+        w = np.exp(self.log_weights - self.log_weights.max())
+        rows = np.flatnonzero(w > _STRANGE * w.sum())
+        return self.Ts[rows[np.argsort(-w[rows])][:_LOOKED_AT]]
+
+    def draw(self, counts: IntArray) -> None:
+        """So many more samples of each component ``(m,)``; all weights are made anew."""
+        on = np.flatnonzero(counts)
+        if not len(on):
+            return
+        centre = self.climber.prepared.shape.centre
+        owners = np.repeat(on, counts[on])
+        L = np.linalg.cholesky(self.covariances[on])
+        for k in on:
+            self._components.append((int(k), self.means[k].copy(), self.covariances[k].copy(), int(counts[k])))
+        n = len(owners)
+        z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(FREEDOM, size=(n, 1)) / FREEDOM)
+        x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
+        Ts = _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, centre)
+        log, zs = self._target(Ts, self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
+        log[np.linalg.norm(x[:, 3:], axis=1) >= np.pi] = -np.inf
+        self.Ts, self.zs = np.concatenate([self.Ts, Ts]), np.concatenate([self.zs, zs])
+        self.log_target = np.concatenate([self.log_target, log])
+        self._weigh()
+        self._unlike = None
+
+    def _target(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Log of prior times likelihood over shifts and turns, and the other states there."""
+        climber = self.climber
+        log, zs = _core.marginals(climber.prepared.shape, climber.core, Ts, np.ascontiguousarray(zs))
+        log = log + self.log_constant
+        if is_held(climber.prepared, named=climber.named):
+            log += log_gauge(climber.prepared, Ts, self.peaks.Ts[0])
+        pose = climber.problem.priors.pose
+        if pose is not None and pose.box is not None:
+            log[~in_box(pose, climber.prepared.part, Ts)] = -np.inf
+        return log, zs
+
+    def _weigh(self) -> None:
+        components = sorted(self._components, key=lambda c: c[0])
+        owners = np.array([c[0] for c in components], dtype=np.int32)
+        means, counts = np.array([c[1] for c in components]), np.array([float(c[3]) for c in components])
+        L = np.linalg.cholesky(np.array([c[2] for c in components]))
+        inverse = np.ascontiguousarray(np.linalg.inv(L))
+        log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
+        centre, bases = self.climber.prepared.shape.centre, np.ascontiguousarray(self.peaks.Ts)
+        args = bases, owners, means, inverse, log_w, FREEDOM, centre
+        log_q, self.shares = _core.mixture(self.Ts, *args)
+        for turn in self._images:  # symmetric poses are one: each may have been drawn as any of them
+            other, shares = _core.mixture(np.ascontiguousarray(self.Ts @ turn), *args)
+            both = np.logaddexp(log_q, other)
+            with np.errstate(invalid="ignore"):
+                a, b = np.exp(log_q - both), np.exp(other - both)
+            self.shares, log_q = np.nan_to_num(a)[:, None] * self.shares + np.nan_to_num(b)[:, None] * shares, both
+        ok = np.isfinite(self.log_target) & np.isfinite(log_q)
+        self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
+
+    def adapt(self, which: IntArray, top: float) -> None:
+        """Move components onto the weighed samples of their maximum; weights are over ``exp(top)``."""
+        w = np.exp(self.log_weights - top)
+        centre = self.climber.prepared.shape.centre
+        for k in which:
+            rows = np.flatnonzero(self.shares[:, k] > 1e-3)
+            own = w[rows] * self.shares[rows, k]
+            own = np.minimum(own, max(own.sum() / _CLIP, 1e-300))
+            total = own.sum()
+            if not total > 0:
+                continue
+            own /= total
+            x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts[rows]), centre)
+            size = 1 / np.sum(own**2)
+            trust = size / (size + 12)
+            mean = own @ x
+            off = x - mean
+            self.means[k] = trust * mean
+            self.covariances[k] = trust * 1.2 * (own[:, None] * off).T @ off + (1 - trust) * self.covariances[k]
+
+    def unlike_normal(self) -> FloatArray:
+        """How unlike a normal density the region of each maximum is ``(m,)``: the variance of the log of their ratio."""
+        if self._unlike is None:
+            H = self.climber.of_pose(self.peaks.information)
+            w = np.exp(self.log_weights - self.log_weights.max())[:, None] * self.shares
+            centre, out = self.climber.prepared.shape.centre, np.full(len(self.peaks), np.inf)
+            for k in np.flatnonzero(w.sum(axis=0) > 0):
+                rows = np.flatnonzero(w[:, k] > 1e-6 * w[:, k].max())
+                x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts[rows]), centre)
+                ratio = self.log_target[rows] + 0.5 * np.einsum("ni,ij,nj->n", x, H[k], x)
+                share = w[rows, k] / w[rows, k].sum()
+                if 1 / np.sum(share**2) < _TOLD:
+                    continue
+                out[k] = share @ (ratio - share @ ratio) ** 2
+            self._unlike = out
+        return self._unlike

@@ -1,0 +1,183 @@
+"""The search: parts race in rounds of proposals until no pose that matters is likely to be missing.
+
+What several rounds lead to again and again is likely all there is; what one round alone led to says that more of its
+kind was not found. The probability that was found only once estimates what is still missing (Good and Turing 1953).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.problem import Problem
+from tanteo.inference.proposals import (
+    FEW,
+    Effort,
+    far_pairs,
+    from_pairs,
+    from_prior,
+    scales_for,
+    spread_rows,
+    turned,
+)
+from tanteo.inference.symmetry import log_orbit
+from tanteo.matching.evidence import log_sum
+from tanteo.typing import IntArray, Transforms
+
+_MISSING = 0.02
+"""Probability of what was found only once up to which a part is taken as searched."""
+
+_ROUNDS, _HOPELESS_ROUNDS = 8, 4
+"""Rounds at most; and where the unknown object explains the measurements better than all that was found."""
+
+_RACE = (Effort(6, 16, 8, 8), Effort(6, 40, 20, 16))
+"""First rounds of many parts: a glance, then a look."""
+
+_BEHIND = (24.0, 12.0)
+"""Log evidence behind the leader, the unknown object included, at which a part is out after each of these."""
+
+_MOST = 40
+"""Maxima kept of a part."""
+
+_BEST = 3
+"""Poses of the leading parts that are tried on the others, and turned in their place."""
+
+_ORIENTED = 3
+"""So many sensed normals fix a pose."""
+
+
+@dataclass(slots=True, eq=False)
+class PartSearch:
+    """The search for one part, round by round.
+
+    Attributes:
+        climber: leads from poses to maxima.
+        pairs: of points from which proposals are made, a few each round.
+        rng: of all draws.
+        peaks: maxima so far.
+        rounds: so far.
+    """
+
+    climber: Climber
+    pairs: IntArray
+    rng: np.random.Generator
+    peaks: Peaks
+    rounds: int = 0
+
+    @property
+    def log_evidence(self) -> float:
+        """Of all maxima, poses that symmetry makes one included, relative to what the core leaves out of the prior."""
+        return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
+
+    @property
+    def log_once(self) -> float:
+        """Of those that one round only led to."""
+        once = self.peaks.evidence[self.peaks.times < 2]
+        return self._constant + float(log_sum(once)) if len(once) else -np.inf
+
+    @property
+    def _constant(self) -> float:
+        prepared = self.climber.prepared
+        orbit = log_orbit(prepared, named=self.climber.named)
+        return self.climber.problem.log_pose_density(prepared) + orbit
+
+    def round(self, effort: Effort) -> None:
+        """Propose from two groups of points that know nothing of each other, settle, climb, merge with what is known."""
+        climber, k = self.climber, self.rounds
+        first = 1 << (2 * k % 62)
+        poses, groups = [from_prior(climber.problem, climber.prepared, effort.keep, self.rng)], [0]
+        for half in range(min(2, len(self.pairs))):
+            which = (np.arange(effort.pairs // 2) * 2 + half + k * effort.pairs) % len(self.pairs)
+            pairs, seed = np.ascontiguousarray(self.pairs[np.unique(which)]), int(self.rng.integers(2**63))
+            poses.append(from_pairs(climber.core, climber.prepared, climber.rows, pairs, climber.scales, effort, seed))
+            groups.append(first << half)
+        groups[0] = first | first << 1  # the prior is not of any points: what it leads to is as good as found twice
+        of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
+        self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
+        if len(self.peaks) and k == 0:
+            self.try_poses(turned(climber.prepared, self.peaks.Ts[:_BEST]))
+        self.rounds += 1
+
+    def try_poses(self, Ts: Transforms) -> None:
+        """Climb from poses that no points proposed; what they lead to still has to be found, but for what is there."""
+        if not len(Ts):
+            return
+        found = self.climber.look(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
+        self.peaks = self.climber.merged(self.peaks, found, _MOST)
+
+    def doubtful(self) -> bool:
+        """Whether the best maximum calls one of few points an outlier, which may have hidden a better one."""
+        if not len(self.peaks) or len(self.climber.problem.points) > 20:
+            return False
+        from tanteo.inference.details import belongs_at
+
+        return bool((belongs_at(self.climber, self.peaks, 1) < 0.5).any())
+
+
+def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:
+    """Before the first round."""
+    rows = spread_rows(problem.points, FEW)
+    scales = scales_for(problem, prepared)
+    climber = Climber(prepared, problem.compiled(prepared), problem, scales, rows)
+    pairs = far_pairs(problem.points, rows, 12)
+    return PartSearch(climber, pairs, rng, Peaks.none(problem.states))
+
+
+def race(
+    problem: Problem, parts: Sequence[PreparedPart], log_unknown: float, rng: np.random.Generator
+) -> list[PartSearch]:
+    """Search all parts, each as long as it may matter.
+
+    Args:
+        problem: the question.
+        parts: large enough for the measurements.
+        log_unknown: log evidence of the unknown object, over the prior of one part.
+        rng: of all draws.
+    """
+    searches = [start_search(problem, part, rng) for part in parts]
+    live = list(searches)
+    rounds = _RACE if len(parts) > 1 else _RACE[1:]
+    for effort, behind in zip(rounds, _BEHIND[-len(rounds) :], strict=True):
+        for search in live:
+            search.round(effort)
+        _try_on_others(live)
+        lead = max([log_unknown, *(s.log_evidence for s in live)])
+        live = [s for s in live if s.log_evidence > lead - behind]
+    fixed = len(problem.points) >= 6 or int(problem.points.oriented.sum()) >= _ORIENTED
+    while live and fixed:
+        total = float(log_sum([s.log_evidence for s in searches]))
+        best = max(live, key=lambda s: s.log_evidence)
+        hopeless = total < log_unknown
+        left = [
+            s
+            for s in live
+            if s.rounds < (_HOPELESS_ROUNDS if hopeless else _ROUNDS)
+            and (s.log_once > total + np.log(_MISSING) or (s is best and s.rounds < 4 and s.doubtful()))
+        ]
+        for search in left:
+            search.round(Effort())
+        if not left:
+            break
+        live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
+    return searches
+
+
+def _try_on_others(searches: Sequence[PartSearch]) -> None:
+    """Try the best poses of the leading parts on the others: twins and variants share their frames."""
+    order = sorted(searches, key=lambda s: -s.log_evidence)[:_BEST]
+    leading = [(s, s.peaks.Ts[:1]) for s in order if len(s.peaks)]
+    for search in searches:
+        poses = [Ts for other, Ts in leading if other is not search]
+        if poses:
+            search.try_poses(np.concatenate(poses))
+
+
+def missing(searches: Sequence[PartSearch]) -> float:
+    """Share of the probability of all parts that was found only once."""
+    total = float(log_sum([s.log_evidence for s in searches])) if searches else -np.inf
+    once = float(log_sum([s.log_once for s in searches])) if searches else -np.inf
+    return float(np.exp(once - total)) if np.isfinite(total) else 0.0

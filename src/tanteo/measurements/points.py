@@ -1,0 +1,142 @@
+"""Contact points and beam hits as arrays: what the likelihood reads of sensed points, world frame, metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tanteo.sensors import PointMeasurements
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+
+_BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
+"""Readings are of one beam if they are no farther beside each other [m], and by the cosine of their directions."""
+
+_BLUNT = 0.3
+"""A beam's spread across is taken as no less than this share of that along."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContactPoints:
+    """``n`` sensed points in the world [m].
+
+    Attributes:
+        ids: names of the readings.
+        points: surface points, or centres of the tip's ball where ``radii`` is positive ``(n, 3)``.
+        covs: independent covariances, part tolerance included ``(n, 3, 3)``.
+        radii: distance of the point from the surface ``(n,)``.
+        directions: into the material ``(n, 3)``; zero where unknown.
+        normals: sensed outward normals ``(n, 3)``; zero where not sensed.
+        normal_sds: sd of each tilt of the normal ``(n,)`` [rad].
+        reach: length of the straight path along ``direction`` that was free up to the point ``(n,)`` [m]; 0 if unknown.
+        gains: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
+        sd: largest standard deviation of each point ``(n,)`` [m].
+        tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
+        places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
+        labels: names of what the points were sensed on ``(n,)``, '' for none: points of one label share one face.
+        kinds: of what was sensed: ``point`` or ``plane`` for faces, ``edge``, ``vertex``.
+        directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
+        oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
+        variance: of every point in every direction, where it is one for all [m2]; NaN otherwise, and for no point;
+            follows from ``covs``.
+    """
+
+    ids: tuple[str, ...]
+    points: Vectors
+    covs: Covariances
+    radii: FloatArray
+    directions: Vectors
+    normals: Vectors
+    normal_sds: FloatArray
+    reach: FloatArray
+    gains: FloatArray
+    sd: FloatArray
+    tolerance: float = 0.0
+    places: IntArray | None = None
+    labels: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+    directed: BoolArray = field(init=False, repr=False)
+    oriented: BoolArray = field(init=False, repr=False)
+    variance: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        v = float(self.covs[0, 0, 0]) if len(self.covs) else 0.0
+        alike = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v))
+        for name, none in (("labels", ""), ("kinds", "point")):
+            object.__setattr__(self, name, getattr(self, name) or (none,) * len(self.ids))
+        object.__setattr__(self, "directed", np.any(self.directions != 0, axis=1))
+        object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
+        object.__setattr__(self, "variance", v if alike and len(self.covs) else float("nan"))
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def widened(self, ratio: float) -> ContactPoints:
+        """The same with that many times the noise."""
+        return replace(self, covs=ratio**2 * self.covs, sd=ratio * self.sd)
+
+    def supposing(self, z: FloatArray) -> ContactPoints:
+        """The same if the whitened shared errors ``(D,)`` were about these: where the readings are then."""
+        return replace(self, points=self.points + self.gains @ z)
+
+    def take(self, rows: IntArray) -> ContactPoints:
+        """Some of the readings."""
+        arrays = {
+            name: getattr(self, name)[rows]
+            for name in ("points", "covs", "radii", "directions", "normals", "normal_sds", "reach", "gains", "sd")
+        }
+        places = None if self.places is None else self.places[rows]
+        names = {name: tuple(getattr(self, name)[i] for i in rows) for name in ("ids", "labels", "kinds")}
+        return replace(self, places=places, **names, **arrays)
+
+    def placed(self) -> ContactPoints:
+        """The same, readings that were made along one beam being of one place."""
+        places = np.arange(len(self))
+        for k in range(1, len(self)):
+            away, d = self.points[:k] - self.points[k], self.directions[k]
+            beside = np.linalg.norm(away - np.outer(away @ d, d), axis=1)
+            same = self.directed[:k] & self.directed[k] & (beside < _BESIDE) & (self.directions[:k] @ d > _ALONG)
+            if same.any():
+                places[k] = places[np.argmax(same)]
+        return replace(self, places=places)
+
+
+def as_contact_points(measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None) -> ContactPoints:
+    """Measurements as contact points; beams are a little blunt (decision 54).
+
+    Args:
+        measured: points in the world.
+        tolerance: sd of the made surface against its CAD [m].
+        reach: known free path before each point ``(n,)`` [m]: the range of a beam.
+    """
+    points, independent, radii = measured.centres()
+    directions = np.nan_to_num(measured.directions)
+    covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
+    return ContactPoints(
+        measured.ids,
+        points,
+        covs,
+        radii,
+        directions,
+        np.nan_to_num(measured.normals),
+        np.nan_to_num(measured.normal_sds, nan=np.pi),
+        np.zeros(len(measured)) if reach is None else np.nan_to_num(reach),
+        measured.whitened()[0],
+        np.sqrt(np.linalg.eigvalsh(covs)[:, -1]),
+        tolerance,
+        labels=measured.features,
+        kinds=measured.kinds,
+    )
+
+
+def _blunt(covs: Covariances, directions: Vectors) -> Covariances:
+    """Covariances of which no beam is better known across than a share of its spread along.
+
+    Where a thin beam slides off an edge the posterior has a cliff, at which climbs stop and off which draws fall.
+    Readings without direction are left as they are.
+    """
+    along = np.einsum("ni,nij,nj->n", directions, covs, directions)
+    across = 0.5 * (np.trace(covs, axis1=1, axis2=2) - along)
+    missing = np.maximum(_BLUNT**2 * along - across, 0.0)
+    beside = np.eye(3) - directions[:, :, None] * directions[:, None]
+    return np.asarray(covs + missing[:, None, None] * beside)

@@ -1,0 +1,95 @@
+"""Free-space rays: straight paths on which nothing was met, world frame, metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tanteo.sensors import PointMeasurements
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeRays:
+    """``m`` straight paths on which nothing was met, in the world [m].
+
+    Attributes:
+        origins: where they start ``(m, 3)``.
+        directions: unit ``(m, 3)``.
+        lengths: how far they were free ``(m,)``.
+        margin: how much of the end is not certain ``(m,)``.
+        slopes: how far beside them they may have been, one standard deviation in either direction across, over the way
+            along them ``(m,)``; zero if not given. A cone's echo comes from any of its rays.
+        incidences: up to which a surface would have been met ``(m,)`` [rad]; a right angle if not given. A path on
+            which one lies more obliquely says nothing.
+        gains: how origins move with the whitened shared errors of the readings, true origin = origin + gain z,
+            ``(m, 3, D)``; not at all if not given.
+        turns: the same of directions ``(m, 3, D)``.
+        moved: whether any path moves; follows from ``gains`` and ``turns``.
+    """
+
+    origins: Vectors
+    directions: Vectors
+    lengths: FloatArray
+    margin: FloatArray
+    slopes: FloatArray = field(default_factory=lambda: np.zeros(0))
+    incidences: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gains: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    turns: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    moved: bool = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.slopes) != len(self.lengths):
+            object.__setattr__(self, "slopes", np.zeros(len(self.lengths)))
+        if len(self.incidences) != len(self.lengths):
+            object.__setattr__(self, "incidences", np.full(len(self.lengths), np.pi / 2))
+        for name in ("gains", "turns"):
+            if len(getattr(self, name)) != len(self.lengths):
+                object.__setattr__(self, name, np.zeros((len(self.lengths), 3, 0)))
+        object.__setattr__(self, "moved", bool(self.gains.any() or self.turns.any()))
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    def up_to(self, incidence: float) -> FreeRays:
+        """The same of a sensor that answers to no greater incidence [rad]."""
+        return replace(self, incidences=np.minimum(self.incidences, incidence))
+
+    def take(self, rows: IntArray) -> FreeRays:
+        """Some of the paths."""
+        names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "gains", "turns"
+        return FreeRays(*(getattr(self, name)[rows] for name in names))
+
+    def unmoved(self) -> FreeRays:
+        """The same as if they were exactly where they are said to be."""
+        none = np.zeros((len(self), 3, 0))
+        return replace(self, gains=none, turns=none)
+
+    def at(self, z: FloatArray) -> tuple[Vectors, Vectors]:
+        """Origins and directions where the whitened shared errors are these ``(S, D)``.
+
+        Returns:
+            Both ``(S, m, 3)`` [m], or ``(m, 3)`` if nothing moves them.
+        """
+        if not self.moved:
+            return self.origins, self.directions
+        shifts, turns = (z @ J.reshape(-1, z.shape[1]).T for J in (self.gains, self.turns))
+        along = self.directions + turns.reshape(len(z), len(self), 3)
+        along /= np.linalg.norm(along, axis=2, keepdims=True)
+        return self.origins + shifts.reshape(len(z), len(self), 3), along
+
+    @classmethod
+    def none(cls) -> FreeRays:
+        """No such path."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+
+
+def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
+    """The free beams of some measurements."""
+    beams, (_, gains, turns) = measured.free, measured.whitened()
+    slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
+    margins = np.full(len(beams), margin)
+    lines = beams.origins, beams.directions, beams.lengths
+    return FreeRays(*lines, margins, slopes, beams.max_incidences, gains, turns)
+
+
