@@ -3,18 +3,26 @@
 #   make test   lint, types, contracts and tests
 # make test-all runs the slow tests, too: the statistics over many scenes.
 # make docs makes the site in build/docs; make core builds the compiled core anew, and nothing else.
+# make wheel makes dist/tanteo-*.whl; make wheel-test tries it elsewhere; make sanitize runs tests/core on a core that is watched.
 PYTHON ?= python3
 VENV   ?= .venv
 BIN     = $(VENV)/bin
 TESTS   = -m "not slow"
 PIP     = $(BIN)/python -m pip --disable-pip-version-check
 
-# the core is built with tools in $(VENV), in a folder that stays, so that building again compiles only what changed
+# The core is built with tools in $(VENV), in a folder that stays, so that building again compiles only what changed.
 CORE    = CMakeLists.txt $(wildcard src/tanteo/_core/*.cpp src/tanteo/_core/*.hpp)
 EDIT    = $(PIP) install --quiet -c constraints.txt --no-build-isolation -Cbuild-dir=$(VENV)/core -e
 SITE    = $(shell $(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
 
-.PHONY: demo test test-all check unit docs bench core clean
+# Its compiler is $CXX, or the one that is there, or else the one that PyPI ships.
+HAVE   := $(if $(filter default,$(origin CXX)),$(shell command -v c++ || command -v g++ || command -v clang++),$(CXX))
+ifeq ($(HAVE),)
+ZIG     = $(BIN)/zig-c++
+export CXX = $(abspath $(ZIG))
+endif
+
+.PHONY: demo test test-all check unit docs bench core wheel wheel-test sanitize clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -45,11 +53,44 @@ core: $(VENV)/.tools
 	$(BIN)/cmake --build $(VENV)/core
 	$(BIN)/cmake --install $(VENV)/core --prefix $(SITE)
 
+wheel: $(VENV)/.tools
+	rm -f dist/tanteo-*.whl
+	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m build --wheel
+
+# the wheel by itself: in an environment of its own, far from the checkout
+wheel-test: wheel
+	there=$$(mktemp -d) && trap 'rm -rf "$$there"' EXIT && \
+	$(BIN)/python -m venv "$$there/venv" && \
+	"$$there/venv/bin/python" -m pip --disable-pip-version-check install --quiet -c constraints.txt dist/tanteo-*.whl && \
+	cd "$$there" && venv/bin/python -c "import sys, tanteo._core as core; assert core.__file__.startswith(sys.prefix); print(core.version())" && \
+	! find venv -path '*/tanteo/*' -name '*.[ch]pp' | grep . && \
+	venv/bin/tanteo identify $(CURDIR)/examples/readings/bracket_left.csv --parts $(CURDIR)/src/tanteo/demo/parts --units mm
+
+# the core watched for bad accesses and undefined behaviour, in an environment that sees the packages of $(VENV)
+sanitize: build/sanitize/.done
+	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" \
+	ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1 build/sanitize/venv/bin/python \
+	$(if $(wildcard tests/core),-m pytest -q -p no:cacheprovider tests/core,-c "import tanteo._core as core; print(core.version())")
+
+build/sanitize/.done: pyproject.toml $(CORE) $(VENV)/.test
+	test -d build/sanitize/venv || $(BIN)/python -m venv build/sanitize/venv
+	echo $(SITE) > $$(build/sanitize/venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')/venv.pth
+	build/sanitize/venv/bin/python -m pip --disable-pip-version-check install --quiet --no-deps --no-build-isolation \
+		-Cbuild-dir=build/sanitize/core -Ccmake.build-type=RelWithDebInfo -Ccmake.define.TANTEO_SANITIZE=ON -e .
+	touch $@
+
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.tools: constraints.txt | $(BIN)/python
-	$(PIP) install --quiet -c constraints.txt scikit-build-core nanobind cmake ninja
+$(BIN)/zig-c++: constraints.txt | $(BIN)/python
+	@echo "No C++ compiler found: taking the one that PyPI ships, ziglang. The first build takes some minutes."
+	$(PIP) install --quiet -c constraints.txt ziglang
+	for tool in "c++ -mcpu=baseline" ar ranlib; do \
+		printf '#!/bin/sh\nexec "%s/ziglang/zig" %s "$$@"\n' "$(SITE)" "$$tool" > "$(BIN)/zig-$${tool%% *}" && \
+		chmod +x "$(BIN)/zig-$${tool%% *}" || exit 1; done
+
+$(VENV)/.tools: constraints.txt $(ZIG) | $(BIN)/python
+	$(PIP) install --quiet -c constraints.txt scikit-build-core nanobind cmake ninja build
 	touch $@
 
 $(VENV)/.demo: pyproject.toml $(CORE) $(VENV)/.tools
