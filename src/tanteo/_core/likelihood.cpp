@@ -36,7 +36,7 @@ Share share_of(const Flat& flat, double x, double y, const Whitening& W, bool wi
     int winding = 0;
     const int n = static_cast<int>(flat.bins.size());
     const auto bin = [&](double v) {
-        return std::clamp(static_cast<int>(std::floor((v - flat.bin_lo) / flat.bin_step)), 0, n - 1);
+        return static_cast<int>(std::clamp((v - flat.bin_lo) / flat.bin_step, 0.0, n - 1.0));
     };
     const int begin = bin(y - reach), end = bin(y + reach);
     for (int k = begin; k <= end; ++k)
@@ -236,7 +236,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
             weight *= hit.per_tilt[0] * hit.per_tilt[1] * fast_exp(log - 2 * HALF_LOG_TWO_PI);
             if (hit.along <= 0) weight *= BEHIND;
         }
-        if (weight < nothing && !inside_ball) return;
+        if (!(weight >= nothing) && !inside_ball) return;
         double ku = 0, kv = 0;
         Whitening W{per_sd, 0, per_sd, widest, true};
         if (!point.isotropic) {
@@ -251,7 +251,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         Share share = share_of(flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
         if (inside_ball && share.value > 0.5) deepest = std::min(deepest, r + 3);
         hit.weight = weight * share.value;
-        if (hit.weight < nothing || std::fabs(r) > REACH) return;
+        if (!(hit.weight >= nothing) || std::fabs(r) > REACH) return;
         hit.distance = gap;
         hit.per_sd = per_sd;
         hit.normal = n;
@@ -295,7 +295,7 @@ void Likelihood::look_over_edges(const Point& point, int j, double variance) {
         const double along = normal_below(t * per_sd) - normal_below((t - e.length) * per_sd);
         const double share = normal_below(h0) * normal_below(h1) * along;
         const double weight = share * per_sd / shape.area * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
-        if (weight < nothing) return;
+        if (!(weight >= nothing)) return;
         Hit hit;
         hit.weight = weight;
         hit.distance = far - point.radius;
@@ -332,7 +332,7 @@ void Likelihood::look_at_edges(const Point& point, int j, const Mat3& C) {
         const double along = normal_below(t / sd) - normal_below((t - e.length) / sd);
         const double weight =
             along / shape.edge_length / std::sqrt(det) * fast_exp(-0.5 * q - 2 * HALF_LOG_TWO_PI - point.log_outlier);
-        if (weight < nothing) continue;
+        if (!(weight >= nothing)) continue;
         Hit hit;
         hit.weight = weight;
         hit.distance = std::hypot(x, y);
@@ -366,7 +366,7 @@ void Likelihood::look_at_corners(const Point& point, int j, const Mat3& C) {
         if (q > REACH * REACH) continue;
         Hit hit;
         hit.weight = fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - log_det - point.log_outlier) / shape.corners.size();
-        if (hit.weight < nothing) continue;
+        if (!(hit.weight >= nothing)) continue;
         hit.distance = norm(off);
         hit.per_sd = hit.distance > 0 ? std::sqrt(q) / hit.distance : 0;
         hit.normal = {};

@@ -5,8 +5,11 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <cmath>
 #include <memory>
+#include <sstream>
 #include <stdexcept>
+#include <string>
 
 #include "likelihood.hpp"
 #include "propose.hpp"
@@ -35,26 +38,78 @@ nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, std::vector<size_t> sh
     return nb::ndarray<nb::numpy, T>(kept->data(), shape.size(), shape.data(), owner);
 }
 
-void check(bool ok, const char* what) {
-    if (!ok) throw std::invalid_argument(what);
+[[noreturn]] void refuse(const char* name, const std::string& what) {
+    throw std::invalid_argument(std::string(name) + ": " + what + ".");
 }
 
-size_t rows_of(const Doubles& a, size_t width, const char* what) {
-    check(a.ndim() >= 1 && (a.size() == 0 || a.size() == a.shape(0) * width), what);
-    return a.shape(0);
+constexpr size_t ANY = static_cast<size_t>(-1);  // as many rows as there are
+
+std::string as_text(const std::vector<size_t>& sizes) {
+    std::string out = "(";
+    for (size_t k = 0; k < sizes.size(); ++k) out += (k ? ", " : "") + (sizes[k] == ANY ? "n" : std::to_string(sizes[k]));
+    return out + (sizes.size() == 1 ? ",)" : ")");
 }
 
-std::vector<Vec3> vectors(const Doubles& a, const char* what) {
-    std::vector<Vec3> out(rows_of(a, 3, what));
+// The door of every array of numbers: it has the shape that is asked for, or is as empty, and all of it is finite.
+// Returns its rows.
+size_t expect(const Doubles& a, const char* name, std::initializer_list<size_t> sizes) {
+    const size_t rows = *sizes.begin() == ANY && a.ndim() ? a.shape(0) : *sizes.begin();
+    size_t count = rows, axis = 1;
+    bool ok = a.ndim() > 0;
+    for (auto size = sizes.begin() + 1; size != sizes.end(); ++size, ++axis) {
+        count *= *size;
+        ok = ok && (a.size() == 0 || (axis < a.ndim() && a.shape(axis) == *size));
+    }
+    ok = ok && a.size() == count && (count == 0 || (a.ndim() == sizes.size() && a.shape(0) == rows));
+    if (!ok) {
+        std::vector<size_t> got;
+        for (size_t k = 0; k < a.ndim(); ++k) got.push_back(a.shape(k));
+        refuse(name, "expected an array " + as_text(sizes) + ", got " + as_text(got));
+    }
+    for (size_t k = 0; k < count; ++k)
+        if (!std::isfinite(a.data()[k])) refuse(name, "expected finite numbers, got nan or inf");
+    return rows;
+}
+
+// A number between two limits.
+double expect(double value, const char* name, double least, double most) {
+    if (!(value >= least && value <= most)) {
+        std::ostringstream what;
+        what << "expected a number from " << least << " to " << most << ", got " << value;
+        refuse(name, what.str());
+    }
+    return value;
+}
+
+// Whole numbers between two limits, and as many as are asked for.
+std::vector<int> expect(const Ints& a, const char* name, size_t count, int64_t least, int64_t most) {
+    if (count != ANY && a.size() != count)
+        refuse(name, "expected " + std::to_string(count) + " numbers, got " + std::to_string(a.size()));
+    for (size_t k = 0; k < a.size(); ++k)
+        if (a.data()[k] < least || a.data()[k] > most)
+            refuse(name, "expected numbers from " + std::to_string(least) + " to " + std::to_string(most) + ", got " +
+                             std::to_string(a.data()[k]));
+    return std::vector<int>(a.data(), a.data() + a.size());
+}
+
+std::vector<double> doubles(const Doubles& a, const char* name, std::initializer_list<size_t> sizes) {
+    expect(a, name, sizes);
+    return std::vector<double>(a.data(), a.data() + a.size());
+}
+
+std::vector<Vec3> vectors(const Doubles& a, const char* name) {
+    std::vector<Vec3> out(expect(a, name, {ANY, 3}));
     for (size_t k = 0; k < out.size(); ++k) out[k] = load(a.data() + 3 * k);
     return out;
 }
 
-std::vector<int> ints(const Ints& a) { return std::vector<int>(a.data(), a.data() + a.size()); }
-std::vector<double> doubles(const Doubles& a) { return std::vector<double>(a.data(), a.data() + a.size()); }
+Vec3 vector(const Doubles& a, const char* name) {
+    expect(a, name, {3});
+    return load(a.data());
+}
 
-std::vector<Pose> poses(const Doubles& Ts) {
-    std::vector<Pose> out(rows_of(Ts, 16, "poses: expected (S, 4, 4)"));
+std::vector<Pose> poses(const Doubles& Ts, const char* name = "poses") {
+    std::vector<Pose> out(expect(Ts, name, {ANY, 4, 4}));
     for (size_t k = 0; k < out.size(); ++k) out[k] = load_pose(Ts.data() + 16 * k);
     return out;
 }
@@ -68,7 +123,7 @@ Out poses_out(const std::vector<Pose>& all) {
 std::vector<State> states(const Doubles& Ts, const Doubles& zs, const Problem& problem) {
     const size_t D = problem.size() - 6;
     const std::vector<Pose> at = poses(Ts);
-    check(zs.size() == at.size() * D, "shared: expected one row of states a pose");
+    expect(zs, "shared", {at.size(), D});
     std::vector<State> out(at.size());
     for (size_t k = 0; k < at.size(); ++k)
         out[k] = {at[k], std::vector<double>(zs.data() + k * D, zs.data() + (k + 1) * D)};
@@ -87,32 +142,33 @@ void symmetric(const std::vector<double>& A, int K, double* out) {
         for (int b = 0; b < K; ++b) out[a * K + b] = a >= b ? A[a * K + b] : A[b * K + a];
 }
 
+constexpr int MOST_FACES = 10'000'000;  // their areas are kept by number
+
 std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, Ints profile_rows, Doubles profiles,
                                   Doubles edges, Doubles corners, Doubles hull, Doubles centre, Doubles samples,
                                   Doubles sample_normals, int cells) {
-    const std::vector<Vec3> points = vectors(vertices, "vertices: expected (V, 3)");
-    const std::vector<int> corners_of = ints(triangles);
-    check(corners_of.size() == 3 * faces.size() && profile_rows.size() == faces.size(), "triangles: sizes differ");
-    for (const int v : corners_of) check(v >= 0 && v < static_cast<int>(points.size()), "triangles: no such vertex");
-    for (const int f : ints(faces)) check(f >= 0, "faces: expected indices");
-    std::vector<Profile> known(rows_of(profiles, 11, "profiles: expected (F, 11)"));
+    const std::vector<Vec3> points = vectors(vertices, "vertices");
+    const size_t count = faces.size();
+    const std::vector<int> corners_of = expect(triangles, "triangles", 3 * count, 0, int64_t(points.size()) - 1);
+    const std::vector<int> of_face = expect(faces, "faces", count, 0, MOST_FACES);
+    const size_t known_profiles = expect(profiles, "profiles", {ANY, 11}), known_edges = expect(edges, "edges", {ANY, 6});
+    const std::vector<int> of_profile = expect(profile_rows, "profile_rows", count, -1, int64_t(known_profiles) - 1);
+    std::vector<Profile> known(known_profiles);
     for (size_t k = 0; k < known.size(); ++k) {
         const double* p = profiles.data() + 11 * k;
         known[k] = {load(p), load(p + 3), p[6], p[7], p[8], p[9], p[10]};
     }
-    for (const int r : ints(profile_rows)) check(r < static_cast<int>(known.size()), "profiles: no such row");
     std::vector<Segment> segments;
-    for (size_t k = 0; k < rows_of(edges, 6, "edges: expected (E, 6)"); ++k) {
+    for (size_t k = 0; k < known_edges; ++k) {
         const Vec3 a = load(edges.data() + 6 * k), b = load(edges.data() + 6 * k + 3);
         segments.push_back({a, unit(b - a), norm(b - a)});
     }
-    check(samples.size() == sample_normals.size() && samples.size() > 0, "samples: expected some, with normals");
-    check(cells >= 4 && cells <= 256, "cells: expected 4 to 256");
-    std::vector<Vec3> known_corners = vectors(corners, "corners: expected (C, 3)"), hulls = vectors(hull, "hull");
-    std::vector<Vec3> spread = vectors(samples, "samples"), directions = vectors(sample_normals, "sample normals");
-    const std::vector<int> of_face = ints(faces), of_profile = ints(profile_rows);
-    check(centre.size() == 3, "centre: expected (3,)");
-    const Vec3 middle = load(centre.data());
+    std::vector<Vec3> known_corners = vectors(corners, "corners"), hulls = vectors(hull, "hull");
+    std::vector<Vec3> spread = vectors(samples, "samples"), directions = vectors(sample_normals, "sample_normals");
+    if (hulls.empty() || spread.empty() || spread.size() != directions.size())
+        refuse("samples", "expected some, each with a normal, and a hull");
+    expect(cells, "cells", 4, 256);
+    const Vec3 middle = vector(centre, "centre");
     nb::gil_scoped_release release;
     auto shape = std::make_unique<Shape>(points, corners_of, of_face, of_profile, std::move(known), std::move(segments),
                                          std::move(known_corners), middle);
@@ -123,6 +179,25 @@ std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, 
     return shape;
 }
 
+// Of the noise of a point: what is added to all directions keeps it from being singular.
+Mat3 covariance(const double* values, double extra) {
+    Mat3 C;
+    std::copy_n(values, 9, C.m);
+    const double trace = C(0, 0) + C(1, 1) + C(2, 2), floor = 1e-12 * trace;
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < i; ++k)
+            if (std::fabs(C(i, k) - C(k, i)) > 1e-9 * trace) refuse("covs", "expected symmetric matrices");
+    double L[9];
+    std::copy_n(C.m, 9, L);
+    for (int i = 0; i < 3; ++i) L[4 * i] += extra - 2 * floor;
+    if (cholesky(L, 3)) return C;
+    for (int i = 0; i < 3; ++i) C(i, i) += 3 * floor;
+    std::copy_n(C.m, 9, L);
+    for (int i = 0; i < 3; ++i) L[4 * i] += extra;
+    if (!cholesky(L, 3)) refuse("covs", "expected covariances, got a matrix that is zero or not positive");
+    return C;
+}
+
 std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
                                       Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier,
                                       Ints kinds, Ints groups, Doubles gains, double scale_sd, Doubles rates,
@@ -130,56 +205,58 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
                                       Doubles prior_log_weights, Doubles table) {
     auto problem = std::make_unique<Problem>();
-    const size_t n = rows_of(at, 3, "points: expected (n, 3)");
-    check(covs.size() == 9 * n && extra.size() == n && radii.size() == n && directions.size() == 3 * n &&
-              normals.size() == 3 * n && normal_sds.size() == n && reach.size() == n && log_outlier.size() == n &&
-              kinds.size() == n && groups.size() == n,
-          "points: columns differ in length");
-    problem->gains = doubles(gains);
-    check(gains.ndim() == 3 && gains.shape(0) == n && gains.shape(1) == 3, "gains: expected (n, 3, D)");
-    problem->shared = static_cast<int>(gains.shape(2));
-    problem->scale_sd = scale_sd;
-    check(problem->size() <= MOST_STATES, "shared errors: more than 57 components");
+    const size_t n = expect(at, "points", {ANY, 3}), D = gains.ndim() == 3 ? gains.shape(2) : 0;
+    for (const auto& [column, name] : {std::pair{&extra, "extra"}, {&radii, "radii"}, {&normal_sds, "normal_sds"},
+                                       {&reach, "reach"}, {&log_outlier, "log_outlier"}})
+        expect(*column, name, {n});
+    expect(covs, "covs", {n, 3, 3});
+    expect(directions, "directions", {n, 3});
+    expect(normals, "normals", {n, 3});
+    const std::vector<int> kind = expect(kinds, "kinds", n, 0, 2), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
+    problem->gains = doubles(gains, "gains", {n, 3, D});
+    problem->scale_sd = expect(scale_sd, "scale_sd", 0, 100);
+    if (6 + D + (scale_sd > 0) > MOST_STATES) refuse("gains", "expected fewer shared errors, got " + std::to_string(D));
+    problem->shared = static_cast<int>(D);
     for (size_t k = 0; k < n; ++k) {
         Point p;
         p.at = load(at.data() + 3 * k);
-        for (int i = 0; i < 9; ++i) p.cov.m[i] = covs.data()[9 * k + i];
-        p.extra = extra.data()[k];
-        p.radius = radii.data()[k];
+        p.extra = expect(extra.data()[k], "extra", 0, 1e300);
+        p.cov = covariance(covs.data() + 9 * k, p.extra);
+        p.radius = expect(radii.data()[k], "radii", 0, 1e300);
         p.direction = load(directions.data() + 3 * k);
         p.normal = load(normals.data() + 3 * k);
-        p.normal_sd = normal_sds.data()[k];
-        p.reach = reach.data()[k];
-        p.log_outlier = log_outlier.data()[k];
-        check(kinds.data()[k] >= 0 && kinds.data()[k] <= 2, "kinds: expected 0 to 2");
-        p.kind = static_cast<Kind>(kinds.data()[k]);
-        p.group = groups.data()[k];
         p.directed = squared(p.direction) > 0;
         p.oriented = squared(p.normal) > 0;
+        p.normal_sd = expect(normal_sds.data()[k], "normal_sds", p.oriented ? 1e-12 : -1e300, 1e300);
+        p.reach = reach.data()[k];
+        p.log_outlier = log_outlier.data()[k];
+        p.kind = static_cast<Kind>(kind[k]);
+        p.group = group[k];
         const double v = p.cov(0, 0);
         p.isotropic = true;
         for (int i = 0; i < 9; ++i) p.isotropic = p.isotropic && std::fabs(p.cov.m[i] - (i % 4 ? 0 : v)) <= 1e-9 * v;
         if (p.group >= 0) {
-            check(p.group < static_cast<int>(n), "groups: expected numbers below that of points");
             if (p.group >= static_cast<int>(problem->groups.size())) problem->groups.resize(p.group + 1);
             problem->groups[p.group].push_back(static_cast<int>(k));
         }
         problem->points.push_back(p);
     }
-    problem->rates = doubles(rates);
-    problem->rate_weights = doubles(rate_weights);
-    check(rates.size() && rates.size() == rate_weights.size(), "rates: expected as many weights");
-    problem->mean_rate = mean_rate;
-    const size_t m = rows_of(rays, 9, "rays: expected (m, 9)"), D = problem->shared;
+    problem->rates = doubles(rates, "rates", {ANY});
+    problem->rate_weights = doubles(rate_weights, "rate_weights", {problem->rates.size()});
+    if (problem->rates.empty()) refuse("rates", "expected some, got none");
+    for (const double rate : problem->rates) expect(rate, "rates", 1e-300, 1);
+    for (const double weight : problem->rate_weights) expect(weight, "rate_weights", 0, 1e300);
+    problem->mean_rate = expect(mean_rate, "mean_rate", 1e-300, 1);
+    const size_t m = expect(rays, "rays", {ANY, 9});
     for (size_t k = 0; k < m; ++k) {
         const double* r = rays.data() + 9 * k;
         problem->rays.push_back({load(r), load(r + 3), r[6], r[7], r[8]});
     }
-    check(ray_shifts.size() == 3 * m * D && ray_turns.size() == 3 * m * D, "rays: expected shifts and turns (m, 3, D)");
-    problem->ray_shifts = doubles(ray_shifts);
-    problem->ray_turns = doubles(ray_turns);
-    const std::vector<Pose> means = poses(prior_means);
-    check(prior_roots.size() == 36 * means.size() && prior_log_weights.size() == means.size(), "prior: sizes differ");
+    problem->ray_shifts = doubles(ray_shifts, "ray_shifts", {m, 3, D});
+    problem->ray_turns = doubles(ray_turns, "ray_turns", {m, 3, D});
+    const std::vector<Pose> means = poses(prior_means, "prior_means");
+    expect(prior_roots, "prior_roots", {means.size(), 6, 6});
+    expect(prior_log_weights, "prior_log_weights", {means.size()});
     for (size_t k = 0; k < means.size(); ++k) {
         PosePrior prior;
         prior.mean = means[k];
@@ -188,9 +265,9 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
         problem->priors.push_back(prior);
     }
     if (table.size()) {
-        check(table.size() == 7, "table: expected point, normal and sd");
+        expect(table, "table", {7});
         problem->has_table = true;
-        problem->table = {load(table.data()), load(table.data() + 3), table.data()[6]};
+        problem->table = {load(table.data()), load(table.data() + 3), expect(table.data()[6], "table", 1e-300, 1e300)};
     }
     return problem;
 }
@@ -275,14 +352,15 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
 
 std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,
                               double tolerance, double blur, double tilt, int keep, uint64_t seed) {
-    const int n = static_cast<int>(problem.points.size());
-    for (const int j : ints(rows)) check(j >= 0 && j < n, "rows: no such point");
-    for (const int j : ints(pairs)) check(j >= 0 && j < n, "pairs: no such point");
+    const int64_t last = int64_t(problem.points.size()) - 1;
+    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, last), both = expect(pairs, "pairs", ANY, 0, last);
+    const Effort effort{per_pair, spins, expect(tolerance, "tolerance", 0, 1e300), expect(blur, "blur", 1e-300, 1e300),
+                        expect(tilt, "tilt", 1e-300, 1e300), static_cast<int>(expect(keep, "keep", 1, 1e9))};
     std::vector<Proposal> found;
     {
         nb::gil_scoped_release release;
         Random random{seed};
-        found = propose(shape, problem, ints(rows), ints(pairs), {per_pair, spins, tolerance, blur, tilt, keep}, random);
+        found = propose(shape, problem, chosen, both, effort, random);
     }
     std::vector<Pose> out;
     std::vector<double> costs;
@@ -297,8 +375,9 @@ std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints r
 Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, double blur, double tilt) {
     const std::vector<Pose> all = poses(Ts);
     std::vector<double> out;
-    for (const int j : ints(rows)) check(j >= 0 && j < static_cast<int>(problem.points.size()), "rows: no such point");
-    const std::vector<int> which = ints(rows);
+    const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.points.size()) - 1);
+    expect(blur, "blur", 1e-300, 1e300);
+    expect(tilt, "tilt", 1e-300, 1e300);
     {
         nb::gil_scoped_release release;
         for (const Pose& pose : all) out.push_back(score(shape, problem, which, pose, blur, tilt, 1e300));
@@ -310,10 +389,10 @@ Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, do
 std::tuple<Out, Out> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales, Doubles Ts) {
     std::vector<Pose> all = poses(Ts);
     std::vector<double> costs(all.size());
-    const std::vector<int> which = ints(rows);
-    for (const int j : which) check(j >= 0 && j < static_cast<int>(problem.points.size()), "rows: no such point");
-    const std::vector<double> steps = doubles(scales);
-    check(!steps.empty(), "scales: expected some");
+    const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.points.size()) - 1);
+    const std::vector<double> steps = doubles(scales, "scales", {ANY});
+    if (steps.empty()) refuse("scales", "expected some, got none");
+    for (const double step : steps) expect(step, "scales", 1e-300, 1e300);
     {
         nb::gil_scoped_release release;
         for (size_t k = 0; k < all.size(); ++k) costs[k] = settle(shape, problem, which, steps, all[k]);
@@ -325,7 +404,9 @@ std::tuple<Out, Out> settled(const Shape& shape, const Problem& problem, Ints ro
 nb::tuple climbed(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs, Doubles blurs, int steps,
                   double enough, double margin) {
     const std::vector<State> starts = states(Ts, zs, problem);
-    const std::vector<double> coarse = doubles(blurs);
+    const std::vector<double> coarse = doubles(blurs, "blurs", {ANY});
+    expect(enough, "enough", 0, 1e300);
+    expect(margin, "margin", 0, 1e300);
     std::vector<Climb> found;
     {
         nb::gil_scoped_release release;
@@ -360,15 +441,10 @@ std::tuple<Out, Out> marginals(const Shape& shape, const Problem& problem, Doubl
     return {array_of(std::move(logs), {count}), shared_out(all, problem.size() - 6)};
 }
 
-Vec3 three(const Doubles& a) {
-    check(a.size() == 3, "centre: expected (3,)");
-    return load(a.data());
-}
-
 Out placed(Doubles Ts, Doubles offsets, Doubles centre) {
     std::vector<Pose> all = poses(Ts);
-    check(offsets.size() == 6 * all.size(), "offsets: expected (S, 6)");
-    const Vec3 c = three(centre);
+    expect(offsets, "offsets", {all.size(), 6});
+    const Vec3 c = vector(centre, "centre");
     for (size_t k = 0; k < all.size(); ++k)
         all[k] = moved(all[k], load(offsets.data() + 6 * k), load(offsets.data() + 6 * k + 3), c);
     return poses_out(all);
@@ -376,9 +452,9 @@ Out placed(Doubles Ts, Doubles offsets, Doubles centre) {
 
 Out offsets(Doubles T, Doubles Ts, Doubles centre) {
     const std::vector<Pose> all = poses(Ts);
-    check(T.size() == 16, "base: expected one pose");
+    expect(T, "base", {4, 4});
     const Pose base = load_pose(T.data());
-    const Vec3 c = three(centre);
+    const Vec3 c = vector(centre, "centre");
     std::vector<double> out(6 * all.size());
     for (size_t k = 0; k < all.size(); ++k) {
         Vec3 v, w;
@@ -391,24 +467,28 @@ Out offsets(Doubles T, Doubles Ts, Doubles centre) {
 
 std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles means, Doubles inverses, Doubles log_weights,
                              double freedom, Doubles centre) {
-    const std::vector<Pose> all = poses(Ts), base = poses(bases);
+    const std::vector<Pose> all = poses(Ts), base = poses(bases, "bases");
     const size_t C = owners.size(), m = base.size();
-    check(means.size() == 6 * C && inverses.size() == 36 * C && log_weights.size() == C, "components: sizes differ");
+    const std::vector<int> owner = expect(owners, "owners", C, 0, int64_t(m) - 1);
+    expect(means, "means", {C, 6});
+    expect(inverses, "inverses", {C, 6, 6});
+    expect(log_weights, "log_weights", {C});
+    expect(freedom, "freedom", 1e-3, 1e6);
     std::vector<Component> components(C);
     for (size_t k = 0; k < C; ++k) {
         Component& c = components[k];
-        c.owner = owners.data()[k];
-        check(c.owner >= 0 && c.owner < static_cast<int>(m), "components: no such base");
+        c.owner = owner[k];
+        for (int i = 0; i < 6; ++i) expect(inverses.data()[36 * k + 7 * i], "inverses", 1e-150, 1e150);
         std::copy_n(means.data() + 6 * k, 6, c.mean);
         std::copy_n(inverses.data() + 36 * k, 36, c.inverse);
         c.log_weight = log_weights.data()[k];
     }
-    const Vec3 middle = three(centre);
+    const Vec3 middle = vector(centre, "centre");
     std::vector<double> logs(all.size()), shares(all.size() * m);
     {
         nb::gil_scoped_release release;
         const Mixture mix(base, std::move(components), freedom, middle);
-        for (size_t k = 0; k < all.size(); ++k) logs[k] = mix.log_density(all[k], &shares[k * m]);
+        for (size_t k = 0; k < all.size(); ++k) logs[k] = mix.log_density(all[k], shares.data() + k * m);
     }
     return {array_of(std::move(logs), {all.size()}), array_of(std::move(shares), {all.size(), m})};
 }
@@ -417,8 +497,8 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles mea
 // the information of the earlier one; and for every pose the kept one that it is, or -1 after the most were kept.
 std::tuple<OutInts, OutInts> distinct(Doubles Ts, Doubles informations, double limit, int most, Doubles centre) {
     const std::vector<Pose> all = poses(Ts);
-    check(informations.size() == 36 * all.size(), "informations: expected (S, 6, 6)");
-    const Vec3 c = three(centre);
+    expect(informations, "informations", {all.size(), 6, 6});
+    const Vec3 c = vector(centre, "centre");
     std::vector<int32_t> kept, who(all.size(), -1);
     for (size_t k = 0; k < all.size(); ++k) {
         for (size_t l = 0; l < kept.size() && who[k] < 0; ++l) {
@@ -440,7 +520,7 @@ std::tuple<OutInts, OutInts> distinct(Doubles Ts, Doubles informations, double l
 }
 
 nb::tuple closest_points(const Shape& shape, Doubles points) {
-    const std::vector<Vec3> all = vectors(points, "points: expected (n, 3)");
+    const std::vector<Vec3> all = vectors(points, "points");
     std::vector<double> distances(all.size()), places(3 * all.size());
     std::vector<int32_t> triangles(all.size());
     {
@@ -458,9 +538,8 @@ nb::tuple closest_points(const Shape& shape, Doubles points) {
 }
 
 nb::tuple first_hits(const Shape& shape, Doubles origins, Doubles directions) {
-    const std::vector<Vec3> from = vectors(origins, "origins: expected (n, 3)");
-    const std::vector<Vec3> along = vectors(directions, "directions: expected (n, 3)");
-    check(from.size() == along.size(), "rays: as many origins as directions");
+    const std::vector<Vec3> from = vectors(origins, "origins"), along = vectors(directions, "directions");
+    if (from.size() != along.size()) refuse("directions", "expected as many as origins");
     std::vector<double> distances(from.size());
     std::vector<int32_t> triangles(from.size());
     {

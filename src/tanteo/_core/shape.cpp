@@ -51,15 +51,15 @@ double point_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c
         if (d3 >= 0 && d4 <= d3) {
             v = 1;
         } else if (vc <= 0 && d1 >= 0 && d3 <= 0) {
-            v = d1 / (d1 - d3);
+            v = d1 > 0 ? d1 / (d1 - d3) : 0;
         } else if (d6 >= 0 && d5 <= d6) {
             w = 1;
         } else if (vb <= 0 && d2 >= 0 && d6 <= 0) {
-            w = d2 / (d2 - d6);
+            w = d2 > 0 ? d2 / (d2 - d6) : 0;
         } else if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
-            w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+            w = d4 > d3 ? (d4 - d3) / ((d4 - d3) + (d5 - d6)) : 0;
             v = 1 - w;
-        } else {
+        } else {  // the sum is twice the area, squared
             const double scale = 1 / (va + vb + vc);
             v = vb * scale;
             w = vc * scale;
@@ -90,11 +90,13 @@ Shape::Shape(std::vector<Vec3> vertices_, std::vector<int> triangles_, std::vect
         if (faces[t] >= static_cast<int>(face_area.size())) face_area.resize(faces[t] + 1, 0.0);
         face_area[faces[t]] += own;
     }
-    if (!(area > 0)) throw std::invalid_argument("shape: expected triangles with an area, got none");
-    diagonal = norm(all.hi - all.lo);
+    diagonal = T ? norm(all.hi - all.lo) : 0;
+    if (!(area > 0) || !std::isfinite(area * diagonal))
+        throw std::invalid_argument("triangles: expected some with an area, got none, or too large a one.");
     for (const Segment& e : edges) edge_length += e.length;
     triangle_tree.build(boxes);
     make_flats(profile_rows);
+    if (flats.empty()) throw std::invalid_argument("triangles: expected some that are no slivers, got none.");
     make_outlines();
     make_convex_edges();
 }
@@ -177,7 +179,7 @@ void Shape::make_outlines() {
             OutlineEdge& e = flat.outline[k];
             const double y1 = e.y + e.dy * e.length;
             const auto bin = [&](double y) {
-                return std::clamp(static_cast<int>((y - flat.bin_lo) / flat.bin_step), 0, n - 1);
+                return static_cast<int>(std::clamp((y - flat.bin_lo) / flat.bin_step, 0.0, n - 1.0));
             };
             e.first_bin = bin(std::min(e.y, y1));
             for (int b = e.first_bin; b <= bin(std::max(e.y, y1)); ++b) flat.bins[b].push_back(k);
@@ -287,7 +289,7 @@ Shape::Cell Shape::cell_of(const Vec3& p) const {
     Cell cell{0, {0, 0, 0}, 0};
     for (int k = 0; k < 3; ++k) {
         const double l = (p[k] - grid_origin[k]) / grid_step;
-        const double m = std::min(std::max(l, 0.0), grid_shape[k] - 1.001);
+        const double m = l > 0 ? std::min(l, grid_shape[k] - 1.001) : 0.0;  // 0 also for what is no number
         const int i = static_cast<int>(m);
         cell.away += (l - m) * (l - m);
         cell.f[k] = m - i;

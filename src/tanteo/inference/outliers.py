@@ -34,7 +34,7 @@ def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
 def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     if mean < _RARE:
         x, w = roots_genlaguerre(nodes, _SHAPE - 1)
-        return mean / _SHAPE * x, w / w.sum()
+        return np.minimum(mean / _SHAPE * x, 1.0), w / w.sum()
     x, w = roots_jacobi(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
     return (1 + x) / 2, w / w.sum()
 
