@@ -38,3 +38,17 @@ def test_import_loads_nothing_heavy():
     code = f"import sys, tanteo, {rooms}; print([m for m in {HEAVY} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_identify_needs_no_scipy():
+    code = "import sys, tanteo.recognition, tanteo.io.readings_csv, tanteo.catalogue; print('scipy' in sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "False"
+
+
+def test_no_name_of_a_lazy_room_is_a_module_in_it():
+    """Importing the module would hide the name."""
+    rooms = [importlib.import_module(f"tanteo.{m.name}") for m in pkgutil.iter_modules(tanteo.__path__) if m.ispkg]
+    for room in rooms:
+        if "lazy" in vars(room):
+            assert not {m.name for m in pkgutil.iter_modules(room.__path__)} & set(room.__all__), room

@@ -13,6 +13,9 @@ LEAST_SD, LARGEST = 1e-9, 1e6
 LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
 """No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
 
+SUSPECT = 1e-3
+"""Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
+
 
 def check_number(name: str, value: object, unit: str = "") -> None:
     """Refuse what is not one real number, a text with a unit above all.

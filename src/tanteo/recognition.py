@@ -5,15 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.inference.recognition import identify_points
 from tanteo.limits import check_length
 from tanteo.matching.evidence import Priors
-from tanteo.matching.recognition import check_question, identify_features, with_elapsed
+from tanteo.matching.question import check_question, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part
@@ -27,6 +27,11 @@ from tanteo.sensors import (
     SensorPreset,
     measure,
 )
+
+if TYPE_CHECKING:
+    from tanteo.fitting import LabelledFeatures
+
+
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
 
@@ -105,6 +110,9 @@ def _as_published(
     placed: bool,
 ) -> Recognition:
     """The constraints and tests of the 1991 paper as printed, of features fitted to labelled readings."""
+    from tanteo.fitting import fit_labelled
+    from tanteo.matching.recognition import identify_features
+
     sensed = fit_labelled(measured, tolerance)
     _require_labels_alone(bare=bool(len(sensed.bare)), placed=placed)
     elapsed = time.perf_counter() - start

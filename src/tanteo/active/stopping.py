@@ -13,7 +13,7 @@ from tanteo.active.samples import even_normals
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_count, check_length, check_number
-from tanteo.matching.belief import without_spin
+from tanteo.matching.part_motions import without_spin
 from tanteo.matching.part_motions import observed_covariance
 from tanteo.typing import FloatArray
 

@@ -56,7 +56,7 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     check_different(("--picture", options.picture), inputs=sources)
     from tanteo.io.camera_file import read_camera
     from tanteo.io.images import read_image, write_image
-    from tanteo.io.sight_json import sight_json
+    from tanteo.io.sight_file import sight_json
 
     camera = placed_camera(read_camera(options.camera), options.marks, quiet=as_json)
     image = read_image(options.image)
@@ -125,7 +125,7 @@ def _timed(sight: Sight, load: float, total: float) -> Sight:
 def sight_lines(sight: Sight, *, verbose: bool = False) -> list[str]:
     """The lines for a person: every object, largest first."""
     if not sight.objects:
-        from tanteo.io.sight_json import EMPTY
+        from tanteo.io.sight_file import EMPTY
 
         return [f"unknown: {EMPTY.message}"]
     lines: list[str] = []

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from tanteo.errors import InputError
 from tanteo.typing import BoolArray, Covariances, FloatArray
@@ -36,11 +35,15 @@ def chi2_limit(alpha: float, dof: int = 1) -> float:
     """The value that chi-square with ``dof`` degrees of freedom exceeds with probability ``alpha``; ``D_M^2``."""
     if dof < 1:
         raise InputError(f"dof: expected at least 1, got {dof}.")
+    from scipy import special  # slow to import
+
     return float(special.chdtri(dof, _level(alpha)))
 
 
 def chi2_p_value(D2: FloatArray, dof: int | FloatArray) -> FloatArray:
     """Probability that chi-square with ``dof`` degrees of freedom exceeds ``D2``."""
+    from scipy import special  # slow to import
+
     return np.asarray(special.chdtrc(dof, np.asarray(D2, dtype=np.float64)), dtype=np.float64)
 
 

@@ -3,31 +3,36 @@
 A feature is a frame, a kind and a covariance over the perturbations that matter for the kind (``math.md`` section 2).
 """
 
-from tanteo.features.feature import (
-    Feature,
-    SharedError,
-    SharedTerm,
-    collect_shared,
-    cross_covariance,
-    feature_covariance,
-    shared_root,
-    stacked_covariance,
-)
-from tanteo.features.kinds import (
-    CIRCLE,
-    CONE,
-    CYLINDER,
-    EDGE,
-    HALF_EDGE,
-    KINDS,
-    PLANE,
-    SPHERE,
-    VERTEX,
-    FeatureKind,
-    binding,
-    feature_kind,
-)
-from tanteo.features.reframing import flip_edge, reframe, reframe_feature, reframe_near
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.features.feature import (
+        Feature,
+        SharedError,
+        SharedTerm,
+        collect_shared,
+        cross_covariance,
+        feature_covariance,
+        shared_root,
+        stacked_covariance,
+    )
+    from tanteo.features.kinds import (
+        CIRCLE,
+        CONE,
+        CYLINDER,
+        EDGE,
+        HALF_EDGE,
+        KINDS,
+        PLANE,
+        SPHERE,
+        VERTEX,
+        FeatureKind,
+        binding,
+        feature_kind,
+    )
+    from tanteo.features.reframing import flip_edge, reframe, reframe_feature, reframe_near
 
 __all__ = [
     "CIRCLE",
@@ -55,3 +60,15 @@ __all__ = [
     "shared_root",
     "stacked_covariance",
 ]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "feature": (
+            "Feature SharedError SharedTerm collect_shared cross_covariance feature_covariance "
+            "shared_root stacked_covariance"
+        ),
+        "kinds": "CIRCLE CONE CYLINDER EDGE HALF_EDGE KINDS PLANE SPHERE VERTEX FeatureKind binding feature_kind",
+        "reframing": "flip_edge reframe reframe_feature reframe_near",
+    },
+)

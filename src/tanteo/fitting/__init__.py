@@ -4,26 +4,30 @@
 array cores over batches. This room has never heard of parts.
 """
 
-from tanteo.fitting.derived import (
-    edge_from_planes,
-    edge_from_two_points,
-    intersect_planes,
-    plane_from_two_directions,
-)
-from tanteo.fitting.edge import edge_ml, fit_edge
-from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
-from tanteo.fitting.group import SUSPECT, Sides
-from tanteo.fitting.labelled import LabelledFeatures, fit_labelled
-from tanteo.fitting.plane import fit_plane, plane_ml
-from tanteo.fitting.spread import (
-    edge_direction_covariance,
-    plane_displacement_covariance,
-    plane_normal_covariance,
-)
-from tanteo.fitting.vertex import Corner, fit_vertex, intersect_edges, intersect_lines, vertex_ml
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.fitting.derived import (
+        edge_from_planes,
+        edge_from_two_points,
+        intersect_planes,
+        plane_from_two_directions,
+    )
+    from tanteo.fitting.edge import edge_ml, fit_edge
+    from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
+    from tanteo.fitting.group import Sides
+    from tanteo.fitting.labelled import LabelledFeatures, fit_labelled
+    from tanteo.fitting.plane import fit_plane, plane_ml
+    from tanteo.fitting.spread import (
+        edge_direction_covariance,
+        plane_displacement_covariance,
+        plane_normal_covariance,
+    )
+    from tanteo.fitting.vertex import Corner, fit_vertex, intersect_edges, intersect_lines, vertex_ml
 
 __all__ = [
-    "SUSPECT",
     "Corner",
     "Estimate",
     "FitReport",
@@ -47,3 +51,17 @@ __all__ = [
     "plane_normal_covariance",
     "vertex_ml",
 ]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "derived": "edge_from_planes edge_from_two_points intersect_planes plane_from_two_directions",
+        "edge": "edge_ml fit_edge",
+        "estimate": "Estimate FitReport SharedReadings",
+        "group": "Sides",
+        "labelled": "LabelledFeatures fit_labelled",
+        "plane": "fit_plane plane_ml",
+        "spread": "edge_direction_covariance plane_displacement_covariance plane_normal_covariance",
+        "vertex": "Corner fit_vertex intersect_edges intersect_lines vertex_ml",
+    },
+)

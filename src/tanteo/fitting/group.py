@@ -17,11 +17,9 @@ from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.sides import known_side, most_opposed
 from tanteo.fitting.vertex import fit_vertex
 from tanteo.lie import SE3
+from tanteo.limits import SUSPECT
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import Covariances, FloatArray, Vectors
-
-SUSPECT = 1e-3
-"""Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
 
 _LEAST = {"edge": 2, "vertex": 1}
 """Readings that a feature takes at least; three of a plane."""

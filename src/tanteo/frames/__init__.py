@@ -5,46 +5,51 @@ those names, over batches. Location vectors (the paper's six numbers) and covari
 are for the border.
 """
 
-from tanteo.frames.covariances import check_covariance, check_covariances, frozen_array, symmetrised, unit_diagonal
-from tanteo.frames.fusion import Fusion, fuse
-from tanteo.frames.location import (
-    compose_locations,
-    invert_location,
-    loc_to_matrix,
-    matrix_to_loc,
-    relate_locations,
-)
-from tanteo.frames.location_jacobians import (
-    E_r,
-    J1_at_zero,
-    J2_at_zero,
-    J2_at_zero_inverse,
-    J_ominus,
-    K_r,
-    body_covariance,
-    compose_jacobians,
-    differential_jacobian,
-    differential_jacobian_inverse,
-    location_covariance,
-)
-from tanteo.frames.named import (
-    GTSAM,
-    ROS,
-    SPATIAL,
-    TANTEO,
-    CovarianceConvention,
-    NamedCovariance,
-    as_gtsam_covariance,
-    as_ros_covariance,
-    convention_gain,
-    convert_covariance,
-    from_gtsam_covariance,
-    from_ros_covariance,
-    name_covariance,
-    uncertain_frame,
-)
-from tanteo.frames.propagation import compose_arrays, compose_fourth_order, congruence, invert_arrays, relate_arrays
-from tanteo.frames.uncertain import UncertainFrame, check_transforms, compose, invert, relate, sample
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.frames.covariances import check_covariance, check_covariances, frozen_array, symmetrised, unit_diagonal
+    from tanteo.frames.fusion import Fusion, fuse
+    from tanteo.frames.location import (
+        compose_locations,
+        invert_location,
+        loc_to_matrix,
+        matrix_to_loc,
+        relate_locations,
+    )
+    from tanteo.frames.location_jacobians import (
+        E_r,
+        J1_at_zero,
+        J2_at_zero,
+        J2_at_zero_inverse,
+        J_ominus,
+        K_r,
+        body_covariance,
+        compose_jacobians,
+        differential_jacobian,
+        differential_jacobian_inverse,
+        location_covariance,
+    )
+    from tanteo.frames.named import (
+        GTSAM,
+        ROS,
+        SPATIAL,
+        TANTEO,
+        CovarianceConvention,
+        NamedCovariance,
+        as_gtsam_covariance,
+        as_ros_covariance,
+        convention_gain,
+        convert_covariance,
+        from_gtsam_covariance,
+        from_ros_covariance,
+        name_covariance,
+        uncertain_frame,
+    )
+    from tanteo.frames.propagation import compose_arrays, compose_fourth_order, congruence, invert_arrays, relate_arrays
+    from tanteo.frames.uncertain import UncertainFrame, check_transforms, compose, invert, relate, sample
 
 __all__ = [
     "GTSAM",
@@ -96,3 +101,23 @@ __all__ = [
     "uncertain_frame",
     "unit_diagonal",
 ]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "covariances": "check_covariance check_covariances frozen_array symmetrised unit_diagonal",
+        "fusion": "Fusion fuse",
+        "location": "compose_locations invert_location loc_to_matrix matrix_to_loc relate_locations",
+        "location_jacobians": (
+            "E_r J1_at_zero J2_at_zero J2_at_zero_inverse J_ominus K_r body_covariance "
+            "compose_jacobians differential_jacobian differential_jacobian_inverse location_covariance"
+        ),
+        "named": (
+            "GTSAM ROS SPATIAL TANTEO CovarianceConvention NamedCovariance as_gtsam_covariance "
+            "as_ros_covariance convention_gain convert_covariance from_gtsam_covariance "
+            "from_ros_covariance name_covariance uncertain_frame"
+        ),
+        "propagation": "compose_arrays compose_fourth_order congruence invert_arrays relate_arrays",
+        "uncertain": "UncertainFrame check_transforms compose invert relate sample",
+    },
+)

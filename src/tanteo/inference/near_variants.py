@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import roots_legendre
 
 from tanteo.inference.details import Details
 from tanteo.inference.outliers import log_by_rate
 from tanteo.matching.evidence import log_sum
 from tanteo.parts import Part
+from tanteo.special import legendre_nodes
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 _SHARES = 12
@@ -177,5 +177,5 @@ def _by_place(
 
 @cache
 def _shares(nodes: int) -> tuple[FloatArray, FloatArray]:
-    x, w = roots_legendre(nodes)
-    return (1 + x) / 2, w / 2
+    x, w = legendre_nodes(nodes)
+    return (1 + x) / 2, w

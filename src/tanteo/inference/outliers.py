@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.special import bdtrc, roots_genlaguerre, roots_jacobi
 
 from tanteo.matching.evidence import log_sum
+from tanteo.special import binomial_cdf, jacobi_nodes, laguerre_nodes
 from tanteo.typing import FloatArray
 
 _SHAPE = 0.5
@@ -33,10 +33,10 @@ def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
 @cache
 def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     if mean < _RARE:
-        x, w = roots_genlaguerre(nodes, _SHAPE - 1)
-        return np.minimum(mean / _SHAPE * x, 1.0), w / w.sum()
-    x, w = roots_jacobi(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
-    return (1 + x) / 2, w / w.sum()
+        x, w = laguerre_nodes(nodes, _SHAPE - 1)
+        return np.minimum(mean / _SHAPE * x, 1.0), w
+    x, w = jacobi_nodes(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
+    return (1 + x) / 2, w
 
 
 def log_density(log_hit: FloatArray, log_outlier: FloatArray, mean: float) -> FloatArray:
@@ -67,7 +67,7 @@ def so_many(outliers: int, n: int, mean: float) -> float:
     if outliers == 0 or mean == 0:
         return float(outliers == 0)
     rates, weights = outlier_rates(mean, n)
-    return float(weights @ bdtrc(outliers - 1, n, rates))
+    return float(weights @ (1 - binomial_cdf(outliers - 1, n, rates)))
 
 
 def log_by_rate(log_hit: FloatArray, log_outlier: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tanteo.inference.outliers import so_many
 from tanteo.inference.peaks import Climber
@@ -21,6 +20,7 @@ from tanteo.matching.evidence import Priors
 from tanteo.matching.part_motions import part_scale
 from tanteo.matching.prior import in_box, prior_rows
 from tanteo.matching.results import Hypothesis
+from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Transforms
 
 _DOUBT = 0.05
@@ -84,7 +84,7 @@ def explains(one: Explained, rate: float) -> bool:
     if so_many(outliers, n, rate) <= _OUTLIERS:
         return False
     chi2, dof = one.chi_square()
-    return bool(dof <= 0 or chdtrc(dof, chi2) > _PLAUSIBLE)
+    return bool(dof <= 0 or chi2_survival(chi2, dof) > _PLAUSIBLE)
 
 
 def _share(posterior: Posterior) -> float:
@@ -139,7 +139,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
     heavy = np.argsort(-mode.weights, kind="stable")[:_DRAWS]
     Ts = np.concatenate([mode.T_peak[None], mode.Ts[heavy]])
     least = off(Ts, np.repeat(mode.z[None], len(Ts), axis=0)).min()
-    return min(share, float(chdtrc(max(known - len(left), 1), max(least, 0.0))))
+    return min(share, chi2_survival(least, max(known - len(left), 1)))
 
 
 def _box_share(mode: Mode, priors: Priors) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.belief import without_spin
+from tanteo.matching.part_motions import without_spin
 from tanteo.typing import FloatArray, Transforms
 
 GAUGE_SD = 0.1

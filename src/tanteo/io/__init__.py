@@ -7,21 +7,26 @@
 quantities with units. Records of sessions are in ``tanteo.io.session_record``, which loads much and is not loaded here.
 """
 
-from tanteo.io.camera_file import read_camera
-from tanteo.io.images import read_image, write_image
-from tanteo.io.marks_csv import read_marks
-from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
-from tanteo.io.prior_text import parse_box, parse_near, parse_table
-from tanteo.io.prior_toml import prior_brand, read_prior
-from tanteo.io.readings_csv import read_readings
-from tanteo.io.readings_write import write_readings
-from tanteo.io.result_json import executed_json, recognition_document, recognition_json
-from tanteo.io.rig_toml import read_rig, shipped_rigs
-from tanteo.io.rig_write import rig_text, write_rig
-from tanteo.io.scene_toml import SceneFile, read_scene
-from tanteo.io.sensed_json import sensed_document, sensed_json
-from tanteo.io.sight_json import sight_document, sight_json
-from tanteo.io.units import parse_angle, parse_length, parse_lengths
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.io.camera_file import read_camera
+    from tanteo.io.images import read_image, write_image
+    from tanteo.io.marks_csv import read_marks
+    from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
+    from tanteo.io.prior_text import parse_box, parse_near, parse_table
+    from tanteo.io.prior_toml import prior_brand, read_prior
+    from tanteo.io.readings_csv import read_readings
+    from tanteo.io.readings_write import write_readings
+    from tanteo.io.result_json import executed_json, recognition_document, recognition_json
+    from tanteo.io.rig_toml import read_rig, shipped_rigs
+    from tanteo.io.rig_write import rig_text, write_rig
+    from tanteo.io.scene_toml import SceneFile, read_scene
+    from tanteo.io.sensed_file import sensed_document, sensed_json
+    from tanteo.io.sight_file import sight_document, sight_json
+    from tanteo.io.units import parse_angle, parse_length, parse_lengths
 
 __all__ = [
     "BRANDS",
@@ -56,3 +61,24 @@ __all__ = [
     "write_readings",
     "write_rig",
 ]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "camera_file": "read_camera",
+        "images": "read_image write_image",
+        "marks_csv": "read_marks",
+        "poses": "BRANDS Brand pose_as_brand pose_from_brand",
+        "prior_text": "parse_box parse_near parse_table",
+        "prior_toml": "prior_brand read_prior",
+        "readings_csv": "read_readings",
+        "readings_write": "write_readings",
+        "result_json": "executed_json recognition_document recognition_json",
+        "rig_toml": "read_rig shipped_rigs",
+        "rig_write": "rig_text write_rig",
+        "scene_toml": "SceneFile read_scene",
+        "sensed_file": "sensed_document sensed_json",
+        "sight_file": "sight_document sight_json",
+        "units": "parse_angle parse_length parse_lengths",
+    },
+)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import bernoulli, factorial
 
 from tanteo.lie import so3
 from tanteo.typing import Adjoints, FloatArray, Rotations, Tangents, Transforms, Vectors
@@ -17,7 +16,13 @@ from tanteo.typing import Adjoints, FloatArray, Rotations, Tangents, Transforms,
 _SERIES_TERMS = 12
 
 _k = np.arange(1, 13)
-_BERNOULLI = bernoulli(24)[2::2] / factorial(2 * _k)
+_BERNOULLI = np.array([
+    1 / 12, -1 / 720, 1 / 30240, -1 / 1209600, 1 / 47900160, -691 / 1307674368000, 1 / 74724249600,
+    -3.3896802963225827e-13, 8.586062056277845e-15, -2.174868698558062e-16, 5.5090028283602295e-18,
+    -1.3954464685812522e-19,
+])  # fmt: skip
+"""Bernoulli's numbers over factorials, ``B_2k / (2 k)!``."""
+
 _INVERSE = np.stack([(2 - _k) * _BERNOULLI, _k * np.append(_BERNOULLI[1:], 0.0)], axis=1)
 """Power series of the two coefficients of the inverse right Jacobian, in minus the angle squared ``(12, 2)``."""
 

@@ -1,14 +1,19 @@
 """Pairings of sensed with model features -> the part's pose, its covariance, and what stays unobserved."""
 
-from tanteo.localization.fusion import fuse_features
-from tanteo.localization.observability import describe_motion, free_motions, weak_motions
-from tanteo.localization.pairing import ModelFeature, Pairing, build_blocks
-from tanteo.localization.pose import PoseEstimate, estimate_pose
-from tanteo.localization.relations import RELATIONS, Relation, relation_between
-from tanteo.localization.scaling import motion_scale, motions_about
-from tanteo.localization.shared_given import SharedGiven
-from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
-from tanteo.localization.summary import covariance_with_free
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.localization.fusion import fuse_features
+    from tanteo.localization.observability import describe_motion, free_motions, weak_motions
+    from tanteo.localization.pairing import ModelFeature, Pairing, build_blocks
+    from tanteo.localization.pose import PoseEstimate, estimate_pose
+    from tanteo.localization.relations import RELATIONS, Relation, relation_between
+    from tanteo.localization.scaling import motion_scale, motions_about
+    from tanteo.localization.shared_given import SharedGiven
+    from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
+    from tanteo.localization.summary import covariance_with_free
 
 __all__ = [
     "RELATIONS",
@@ -34,3 +39,18 @@ __all__ = [
     "relation_between",
     "weak_motions",
 ]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "fusion": "fuse_features",
+        "observability": "describe_motion free_motions weak_motions",
+        "pairing": "ModelFeature Pairing build_blocks",
+        "pose": "PoseEstimate estimate_pose",
+        "relations": "RELATIONS Relation relation_between",
+        "scaling": "motion_scale motions_about",
+        "shared_given": "SharedGiven",
+        "solve": "Block Solution assemble gauss_newton linearise pose_information",
+        "summary": "covariance_with_free",
+    },
+)

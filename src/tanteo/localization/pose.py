@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
@@ -26,6 +25,7 @@ from tanteo.localization.summary import (
     shared_estimates,
     wrong_side,
 )
+from tanteo.special import chi2_survival
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 
 
@@ -167,7 +167,7 @@ def _report(
     covariance = covariance_with_free(pose_information(information), N, scale)
     dof = int(solution.equations[best]) + of_prior - (6 - len(N))
     unobserved = tuple(describe_motion(xi, T, scale) for xi in N)
-    p_value = float(chdtrc(dof, chi2)) if dof > 0 else 1.0
+    p_value = chi2_survival(chi2, dof) if dof > 0 else 1.0
     insufficient = bool(unobserved)
     return PoseEstimate(
         T_world_part=T,

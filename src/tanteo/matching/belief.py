@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
-from tanteo.lie import SE3, SO3
+from tanteo.lie import SE3
 from tanteo.localization.solve import pose_information, take
-from tanteo.matching.evidence import Priors, log_evidence, perfect_evidence
+from tanteo.matching.evidence import Priors, log_evidence, log_sum, perfect_evidence
 from tanteo.matching.freedom import free_projector, pose_scale
 from tanteo.matching.model import PartModel
+from tanteo.matching.part_motions import without_spin
 from tanteo.matching.sensed import Sensed
 from tanteo.matching.tree import Gates, Interpretations, interpret, pair_gates
 from tanteo.matching.unknown import log_unknown
@@ -125,7 +125,7 @@ def _explain(
 
 
 def _weigh(found: Sequence[_Explained], unknown: float, best: float, cut: bool, *, apart: bool) -> Belief:
-    total = float(logsumexp(np.concatenate([[unknown], *(e.log_weights for e in found)])))
+    total = float(log_sum(np.concatenate([[unknown], *(e.log_weights for e in found)])))
     modes: list[Mode] = []
     by_part: dict[str, list[_Explained]] = {}
     for explained in found:
@@ -151,7 +151,7 @@ def _merge(group: Sequence[_Explained], total: float, best: float, *, apart: boo
         top = left[0]
         same = equivalent(model.part, Ts[top], Ts[left], information[left], apart=apart)
         same[0] = True
-        weight = float(np.exp(logsumexp(log[left[same]]) - total))
+        weight = float(np.exp(log_sum(log[left[same]]) - total))
         modes.append(Mode(model, choices[top], Ts[top], weight, information[top]))
         left = left[~same]
     return modes
@@ -206,18 +206,3 @@ def gaps_between(
     squared = np.sum((xi[:, :, None] @ information)[:, :, 0] * xi, axis=-1)
     nearest, rows = squared.argmin(axis=0), np.arange(squared.shape[1])
     return xi[nearest, rows], squared[nearest, rows]
-
-
-def without_spin(part: Part, gaps: Transforms) -> Transforms:
-    """Relative poses with the rotation that the part's continuous symmetry absorbs taken out."""
-    if part.symmetry.spherical:
-        centre = part.centroid
-        shift = SE3.apply(gaps, centre) - centre
-        return SE3.from_parts(np.broadcast_to(np.eye(3), gaps[..., :3, :3].shape), shift)
-    assert part.symmetry.axis is not None
-    point, axis = part.symmetry.axis
-    q = SO3.as_quaternion(gaps[..., :3, :3])
-    angle = 2 * np.arctan2(q[..., 1:] @ axis, q[..., 0])
-    R = SO3.exp(-angle[..., None] * axis)
-    spin = SE3.from_parts(R, point - SE3.apply(R, point))
-    return np.asarray(gaps @ spin)

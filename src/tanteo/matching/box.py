@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr, ndtri_exp
 
 from tanteo.lie import SE3, SO3
 from tanteo.matching.unknown_place import log_between
@@ -71,6 +70,8 @@ def left_by(
 
 def _inside(box: FloatArray, middles: FloatArray, L: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Log weights ``(S, K)`` of standard normal draws ``(S, K, 3)`` with which the centroids are in the box."""
+    from scipy.special import log_ndtr, ndtri_exp  # slow to import, and needed with a box only
+
     u = (0.5 + np.arange(1, _DRAWS + 1)[:, None] * _STEP) % 1.0
     log, e = np.zeros((len(L), _DRAWS)), np.zeros((len(L), _DRAWS, 3))
     for i in range(3):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tanteo.localization import SharedGiven, describe_motion
 from tanteo.matching.part_motions import corner_sd, excuse, part_scale, where_to_sense, world_axis
 from tanteo.matching.results import Hypothesis
 from tanteo.parts import Part
+from tanteo.special import chi2_survival
 from tanteo.typing import Covariances, Tangents, Transforms
 
 
@@ -59,7 +59,7 @@ def hypothesis_at(
         symmetry_poses=T_world_part @ part.symmetry.Ts[1:],
         chi2=chi2,
         dof=max(dof, 0),
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 else 1.0,
+        p_value=chi2_survival(chi2, dof) if dof > 0 else 1.0,
         rms=rms,
         outliers=outliers,
         pairings=pairings,

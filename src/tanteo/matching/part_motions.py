@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.lie import SE3, SO3
 from tanteo.localization import describe_motion, motion_scale
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
@@ -153,3 +154,18 @@ def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     at = T_world_part[:3, :3] @ c[k] + T_world_part[:3, 3]
     name = part.faces[part.planes.faces[k]].name
     return f"sense {name} of {part.name}, around ({', '.join(f'{1e3 * v:.0f}' for v in at)}) mm in the world"
+
+
+def without_spin(part: Part, gaps: Transforms) -> Transforms:
+    """Relative poses with the rotation that the part's continuous symmetry absorbs taken out."""
+    if part.symmetry.spherical:
+        centre = part.centroid
+        shift = SE3.apply(gaps, centre) - centre
+        return SE3.from_parts(np.broadcast_to(np.eye(3), gaps[..., :3, :3].shape), shift)
+    assert part.symmetry.axis is not None
+    point, axis = part.symmetry.axis
+    q = SO3.as_quaternion(gaps[..., :3, :3])
+    angle = 2 * np.arctan2(q[..., 1:] @ axis, q[..., 0])
+    R = SO3.exp(-angle[..., None] * axis)
+    spin = SE3.from_parts(R, point - SE3.apply(R, point))
+    return np.asarray(gaps @ spin)

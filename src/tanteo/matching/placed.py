@@ -11,18 +11,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, logsumexp
 
 from tanteo.features import SharedError, shared_root, stacked_covariance
 from tanteo.lie import SE3, SO3
 from tanteo.localization import PoseEstimate, SharedGiven
 from tanteo.matching.belief import Mode
 from tanteo.matching.box import SURE, left_by
+from tanteo.matching.evidence import log_sum
 from tanteo.matching.model import PartModel
 from tanteo.matching.part_motions import part_scale
 from tanteo.matching.prior import PosePrior, log_density_within, prior_rows
 from tanteo.matching.unknown_place import log_place_of_unknown
 from tanteo.parts import Part
+from tanteo.special import chi2_survival
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 
 _STEPS, _SETTLED = 20, 1e-9
@@ -129,7 +130,7 @@ def weigh_beside(
     for one in found:
         xi = draws @ np.linalg.cholesky(one.covariance).T
         z = one.shared_given(shared).drawn(xi, others)
-        logs.append(float(logsumexp(beside(one.mode.model, one.T_world_part @ SE3.exp(xi), z)) - np.log(_DRAWS)))
+        logs.append(float(log_sum(beside(one.mode.model, one.T_world_part @ SE3.exp(xi), z)) - np.log(_DRAWS)))
     return _reweighed(found, unknown, np.array(logs), 0.0)
 
 
@@ -139,7 +140,7 @@ def _reweighed(
     """Best first, with probabilities that have these factors more, and that of none of the parts."""
     log = np.log([max(one.mode.probability, _LEAST) for one in found]) + logs
     log_unknown = np.log(max(unknown, _LEAST)) + log_of_unknown
-    total = float(logsumexp(np.append(log, log_unknown)))
+    total = float(log_sum(np.append(log, log_unknown)))
     P = np.exp(log - total)
     order = [k for k in np.argsort(-log, kind="stable") if P[k] > 0 or k == np.argmax(log)]
     answers = tuple(replace(found[k], mode=replace(found[k].mode, probability=float(P[k]))) for k in order)
@@ -158,7 +159,7 @@ def _placed(one: Located, prior: PosePrior, radius: float) -> tuple[Located, flo
     covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
     log += float(log_density_within(prior, radius))
     same = np.asarray(np.linalg.inv(np.linalg.inv(one.covariance_same_robot) + J[0].T @ J[0]), dtype=np.float64)
-    prior_p = float(chdtrc(max(J.shape[1] - fixed, 1), chi2)) if J.shape[1] else 1.0
+    prior_p = chi2_survival(chi2, max(J.shape[1] - fixed, 1)) if J.shape[1] else 1.0
     out = replace(
         one, T_world_part=T, covariance=covariance, covariance_same_robot=same, free=free,
         chi2=one.chi2 + chi2, dof=one.dof + J.shape[1] - fixed, prior_p=prior_p,

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.errors import InputError, check_kind
 from tanteo.features import SharedError
-from tanteo.fitting import Sides
 from tanteo.lie import SE3
-from tanteo.limits import check_count, check_number
 from tanteo.localization import ModelFeature, Pairing, estimate_pose
 from tanteo.matching.belief import Mode, believe
 from tanteo.matching.evidence import Priors, sized
@@ -24,34 +19,18 @@ from tanteo.matching.pairings import decode
 from tanteo.matching.part_motions import part_scale
 from tanteo.matching.placed import Beside, Located, place, weigh_beside
 from tanteo.matching.published import believe_as_published
+from tanteo.matching.question import Clock, check_question
 from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
-from tanteo.parts.several import as_parts
 from tanteo.typing import Transforms
+
+if TYPE_CHECKING:
+    from tanteo.fitting import Sides
 
 _FITS = 0.5
 """Probability of none of the parts up to which one of them fits, before it is asked where."""
-
-
-def check_question(parts: Any, alpha: float, top: int, seed: int, priors: Priors | None) -> tuple[Any, ...]:
-    """The parts as a tuple; arguments that cannot be meant are refused.
-
-    Raises:
-        InputError: no part or something else in its place, ``alpha`` outside (0, 1), no ``top``, no seed, no priors.
-    """
-    found = as_parts("parts", parts)
-    if not found:
-        raise InputError("parts: expected at least one part, got none.")
-    check_number("alpha", alpha)
-    if not 0 < alpha < 1:
-        raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
-    check_count("top", top, 1)
-    check_count("seed", seed, 0)
-    if priors is not None:
-        check_kind("priors", priors, Priors, "What is known of the pose is Priors(pose=...), from tanteo.matching.")
-    return found
 
 
 def identify_features(
@@ -133,23 +112,6 @@ def _worst(sensed: Sensed, mode: Mode, tolerance: float) -> str:
     return f"the readings of '{worst.sensed.label}' on {worst.model.name}"
 
 
-class Clock:
-    """Seconds by stage."""
-
-    def __init__(self) -> None:
-        self._start = self._last = time.perf_counter()
-        self._laps: dict[str, float] = {}
-
-    def lap(self, name: str) -> None:
-        """Close a stage."""
-        now = time.perf_counter()
-        self._laps[name], self._last = now - self._last, now
-
-    def laps(self) -> dict[str, float]:
-        """Seconds of every stage, and their total."""
-        return {**self._laps, "total": time.perf_counter() - self._start}
-
-
 def pairings_of(sensed: Sensed, mode: Mode, tolerance: float) -> list[Pairing]:
     """The mode's interpretation as pairings of sensed with model features."""
     out = []
@@ -216,10 +178,3 @@ def _rms(T_world_part: Transforms, pairings: Sequence[Pairing]) -> float:
         squared.append(np.sum(local[:, across] ** 2, axis=1))
     total = np.concatenate(squared)
     return float(np.sqrt(total.mean())) if len(total) else 0.0
-
-
-def with_elapsed(recognition: Recognition, **seconds: float) -> Recognition:
-    """The same answer with more stages in its clock (loading, measuring); the total grows by them."""
-    elapsed = {**seconds, **recognition.elapsed}
-    elapsed["total"] = recognition.elapsed.get("total", 0.0) + sum(seconds.values())
-    return replace(recognition, elapsed=elapsed)

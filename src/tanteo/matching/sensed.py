@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import Feature, collect_shared, feature_covariance
-from tanteo.fitting import Sides
 from tanteo.typing import BoolArray, FloatArray, Vectors
+
+if TYPE_CHECKING:
+    from tanteo.fitting import Sides
 
 KINDS_IN_TREE = ("plane", "edge", "vertex")
 _AXIS = {"plane": 2, "edge": 0}

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from tanteo.localization.scaling import motions_about
 from tanteo.localization.solve import Block, Solution, gauss_newton, take
@@ -188,6 +187,8 @@ def _test(
     slack: float = 1.0,
 ) -> tuple[IntArray, Solution]:
     """Iterate, and keep what passes the joint test with ``slack`` times its gate."""
+    from scipy.special import chdtri  # slow to import
+
     n_shared = sensed.gains[0].shape[1] if sensed.gains else 0
     free, n_free = free_projector(sensed, model, choices, model.radius)
     to_units, to_middle = np.linalg.inv(pose_scale(model.radius, model.middle)), motions_about(-model.middle)

@@ -12,7 +12,6 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tanteo.features import Feature
 from tanteo.lie import SE3, SO3
@@ -24,6 +23,7 @@ from tanteo.matching.evidence import (
     clutter_densities,
     direction_densities,
     log_evidence,
+    log_sum,
     perfect_evidence,
 )
 from tanteo.matching.freedom import NOTHING
@@ -138,7 +138,7 @@ def _with_clutter(
 ) -> float:
     """Add where the features are, and let those that run along no axis ``(F, n)`` be no part of it at all."""
     masks, index = np.unique(strays, axis=0, return_inverse=True)
-    by_mask = np.array([logsumexp(weights[index.ravel() == k]) for k in range(len(masks))])
+    by_mask = np.array([log_sum(weights[index.ravel() == k]) for k in range(len(masks))])
     masks = masks[by_mask > by_mask.max() - 2 * SMALL]
     by_mask = by_mask[by_mask > by_mask.max() - 2 * SMALL]
     n = len(sensed)
@@ -148,7 +148,7 @@ def _with_clutter(
     lost = np.log(priors.clutter) - np.log1p(-priors.clutter) + clutter_densities(sensed, priors.radius) - directions
     given = subsets @ lost + _log_places(sensed, models, priors, ~subsets) + n * np.log1p(-priors.clutter)
     allowed = (subsets[:, None] <= masks).all(axis=2)
-    return float(logsumexp(np.where(allowed, given[:, None] + by_mask, -np.inf)))
+    return float(log_sum(np.where(allowed, given[:, None] + by_mask, -np.inf)))
 
 
 def _log_places(sensed: Sensed, models: Sequence[PartModel], priors: Priors, kept: BoolArray) -> FloatArray:
@@ -178,4 +178,4 @@ def _log_places(sensed: Sensed, models: Sequence[PartModel], priors: Priors, kep
     centre = scaled_solve(total_W, total_Wy)
     out = kept @ log - 0.5 * (kept @ yWy - np.sum(total_Wy * centre, axis=-1))
     out -= (0.5 * np.log(np.maximum(values / least, 1.0)) + _COMPACT * (values > least)).sum(axis=-1)
-    return np.asarray(logsumexp(out, axis=1) - np.log(m))
+    return np.asarray(log_sum(out, axis=1) - np.log(m))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from tanteo.lie import SE3, SO3
 from tanteo.matching.prior import PosePrior
@@ -42,6 +41,8 @@ def log_place_of_unknown(
 
 def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     """Log probability that a unit normal draw is between two numbers ``(*batch)``; far out, too."""
+    from scipy.special import log_ndtr  # slow to import, and needed with a box only
+
     upper = low > 0
     near, far = np.where(upper, -low, high), np.where(upper, -high, low)
     top = log_ndtr(near)

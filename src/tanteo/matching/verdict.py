@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.fitting import SUSPECT
+from tanteo.limits import SUSPECT
 from tanteo.matching.results import Hypothesis, Status
 
 CONFIDENCE = 0.95

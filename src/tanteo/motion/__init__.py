@@ -5,15 +5,20 @@ of all that was sensed. Before every command :class:`Steering` slows it so that 
 than the clearance, and no part of the hand to the bounds of its workspace. This room knows no estimator.
 """
 
-from tanteo.motion.approaching import approach, retreat
-from tanteo.motion.bending import Bend, how_far
-from tanteo.motion.control import Loop
-from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
-from tanteo.motion.following import follow, settle, settled
-from tanteo.motion.looking import look, looked
-from tanteo.motion.result import Ending, Motion
-from tanteo.motion.steering import Rules, Steering
-from tanteo.motion.travelling import go_to
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.motion.approaching import approach, retreat
+    from tanteo.motion.bending import Bend, how_far
+    from tanteo.motion.control import Loop
+    from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
+    from tanteo.motion.following import follow, settle, settled
+    from tanteo.motion.looking import look, looked
+    from tanteo.motion.result import Ending, Motion
+    from tanteo.motion.steering import Rules, Steering
+    from tanteo.motion.travelling import go_to
 
 __all__ = [
     "Bend",
@@ -35,3 +40,18 @@ __all__ = [
     "settle",
     "settled",
 ]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "approaching": "approach retreat",
+        "bending": "Bend how_far",
+        "control": "Loop",
+        "crossing": "Crossing EdgeEvent cross_edge",
+        "following": "follow settle settled",
+        "looking": "look looked",
+        "result": "Ending Motion",
+        "steering": "Rules Steering",
+        "travelling": "go_to",
+    },
+)

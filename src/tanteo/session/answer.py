@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 from tanteo.active import Belief, Stop, worst_corner
 from tanteo.active.places import places_of
 from tanteo.errors import InputError
-from tanteo.fitting import SUSPECT
+from tanteo.limits import SUSPECT
 from tanteo.matching import Hypothesis, PosePrior, Recognition
 from tanteo.matching.prior import prior_residuals
 from tanteo.matching.results import Status

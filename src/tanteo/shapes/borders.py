@@ -9,10 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import igl
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from tanteo.shapes.junctions import SHARP, Junctions, at_corner, at_edges
 from tanteo.shapes.surface import Surface
@@ -105,6 +102,8 @@ def borders(surface: Surface) -> Borders:
 
 def _searchable(vertices: FloatArray, edges: IntArray) -> tuple[Any, FloatArray, float, FloatArray]:
     """A tree of the edges, and the distance from them on a grid: its origin, its step and its values."""
+    import igl  # slow to import
+
     tree = igl.AABB()
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     step = float((high - low).max()) / _CELLS
@@ -135,6 +134,9 @@ def _sharp_edges(surface: Surface) -> tuple[IntArray, IntArray]:
 
 def _smooth_faces(surface: Surface, sharp: IntArray) -> IntArray:
     """Number of the smooth face that each triangle belongs to ``(T,)``: across shared edges that are not sharp."""
+    from scipy.sparse import coo_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
     T, V = surface.triangles, len(surface.vertices)
     ends = np.sort(T[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     keys, owner = ends[:, 0] * V + ends[:, 1], np.repeat(np.arange(len(T)), 3)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 
 from tanteo.shapes.field import DistanceField, as_signed
@@ -132,6 +131,8 @@ def _distances(surface: Surface, triangles: IntArray, points: Vectors) -> FloatA
     """From points to some of the triangles; infinite if there are none."""
     if not len(triangles) or not len(points):
         return np.full(len(points), np.inf)
+    import igl  # slow to import
+
     tree = igl.AABB()
     triangles = np.ascontiguousarray(triangles)
     tree.init(surface.vertices, triangles)

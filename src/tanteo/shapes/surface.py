@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import igl
 import numpy as np
 import numpy.typing as npt
 
@@ -62,6 +61,8 @@ class Surface:
     _pseudonormals: list[Pseudonormals | None] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        import igl  # slow to import
+
         vertices, triangles = checked_mesh(self.vertices, self.triangles)
         a, b, c = (vertices[triangles[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
@@ -130,6 +131,8 @@ class Surface:
         queries, batch = checked_points("points", points)
         if not len(queries):
             return np.zeros(batch, dtype=np.bool_)
+        import igl
+
         winding = igl.fast_winding_number(self.vertices, self.triangles, queries)
         return np.asarray(winding > 0.5, dtype=np.bool_).reshape(batch)
 

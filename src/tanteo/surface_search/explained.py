@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-from tanteo.fitting import SUSPECT
+from tanteo.limits import SUSPECT
 from tanteo.localization import pose_information
 from tanteo.matching.evidence import log_sum
 from tanteo.matching.verdict import CONFIDENCE

@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.features import SharedError
 from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
-from tanteo.matching.recognition import Clock, check_question
+from tanteo.matching.question import Clock, check_question
 from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import verdict
 from tanteo.parts import Part

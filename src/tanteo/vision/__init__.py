@@ -5,21 +5,26 @@ image to image; ``image_edge`` and ``image_corner`` make what a camera sees of a
 ``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
 """
 
-from tanteo.vision.camera import Camera, on_plane, project, rays, without_distortion
-from tanteo.vision.descriptors import Descriptors, describe
-from tanteo.vision.edge_map import EdgeMap, map_edges
-from tanteo.vision.edges import EdgePoints, find_edges
-from tanteo.vision.features import image_corner, image_edge
-from tanteo.vision.models import VisionModel, prepare_vision
-from tanteo.vision.outlines import like_outline
-from tanteo.vision.picture import draw_sight
-from tanteo.vision.question import Question
-from tanteo.vision.regions import Region, find_regions
-from tanteo.vision.resting import Rest, rests
-from tanteo.vision.segments import Corners, Segments, find_corners, find_segments
-from tanteo.vision.sight import Sight, Sighting, see_table
-from tanteo.vision.solid import follow, see_anywhere
-from tanteo.vision.table import CameraPose, TableErrors, fit_camera
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.vision.camera import Camera, on_plane, project, rays, without_distortion
+    from tanteo.vision.descriptors import Descriptors, describe
+    from tanteo.vision.edge_map import EdgeMap, map_edges
+    from tanteo.vision.edges import EdgePoints, find_edges
+    from tanteo.vision.features import image_corner, image_edge
+    from tanteo.vision.models import VisionModel, prepare_vision
+    from tanteo.vision.outlines import like_outline
+    from tanteo.vision.picture import draw_sight
+    from tanteo.vision.question import Question
+    from tanteo.vision.regions import Region, find_regions
+    from tanteo.vision.resting import Rest, rests
+    from tanteo.vision.segments import Corners, Segments, find_corners, find_segments
+    from tanteo.vision.sight import Sight, Sighting, see_table
+    from tanteo.vision.solid import follow, see_anywhere
+    from tanteo.vision.table import CameraPose, TableErrors, fit_camera
 
 __all__ = [
     "Camera",
@@ -57,3 +62,24 @@ __all__ = [
     "see_table",
     "without_distortion",
 ]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "camera": "Camera on_plane project rays without_distortion",
+        "descriptors": "Descriptors describe",
+        "edge_map": "EdgeMap map_edges",
+        "edges": "EdgePoints find_edges",
+        "features": "image_corner image_edge",
+        "models": "VisionModel prepare_vision",
+        "outlines": "like_outline",
+        "picture": "draw_sight",
+        "question": "Question",
+        "regions": "Region find_regions",
+        "resting": "Rest rests",
+        "segments": "Corners Segments find_corners find_segments",
+        "sight": "Sight Sighting see_table",
+        "solid": "follow see_anywhere",
+        "table": "CameraPose TableErrors fit_camera",
+    },
+)

@@ -1,0 +1,56 @@
+"""What a question must be, and how long its answer took."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from tanteo.errors import InputError, check_kind
+from tanteo.limits import check_count, check_number
+from tanteo.matching.evidence import Priors
+from tanteo.matching.results import Recognition
+from tanteo.parts.several import as_parts
+
+
+def check_question(parts: Any, alpha: float, top: int, seed: int, priors: Priors | None) -> tuple[Any, ...]:
+    """The parts as a tuple; arguments that cannot be meant are refused.
+
+    Raises:
+        InputError: no part or something else in its place, ``alpha`` outside (0, 1), no ``top``, no seed, no priors.
+    """
+    found = as_parts("parts", parts)
+    if not found:
+        raise InputError("parts: expected at least one part, got none.")
+    check_number("alpha", alpha)
+    if not 0 < alpha < 1:
+        raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
+    check_count("top", top, 1)
+    check_count("seed", seed, 0)
+    if priors is not None:
+        check_kind("priors", priors, Priors, "What is known of the pose is Priors(pose=...), from tanteo.matching.")
+    return found
+
+
+def with_elapsed(recognition: Recognition, **seconds: float) -> Recognition:
+    """The same answer with more stages in its clock (loading, measuring); the total grows by them."""
+    elapsed = {**seconds, **recognition.elapsed}
+    elapsed["total"] = recognition.elapsed.get("total", 0.0) + sum(seconds.values())
+    return replace(recognition, elapsed=elapsed)
+
+
+class Clock:
+    """Seconds by stage."""
+
+    def __init__(self) -> None:
+        self._start = self._last = time.perf_counter()
+        self._laps: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        """Close a stage."""
+        now = time.perf_counter()
+        self._laps[name], self._last = now - self._last, now
+
+    def laps(self) -> dict[str, float]:
+        """Seconds of every stage, and their total."""
+        return {**self._laps, "total": time.perf_counter() - self._start}

@@ -1,0 +1,39 @@
+"""Special functions that stand for SciPy's where importing it takes longer than the answer."""
+
+import numpy as np
+import pytest
+from scipy import special as scipy_special
+
+from tanteo.special import binomial_cdf, chi2_survival, jacobi_nodes, laguerre_nodes, legendre_nodes
+
+
+@pytest.mark.parametrize("dof", [1, 2, 3, 6, 11, 50, 401])
+def test_chi2_is_scipys(dof):
+    for x in (0.0, 1e-8, 0.3, 2.0, 30.0, 400.0, 1e5):
+        np.testing.assert_allclose(chi2_survival(x, dof), scipy_special.chdtrc(dof, x), rtol=1e-11, atol=1e-300)
+    assert chi2_survival(np.inf, dof) == 0.0
+    assert np.isnan(chi2_survival(np.nan, dof))
+
+
+def test_binomial_is_scipys():
+    p = np.array([0.0, 1e-6, 0.1, 0.7, 1.0])
+    for k, n in ((0, 3), (2, 3), (3, 3), (5, 40), (39, 40)):
+        np.testing.assert_allclose(binomial_cdf(k, n, p), scipy_special.bdtr(k, n, p), rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 12, 30])
+@pytest.mark.parametrize("mean", [1e-3, 0.05, 0.5, 0.9])
+def test_jacobi_nodes_are_scipys(count, mean):
+    a, b = 0.5 / mean - 1.5, -0.5
+    x, w = scipy_special.roots_jacobi(count, a, b)
+    nodes, weights = jacobi_nodes(count, a, b)
+    np.testing.assert_allclose(nodes, x, atol=1e-13)
+    np.testing.assert_allclose(weights, w / w.sum(), atol=1e-11)
+
+
+def test_laguerre_and_legendre_nodes_are_scipys():
+    x, w = scipy_special.roots_genlaguerre(9, -0.5)
+    np.testing.assert_allclose(laguerre_nodes(9, -0.5), (x, w / w.sum()), atol=1e-12)
+    np.testing.assert_allclose(
+        legendre_nodes(12), (scipy_special.roots_legendre(12)[0], scipy_special.roots_legendre(12)[1] / 2), atol=1e-13
+    )
