@@ -103,7 +103,7 @@ class Climber:
         shape, end = self.prepared.shape, float(self.scales.settle[-1])
         Ts, costs = _core.settle(shape, self.core, self.rows, self.scales.settle, np.ascontiguousarray(Ts))
         order = np.argsort(costs, kind="stable")
-        near = np.r_[np.full(3, (2 * end) ** -2.0), np.full(3, (2 * end / (0.25 * shape.diagonal)) ** -2.0)]
+        near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])
         near = np.ascontiguousarray(np.broadcast_to(np.diag(near), (len(Ts), 6, 6)))
         kept, who = _core.distinct(Ts, near, 1.0, keep, shape.centre)
@@ -158,21 +158,38 @@ class Climber:
         peaks = self._folded(peaks)
         information = np.ascontiguousarray(self.of_pose(peaks.information))
         kept, who = _core.distinct(peaks.Ts, information, SAME, count, self.prepared.shape.centre)
-        return replace(peaks.take(kept), groups=_united(peaks.groups, who, len(kept)))
+        peaks = replace(peaks.take(kept), groups=_united(peaks.groups, who, len(kept)))
+        return self._without_images(peaks)
 
     def _folded(self, peaks: Peaks) -> Peaks:
-        """Poses folded onto each other, the first as it is or near what is known of it."""
+        """Poses as the symmetric images nearest to the first, or to what is known of the pose."""
         symmetry = self.prepared.part.symmetry
         if symmetry.order == 1 and not is_held(self.prepared, named=self.named):
             return replace(peaks, Ts=np.ascontiguousarray(peaks.Ts))
         known = self.problem.mixture(self.prepared)
-        out = peaks.Ts[:0] if known is None else known.Ts[:1]
-        for T in peaks.Ts:
-            out = np.concatenate([out, folded(self.prepared, T[None], out, named=self.named) if len(out) else T[None]])
-        Ts = np.ascontiguousarray(out[len(out) - len(peaks) :])
+        reference = peaks.Ts[:1] if known is None else known.Ts[:1]
+        Ts = folded(self.prepared, peaks.Ts, reference, named=self.named)
         # the axes of the tangent have turned with the pose
         information = _core.slopes(self.prepared.shape, self.core, Ts, np.ascontiguousarray(peaks.zs))[2]
         return replace(peaks, Ts=Ts, information=information)
+
+    def _without_images(self, peaks: Peaks) -> Peaks:
+        """Maxima without those of which a symmetric image is near a better one: folding does not see them at its rim."""
+        turns = self.prepared.part.symmetry.Ts[1:]
+        if not len(turns) or len(peaks) < 2:
+            return peaks
+        images = np.ascontiguousarray((peaks.Ts[:, None] @ turns).reshape(-1, 4, 4))
+        information, alone = self.of_pose(peaks.information), np.ones(len(peaks), dtype=bool)
+        groups = np.array(peaks.groups)
+        for k in range(len(peaks) - 1):
+            if not alone[k]:
+                continue
+            x = _core.offsets(peaks.Ts[k], images[(k + 1) * len(turns) :], self.prepared.shape.centre)
+            same = (np.sum((x @ information[k]) * x, axis=1).reshape(-1, len(turns)) < SAME).any(axis=1)
+            rows = k + 1 + np.flatnonzero(same & alone[k + 1 :])
+            groups[k] |= np.bitwise_or.reduce(groups[rows], initial=0)
+            alone[rows] = False
+        return replace(peaks, groups=groups).take(np.flatnonzero(alone))
 
     def unlike(self, new: Peaks, known: Peaks) -> Peaks:
         """The new maxima that are none of those that are known."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.inference.details import details_at
 from tanteo.inference.near_variants import log_density_of_near_variant
+from tanteo.inference.outliers import log_density
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
@@ -26,13 +28,21 @@ NEGLIGIBLE = 12.0
 _FIRST, _MORE, _ROUNDS = 64, 200, 5
 """Samples of a mode at first, and in each later round while it has too few."""
 
-_ENOUGH = 150
-"""Effective samples of a mode that matters: its covariance is good to a tenth."""
+_LIKELY, _GLANCE, _RARE = 5.0, 12, 9.0
+"""Log evidence behind the total up to which a maximum gets all first samples; a few up to the last of these: the mass
+of a ridge can be a hundred times that of its curvature; the others are taken by their curvature."""
+
+_VARIANTS = 8
+"""Maxima of a part about which near variants of it are looked for."""
+
+_ENOUGH, _PER, _LEAST = 150, 600, 24
+"""Effective samples of a mode: its covariance is good to a tenth; fewer in proportion where it is less probable than a
+quarter, but enough for its mass to be good to a fifth."""
 
 _NORMAL = 0.1
 """Variance of the log of the posterior over the normal density of its curvature up to which one stands for the other."""
 
-_MATTERS, _MUCH = 1e-3, 0.02
+_MATTERS, _MUCH = 0.005, 0.05
 """Probability of a mode from which it is sampled until it has enough, and from which twice as fast."""
 
 _SHARED = 0.15
@@ -58,6 +68,7 @@ class Mode:
         Ts: samples ``(N, 4, 4)``; the maximum alone where the mode was too improbable to be sampled.
         weights: of them, summing to one ``(N,)``.
         ess: effective number of samples.
+        normal: whether the region is normal, as the curvature of its maximum has it.
     """
 
     climber: Climber
@@ -71,6 +82,7 @@ class Mode:
     Ts: Transforms
     weights: FloatArray
     ess: float
+    normal: bool
 
     @property
     def prepared(self) -> PreparedPart:
@@ -88,6 +100,9 @@ class Posterior:
         unknown: probability of the unknown object.
         log_evidence: of the measurements, whatever they are of.
         missing: share of the probability that the search met only once: about what it did not meet at all.
+        searches: what was found of each part.
+        log_priors: of these parts ``(P,)``.
+        log_anywhere: log evidence of an unknown object that is like no part, its prior included.
     """
 
     problem: Problem
@@ -95,6 +110,9 @@ class Posterior:
     unknown: float
     log_evidence: float
     missing: float
+    searches: tuple[PartSearch, ...] = field(repr=False)
+    log_priors: FloatArray
+    log_anywhere: float
 
 
 def infer(
@@ -112,52 +130,81 @@ def infer(
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem.points, centroid, problem.priors)
     searches = race(problem, parts, anywhere - prior, rng)
-    return weigh(problem, searches, prior, anywhere, rng)
+    return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng)
+
+
+def with_scale(posterior: Posterior, sd: float, rng: np.random.Generator) -> Posterior:
+    """The posterior if the noise is known to that (log) standard deviation only: from the maxima that were found.
+
+    Args:
+        posterior: with the noise as stated, of parts that are equally probable beforehand.
+        sd: of the log of the noise scale.
+        rng: of all draws.
+    """
+    problem, evidence = posterior.problem.with_scale(sd), np.array([s.log_evidence for s in posterior.searches])
+    near = np.flatnonzero(evidence > evidence.max(initial=-np.inf) - 2 * NEGLIGIBLE)
+    searches = [posterior.searches[k].asked(problem) for k in near]
+    return weigh(problem, searches, posterior.log_priors[near], posterior.log_anywhere, rng)
 
 
 def weigh(
-    problem: Problem, searches: Sequence[PartSearch], prior: float, anywhere: float, rng: np.random.Generator
+    problem: Problem, searches: Sequence[PartSearch], priors: FloatArray, anywhere: float, rng: np.random.Generator
 ) -> Posterior:
     """Sample the regions that matter and weigh them all.
 
     Args:
         problem: the question.
         searches: maxima of each part.
-        prior: log of the prior of one part.
+        priors: log of the prior of each part ``(P,)``.
         anywhere: log evidence of an unknown object that is like no part, its prior included.
         rng: of all draws.
     """
-    found = [s for s in searches if len(s.peaks)]
-    variants = np.array([_log_variant(problem, s) for s in found]) + prior - np.log1p(-problem.priors.unknown)
-    log_none = log_unknown(anywhere, variants, problem.priors)
-    total = float(log_sum([log_none, *(s.log_evidence + prior for s in found)]))
-    modes: list[Mode] = []
-    best = max((s.log_evidence for s in found), default=-np.inf)
-    samplers = []
-    for s in found:
-        if s.log_evidence + prior > total - NEGLIGIBLE or s.log_evidence == best:
-            samplers.append(_sampler(s, prior, max(total, best + prior), rng))
-    _sample(samplers, log_none)
+    found = [(s, float(prior)) for s, prior in zip(searches, priors, strict=True) if len(s.peaks)]
+    evidence = np.array([s.log_evidence + prior for s, prior in found])
+    total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)
+    samplers, variants = [], []
+    for (s, prior), own in zip(found, evidence, strict=True):
+        if own > total - NEGLIGIBLE or own == best:
+            samplers.append(_sampler(s, prior, max(total, best), rng))
+        elif own > total - 2 * NEGLIGIBLE:  # a variant of a part explains more than the part
+            variants.append(_log_variant(s.climber, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
+    _sample(samplers, anywhere)
+    modes = []
     for sampler in samplers:
-        modes += _modes_of(sampler)
+        own_modes = _modes_of(sampler)
+        modes += own_modes
+        masses = np.array([mode.log_mass for mode in own_modes])
+        variants.append(_log_variant(sampler.climber, _at_peaks(own_modes, sampler), masses))
+    given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
+    log_none = log_unknown(anywhere, given_unknown, problem.priors)
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
     modes.sort(key=lambda mode: -mode.log_mass)
-    modes = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
-    kept = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - NEGLIGIBLE]
-    return Posterior(problem, tuple(kept), float(np.exp(log_none - total)), total, missing(found))
+    modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - NEGLIGIBLE]
+    total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
+    kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
+    once, unknown = missing([s for s, _ in found]), float(np.exp(log_none - total))
+    once, unknown = missing([s for s, _ in found]), float(np.exp(log_none - total))
+    return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere)
 
 
-def _log_variant(problem: Problem, search: PartSearch) -> float:
-    """Log evidence of near variants of a part, about its maxima."""
-    peaks = search.peaks.take(np.arange(min(len(search.peaks), 8)))
-    at = details_at(search.climber, peaks.Ts, peaks.zs)
-    mean = problem.priors.clutter
-    variant = log_density_of_near_variant(at, search.climber.prepared.part, mean, problem.points.places)
-    from tanteo.inference.outliers import log_density
+def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:
+    """The maxima of modes, for what is asked of the measurements there."""
+    peaks = Peaks.none(sampler.climber.problem.states)
+    if not modes:
+        return peaks
+    return replace(peaks, Ts=np.stack([m.T_peak for m in modes]), zs=np.stack([m.z for m in modes]))
 
+
+def _log_variant(climber: Climber, peaks: Peaks, log_masses: FloatArray) -> float:
+    """Log evidence of near variants of a part, about its maxima of those masses ``(M,)``, the likeliest of them."""
+    if not len(log_masses):
+        return -np.inf
+    rows = np.argsort(-log_masses, kind="stable")[:_VARIANTS]
+    at = details_at(climber, peaks.Ts[rows], peaks.zs[rows])
+    points, mean = climber.problem.points, climber.problem.priors.clutter
+    variant = log_density_of_near_variant(at, climber.prepared.part, mean, points.places)
     own = log_density(at.log_hit, np.array(at.log_outlier), mean)
-    rest = search.log_evidence - float(log_sum(search.peaks.evidence))
-    return float(log_sum(peaks.evidence + variant - own)) + rest
+    return float(log_sum(log_masses[rows] + variant - own))
 
 
 def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:
@@ -170,7 +217,8 @@ def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Gene
 
 def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Rounds of sampling, until every mode that matters has enough."""
-    wants = [np.full(len(s.peaks), _FIRST) for s in samplers]
+    total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
+    wants = [_first(s.peaks.evidence + s.log_constant - total) for s in samplers]
     for k in range(_ROUNDS):
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.draw(want)
@@ -183,9 +231,16 @@ def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
             break
 
 
+def _first(log_p: FloatArray) -> IntArray:
+    """Samples to draw at first of each maximum, by its probability from its curvature; the best always has some."""
+    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -_LIKELY else log_p
+    return np.where(log_p > -_LIKELY, _FIRST, np.where(log_p > -_RARE, _GLANCE, 0))
+
+
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     """Samples to draw next of each maximum, components adapted; new maxima are added where samples show them."""
-    p, few = np.exp(log_p), (ess < _ENOUGH) & ~(sampler.unlike_normal() < _NORMAL)
+    p = np.exp(log_p)
+    few = (ess < np.clip(_PER * p, _LEAST, _ENOUGH)) & ~(sampler.unlike_normal() < _NORMAL)
     want = np.where(few & (p > _MATTERS), _MORE, 0) + np.where(few & (p > _MUCH), _MORE, 0)
     if not want.any():
         return want
@@ -212,24 +267,35 @@ def _masses(sampler: Sampler) -> tuple[FloatArray, FloatArray]:
 def _modes_of(sampler: Sampler) -> list[Mode]:
     """Regions of one part: maxima that share samples, or lie in each other's region, are one."""
     mass, _ = _masses(sampler)
-    if not np.isfinite(mass).any():
+    sampled = np.isfinite(mass)
+    if not sampled.any():
         return []
     W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
     sums = W.sum(axis=0)
     common = W.T @ sampler.shares
-    together = common > _SHARED * np.minimum(sums[:, None], sums)
-    centre = sampler.climber.prepared.shape.centre
-    for k in range(len(sums)):
-        x = _offsets(sampler.peaks.Ts[k], sampler.peaks.Ts, centre) - sampler.means[k]
-        q = np.einsum("ni,ij,nj->n", x, np.linalg.inv(sampler.covariances[k]), x)
-        together[k] |= q < _VALLEY
-    return [_mode(sampler, rows, W) for rows in _groups(together) if sums[rows].sum() > 0]
+    together = (common > _SHARED * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    inside = _inside(sampler)
+    together |= inside & sampled & sampled[:, None]
+    out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
+    apart = ~sampled & ~inside[sampled].any(axis=0)  # what lies in a sampled region is of its samples
+    return out + [_by_curvature(sampler, k) for k in np.flatnonzero(apart)]
 
 
-def _offsets(T: Transforms, Ts: Transforms, centre: Vectors) -> FloatArray:
-    from tanteo import _core
+def _inside(sampler: Sampler) -> np.ndarray:
+    """Whether the region of one maximum reaches to another ``(m, m)``."""
+    centre, peaks = sampler.climber.prepared.shape.centre, sampler.peaks
+    x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
+    inverse = np.linalg.inv(sampler.covariances)
+    return np.asarray(np.sum((x @ inverse) * x, axis=-1) < _VALLEY)
 
-    return _core.offsets(np.ascontiguousarray(T), np.ascontiguousarray(Ts), centre)
+
+def _by_curvature(sampler: Sampler, k: int) -> Mode:
+    """A region too improbable to be sampled, as the curvature of its maximum has it."""
+    climber, peaks, T = sampler.climber, sampler.peaks, sampler.peaks.Ts[k]
+    covariance = from_centre(climber, np.linalg.inv(climber.of_pose(peaks.information[k])))
+    information = to_origin(climber, peaks.information[k])
+    log_mass = float(peaks.evidence[k]) + sampler.log_constant
+    return Mode(climber, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
 
 
 def _groups(together: np.ndarray) -> list[IntArray]:
@@ -258,12 +324,16 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     if len(rows) == 1:
         T = T_peak @ SE3.exp(mean)
         xi = SE3.log(SE3.inverse(T) @ Ts)
-    covariance = (w[:, None] * xi).T @ xi
-    if len(rows) == 1 and sampler.unlike_normal()[best] < _NORMAL:
-        T, covariance = T_peak, from_centre(climber, np.linalg.inv(climber.of_pose(peaks.information[best])))
+    curved = from_centre(climber, np.linalg.inv(climber.of_pose(peaks.information[best])))
+    normal = len(rows) == 1 and bool(sampler.unlike_normal()[best] < _NORMAL)
+    ess = float(1 / np.sum(w * w))
+    trust = 0.0 if normal else ess / (ess + 6)  # of few samples that many directions are not seen
+    covariance = trust * (w[:, None] * xi).T @ xi + (1 - trust) * curved
+    T = T_peak if normal else T
+    log_mass = float(peaks.evidence[best]) + sampler.log_constant if normal else log_mass  # it has no noise
     return Mode(
         climber, T, covariance, T_peak, peaks.zs[best], to_origin(climber, peaks.information[best]),
-        log_mass, 0.0, Ts, w, float(1 / np.sum(w * w)),
+        log_mass, 0.0, Ts, w, ess, normal,
     )  # fmt: skip
 
 

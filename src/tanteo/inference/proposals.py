@@ -34,10 +34,10 @@ class Effort:
         climb: that are climbed.
     """
 
-    pairs: int = 6
+    pairs: int = 12
     per_pair: int = 40
-    keep: int = 20
-    climb: int = 20
+    keep: int = 40
+    climb: int = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +58,8 @@ class Scales:
 def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     """The lengths of a search."""
     points = problem.points
+    if not len(points):  # free-space rays alone: nothing settles
+        return Scales(prepared.spacing, np.array([prepared.spacing]), np.zeros(0))
     sd = float(np.median(points.sd))
     shared = float(np.sqrt(np.mean(np.sum(points.gains**2, axis=(1, 2))))) if points.gains.size else 0.0
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)

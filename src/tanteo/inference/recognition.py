@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.features import SharedError
 from tanteo.inference.diagnostics import face_elsewhere, left_out, mostly_on, not_on_it, scattered
-from tanteo.inference.posterior import Posterior, infer
+from tanteo.inference.posterior import Posterior, infer, with_scale
 from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior, explains
 from tanteo.inference.problem import Problem
@@ -106,7 +106,7 @@ def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Poste
     centroid = np.mean([part.part.centroid for part in parts], axis=0)
     posterior = infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
     if posterior.modes and not _as_stated(posterior):
-        scaled = infer(problem.with_scale(_SCALE_SD), fitting, len(parts), centroid, np.random.default_rng(seed))
+        scaled = with_scale(posterior, _SCALE_SD, np.random.default_rng(seed))
         if scaled.log_evidence + np.log(_SCALE_PRIOR) > posterior.log_evidence + np.log1p(-_SCALE_PRIOR):
             return scaled
     return posterior

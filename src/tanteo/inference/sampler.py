@@ -15,7 +15,7 @@ from tanteo import _core
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.symmetry import is_held, log_gauge
 from tanteo.matching.prior import in_box
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
 FREEDOM = 4.0
 """Degrees of freedom of the Student-t components: tails heavy enough for weights to stay bounded."""
@@ -28,6 +28,10 @@ _CLIP = 15
 
 _TOLD = 24
 """Effective samples that tell whether a region looks normal."""
+
+_WORTH, _STEEP, _HALVINGS = 32, 2.0, 7
+"""Samples from which a component is fitted; how far the log density may fall within its width, and how often that is
+halved: a normal density falls by half of its square there."""
 
 _STRANGE, _LOOKED_AT = 0.1, 4
 """Share of all weights at which a sample is climbed from; so many of them at a time."""
@@ -58,6 +62,7 @@ class Sampler:
     _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
     _slopes: FloatArray = field(init=False)
     _unlike: FloatArray | None = field(init=False, default=None)
+    _fitted: BoolArray = field(init=False)
     _images: Transforms = field(init=False)
 
     def __post_init__(self) -> None:
@@ -68,6 +73,7 @@ class Sampler:
         self.covariances, self._slopes = self._about(peaks)
         turns = self.climber.prepared.part.symmetry.Ts
         self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
+        self._fitted = np.zeros(len(peaks), dtype=bool)
 
     def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
         """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""
@@ -85,6 +91,7 @@ class Sampler:
         self.means = np.concatenate([self.means, np.zeros((len(peaks), 6))])
         self._slopes = np.concatenate([self._slopes, slopes])
         self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
+        self._fitted = np.concatenate([self._fitted, np.zeros(len(peaks), dtype=bool)])
 
     def strange(self) -> Transforms:
         """Samples that weigh as much as a maximum of their own would: where the mixture has no component yet."""
@@ -97,6 +104,7 @@ class Sampler:
         on = np.flatnonzero(counts)
         if not len(on):
             return
+        self._fit_widths(on[~self._fitted[on] & (counts[on] >= _WORTH)])
         centre = self.climber.prepared.shape.centre
         owners = np.repeat(on, counts[on])
         L = np.linalg.cholesky(self.covariances[on])
@@ -112,6 +120,29 @@ class Sampler:
         self.log_target = np.concatenate([self.log_target, log])
         self._weigh()
         self._unlike = None
+
+    def _fit_widths(self, which: IntArray) -> None:
+        """Narrow first components where the density falls faster than its curvature says: where a face ends."""
+        self._fitted[which] = True
+        if not len(which):
+            return
+        size = np.r_[np.ones(3), np.full(3, 4 / self.climber.prepared.part.diagonal)]  # turns as shifts of the rim
+        values, vectors = np.linalg.eigh(self.covariances[which] / (size[:, None] * size))
+        widths, axes = np.sqrt(values.clip(0)), np.swapaxes(vectors, 1, 2) * size
+        top = self._target(self.peaks.Ts[which], self.peaks.zs[which])[0]
+        owners = np.repeat(which, 12)
+        for _ in range(_HALVINGS):
+            x = (widths[..., None] * axes)[:, :, None] * np.array([1.0, -1.0])[:, None]
+            x = np.ascontiguousarray(x.reshape(-1, 6))
+            Ts = _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.climber.prepared.shape.centre)
+            zs = self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x)
+            fall = top[:, None] - self._target(Ts, zs)[0].reshape(-1, 6, 2).max(axis=-1)
+            steep = fall > _STEEP
+            widths = np.where(steep, 0.5 * widths, widths)
+            if not steep.any():
+                break
+        scaled = widths[..., None] * axes
+        self.covariances[which] = np.swapaxes(scaled, 1, 2) @ scaled
 
     def _target(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log of prior times likelihood over shifts and turns, and the other states there."""

@@ -7,7 +7,7 @@ kind was not found. The probability that was found only once estimates what is s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ _MISSING = 0.02
 _ROUNDS, _HOPELESS_ROUNDS = 8, 4
 """Rounds at most; and where the unknown object explains the measurements better than all that was found."""
 
-_RACE = (Effort(6, 16, 8, 8), Effort(6, 40, 20, 16))
+_RACE = (Effort(6, 16, 8, 8), Effort(12, 40, 40, 40))
 """First rounds of many parts: a glance, then a look."""
 
 _BEHIND = (24.0, 12.0)
@@ -108,6 +108,14 @@ class PartSearch:
             return
         found = self.climber.look(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
         self.peaks = self.climber.merged(self.peaks, found, _MOST)
+
+    def asked(self, problem: Problem) -> PartSearch:
+        """The same maxima where another problem has them: with more states, or other priors."""
+        climber = replace(self.climber, problem=problem, core=problem.compiled(self.climber.prepared))
+        more = problem.states - self.peaks.zs.shape[1]
+        zs = np.pad(self.peaks.zs, ((0, 0), (0, more)), constant_values=1.0)
+        peaks = climber.climb(self.peaks.Ts, zs, self.peaks.groups, fine=True)
+        return replace(self, climber=climber, peaks=peaks)
 
     def doubtful(self) -> bool:
         """Whether the best maximum calls one of few points an outlier, which may have hidden a better one."""
