@@ -43,8 +43,8 @@ def jacobi_nodes(count: int, a: float, b: float) -> tuple[FloatArray, FloatArray
 def laguerre_nodes(count: int, a: float) -> tuple[FloatArray, FloatArray]:
     """Gauss's nodes on (0, inf) for the weight ``x^a e^-x``, and their weights, which sum to one."""
     k = np.arange(1.0, count)
-    diagonal = 2.0 * np.arange(count) + (a + 1)
-    return _nodes(diagonal, np.asarray(np.sqrt(k * (k + a))))
+    diagonal = 2 * np.arange(0.0, count) + (a + 1)
+    return _nodes(diagonal, np.sqrt(k * (k + a)))
 
 
 def legendre_nodes(count: int) -> tuple[FloatArray, FloatArray]:

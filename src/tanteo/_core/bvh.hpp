@@ -5,6 +5,7 @@
 #include <numeric>
 #include <vector>
 
+#include "array.hpp"
 #include "vec.hpp"
 
 namespace tanteo {
@@ -33,11 +34,23 @@ struct Box {
 
 class Bvh {
   public:
+    struct Node {
+        Box box;
+        int first = 0, count = 0;  // of a leaf its items, else the first of two nodes side by side
+    };
+    Array<Node> nodes;
+    Array<int> items;
+
     void build(const std::vector<Box>& boxes) {
-        items.resize(boxes.size());
-        std::iota(items.begin(), items.end(), 0);
-        nodes.clear();
-        if (!boxes.empty()) split(boxes, 0, static_cast<int>(boxes.size()));
+        std::vector<Node> made;
+        std::vector<int> order(boxes.size());
+        std::iota(order.begin(), order.end(), 0);
+        if (!boxes.empty()) {
+            made.emplace_back();
+            fill(boxes, made, order, 0, 0, static_cast<int>(boxes.size()), 0);
+        }
+        nodes = std::move(made);
+        items = std::move(order);
     }
 
     // visit(item) for all items whose box is within a distance of a point
@@ -113,29 +126,19 @@ class Bvh {
     }
 
   private:
-    struct Node {
-        Box box;
-        int first = 0, count = 0;  // of a leaf its items, else the first of two nodes side by side
-    };
-    std::vector<Node> nodes;
-    std::vector<int> items;
     static constexpr int LEAF = 4;
 
-    void split(const std::vector<Box>& boxes, int begin, int end) {
-        nodes.emplace_back();
-        fill(boxes, 0, begin, end, 0);
-    }
-
-    void fill(const std::vector<Box>& boxes, int at, int begin, int end, int depth) {
+    static void fill(const std::vector<Box>& boxes, std::vector<Node>& made, std::vector<int>& order, int at, int begin,
+                     int end, int depth) {
         Box all, middles;
         for (int k = begin; k < end; ++k) {
-            all.add(boxes[items[k]]);
-            middles.add(0.5 * (boxes[items[k]].lo + boxes[items[k]].hi));
+            all.add(boxes[order[k]]);
+            middles.add(0.5 * (boxes[order[k]].lo + boxes[order[k]].hi));
         }
-        nodes[at].box = all;
+        made[at].box = all;
         if (end - begin <= LEAF || depth > 28) {  // the stacks hold 64: a median split is never so deep
-            nodes[at].first = begin;
-            nodes[at].count = end - begin;
+            made[at].first = begin;
+            made[at].count = end - begin;
             return;
         }
         int axis = 0;
@@ -143,16 +146,16 @@ class Bvh {
         for (int k = 1; k < 3; ++k)
             if (size[k] > size[axis]) axis = k;
         const int middle = (begin + end) / 2;
-        std::nth_element(items.begin() + begin, items.begin() + middle, items.begin() + end, [&](int a, int b) {
+        std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end, [&](int a, int b) {
             const double p = boxes[a].lo[axis] + boxes[a].hi[axis], q = boxes[b].lo[axis] + boxes[b].hi[axis];
             return p != q ? p < q : a < b;
         });
-        const int first = static_cast<int>(nodes.size());
-        nodes[at].first = first;
-        nodes.emplace_back();
-        nodes.emplace_back();
-        fill(boxes, first, begin, middle, depth + 1);
-        fill(boxes, first + 1, middle, end, depth + 1);
+        const int first = static_cast<int>(made.size());
+        made[at].first = first;
+        made.emplace_back();
+        made.emplace_back();
+        fill(boxes, made, order, first, begin, middle, depth + 1);
+        fill(boxes, made, order, first + 1, middle, end, depth + 1);
     }
 };
 

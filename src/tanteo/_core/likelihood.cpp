@@ -27,21 +27,22 @@ struct Share {
 };
 
 // How much of a normal density about (x, y) lies in a flat: the winding number, less what lies beyond the outline.
-Share share_of(const Flat& flat, double x, double y, const Whitening& W, bool with_slope) {
+Share share_of(const Shape& shape, const Flat& flat, double x, double y, const Whitening& W, bool with_slope) {
     Share share;
     const double reach = SEEN * W.widest;
     if (x < flat.lo[0] - reach || x > flat.hi[0] + reach || y < flat.lo[1] - reach || y > flat.hi[1] + reach)
         return share;
     double beyond = 0;
     int winding = 0;
-    const int n = static_cast<int>(flat.bins.size());
+    const int* starts = shape.bin_start.data() + flat.first_bin;
+    const OutlineEdge* outline = shape.outlines.data() + flat.first_edge;
     const auto bin = [&](double v) {
-        return static_cast<int>(std::clamp((v - flat.bin_lo) / flat.bin_step, 0.0, n - 1.0));
+        return static_cast<int>(std::clamp((v - flat.bin_lo) / flat.bin_step, 0.0, flat.bins - 1.0));
     };
     const int begin = bin(y - reach), end = bin(y + reach);
     for (int k = begin; k <= end; ++k)
-        for (const int which : flat.bins[k]) {
-            const OutlineEdge& e = flat.outline[which];
+        for (int i = starts[k]; i < starts[k + 1]; ++i) {
+            const OutlineEdge& e = outline[shape.bin_edges[i]];
             if (k != std::max(e.first_bin, begin)) continue;  // seen in an earlier bin
             const double rx = e.x - x, ry = e.y - y, y1 = ry + e.dy * e.length;
             const double left = rx * e.dy - ry * e.dx;  // of the point from the edge, where it is inside
@@ -248,7 +249,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         }
         const Vec3 off = p - flat.origin;
         const double gap = plane.distance - point.radius;
-        Share share = share_of(flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
+        Share share = share_of(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
         if (inside_ball && share.value > 0.5) deepest = std::min(deepest, r + 3);
         hit.weight = weight * share.value;
         if (!(hit.weight >= nothing) || std::fabs(r) > REACH) return;

@@ -147,36 +147,41 @@ constexpr int MOST_FACES = 10'000'000;  // their areas are kept by number
 std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, Ints profile_rows, Doubles profiles,
                                   Doubles edges, Doubles corners, Doubles hull, Doubles centre, Doubles samples,
                                   Doubles sample_normals, int cells) {
-    const std::vector<Vec3> points = vectors(vertices, "vertices");
+    Solid solid;
+    solid.vertices = vectors(vertices, "vertices");
     const size_t count = faces.size();
-    const std::vector<int> corners_of = expect(triangles, "triangles", 3 * count, 0, int64_t(points.size()) - 1);
-    const std::vector<int> of_face = expect(faces, "faces", count, 0, MOST_FACES);
+    solid.triangles = expect(triangles, "triangles", 3 * count, 0, int64_t(solid.vertices.size()) - 1);
+    solid.faces = expect(faces, "faces", count, 0, MOST_FACES);
     const size_t known_profiles = expect(profiles, "profiles", {ANY, 11}), known_edges = expect(edges, "edges", {ANY, 6});
-    const std::vector<int> of_profile = expect(profile_rows, "profile_rows", count, -1, int64_t(known_profiles) - 1);
-    std::vector<Profile> known(known_profiles);
-    for (size_t k = 0; k < known.size(); ++k) {
+    solid.profile_rows = expect(profile_rows, "profile_rows", count, -1, int64_t(known_profiles) - 1);
+    for (size_t k = 0; k < known_profiles; ++k) {
         const double* p = profiles.data() + 11 * k;
-        known[k] = {load(p), load(p + 3), p[6], p[7], p[8], p[9], p[10]};
+        solid.profiles.push_back({load(p), load(p + 3), p[6], p[7], p[8], p[9], p[10]});
     }
-    std::vector<Segment> segments;
     for (size_t k = 0; k < known_edges; ++k) {
         const Vec3 a = load(edges.data() + 6 * k), b = load(edges.data() + 6 * k + 3);
-        segments.push_back({a, unit(b - a), norm(b - a)});
+        solid.edges.push_back({a, unit(b - a), norm(b - a)});
     }
-    std::vector<Vec3> known_corners = vectors(corners, "corners"), hulls = vectors(hull, "hull");
-    std::vector<Vec3> spread = vectors(samples, "samples"), directions = vectors(sample_normals, "sample_normals");
-    if (hulls.empty() || spread.empty() || spread.size() != directions.size())
+    solid.corners = vectors(corners, "corners");
+    solid.hull = vectors(hull, "hull");
+    solid.samples = vectors(samples, "samples");
+    solid.sample_normals = vectors(sample_normals, "sample_normals");
+    if (solid.hull.empty() || solid.samples.empty() || solid.samples.size() != solid.sample_normals.size())
         refuse("samples", "expected some, each with a normal, and a hull");
     expect(cells, "cells", 4, 256);
-    const Vec3 middle = vector(centre, "centre");
+    solid.centre = vector(centre, "centre");
     nb::gil_scoped_release release;
-    auto shape = std::make_unique<Shape>(points, corners_of, of_face, of_profile, std::move(known), std::move(segments),
-                                         std::move(known_corners), middle);
-    shape->hull = std::move(hulls);
-    shape->samples = std::move(spread);
-    shape->sample_normals = std::move(directions);
-    shape->build_grid(cells);
-    return shape;
+    return std::make_unique<Shape>(std::move(solid), cells);
+}
+
+std::unique_ptr<Shape> open_shape(nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> buffer) {
+    return std::make_unique<Shape>(buffer.data(), buffer.size());
+}
+
+Out rows_out(const Array<Vec3>& rows) {
+    std::vector<double> out(3 * rows.size());
+    for (size_t k = 0; k < rows.size(); ++k) store(rows[k], &out[3 * k]);
+    return array_of(std::move(out), {rows.size(), 3});
 }
 
 // Of the noise of a point: what is added to all directions keeps it from being singular.
@@ -563,12 +568,19 @@ NB_MODULE(native, m) {
         .def_prop_ro("area", [](const Shape& s) { return s.area; })
         .def_prop_ro("diagonal", [](const Shape& s) { return s.diagonal; })
         .def_prop_ro("flats", [](const Shape& s) { return s.flats.size(); })
+        .def_prop_ro("samples", [](const Shape& s) { return rows_out(s.samples); }, nb::rv_policy::automatic)
+        .def_prop_ro("normals", [](const Shape& s) { return rows_out(s.sample_normals); }, nb::rv_policy::automatic)
+        .def("bytes", [](const Shape& s) {
+            const std::vector<unsigned char> all = s.bytes();
+            return nb::bytes(all.data(), all.size());
+        })
         .def_prop_ro("centre", [](const Shape& s) {
             return array_of(std::vector<double>{s.centre.x, s.centre.y, s.centre.z}, {3});
         }, nb::rv_policy::automatic);
     nb::class_<Problem>(m, "Problem").def_prop_ro("size", &Problem::size);
     m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
           "corners"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
+    m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
     m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "normals"_a,
           "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "gains"_a, "scale_sd"_a, "rates"_a,
           "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a, "prior_means"_a, "prior_roots"_a,

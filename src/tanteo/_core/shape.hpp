@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "bvh.hpp"
+#include "array.hpp"
 #include "vec.hpp"
 
 namespace tanteo {
@@ -24,7 +25,7 @@ struct Profile {
 
 struct OutlineEdge {  // of a flat, in its plane; the inside is on the left
     double x, y, dx, dy, length;
-    int first_bin;
+    int first_bin, unused = 0;  // no padding: the bytes of a shape are the same every time
 };
 
 // Coplanar triangles of one face.
@@ -32,16 +33,16 @@ struct Flat {
     Vec3 normal, origin, u, v;
     double offset = 0, area = 0;
     double lo[2] = {1e300, 1e300}, hi[2] = {-1e300, -1e300};
+    double bin_lo = 0, bin_step = 1;  // of outline edges by y
     int face = 0, profile = -1;
-    std::vector<OutlineEdge> outline;
-    std::vector<std::vector<int>> bins;  // of edges by y
-    double bin_lo = 0, bin_step = 1;
+    int first_edge = 0, edges = 0;  // in Shape::outlines
+    int first_bin = 0, bins = 0;    // in Shape::bin_start, which has one more
 };
 
 struct ConvexEdge {  // between two flats: where a ball rolls over
     Vec3 a, direction, normal[2], inward[2];
     double length;
-    int face;
+    int face, unused = 0;
 };
 
 struct Segment {  // a straight sharp edge of the part
@@ -55,11 +56,30 @@ struct Closest {
     int triangle = -1;
 };
 
-class Shape {
+struct ShapeNumbers {
+    Vec3 centre;
+    double area = 0, edge_length = 0, diagonal = 0, sagitta = 0;
+    Vec3 grid_origin;
+    double grid_step = 1;
+    int grid_shape[3] = {0, 0, 0}, unused = 0;
+};
+
+// What a shape is made of. Triangles are rows of three vertices; their faces, and their profiles or -1.
+struct Solid {
+    std::vector<Vec3> vertices;
+    std::vector<int> triangles, faces, profile_rows;
+    std::vector<Profile> profiles;
+    std::vector<Segment> edges;
+    std::vector<Vec3> corners, hull, samples, sample_normals;
+    Vec3 centre;
+};
+
+class Shape : public ShapeNumbers {
   public:
-    // indices into vertices, faces by triangle, profiles by triangle (-1: none)
-    Shape(std::vector<Vec3> vertices, std::vector<int> triangles, std::vector<int> faces, std::vector<int> profile_rows,
-          std::vector<Profile> profiles, std::vector<Segment> edges, std::vector<Vec3> corners, const Vec3& centre);
+    Shape(Solid solid, int cells);
+    // from the bytes of another, which stay where they are as long as the shape
+    Shape(const unsigned char* bytes, size_t size);
+    std::vector<unsigned char> bytes() const;
 
     Closest closest(const Vec3& p) const;
     // first triangle that a ray meets: distance (infinite for none), triangle
@@ -76,20 +96,18 @@ class Shape {
         edge_tree.near(p, reach, visit);
     }
 
-    std::vector<Vec3> vertices;
-    std::vector<int> triangles, faces, flat_of;
-    std::vector<Vec3> normals;
-    std::vector<Profile> profiles;
-    std::vector<Flat> flats;
-    std::vector<ConvexEdge> convex_edges;
-    std::vector<Segment> edges;
-    std::vector<Vec3> corners, hull;
-    std::vector<double> face_area;
-    Vec3 centre;
-    double area = 0, edge_length = 0, diagonal = 0, sagitta = 0;
-
-    std::vector<Vec3> samples, sample_normals;  // of the surface, even by area
-    void build_grid(int cells);
+    Array<Vec3> vertices;
+    Array<int> triangles, faces, flat_of;
+    Array<Vec3> normals;
+    Array<Profile> profiles;
+    Array<Flat> flats;
+    Array<OutlineEdge> outlines;
+    Array<int> bin_start, bin_edges;  // edges of an outline, from its first, bin by bin
+    Array<ConvexEdge> convex_edges;
+    Array<Segment> edges;
+    Array<Vec3> corners, hull;
+    Array<double> face_area;
+    Array<Vec3> samples, sample_normals;  // of the surface, even by area
 
   private:
     struct Cell {
@@ -98,16 +116,18 @@ class Shape {
     };
     Cell cell_of(const Vec3& p) const;
     Closest closest(const Vec3& p, int guess) const;
-    Bvh triangle_tree, flat_tree, edge_tree;
-    Vec3 grid_origin;
-    double grid_step = 1;
-    int grid_shape[3] = {0, 0, 0};
-    std::vector<float> grid;
-    std::vector<int> grid_triangle;  // nearest to each node
+    template <class Self, class Visit>
+    static void each_array(Self& shape, Visit&& visit);
 
-    void make_flats(const std::vector<int>& profile_rows);
-    void make_outlines();
+    Bvh triangle_tree, flat_tree, edge_tree;
+    Array<float> grid;
+    Array<int> grid_triangle;  // nearest to each node
+
+    void make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& made);
+    void make_outlines(std::vector<Flat>& made);
+    void make_bins(std::vector<Flat>& made, std::vector<OutlineEdge>& lines);
     void make_convex_edges();
+    void make_grid(int cells);
 };
 
 double point_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c, Vec3& q);
