@@ -8,6 +8,7 @@ namespace {
 
 constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
 constexpr int FIRST_STEPS = 6;        // until climbs are compared
+constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double ROUGHLY = 0.1;       // a gain that ends a climb that is not the last
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
@@ -27,71 +28,90 @@ void shorten(double* step, int K, double turn, double shift) {
 
 }  // namespace
 
-double settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const std::vector<double>& scales,
-              Pose& pose) {
-    double cost = 0;
-    for (size_t k = 0; k <= scales.size(); ++k) {
-        const double scale = scales[std::min(k, scales.size() - 1)], per = 1 / scale;
-        double A[36] = {0}, b[6] = {0}, total = 0;
-        for (const int j : rows) {
-            const Point& point = problem.points[j];
-            if (point.kind != Kind::FACE) continue;
-            const Vec3 p = into_part(pose, point.at);
-            const Closest c = shape.closest(p);
-            const Vec3& n = shape.normals[c.triangle];
-            double far = std::sqrt(c.squared);
-            Vec3 g = far > 1e-7 * shape.diagonal ? (1 / far) * (p - c.point) : n;
-            if (dot(g, n) < 0) {
-                g = -g;
-                far = -far;
-            }
-            const int flat = shape.flat_of[c.triangle], profile = flat < 0 ? -1 : shape.flats[flat].profile;
-            if (profile >= 0 && dot(g, n) > 0.9) {
-                const Profile::At at = shape.profiles[profile].at(p, false);
-                if (dot(at.normal, n) > 0.9) {
-                    far = at.distance;
-                    g = at.normal;
-                }
-            }
-            const double r = (far - point.radius) * per;
-            const Vec3 y = p - shape.centre, turn = cross(g, y);
-            // the point moves by -v + y x w
-            double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
-            double w = 1 / (1 + 0.25 * r * r);
-            if (point.directed && dot(n, transposed_times(pose.R, point.direction)) > 0) {
-                total += 4;
-                continue;
-            }
-            total += w * r * r;
-            w *= w;
-            for (int i = 0; i < 6; ++i) {
-                b[i] -= w * row[i] * r;
-                for (int l = 0; l <= i; ++l) A[6 * i + l] += w * row[i] * row[l];
-            }
-            if (!point.oriented) continue;
-            const Vec3 m = transposed_times(pose.R, point.normal), tilt = cross(m, n);
-            const double sd = std::max(point.normal_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
-            const double q = 2 * (1 - dot(m, n)) * info;
-            double v = 1 / (1 + q / 8);
-            total += v * q;
-            v *= v * info;
-            for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
-                b[3 + i] -= v * tilt[i];
-                for (int l = 0; l <= i; ++l) A[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
+namespace {
+
+// One robust step of a pose to the nearest surface at a scale; the cost before it. Without move: the cost alone.
+double settle_step(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale, bool move,
+                   Pose& pose) {
+    const double per = 1 / scale;
+    double A[36] = {0}, b[6] = {0}, total = 0;
+    for (const int j : rows) {
+        const Point& point = problem.points[j];
+        if (point.kind != Kind::FACE) continue;
+        const Vec3 p = into_part(pose, point.at);
+        const Closest c = shape.closest(p);
+        const Vec3& n = shape.normals[c.triangle];
+        double far = std::sqrt(c.squared);
+        Vec3 g = far > 1e-7 * shape.diagonal ? (1 / far) * (p - c.point) : n;
+        if (dot(g, n) < 0) {
+            g = -g;
+            far = -far;
+        }
+        const int flat = shape.flat_of[c.triangle], profile = flat < 0 ? -1 : shape.flats[flat].profile;
+        if (profile >= 0 && dot(g, n) > 0.9) {
+            const Profile::At at = shape.profiles[profile].at(p, false);
+            if (dot(at.normal, n) > 0.9) {
+                far = at.distance;
+                g = at.normal;
             }
         }
-        cost = total / std::max<size_t>(rows.size(), 1);
-        if (k == scales.size()) break;
+        const double r = (far - point.radius) * per;
+        const Vec3 y = p - shape.centre, turn = cross(g, y);
+        // the point moves by -v + y x w
+        double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+        double w = 1 / (1 + 0.25 * r * r);
+        if (point.directed && dot(n, transposed_times(pose.R, point.direction)) > 0) {
+            total += 4;
+            continue;
+        }
+        total += w * r * r;
+        w *= w;
         for (int i = 0; i < 6; ++i) {
-            const double soft = i < 3 ? 10 / shape.diagonal : 0.5;
-            A[7 * i] += 1e-3 * A[7 * i] + soft * soft;
+            b[i] -= w * row[i] * r;
+            for (int l = 0; l <= i; ++l) A[6 * i + l] += w * row[i] * row[l];
         }
-        if (!cholesky(A, 6)) continue;
-        solve_cholesky(A, 6, b);
-        shorten(b, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
-        pose = moved(pose, load(b), load(b + 3), shape.centre);
+        if (!point.oriented) continue;
+        const Vec3 m = transposed_times(pose.R, point.normal), tilt = cross(m, n);
+        const double sd = std::max(point.normal_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
+        const double q = 2 * (1 - dot(m, n)) * info;
+        double v = 1 / (1 + q / 8);
+        total += v * q;
+        v *= v * info;
+        for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
+            b[3 + i] -= v * tilt[i];
+            for (int l = 0; l <= i; ++l) A[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
+        }
     }
-    return cost;
+    if (!move) return total;
+    for (int i = 0; i < 6; ++i) {
+        const double soft = i < 3 ? 10 / shape.diagonal : 0.5;
+        A[7 * i] += 1e-3 * A[7 * i] + soft * soft;
+    }
+    if (!cholesky(A, 6)) return total;
+    solve_cholesky(A, 6, b);
+    shorten(b, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
+    pose = moved(pose, load(b), load(b + 3), shape.centre);
+    return total;
+}
+
+}  // namespace
+
+std::vector<Settled> settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                            const std::vector<double>& scales, const std::vector<Pose>& starts) {
+    std::vector<Settled> all;
+    for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
+    for (size_t k = 0; k <= scales.size(); ++k) {
+        const bool last = k == scales.size();
+        double best = 1e300;
+        for (Settled& one : all) {
+            one.cost = settle_step(shape, problem, rows, scales[last ? k - 1 : k], !last, one.pose);
+            best = std::min(best, one.cost);
+        }
+        if (k % 3 != 2 && !last) continue;
+        all.erase(std::remove_if(all.begin(), all.end(), [&](const Settled& one) { return one.cost > best + HOPELESS; }),
+                  all.end());
+    }
+    return all;
 }
 
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
@@ -142,19 +162,20 @@ std::vector<Climb> climb_all(const Shape& shape, const Problem& problem, const s
         climbs[k].from = static_cast<int>(k);
     }
     const int few = std::min(steps, FIRST_STEPS);
-    const auto level = [&](double blur, int most, double gain) {
+    const auto level = [&](double blur, int most, double gain, double behind) {
         double best = -1e300;
         for (Climb& climb : climbs) {
             ascend(likelihood, shape, problem, blur, most, gain, climb);
             best = std::max(best, climb.log);
         }
         climbs.erase(std::remove_if(climbs.begin(), climbs.end(),
-                                    [&](const Climb& climb) { return !(climb.log >= best - margin); }),
+                                    [&](const Climb& climb) { return !(climb.log >= best - behind); }),
                      climbs.end());
     };
-    for (const double blur : blurs) level(blur, few, ROUGHLY);
-    level(0, few, ROUGHLY);
-    if (steps > few) level(0, steps - few, enough);
+    if (climbs.size() > 2) level(blurs.empty() ? 0 : blurs[0], 0, 0, 2 * margin);  // as they stand
+    for (const double blur : blurs) level(blur, few, ROUGHLY, margin);
+    level(0, few, ROUGHLY, margin);
+    if (steps > few) level(0, steps - few, enough, margin);
     return climbs;
 }
 

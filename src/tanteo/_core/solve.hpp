@@ -6,10 +6,16 @@
 
 namespace tanteo {
 
+struct Settled {
+    Pose pose;
+    double cost = 0;  // robust, at the last scale: 4 for a point that is far off
+    int from = 0;     // which of the starts
+};
+
 // Robust least squares from points to the nearest place of the surface, at scales from coarse to fine [m], of the
-// points in rows. Returns the mean robust cost at the last scale.
-double settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const std::vector<double>& scales,
-              Pose& pose);
+// points in rows. Poses that cost far more than the best are given up on the way.
+std::vector<Settled> settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                            const std::vector<double>& scales, const std::vector<Pose>& starts);
 
 // A climb: where it is, and what is known there.
 struct Climb {

@@ -101,8 +101,8 @@ class Climber:
         if not len(Ts):
             return Ts, groups
         shape, end = self.prepared.shape, float(self.scales.settle[-1])
-        Ts, costs = _core.settle(shape, self.core, self.rows, self.scales.settle, np.ascontiguousarray(Ts))
-        order = np.argsort(costs, kind="stable")
+        Ts, costs, rows = _core.settle(shape, self.core, self.rows, self.scales.settle, np.ascontiguousarray(Ts))
+        order, groups = np.argsort(costs, kind="stable"), groups[rows]
         near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])
         near = np.ascontiguousarray(np.broadcast_to(np.diag(near), (len(Ts), 6, 6)))

@@ -25,8 +25,8 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 NEGLIGIBLE = 12.0
 """Log odds below everything else at which a mode is not reported."""
 
-_FIRST, _MORE, _ROUNDS = 64, 200, 5
-"""Samples of a mode at first, and in each later round while it has too few."""
+_FIRST, _MORE, _MOST, _ROUNDS = 64, 400, 8, 5
+"""Samples of a mode at first, at most in each later round while it has too few, and for one effective one at most."""
 
 _LIKELY, _GLANCE, _RARE = 5.0, 12, 9.0
 """Log evidence behind the total up to which a maximum gets all first samples; a few up to the last of these: the mass
@@ -42,8 +42,11 @@ quarter, but enough for its mass to be good to a fifth."""
 _NORMAL = 0.1
 """Variance of the log of the posterior over the normal density of its curvature up to which one stands for the other."""
 
-_MATTERS, _MUCH = 0.005, 0.05
-"""Probability of a mode from which it is sampled until it has enough, and from which twice as fast."""
+_MATTERS = 0.005
+"""Probability of a mode from which it is sampled until it has enough."""
+
+_ALONG = 8
+"""Samples of each component along a ridge, of which there are dozens."""
 
 _SHARED = 0.15
 """Share of its samples that a mode has in common with another from which both are one."""
@@ -212,7 +215,10 @@ def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Gene
     constant = climber.problem.log_pose_density(climber.prepared) + prior
     constant += log_orbit(climber.prepared, named=climber.named)
     some = np.flatnonzero(peaks.evidence + constant > total - NEGLIGIBLE - 2)
-    return Sampler(climber, peaks.take(some if len(some) else np.zeros(1, dtype=np.int64)), rng, constant)
+    sampler = Sampler(climber, peaks.take(some if len(some) else np.zeros(1, dtype=np.int64)), rng, constant)
+    if search.along is not None and len(search.along):
+        sampler.spread(search.along, _ALONG)
+    return sampler
 
 
 def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -240,8 +246,9 @@ def _first(log_p: FloatArray) -> IntArray:
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     """Samples to draw next of each maximum, components adapted; new maxima are added where samples show them."""
     p = np.exp(log_p)
-    few = (ess < np.clip(_PER * p, _LEAST, _ENOUGH)) & ~(sampler.unlike_normal() < _NORMAL)
-    want = np.where(few & (p > _MATTERS), _MORE, 0) + np.where(few & (p > _MUCH), _MORE, 0)
+    need = np.where(sampler.unlike_normal() < _NORMAL, 0, np.clip(_PER * p, _LEAST, _ENOUGH)) * (p > _MATTERS)
+    worth = np.clip(ess / np.maximum(sampler.drawn(), 1), 1 / _MOST, 1)  # effective samples for each that is drawn
+    want = np.where(ess < need, np.clip((need - ess) / worth, _FIRST, _MORE), 0).astype(np.int64)
     if not want.any():
         return want
     sampler.adapt(np.flatnonzero(want), float(sampler.log_weights.max()))

@@ -62,6 +62,7 @@ class Sampler:
     _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
     _slopes: FloatArray = field(init=False)
     _unlike: FloatArray | None = field(init=False, default=None)
+    local: BoolArray = field(init=False)
     _fitted: BoolArray = field(init=False)
     _images: Transforms = field(init=False)
 
@@ -73,7 +74,7 @@ class Sampler:
         self.covariances, self._slopes = self._about(peaks)
         turns = self.climber.prepared.part.symmetry.Ts
         self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
-        self._fitted = np.zeros(len(peaks), dtype=bool)
+        self._fitted, self.local = np.zeros(len(peaks), dtype=bool), np.zeros(len(peaks), dtype=bool)
 
     def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
         """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""
@@ -91,7 +92,21 @@ class Sampler:
         self.means = np.concatenate([self.means, np.zeros((len(peaks), 6))])
         self._slopes = np.concatenate([self._slopes, slopes])
         self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
-        self._fitted = np.concatenate([self._fitted, np.zeros(len(peaks), dtype=bool)])
+        none = np.zeros(len(peaks), dtype=bool)
+        self._fitted, self.local = np.concatenate([self._fitted, none]), np.concatenate([self.local, none])
+
+    def drawn(self) -> IntArray:
+        """Samples drawn so far of each component ``(m,)``."""
+        counts = np.zeros(len(self.peaks), dtype=np.int64)
+        for owner, _, _, count in self._components:
+            counts[owner] += count
+        return counts
+
+    def spread(self, along: Peaks, count: int) -> None:
+        """Components about poses that are no maxima, and so many samples of each: along a bent ridge of them."""
+        self.add(along)
+        self.local[-len(along) :] = True
+        self.draw(count * self.local)
 
     def strange(self) -> Transforms:
         """Samples that weigh as much as a maximum of their own would: where the mixture has no component yet."""
