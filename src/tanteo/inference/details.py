@@ -49,14 +49,16 @@ class Details:
 def details_at(climber: Climber, Ts: Transforms, zs: FloatArray) -> Details:
     """The measurements at poses ``(S, 4, 4)`` and other states ``(S, D)``."""
     points = climber.problem.points
-    table, faces = _core.details(climber.prepared.shape, climber.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
+    table, faces = _core.details(
+        climber.prepared.shape, climber.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
+    )
     outlier = outlier_log_density(points, climber.problem.priors)
     with np.errstate(divide="ignore"):
         hit, there = np.log(table[..., 0]) + outlier, np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
     return Details(
         hit, np.broadcast_to(outlier, hit.shape), there, table[..., 1], table[..., 2], table[..., 3], table[..., 4],
-        table[..., 6:9], table[..., 9:], faces,
+        table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """Near variants: objects that are like a part, but differ anywhere, or by one face that is farther out or in.
 
 A near variant of a part looks like the part with more outliers than the sensor makes. These may be anywhere (decision
-35). Or they agree: another variant has a higher step, a wider bore, a thicker wall, and what was sensed of it is all off
-that one face by the same (decision 49). Outliers of a sensor do not do that.
+35). Or they agree: another variant has a higher step, a wider bore, a thicker wall, and what was sensed of it is all
+off that one face by the same (decision 49). Outliers of a sensor do not do that.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Shifted:
 
 
 def log_density_of_near_variant(at: Details, part: Part, mean: float, places: IntArray | None = None) -> FloatArray:
-    """Log density of all readings if the object is like the part but for some of it ``(S,)``: anywhere else, or by one face.
+    """Log density of all readings if the object is a near variant of the part ``(S,)``: anywhere else, or by one face.
 
     A face counts with "anywhere" unless the readings say more clearly that it alone is elsewhere.
 

@@ -11,7 +11,7 @@ from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import Scales
 from tanteo.inference.symmetry import folded, gauge_information, is_held
-from tanteo.typing import FloatArray, IntArray, Transforms
+from tanteo.typing import FloatArray, Indices, IntArray, Transforms
 
 SAME = 4.0
 """Squared Mahalanobis distance within which two maxima are one."""
@@ -89,7 +89,7 @@ class Climber:
     core: _core.Problem
     problem: Problem
     scales: Scales
-    rows: IntArray
+    rows: Indices
 
     @property
     def named(self) -> bool:
@@ -107,7 +107,7 @@ class Climber:
         Ts = np.ascontiguousarray(Ts[order])
         near = np.ascontiguousarray(np.broadcast_to(np.diag(near), (len(Ts), 6, 6)))
         kept, who = _core.distinct(Ts, near, 1.0, keep, shape.centre)
-        return np.ascontiguousarray(Ts[kept]), _united(groups[order], who, len(kept))
+        return np.ascontiguousarray(Ts[kept]), _united(groups[order], who.astype(np.int64), len(kept))
 
     def climb(
         self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
@@ -158,7 +158,8 @@ class Climber:
         peaks = self._folded(peaks)
         information = np.ascontiguousarray(self.of_pose(peaks.information))
         kept, who = _core.distinct(peaks.Ts, information, SAME, count, self.prepared.shape.centre)
-        peaks = replace(peaks.take(kept), groups=_united(peaks.groups, who, len(kept)))
+        groups = _united(peaks.groups, who.astype(np.int64), len(kept))
+        peaks = replace(peaks.take(kept.astype(np.int64)), groups=groups)
         return self._without_images(peaks)
 
     def _folded(self, peaks: Peaks) -> Peaks:
@@ -174,7 +175,7 @@ class Climber:
         return replace(peaks, Ts=Ts, information=information)
 
     def _without_images(self, peaks: Peaks) -> Peaks:
-        """Maxima without those of which a symmetric image is near a better one: folding does not see them at its rim."""
+        """Maxima without those of which a symmetric image is near a better one: folding may part them at its rim."""
         turns = self.prepared.part.symmetry.Ts[1:]
         if not len(turns) or len(peaks) < 2:
             return peaks

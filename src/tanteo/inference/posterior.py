@@ -40,13 +40,14 @@ _ENOUGH, _PER, _LEAST = 150, 600, 24
 quarter, but enough for its mass to be good to a fifth."""
 
 _NORMAL = 0.1
-"""Variance of the log of the posterior over the normal density of its curvature up to which one stands for the other."""
+"""Variance of the log of the posterior over a normal density of its curvature, up to which one stands for the other."""
 
 _MATTERS = 0.005
 """Probability of a mode from which it is sampled until it has enough."""
 
-_ALONG = 8
-"""Samples of each component along a ridge, of which there are dozens."""
+_ALONG, _ENOUGH_ALONG = 8, 64
+"""Samples of each component along a ridge, of which there are dozens; effective ones of all of them together: what so
+few measurements leave open is told by its odds."""
 
 _SHARED = 0.15
 """Share of its samples that a mode has in common with another from which both are one."""
@@ -224,7 +225,7 @@ def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Gene
 def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Rounds of sampling, until every mode that matters has enough."""
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
-    wants = [_first(s.peaks.evidence + s.log_constant - total) for s in samplers]
+    wants = [_first(s.peaks.evidence + s.log_constant - total) // (8 if s.local.any() else 1) for s in samplers]
     for k in range(_ROUNDS):
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.draw(want)
@@ -246,6 +247,8 @@ def _first(log_p: FloatArray) -> IntArray:
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     """Samples to draw next of each maximum, components adapted; new maxima are added where samples show them."""
     p = np.exp(log_p)
+    if sampler.local.any():
+        return _wanted_along(sampler, p)
     need = np.where(sampler.unlike_normal() < _NORMAL, 0, np.clip(_PER * p, _LEAST, _ENOUGH)) * (p > _MATTERS)
     worth = np.clip(ess / np.maximum(sampler.drawn(), 1), 1 / _MOST, 1)  # effective samples for each that is drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, _FIRST, _MORE), 0).astype(np.int64)
@@ -258,6 +261,15 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
         sampler.add(new)
         want = np.concatenate([want, np.full(len(new), _MORE)])
     return want
+
+
+def _wanted_along(sampler: Sampler, p: FloatArray) -> IntArray:
+    """Samples to draw next along a ridge, of its pieces and maxima by their masses, until all together have enough."""
+    w = np.exp(sampler.log_weights - sampler.log_weights.max())
+    ess, total = float(w.sum() ** 2 / np.sum(w * w)), float(p.sum())
+    if ess >= _ENOUGH_ALONG or total < _MATTERS:
+        return np.zeros(len(p), dtype=np.int64)
+    return np.round(min((_ENOUGH_ALONG / ess - 1) * len(w), 4 * _MORE) * p / total).astype(np.int64)
 
 
 def _masses(sampler: Sampler) -> tuple[FloatArray, FloatArray]:
@@ -285,7 +297,7 @@ def _modes_of(sampler: Sampler) -> list[Mode]:
     together |= inside & sampled & sampled[:, None]
     out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
     apart = ~sampled & ~inside[sampled].any(axis=0)  # what lies in a sampled region is of its samples
-    return out + [_by_curvature(sampler, k) for k in np.flatnonzero(apart)]
+    return out + [_by_curvature(sampler, int(k)) for k in np.flatnonzero(apart)]
 
 
 def _inside(sampler: Sampler) -> np.ndarray:
@@ -299,7 +311,7 @@ def _inside(sampler: Sampler) -> np.ndarray:
 def _by_curvature(sampler: Sampler, k: int) -> Mode:
     """A region too improbable to be sampled, as the curvature of its maximum has it."""
     climber, peaks, T = sampler.climber, sampler.peaks, sampler.peaks.Ts[k]
-    covariance = from_centre(climber, np.linalg.inv(climber.of_pose(peaks.information[k])))
+    covariance = from_centre(climber, climber.of_pose(peaks.information[k]))
     information = to_origin(climber, peaks.information[k])
     log_mass = float(peaks.evidence[k]) + sampler.log_constant
     return Mode(climber, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
@@ -331,7 +343,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     if len(rows) == 1:
         T = T_peak @ SE3.exp(mean)
         xi = SE3.log(SE3.inverse(T) @ Ts)
-    curved = from_centre(climber, np.linalg.inv(climber.of_pose(peaks.information[best])))
+    curved = from_centre(climber, climber.of_pose(peaks.information[best]))
     normal = len(rows) == 1 and bool(sampler.unlike_normal()[best] < _NORMAL)
     ess = float(1 / np.sum(w * w))
     trust = 0.0 if normal else ess / (ess + 6)  # of few samples that many directions are not seen
@@ -351,8 +363,8 @@ def to_origin(climber: Climber, information: FloatArray) -> FloatArray:
     return np.asarray(A.T @ information @ A)
 
 
-def from_centre(climber: Climber, covariance: Covariances) -> Covariances:
-    """Covariance of motions about the part's centre as that of motions of its frame ``(6, 6)``."""
+def from_centre(climber: Climber, information: FloatArray) -> Covariances:
+    """Covariance of motions of the part's frame, from the information on motions about its centre ``(6, 6)``."""
     A = np.eye(6)
     A[:3, 3:] = SO3.hat(climber.prepared.centre)
-    return np.asarray(A @ covariance @ A.T)
+    return np.asarray(A @ np.linalg.inv(information) @ A.T, dtype=np.float64)

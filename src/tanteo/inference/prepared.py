@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
+from tanteo.catalogue import cache
 from tanteo.parts import Part, exact_faces
 from tanteo.parts.several import as_parts
-from tanteo.shapes import Revolved, Surface
+from tanteo.shapes import DistanceField, Surface, distance_field
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 SAMPLES = 1024
@@ -21,28 +22,47 @@ _CELLS = 40
 """Cells of the distance grid along the longest side."""
 
 
+_KIND = "shape1"
+"""Of the bytes beside a part in the cache: another number where what is put into a shape changes."""
+
+
 @dataclass(frozen=True, eq=False)
 class PreparedPart:
-    """What inference asks of a part.
+    """What inference asks of a part; nothing is made, or opened, before it is asked for.
 
     Attributes:
         part: the part.
-        shape: the compiled shape.
-        samples: places even over the surface ``(K, 3)``, in the part frame [m].
-        normals: outward there ``(K, 3)``.
-        curved: the exact surfaces behind curved faces; None if there are none.
     """
 
     part: Part
-    shape: _core.Shape
-    samples: Vectors
-    normals: Vectors
-    curved: Revolved | None
+
+    @cached_property
+    def shape(self) -> _core.Shape:
+        """The compiled shape; one that was made before is opened where it lies in the cache."""
+        stored = cache.load_derived(self.part, _KIND)
+        if stored is not None:
+            try:
+                return _core.open_shape(stored)
+            except ValueError:  # damaged, or of another version
+                pass
+        shape = _made(self.part)
+        cache.store_derived(self.part, _KIND, shape.bytes())
+        return shape
+
+    @cached_property
+    def samples(self) -> Vectors:
+        """Places even over the surface ``(K, 3)``, in the part frame [m]."""
+        return self.shape.samples
 
     @cached_property
     def surface(self) -> Surface:
         """For distances and rays in batches."""
         return Surface(self.part.vertices, self.part.triangles)
+
+    @cached_property
+    def field(self) -> DistanceField:
+        """For rough signed distances of very many points."""
+        return distance_field(self.surface)
 
     @property
     def centre(self) -> Vectors:
@@ -52,7 +72,7 @@ class PreparedPart:
     @property
     def spacing(self) -> float:
         """Typical distance between samples [m]."""
-        return float(np.sqrt(self.part.area / len(self.samples)))
+        return float(np.sqrt(self.part.area / SAMPLES))
 
 
 def prepare(part: Part | PreparedPart) -> PreparedPart:
@@ -61,7 +81,7 @@ def prepare(part: Part | PreparedPart) -> PreparedPart:
         return part
     part = getattr(part, "part", part)
     if "prepared" not in part.derived:
-        part.derived["prepared"] = _prepared(part)
+        part.derived["prepared"] = PreparedPart(part)
     prepared: PreparedPart = part.derived["prepared"]
     return prepared
 
@@ -75,7 +95,7 @@ def prepare_all(name: str, parts: Any) -> tuple[PreparedPart, ...]:
     return tuple(part if isinstance(part, PreparedPart) else prepare(part) for part in as_parts(name, parts))
 
 
-def _prepared(part: Part) -> PreparedPart:
+def _made(part: Part) -> _core.Shape:
     corners = part.vertices[part.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
@@ -87,12 +107,11 @@ def _prepared(part: Part) -> PreparedPart:
         p = curved.profiles
         columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.alike
         profiles, profile_rows = np.column_stack(columns), curved.rows
-    shape = _core.make_shape(
+    return _core.make_shape(
         _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
         _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),
         _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
     )  # fmt: skip
-    return PreparedPart(part, shape, samples, normals[rows], curved)
 
 
 def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray]:

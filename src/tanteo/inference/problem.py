@@ -11,7 +11,7 @@ from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching.evidence import Priors
-from tanteo.matching.prior import log_density_within
+from tanteo.matching.prior import PosePrior, log_density_within
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import Covariances, FloatArray, Transforms
 
@@ -79,7 +79,7 @@ class Problem:
             anywhere = 0.0  # the mixture is a density already
         if pose is None:
             return float(anywhere)
-        return float(anywhere + log_density_within(replace_pose(pose), self.priors.radius))
+        return float(anywhere + log_density_within(unplaced(pose), self.priors.radius))
 
     def compiled(self, prepared: PreparedPart) -> _core.Problem:
         """The question about one part, for the core."""
@@ -101,7 +101,7 @@ class Problem:
         )  # fmt: skip
 
     def _normals(self, prepared: PreparedPart) -> tuple[Transforms, FloatArray, FloatArray]:
-        """Means, roots of the inverse covariances and log weights of the normal densities, symmetric poses among them."""
+        """Means, roots of the inverse covariances and log weights of the normal densities, of symmetric poses, too."""
         known = self.mixture(prepared)
         if known is None:
             return np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0)
@@ -116,9 +116,9 @@ class Problem:
         return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
 
 
-def replace_pose(pose: object) -> object:
+def unplaced(pose: PosePrior) -> PosePrior:
     """What is known of the pose but for its normal density."""
-    return replace(pose, T_world_part=None, covariance=None)  # type: ignore[type-var]
+    return replace(pose, T_world_part=None, covariance=None)
 
 
 def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:

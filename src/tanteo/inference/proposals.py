@@ -1,4 +1,4 @@
-"""Where a climb starts: pairs of surface places as far apart as two points, poses of other parts, draws of the prior."""
+"""Where a climb starts: pairs of surface places as far apart as two points, draws of the prior, half turns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints
-from tanteo.typing import FloatArray, IntArray, Transforms
+from tanteo.typing import FloatArray, Indices, Transforms
 
 FEW = 12
 """Points on which proposals are scored: more tell no more at this precision."""
@@ -69,10 +69,11 @@ def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     end = max(2 * sd, shared, 1e-3 * blur)
     count = max(6, int(np.ceil(np.log(1.5 * blur / end) / 0.25)) + 1)
     blurs = 0.25 * blur * 0.3 ** np.arange(8)
-    return Scales(blur, np.geomspace(1.5 * blur, min(end, blur), count), blurs[blurs > 2 * sd])
+    settle = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
+    return Scales(blur, settle, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
 
 
-def spread_rows(points: ContactPoints, count: int) -> IntArray:
+def spread_rows(points: ContactPoints, count: int) -> Indices:
     """Rows of points that are far from each other, the farthest from the middle first."""
     p = points.points
     if len(p) <= count:
@@ -85,7 +86,7 @@ def spread_rows(points: ContactPoints, count: int) -> IntArray:
     return np.array(chosen, dtype=np.int32)
 
 
-def far_pairs(points: ContactPoints, rows: IntArray, count: int) -> IntArray:
+def far_pairs(points: ContactPoints, rows: Indices, count: int) -> Indices:
     """Pairs of those points that are far apart ``(count, 2)``, no point in many of them: one outlier spoils few."""
     p = points.points[rows]
     gaps = np.linalg.norm(p[:, None] - p, axis=-1)
@@ -103,7 +104,13 @@ def far_pairs(points: ContactPoints, rows: IntArray, count: int) -> IntArray:
 
 
 def from_pairs(
-    core: _core.Problem, prepared: PreparedPart, rows: IntArray, pairs: IntArray, scales: Scales, effort: Effort, seed: int
+    core: _core.Problem,
+    prepared: PreparedPart,
+    rows: Indices,
+    pairs: Indices,
+    scales: Scales,
+    effort: Effort,
+    seed: int,
 ) -> Transforms:
     """Poses that put two points on the surface, the others near it, best first."""
     Ts, _ = _core.propose(
@@ -120,7 +127,7 @@ def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.ran
     weights = np.exp(known.log_weights - known.log_weights.max())
     rows = rng.choice(len(weights), size=count, p=weights / weights.sum())
     xi = np.linalg.cholesky(known.covariances)[rows] @ rng.normal(size=(count, 6, 1))
-    return np.concatenate([known.Ts[: count], known.Ts[rows] @ SE3.exp(xi[..., 0])])
+    return np.concatenate([known.Ts[:count], known.Ts[rows] @ SE3.exp(xi[..., 0])])
 
 
 def turned(prepared: PreparedPart, Ts: Transforms) -> Transforms:

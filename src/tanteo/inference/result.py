@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.features import SharedError
 from tanteo.inference.details import Details, details_at
-from tanteo.inference.posterior import Mode
+from tanteo.inference.posterior import Mode, to_origin
 from tanteo.lie import SE3, SO3
 from tanteo.localization import SharedGiven, covariance_with_free, pose_information, weak_motions
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.part_motions import corner_sd, part_scale, spins, without_spins
 from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.matching.results import Hypothesis
-from tanteo.measurements import ContactPoints
+from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import Covariances, FloatArray, Tangents
 
 _NOTABLE = 0.5
@@ -117,6 +118,23 @@ def face_names(one: Explained) -> list[str]:
     ]
 
 
+def information_by_point(mode: Mode) -> FloatArray:
+    """What each point adds to the information on the pose at the maximum, shared errors as known ``(n, 6, 6)``.
+
+    Part frame, right perturbation [m, rad]. Each is looked at alone: a point that the others make an outlier counts as
+    far as it is none by itself.
+    """
+    climber, problem = mode.climber, mode.climber.problem
+    out = np.zeros((len(problem.points), 6, 6))
+    nothing = replace(problem, rays=FreeRays.none(), priors=replace(problem.priors, pose=None), mixtures={})
+    T, z = np.ascontiguousarray(mode.T_peak[None]), np.ascontiguousarray(mode.z[None])
+    for k in range(len(out)):
+        alone = replace(nothing, points=problem.points.take(np.array([k])))
+        information = _core.slopes(climber.prepared.shape, alone.compiled(climber.prepared), T, z)[2][0]
+        out[k] = to_origin(climber, information)[:6, :6]
+    return out
+
+
 def _covariances(one: Explained) -> tuple[Covariances, Covariances | None]:
     """Of the pose, uniform along free motions; and the same if the shared errors were known."""
     mode, part = one.mode, one.mode.prepared.part
@@ -176,7 +194,8 @@ def _common_tolerance(points: ContactPoints, one: Explained) -> tuple[Covariance
     for face in np.unique(at.faces[0]):
         together = weighted[at.faces[0] == face].sum(axis=0)
         extra = extra + np.outer(together, together)
-    return _gained(np.linalg.inv(held)[:6], extra), _gained(np.linalg.inv(held[:6, :6]), extra[:6, :6])
+    gains = (np.asarray(np.linalg.inv(A), dtype=np.float64) for A in (held, held[:6, :6]))
+    return _gained(next(gains)[:6], extra), _gained(next(gains), extra[:6, :6])
 
 
 def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:

@@ -78,11 +78,11 @@ class Sampler:
 
     def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
         """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""
-        covariances = _WIDER * np.linalg.inv(self.climber.of_pose(peaks.information))
+        covariances = np.asarray(_WIDER * np.linalg.inv(self.climber.of_pose(peaks.information)), dtype=np.float64)
         full = self.climber.regular(peaks.information)
         if full.shape[-1] == 6:
             return covariances, np.zeros((len(peaks), 0, 6))
-        return covariances, -np.linalg.solve(full[:, 6:, 6:], full[:, 6:, :6])
+        return covariances, np.asarray(-np.linalg.solve(full[:, 6:, 6:], full[:, 6:, :6]), dtype=np.float64)
 
     def add(self, peaks: Peaks) -> None:
         """More maxima, whose components come after those there are; they have no samples yet."""
@@ -211,7 +211,7 @@ class Sampler:
             self.covariances[k] = trust * 1.2 * (own[:, None] * off).T @ off + (1 - trust) * self.covariances[k]
 
     def unlike_normal(self) -> FloatArray:
-        """How unlike a normal density the region of each maximum is ``(m,)``: the variance of the log of their ratio."""
+        """How unlike a normal density the region of each maximum is ``(m,)``: variance of the log of their ratio."""
         if self._unlike is None:
             H = self.climber.of_pose(self.peaks.information)
             w = np.exp(self.log_weights - self.log_weights.max())[:, None] * self.shares

@@ -26,7 +26,7 @@ from tanteo.inference.proposals import (
 )
 from tanteo.inference.symmetry import log_orbit
 from tanteo.matching.evidence import log_sum
-from tanteo.typing import IntArray, Transforms
+from tanteo.typing import Indices, Transforms
 
 _MISSING = 0.02
 """Probability of what was found only once up to which a part is taken as searched."""
@@ -60,13 +60,15 @@ class PartSearch:
         rng: of all draws.
         peaks: maxima so far.
         rounds: so far.
+        along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
     """
 
     climber: Climber
-    pairs: IntArray
+    pairs: Indices
     rng: np.random.Generator
     peaks: Peaks
     rounds: int = 0
+    along: Peaks | None = None
 
     @property
     def log_evidence(self) -> float:
@@ -86,7 +88,7 @@ class PartSearch:
         return self.climber.problem.log_pose_density(prepared) + orbit
 
     def round(self, effort: Effort) -> None:
-        """Propose from two groups of points that know nothing of each other, settle, climb, merge with what is known."""
+        """Propose from two groups of points that know nothing of each other; settle, climb, merge."""
         climber, k = self.climber, self.rounds
         first = 1 << (2 * k % 62)
         poses, groups = [from_prior(climber.problem, climber.prepared, effort.keep, self.rng)], [0]

@@ -11,7 +11,7 @@ from tanteo.inference.problem import outlier_log_density
 from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.unknown_place import log_place_of_unknown
 from tanteo.measurements import ContactPoints
-from tanteo.typing import BoolArray, FloatArray, Vectors
+from tanteo.typing import FloatArray, Vectors
 
 _LARGER = 1.2
 """An unknown object may be larger than the ball of the parts: so many times as large as the ball of its readings."""
@@ -97,4 +97,5 @@ def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) ->
         priors: what is assumed beforehand.
     """
     variant = float(log_sum(log_variant)) if len(log_variant) else -np.inf
-    return float(np.logaddexp(np.log1p(-priors.kin) + log_anywhere, np.log(priors.unknown) + np.log(priors.kin) + variant))
+    log_near = np.log(priors.unknown) + np.log(priors.kin) + variant
+    return float(np.logaddexp(np.log1p(-priors.kin) + log_anywhere, log_near))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,8 @@ class ContactPoints:
         }
         places = None if self.places is None else self.places[rows]
         names = {name: tuple(getattr(self, name)[i] for i in rows) for name in ("ids", "labels", "kinds")}
-        return replace(self, places=places, **names, **arrays)
+        fields: dict[str, Any] = {**names, **arrays}
+        return replace(self, places=places, **fields)
 
     def placed(self) -> ContactPoints:
         """The same, readings that were made along one beam being of one place."""
@@ -101,7 +103,9 @@ class ContactPoints:
         return replace(self, places=places)
 
 
-def as_contact_points(measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None) -> ContactPoints:
+def as_contact_points(
+    measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None
+) -> ContactPoints:
     """Measurements as contact points; beams are a little blunt (decision 54).
 
     Args:

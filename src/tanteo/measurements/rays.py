@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.typing import FloatArray, IntArray, Vectors
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeRays:
@@ -91,5 +92,3 @@ def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
     margins = np.full(len(beams), margin)
     lines = beams.origins, beams.directions, beams.lengths
     return FreeRays(*lines, margins, slopes, beams.max_incidences, gains, turns)
-
-

@@ -1,0 +1,209 @@
+"""The posterior after more measurements: what was known climbs on, is joined by draws of the prior, and weighed anew.
+
+A step of sequential Monte Carlo whose moves are climbs: samples of the modes that were alive, a few draws of the prior
+beside them, lead to the maxima of the posterior of *all* measurements. Nothing that was linearised once is kept, so the
+order of the measurements matters no further than for which maxima are known. Where the answer is in doubt, every part
+is looked for all over its prior again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.details import details_at
+from tanteo.inference.peaks import FAINT, Climber, Peaks
+from tanteo.inference.posterior import Mode, Posterior, weigh
+from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.problem import Problem
+from tanteo.inference.proposals import Effort, from_prior
+from tanteo.inference.search import PartSearch, start_search
+from tanteo.typing import BoolArray, FloatArray, Transforms
+
+_SAMPLES, _OF_NORMAL = 24, 2
+"""Samples of what was known of a part that are climbed from; of a mode that is normal, from which nearly all of them
+lead back to its maximum, so many."""
+
+_FRESH, _WIDELY = 8, 96
+"""Draws of the prior that are climbed from beside them; and of a part of which nothing is known, or in doubt."""
+
+_MATTERS = 0.003
+"""Probability of a part from which draws of its prior are made after every measurement."""
+
+_DOUBT, _SURE = 0.2, 0.99
+"""Probability of the unknown object from which the answer is in doubt; and of a part, once it becomes so probable."""
+
+_SEVERAL = 6
+"""So many points fix a pose: then pairs of them propose some, too."""
+
+_RIDGE, _PIECE, _FEW = 40, 0.5, 12
+"""Poses along a ridge, and the length of the piece of each in standard deviations of all; fewer than the last tell no
+spread in six directions."""
+
+_FOUND = 3
+"""As if found by two groups of proposals: what was known, and draws of the prior, are no chance finds."""
+
+
+def update_posterior(
+    problem: Problem,
+    parts: Sequence[PreparedPart],
+    log_priors: FloatArray,
+    before: Posterior | None,
+    anywhere: float,
+    rng: np.random.Generator,
+) -> Posterior:
+    """The posterior of all measurements, from that of the earlier ones.
+
+    Args:
+        problem: the question, with all measurements and the prior of the pose of every part.
+        parts: the parts.
+        log_priors: log of the prior of each ``(P,)``.
+        before: the posterior before; None at first.
+        anywhere: log evidence of an unknown object that is like no part, its prior included.
+        rng: of all draws.
+    """
+    followed = [p for p in range(len(parts)) if before is None or _modes(before, parts[p])]
+    searches = {p: _followed(problem, parts[p], before, rng) for p in followed}
+    after = _weighed(problem, searches, log_priors, anywhere, rng)
+    if before is not None and _in_doubt(before, after):
+        for p, part in enumerate(parts):
+            if p not in searches:
+                searches[p] = start_search(problem, part, rng)
+            _look_widely(searches[p])
+        after = _weighed(problem, searches, log_priors, anywhere, rng)
+    return after
+
+
+def _weighed(
+    problem: Problem,
+    searches: dict[int, PartSearch],
+    log_priors: FloatArray,
+    anywhere: float,
+    rng: np.random.Generator,
+) -> Posterior:
+    return weigh(problem, list(searches.values()), log_priors[list(searches)], anywhere, rng)
+
+
+def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rng: np.random.Generator) -> PartSearch:
+    """The maxima of a part that what was known of it leads to, and some draws of its prior."""
+    search = start_search(problem, part, rng)
+    modes = [] if before is None else _modes(before, part)
+    if not modes:
+        _draw(search, _WIDELY)
+        search.along = along_ridge(search.climber, from_prior(problem, part, _RIDGE, rng))
+        return search
+    climber, likely = search.climber, sum(mode.probability for mode in modes)
+    Ts, zs = _samples(modes, problem.states, rng)
+    _take(search, climber.climb(Ts, zs, fine=True))
+    if likely > _MATTERS:
+        _draw(search, _FRESH)
+    if likely > _MATTERS and not max(modes, key=lambda mode: mode.probability).normal:
+        search.along = along_ridge(climber, _resampled(modes, _RIDGE, rng))
+    return search
+
+
+def _samples(modes: Sequence[Mode], states: int, rng: np.random.Generator) -> tuple[Transforms, FloatArray]:
+    """The maxima of modes and samples of them by their probability, with the other states to start from."""
+    total = max(sum(mode.probability for mode in modes), 1e-300)
+    Ts, zs = [], []
+    for mode in modes:
+        count = _OF_NORMAL if mode.normal else int(np.ceil(_SAMPLES * mode.probability / total))
+        ends = (np.arange(count) + rng.uniform()) / count
+        rows = np.searchsorted(np.cumsum(mode.weights), ends).clip(0, len(mode.weights) - 1)
+        Ts += [mode.T_peak[None], mode.Ts[np.unique(rows)]]
+        z = mode.z if len(mode.z) == states else np.zeros(states)  # another device has joined
+        zs.append(np.repeat(z[None], 1 + len(np.unique(rows)), axis=0))
+    return np.concatenate(Ts), np.concatenate(zs)
+
+
+def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> Transforms:
+    """So many samples of some modes together."""
+    weights = np.cumsum(np.concatenate([mode.probability * mode.weights for mode in modes]))
+    rows = np.searchsorted(weights, weights[-1] * (np.arange(count) + rng.uniform()) / count)
+    return np.concatenate([mode.Ts for mode in modes])[rows.clip(0, len(weights) - 1)]
+
+
+def along_ridge(climber: Climber, Ts: Transforms) -> Peaks:
+    """Bases of components along a ridge: poses moved onto the surface, each a small piece of the region of all.
+
+    Few precise measurements leave a thin bent sheet of poses. The curvature at one maximum follows it nowhere else; at
+    many places of it, each for a part of its length, it does.
+
+    Args:
+        climber: the part and the problem.
+        Ts: poses that are spread as the ridge is, but for the last measurements ``(S, 4, 4)``.
+    """
+    Ts, _ = climber.settle(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
+    zs, shape = np.zeros((len(Ts), climber.problem.states)), climber.prepared.shape
+    logs, _, information = _core.slopes(shape, climber.core, Ts, zs)
+    some = np.flatnonzero(logs > logs.max() - FAINT)
+    if len(some) < _FEW:
+        return Peaks.none(climber.problem.states)
+    x = _core.offsets(Ts[some[0]], np.ascontiguousarray(Ts[some]), shape.centre)
+    information = np.array(information[some])
+    information[:, :6, :6] += np.linalg.inv(np.cov(x.T)) / _PIECE**2
+    rest = np.full(len(some), -np.inf), np.zeros(len(some), dtype=np.int64)
+    return Peaks(np.ascontiguousarray(Ts[some]), zs[some], logs[some], information, *rest)
+
+
+def _draw(search: PartSearch, count: int) -> None:
+    """Climb from draws of the prior."""
+    climber = search.climber
+    Ts = from_prior(climber.problem, climber.prepared, count, search.rng)
+    _take(search, climber.look(Ts, np.zeros(len(Ts), dtype=np.int64), max(count // 2, 1)))
+
+
+def _look_widely(search: PartSearch) -> None:
+    """Look for a part all over its prior, and by pairs of points where these fix a pose."""
+    _draw(search, _WIDELY)
+    if len(search.climber.problem.points) >= _SEVERAL:
+        search.round(Effort())
+        search.peaks = _found(search.peaks)
+
+
+def _take(search: PartSearch, peaks: Peaks) -> None:
+    search.peaks = _found(search.climber.merged(search.peaks, peaks, 10**6))
+
+
+def _found(peaks: Peaks) -> Peaks:
+    peaks.groups[:] = _FOUND
+    return peaks
+
+
+def _modes(posterior: Posterior, part: PreparedPart) -> list[Mode]:
+    return [mode for mode in posterior.modes if mode.prepared is part]
+
+
+def _in_doubt(before: Posterior, after: Posterior) -> bool:
+    """Whether what is known may not be all there is.
+
+    None of it explains the measurements; the best calls one more of them an outlier, which another pose may explain;
+    or a part has become nearly certain, and the true one may be among those that were not looked for.
+    """
+    if after.unknown > _DOUBT or not after.modes:
+        return True
+    if _outliers(after) > _outliers(before):
+        return True
+    old, new = (probabilities(posterior) for posterior in (before, after))
+    best = max(new, key=lambda part: new[part])
+    return new[best] > _SURE and old.get(best, 0.0) <= _SURE
+
+
+def _outliers(posterior: Posterior) -> int:
+    return int(np.sum(~on_part(posterior.modes[0]))) if posterior.modes else 0
+
+
+def on_part(mode: Mode) -> BoolArray:
+    """Which points are on the part at the maximum of a mode, rather than outliers ``(n,)``."""
+    climber: Climber = mode.climber
+    return np.asarray(details_at(climber, mode.T_peak[None], mode.z[None]).belongs[0] > 0.5)
+
+
+def probabilities(posterior: Posterior) -> dict[int, float]:
+    """Of each part that has a mode, by the id of its :class:`PreparedPart`."""
+    out: dict[int, float] = {}
+    for mode in posterior.modes:
+        out[id(mode.prepared)] = out.get(id(mode.prepared), 0.0) + mode.probability
+    return out
