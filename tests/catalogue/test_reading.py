@@ -1,10 +1,11 @@
 """Folders of parts: order, names, failures, workers that crash or hang, and what is remembered."""
 
 import os
+import pickle
 import subprocess
 import sys
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -110,10 +111,27 @@ def test_bytes_give_back_the_part_bit_for_bit(folder):
     same(part, again)
     assert again.name == "other"
     assert not again.vertices.flags.writeable
-    data = part_to_bytes(part)
-    for damaged in (b"", data[: len(data) // 2], b"x" * 100, data.replace(b'"version": 2', b'"version": 0')):
+
+
+def test_other_bytes_are_refused(folder, monkeypatch):
+    data = part_to_bytes(read_part(folder / "a.off", unit="mm"))
+    garbled = [data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :] for at in range(0, len(data), 97)]
+    for damaged in (b"", data[: len(data) // 2], data + b" ", b"x" * 100, *garbled):
         with pytest.raises(InputError, match="Read the CAD file again"):
             part_from_bytes(damaged)
+    monkeypatch.setattr("tanteo.catalogue.archive.FORMAT_VERSION", 0)
+    with pytest.raises(InputError, match="version 3"):
+        part_from_bytes(data)
+
+
+def test_an_opened_part_is_a_part(folder):
+    part = read_part(folder / "a.off", unit="mm")
+    again = part_from_bytes(part_to_bytes(part))
+    assert repr(again) == repr(part)
+    assert replace(again, name="other").faces == again.faces
+    same(part, pickle.loads(pickle.dumps(part_from_bytes(part_to_bytes(part)))))
+    with pytest.raises(AttributeError, match="colour"):
+        _ = again.colour
 
 
 def test_what_is_remembered_is_used_and_equal(folder, monkeypatch):
@@ -134,7 +152,7 @@ def _must_not_read(*_args, **_kwargs):
 def test_a_changed_or_damaged_entry_is_read_again(folder):
     read_parts(folder, unit="mm")
     key = cache_key(folder / "a.off", "mm")
-    entry = cache_folder() / "parts" / key[:2] / f"{key}.npz"
+    entry = cache_folder() / "parts" / key[:2] / f"{key}.part"
     for content in (b"", b"damaged", entry.read_bytes()[:-50]):
         entry.write_bytes(content)
         assert read_parts(folder, unit="mm")["a"].volume == pytest.approx(0.02**3 / 6)

@@ -1,10 +1,14 @@
-"""A part as bytes: two arrays and a JSON header in one ``npz``, without pickle, so that reading runs no code."""
+"""A part as bytes, of which only what is asked for is read: a checksum, two JSON documents and the arrays, no pickle.
+
+The first document says where everything is, the second holds the faces, which take longest to read. A part that was
+opened keeps the bytes, and makes an attribute of them when it is first used.
+"""
 
 from __future__ import annotations
 
-import io
 import json
-import zipfile
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
@@ -12,8 +16,12 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.parts import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SymmetryGroup
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 """Of the bytes and of the rules that made the part: raise it whenever a reader gives another answer."""
+
+_MAGIC = b"tanteoP\n"
+_HEAD = struct.Struct("<8sIIQ")
+"""Magic, CRC-32 of all that follows, length of the first document, of everything."""
 
 _GROUPS: dict[str, tuple[type[Any], tuple[str, ...]]] = {
     "planes": (
@@ -24,6 +32,7 @@ _GROUPS: dict[str, tuple[type[Any], tuple[str, ...]]] = {
     "corners": (ModelVertices, ("points", "edges", "edges_start")),
 }
 _ARRAYS = ("vertices", "triangles", "triangle_face", "centroid", "box")
+_PLAIN = ("name", "source", "unit", "volume", "area", "radius")
 _FACE_NUMBERS = ("area", "radius", "minor_radius", "half_angle", "convex", "sagitta")
 _FACE_VECTORS = ("centroid", "axis_point", "axis_direction")
 
@@ -34,34 +43,32 @@ def part_to_bytes(part: Part) -> bytes:
     for group, (_, names) in _GROUPS.items():
         arrays.update({f"{group}.{name}": getattr(getattr(part, group), name) for name in names})
     arrays["symmetry.Ts"] = part.symmetry.Ts
+    faces = json.dumps([_face_to_json(face) for face in part.faces]).encode()
+    parts, places, at = [faces], {}, len(faces)
+    for name, array in arrays.items():
+        parts.append(bytes(-at % 8))
+        at += -at % 8
+        places[name] = (at, array.dtype.str, array.shape)
+        parts.append(array.tobytes())
+        at += array.nbytes
     axis = part.symmetry.axis
     header = {
         "version": FORMAT_VERSION,
-        "name": part.name,
-        "source": part.source,
-        "unit": part.unit,
-        "volume": part.volume,
-        "area": part.area,
-        "radius": part.radius,
+        **{name: getattr(part, name) for name in _PLAIN},
         "repairs": part.repairs,
         "axis": None if axis is None else [vector.tolist() for vector in axis],
         "spherical": part.symmetry.spherical,
-        "faces": [_face_to_json(face) for face in part.faces],
-        "arrays": [(name, list(a.shape), a.dtype.kind) for name, a in arrays.items()],
+        "faces": len(faces),
+        "arrays": places,
     }
-    flat = {kind: [a.reshape(-1) for a in arrays.values() if (a.dtype.kind == "f") == (kind == "f")] for kind in "fi"}
-    stream = io.BytesIO()
-    np.savez(
-        stream,
-        header=np.frombuffer(json.dumps(header).encode(), dtype=np.uint8),
-        floats=np.concatenate(flat["f"]),
-        integers=np.concatenate([a.astype(np.int64) for a in flat["i"]]),
-    )
-    return stream.getvalue()
+    document = json.dumps(header).encode()
+    document += b" " * (-(_HEAD.size + len(document)) % 8)
+    body = b"".join([document, *parts])
+    return _HEAD.pack(_MAGIC, zlib.crc32(body), len(document), _HEAD.size + len(body)) + body
 
 
 def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None = None) -> Part:
-    """Read a part back.
+    """Open a part; it keeps the bytes.
 
     Args:
         data: as :func:`part_to_bytes` wrote it.
@@ -72,46 +79,44 @@ def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None 
         InputError: the bytes are damaged or of another format version.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-            header = json.loads(stored["header"].tobytes())
-            if header["version"] != FORMAT_VERSION:
-                raise ValueError(f"version {header['version']}")
-            arrays = _cut(header["arrays"], stored["floats"], stored["integers"])
-        groups = {
-            group: kind(**{field: arrays[f"{group}.{field}"] for field in names})
-            for group, (kind, names) in _GROUPS.items()
-        }
-        axis = None if header["axis"] is None else (np.array(header["axis"][0]), np.array(header["axis"][1]))
-        return Part(
-            name=name or header["name"],
-            source=source or header["source"],
-            unit=header["unit"],
-            faces=tuple(Face(**face) for face in header["faces"]),
-            symmetry=SymmetryGroup(arrays["symmetry.Ts"], axis, header["spherical"]),
-            volume=header["volume"],
-            area=header["area"],
-            radius=header["radius"],
-            repairs=tuple(header["repairs"]),
-            **{field: arrays[field] for field in _ARRAYS},
-            **groups,
-        )
-    except (ValueError, KeyError, TypeError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
+        magic, checksum, length, size = _HEAD.unpack_from(data)
+        if magic != _MAGIC or size != len(data) or checksum != zlib.crc32(memoryview(data)[_HEAD.size :]):
+            raise ValueError("others, or damaged ones")
+        header = json.loads(data[_HEAD.size : _HEAD.size + length])
+        if header["version"] != FORMAT_VERSION:
+            raise ValueError(f"version {header['version']}")
+    except (ValueError, KeyError, TypeError, struct.error) as error:
         raise InputError(f"data: expected a stored part, got {error}. Read the CAD file again.") from error
+    known = {field: header[field] for field in _PLAIN}
+    known.update(name=name or known["name"], source=source or known["source"], repairs=tuple(header["repairs"]))
+    return Part.opened(_Stored(data, _HEAD.size + length, header), **known)
 
 
-def _cut(layout: list[Any], floats: Any, integers: Any) -> dict[str, Any]:
-    """Cut the two flat arrays into the named ones."""
-    at = {"f": 0, "i": 0}
-    arrays = {}
-    for name, shape, kind in layout:
-        store = "f" if kind == "f" else "i"
-        size = int(np.prod(shape))
-        source = floats if store == "f" else integers
-        if at[store] + size > len(source):
-            raise ValueError("arrays that break off")
-        arrays[name] = source[at[store] : at[store] + size].reshape(shape)
-        at[store] += size
-    return arrays
+class _Stored:
+    """The attributes of a part that are made when they are asked for."""
+
+    __slots__ = ("_data", "_header", "_start")
+
+    def __init__(self, data: bytes, start: int, header: dict[str, Any]) -> None:
+        self._data, self._start, self._header = data, start, header
+
+    def __call__(self, name: str) -> Any:
+        if name == "faces":
+            text = self._data[self._start : self._start + self._header["faces"]]
+            return tuple(Face(**face) for face in json.loads(text))
+        if name in _GROUPS:
+            kind, names = _GROUPS[name]
+            return kind(**{field: self._array(f"{name}.{field}") for field in names})
+        if name == "symmetry":
+            axis = self._header["axis"]
+            pair = None if axis is None else (np.array(axis[0]), np.array(axis[1]))
+            return SymmetryGroup(self._array("symmetry.Ts"), pair, self._header["spherical"])
+        return self._array(name)
+
+    def _array(self, name: str) -> Any:
+        at, dtype, shape = self._header["arrays"][name]
+        count = int(np.prod(shape))
+        return np.frombuffer(self._data, dtype, count, self._start + at).reshape(shape)
 
 
 def _face_to_json(face: Face) -> dict[str, Any]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -239,6 +240,28 @@ class Part:
     radius: float
     repairs: tuple[str, ...] = ()
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @classmethod
+    def opened(cls, load: Callable[[str], Any], **known: Any) -> Part:
+        """A part of which some attributes are known; each of the others is loaded when it is first used.
+
+        Args:
+            load: gives the value of an attribute by its name, arrays read-only.
+            known: attributes by name.
+        """
+        part = object.__new__(cls)
+        for name, value in {**known, "derived": {"load": load}}.items():
+            object.__setattr__(part, name, value)
+        return part
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in self.__slots__ or name == "derived" or "load" not in self.derived:
+                raise AttributeError(f"'Part' object has no attribute {name!r}")
+            value = self.derived["load"](name)
+            object.__setattr__(self, name, value)
+            return value
 
     def __getstate__(self) -> list[Any]:
         """Of what goes to another process or into a copy, what was derived is left out: it can be derived again."""
