@@ -22,6 +22,9 @@ _CELLS = 40
 """Cells of the distance grid along the longest side."""
 
 
+_FEW = 500
+"""Vertices up to this number may all be ones on which the part stands."""
+
 _KIND = "shape1"
 """Of the bytes beside a part in the cache: another number where what is put into a shape changes."""
 
@@ -53,6 +56,11 @@ class PreparedPart:
     def samples(self) -> Vectors:
         """Places even over the surface ``(K, 3)``, in the part frame [m]."""
         return self.shape.samples
+
+    @cached_property
+    def normals(self) -> Vectors:
+        """Of the surface there, outward ``(K, 3)``."""
+        return self.shape.normals
 
     @cached_property
     def surface(self) -> Surface:
@@ -125,8 +133,10 @@ def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray
 
 
 def _hull(part: Part) -> Vectors:
-    """Vertices on which the part may stand: those that are the farthest in some direction, or all of a flat part."""
-    from scipy.spatial import ConvexHull, QhullError  # slow to import, and needed with a table only
+    """Vertices on which the part may stand: those that are the farthest in some direction, or all of few."""
+    if len(part.vertices) <= _FEW:
+        return part.vertices
+    from scipy.spatial import ConvexHull, QhullError  # slow to import
 
     try:
         return part.vertices[ConvexHull(part.vertices).vertices]

@@ -18,6 +18,9 @@ from tanteo.typing import FloatArray, IntArray
 LOOSE = 5e-3
 """How far labels of equal vectors may differ, relative to the part's size."""
 
+_FEW = 500
+"""Vectors up to this number are compared each with each."""
+
 MOST_CANDIDATES = 4000
 """Pairs of vectors that are tried at most."""
 
@@ -191,11 +194,14 @@ def _labelled(part: Part) -> _Vectors:
 
 def _clusters(marks: FloatArray) -> IntArray:
     """Label rows that are equal to within the loose tolerance (chains of them too)."""
-    from scipy.spatial import cKDTree
-
     from tanteo.parts.topology import components
 
-    pairs = cKDTree(marks).query_pairs(LOOSE, p=np.inf, output_type="ndarray")
+    if len(marks) <= _FEW:  # SciPy takes longer to import
+        pairs = np.argwhere(np.abs(marks[:, None] - marks).max(axis=2) <= LOOSE)
+    else:
+        from scipy.spatial import cKDTree
+
+        pairs = cKDTree(marks).query_pairs(LOOSE, p=np.inf, output_type="ndarray")
     return components(len(marks), pairs[:, 0], pairs[:, 1])
 
 

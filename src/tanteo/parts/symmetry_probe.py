@@ -20,6 +20,10 @@ PROBES = 4000
 """Points at most."""
 
 
+_FEW = 64
+"""Planes up to this number are compared before any point."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Probe:
     """Points of the surface and what it takes for their images to count as points of the surface.
@@ -58,6 +62,8 @@ class Probe:
 
     def accepts(self, T: FloatArray) -> bool:
         """Whether the motion maps planes to planes and the surface to itself."""
+        if len(self.part.planes) <= _FEW and not self._planes_match(T):
+            return False
         # A few points decide most refusals.
         few, every = slice(None, None, 1 + len(self.points) // 64), slice(None)
         return self._on_surface(T, few) and self._planes_match(T) and self._on_surface(T, every)

@@ -64,15 +64,15 @@ def components(count: int, first: IntArray, second: IntArray) -> IntArray:
     Returns:
         ``(count,)`` labels from 0, numbered by their lowest node.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_matrix((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
-    _, labels = connected_components(graph, directed=False)
-    _, lowest, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    rank = np.empty(len(lowest), dtype=np.int64)
-    rank[np.argsort(lowest)] = np.arange(len(lowest))
-    return rank[inverse]
+    root = np.arange(count)
+    while True:
+        a, b = root[first], root[second]
+        apart = a != b
+        if not apart.any():
+            return np.asarray(np.unique(root, return_inverse=True)[1], dtype=np.int64)
+        np.minimum.at(root, np.maximum(a, b)[apart], np.minimum(a, b)[apart])
+        while np.any(root != root[root]):
+            root = root[root]
 
 
 def triangle_geometry(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:

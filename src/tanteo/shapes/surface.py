@@ -56,25 +56,21 @@ class Surface:
     vertices: FloatArray
     triangles: IntArray
     _normals: FloatArray = field(init=False, repr=False)
-    _tree: Any = field(init=False, repr=False)
+    _tree: list[Any] = field(init=False, repr=False)
     _scene: list[Any] = field(init=False, repr=False)
     _pseudonormals: list[Pseudonormals | None] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        import igl  # slow to import
-
         vertices, triangles = checked_mesh(self.vertices, self.triangles)
         a, b, c = (vertices[triangles[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
-        tree = igl.AABB()
-        tree.init(vertices, triangles)
         for array in (vertices, triangles, normals):
             array.setflags(write=False)
         for name, value in (("vertices", vertices), ("triangles", triangles), ("_normals", normals)):
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "_tree", tree)
+        object.__setattr__(self, "_tree", [])
         object.__setattr__(self, "_scene", [])
         object.__setattr__(self, "_pseudonormals", [])
 
@@ -109,7 +105,7 @@ class Surface:
         queries, batch = checked_points("points", points)
         if not len(queries):
             return ClosestPoints(np.zeros(batch), np.zeros((*batch, 3)), np.zeros(batch, dtype=np.int64))
-        squared, triangles, found = self._tree.squared_distance(self.vertices, self.triangles, queries)
+        squared, triangles, found = self._searchable().squared_distance(self.vertices, self.triangles, queries)
         return ClosestPoints(
             np.sqrt(np.maximum(squared, 0.0)).reshape(batch),
             np.asarray(found, dtype=np.float64).reshape(*batch, 3),
@@ -191,6 +187,15 @@ class Surface:
             table = np.vstack([self._normals, np.zeros(3)]), np.append(offsets, np.inf)
             self._scene.append(table)
         return self._scene[1]
+
+    def _searchable(self) -> Any:
+        if not self._tree:
+            import igl  # slow to import
+
+            tree = igl.AABB()
+            tree.init(self.vertices, self.triangles)
+            self._tree.append(tree)
+        return self._tree[0]
 
     def _embree(self) -> tuple[Any, FloatArray, float]:
         if not self._scene:
