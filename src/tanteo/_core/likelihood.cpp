@@ -46,10 +46,10 @@ Share share_of(const Shape& shape, const Flat& flat, double x, double y, const W
             if (k != std::max(e.first_bin, begin)) continue;  // seen in an earlier bin
             const double rx = e.x - x, ry = e.y - y, y1 = ry + e.dy * e.length;
             const double left = rx * e.dy - ry * e.dx;  // of the point from the edge, where it is inside
-            if ((ry <= 0) != (y1 <= 0)) {               // crosses the line through the point to the right of it
-                const int up = y1 > 0 ? 1 : -1;
-                if (up * left > 0) winding += up;
-            }
+            // a point right on an edge is taken a little to the right of it, and above: inside for one of two flats
+            const bool inside = left != 0 ? left > 0 : e.dy < 0 || (e.dy == 0 && e.dx > 0);
+            if ((ry <= 0) != (y1 <= 0))  // crosses the line through the point to the right of it
+                winding += y1 > 0 ? inside : -!inside;
             const double ax = W.a * rx, ay = W.b * rx + W.c * ry;
             double dx = e.dx, dy = e.dy, stretch = W.a;
             if (!W.even) {
@@ -66,7 +66,7 @@ Share share_of(const Shape& shape, const Flat& flat, double x, double y, const W
             const double ah = std::fabs(h);
             const bool whole = t1 < -SEEN && t2 > SEEN;
             const double wedges = whole ? normal_below(-ah) : wedge(ah, t2) - wedge(ah, t1);
-            beyond += h >= 0 ? wedges : -wedges;
+            beyond += inside ? wedges : -wedges;
             if (!with_slope) continue;
             const double m = normal_density(h) * (whole ? 1 : normal_below(t2) - normal_below(t1));
             share.gx -= dy * m;  // the inside is to the left: (-dy, dx)
@@ -240,7 +240,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         if (!(weight >= nothing) && !inside_ball) return;
         double ku = 0, kv = 0;
         Whitening W{per_sd, 0, per_sd, widest, true};
-        if (!point.isotropic) {
+        if (!point.isotropic || plane.round) {
             const double Cu = dot(flat.u, Cn), Cv = dot(flat.v, Cn);
             ku = Cu / variance;
             kv = Cv / variance;
