@@ -30,13 +30,13 @@ class Effort:
     Attributes:
         pairs: of points.
         per_pair: pairs of surface places for each.
-        keep: proposals of each half of the pairs that are settled.
-        climb: that are climbed.
+        keep: proposals of each pair that are settled.
+        climb: of all of them that are climbed.
     """
 
     pairs: int = 12
     per_pair: int = 40
-    keep: int = 40
+    keep: int = 7
     climb: int = 40
 
 

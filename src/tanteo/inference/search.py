@@ -1,7 +1,7 @@
 """The search: parts race in rounds of proposals until no pose that matters is likely to be missing.
 
-What several rounds lead to again and again is likely all there is; what one round alone led to says that more of its
-kind was not found. The probability that was found only once estimates what is still missing (Good and Turing 1953).
+What several pairs of points lead to again and again is likely all there is; what one pair alone led to says that more
+of its kind was not found. The probability of what was found rarely estimates what is missing (Good and Turing 1953).
 """
 
 from __future__ import annotations
@@ -28,13 +28,17 @@ from tanteo.inference.symmetry import log_orbit
 from tanteo.matching.evidence import log_sum
 from tanteo.typing import Indices, Transforms
 
-_MISSING = 0.02
-"""Probability of what was found only once up to which a part is taken as searched."""
+_MISSING, _OFTEN = 0.02, 4
+"""Probability of what fewer pairs of points led to up to which a part is taken as searched: a pose as easy to find as
+one to which four pairs led is missed in one of sixteen searches."""
+
+_BITS, _KNOWN = 60, 0b1111
+"""Pairs that are told apart, and what the prior led to: as good as found by several."""
 
 _ROUNDS, _HOPELESS_ROUNDS = 8, 4
 """Rounds at most; and where the unknown object explains the measurements better than all that was found."""
 
-_RACE = (Effort(6, 16, 8, 8), Effort(12, 40, 40, 40))
+_RACE = (Effort(6, 16, 3, 8), Effort(12, 40, 7, 40))
 """First rounds of many parts: a glance, then a look."""
 
 _BEHIND = (24.0, 12.0)
@@ -75,11 +79,10 @@ class PartSearch:
         """Of all maxima, poses that symmetry makes one included, relative to what the core leaves out of the prior."""
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
-    @property
-    def log_once(self) -> float:
-        """Of those that one round only led to."""
-        once = self.peaks.evidence[self.peaks.times < 2]
-        return self._constant + float(log_sum(once)) if len(once) else -np.inf
+    def log_rare(self, times: int = _OFTEN) -> float:
+        """Of those to which fewer pairs of points led."""
+        rare = self.peaks.evidence[self.peaks.times < times]
+        return self._constant + float(log_sum(rare)) if len(rare) else -np.inf
 
     @property
     def _constant(self) -> float:
@@ -88,16 +91,14 @@ class PartSearch:
         return self.climber.problem.log_pose_density(prepared) + orbit
 
     def round(self, effort: Effort) -> None:
-        """Propose from two groups of points that know nothing of each other; settle, climb, merge."""
-        climber, k = self.climber, self.rounds
-        first = 1 << (2 * k % 62)
-        poses, groups = [from_prior(climber.problem, climber.prepared, effort.keep, self.rng)], [0]
-        for half in range(min(2, len(self.pairs))):
-            which = (np.arange(effort.pairs // 2) * 2 + half + k * effort.pairs) % len(self.pairs)
-            pairs, seed = np.ascontiguousarray(self.pairs[np.unique(which)]), int(self.rng.integers(2**63))
-            poses.append(from_pairs(climber.core, climber.prepared, climber.rows, pairs, climber.scales, effort, seed))
-            groups.append(first << half)
-        groups[0] = first | first << 1  # the prior is not of any points: what it leads to is as good as found twice
+        """Propose from pairs of points, which know nothing of each other; settle, climb, merge."""
+        climber, k, count = self.climber, self.rounds, min(effort.pairs, len(self.pairs))
+        poses, groups = [from_prior(climber.problem, climber.prepared, effort.climb, self.rng)], [_KNOWN]
+        for i in range(count):
+            pair = np.ascontiguousarray(self.pairs[[(k * count + i) % len(self.pairs)]])
+            seed = int(self.rng.integers(2**63))
+            poses.append(from_pairs(climber.core, climber.prepared, climber.rows, pair, climber.scales, effort, seed))
+            groups.append(1 << ((k * count + i) % _BITS))
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
         if len(self.peaks) and k == 0:
@@ -166,7 +167,7 @@ def race(
             s
             for s in live
             if s.rounds < (_HOPELESS_ROUNDS if hopeless else _ROUNDS)
-            and (s.log_once > total + np.log(_MISSING) or (s is best and s.rounds < 4 and s.doubtful()))
+            and (s.log_rare() > total + np.log(_MISSING) or (s is best and s.rounds < 4 and s.doubtful()))
         ]
         for search in left:
             search.round(Effort())
@@ -189,5 +190,5 @@ def _try_on_others(searches: Sequence[PartSearch]) -> None:
 def missing(searches: Sequence[PartSearch]) -> float:
     """Share of the probability of all parts that was found only once."""
     total = float(log_sum([s.log_evidence for s in searches])) if searches else -np.inf
-    once = float(log_sum([s.log_once for s in searches])) if searches else -np.inf
+    once = float(log_sum([s.log_rare(2) for s in searches])) if searches else -np.inf
     return float(np.exp(once - total)) if np.isfinite(total) else 0.0
