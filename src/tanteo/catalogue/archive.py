@@ -1,7 +1,7 @@
-"""A part as bytes, of which only what is asked for is read: a checksum, two JSON documents and the arrays, no pickle.
+"""A part as bytes, of which only what is asked for is read: a checksum, JSON documents and the arrays, no pickle.
 
-The first document says where everything is, the second holds the faces, which take longest to read. A part that was
-opened keeps the bytes, and makes an attribute of them when it is first used.
+The first document holds numbers and names, the second says where the arrays are, the third holds the faces. A part that
+was opened keeps the bytes, and makes an attribute of them when it is first used.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,12 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.parts import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SymmetryGroup
 
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 """Of the bytes and of the rules that made the part: raise it whenever a reader gives another answer."""
 
 _MAGIC = b"tanteoP\n"
-_HEAD = struct.Struct("<8sIIQ")
-"""Magic, CRC-32 of all that follows, length of the first document, of everything."""
+_HEAD = struct.Struct("<8sIIIQ")
+"""Magic, CRC-32 of all that follows, lengths of the first document, of the second, of everything."""
 
 _GROUPS: dict[str, tuple[type[Any], tuple[str, ...]]] = {
     "planes": (
@@ -31,8 +32,9 @@ _GROUPS: dict[str, tuple[type[Any], tuple[str, ...]]] = {
     "edges": (ModelEdges, ("Ts_part_feature", "lengths", "ends", "faces", "dihedrals", "convex")),
     "corners": (ModelVertices, ("points", "edges", "edges_start")),
 }
-_ARRAYS = ("vertices", "triangles", "triangle_face", "centroid", "box")
+_ARRAYS = ("vertices", "triangles", "triangle_face")
 _PLAIN = ("name", "source", "unit", "volume", "area", "radius")
+_VECTORS = ("centroid", "box")
 _FACE_NUMBERS = ("area", "radius", "minor_radius", "half_angle", "convex", "sagitta")
 _FACE_VECTORS = ("centroid", "axis_point", "axis_direction")
 
@@ -55,16 +57,16 @@ def part_to_bytes(part: Part) -> bytes:
     header = {
         "version": FORMAT_VERSION,
         **{name: getattr(part, name) for name in _PLAIN},
+        **{name: getattr(part, name).tolist() for name in _VECTORS},
         "repairs": part.repairs,
         "axis": None if axis is None else [vector.tolist() for vector in axis],
         "spherical": part.symmetry.spherical,
         "faces": len(faces),
-        "arrays": places,
     }
-    document = json.dumps(header).encode()
-    document += b" " * (-(_HEAD.size + len(document)) % 8)
-    body = b"".join([document, *parts])
-    return _HEAD.pack(_MAGIC, zlib.crc32(body), len(document), _HEAD.size + len(body)) + body
+    document, table = json.dumps(header).encode(), json.dumps(places).encode()
+    table += b" " * (-(_HEAD.size + len(document) + len(table)) % 8)
+    body = b"".join([document, table, *parts])
+    return _HEAD.pack(_MAGIC, zlib.crc32(body), len(document), len(table), _HEAD.size + len(body)) + body
 
 
 def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None = None) -> Part:
@@ -79,7 +81,7 @@ def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None 
         InputError: the bytes are damaged or of another format version.
     """
     try:
-        magic, checksum, length, size = _HEAD.unpack_from(data)
+        magic, checksum, length, table, size = _HEAD.unpack_from(data)
         if magic != _MAGIC or size != len(data) or checksum != zlib.crc32(memoryview(data)[_HEAD.size :]):
             raise ValueError("others, or damaged ones")
         header = json.loads(data[_HEAD.size : _HEAD.size + length])
@@ -89,16 +91,23 @@ def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None 
         raise InputError(f"data: expected a stored part, got {error}. Read the CAD file again.") from error
     known = {field: header[field] for field in _PLAIN}
     known.update(name=name or known["name"], source=source or known["source"], repairs=tuple(header["repairs"]))
-    return Part.opened(_Stored(data, _HEAD.size + length, header), **known)
+    for field in _VECTORS:
+        known[field] = np.array(header[field])
+        known[field].setflags(write=False)
+    start = _HEAD.size + length
+    return Part.opened(_Stored(data, start, start + table, header), **known)
 
 
 class _Stored:
     """The attributes of a part that are made when they are asked for."""
 
-    __slots__ = ("_data", "_header", "_start")
+    def __init__(self, data: bytes, table: int, start: int, header: dict[str, Any]) -> None:
+        self._data, self._table, self._start, self._header = data, table, start, header
 
-    def __init__(self, data: bytes, start: int, header: dict[str, Any]) -> None:
-        self._data, self._start, self._header = data, start, header
+    @cached_property
+    def _places(self) -> dict[str, Any]:
+        places: dict[str, Any] = json.loads(self._data[self._table : self._start])
+        return places
 
     def __call__(self, name: str) -> Any:
         if name == "faces":
@@ -114,7 +123,7 @@ class _Stored:
         return self._array(name)
 
     def _array(self, name: str) -> Any:
-        at, dtype, shape = self._header["arrays"][name]
+        at, dtype, shape = self._places[name]
         count = int(np.prod(shape))
         return np.frombuffer(self._data, dtype, count, self._start + at).reshape(shape)
 

@@ -44,7 +44,8 @@ def cache_key(path: Path, unit: str | None) -> str | None:
         The name; None where the file cannot be read.
     """
     try:
-        content = path.read_bytes()
+        with open(path, "rb", buffering=0) as file:
+            content = file.read()
     except OSError:
         return None
     suffix = path.suffix.lower()

@@ -138,32 +138,47 @@ def read_parts(
 
 def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[Failure]]:
     """List the files to read, each once, and what is wrong with the given paths."""
-    files: dict[Path, Path] = {}
+    files: dict[str, Path] = {}
     failures = []
     for given in map(Path, paths):
         if given.is_dir():
             try:
-                inside = sorted(f for f in given.iterdir() if f.suffix.lower() in READABLE and not f.is_dir())
+                found, nowhere = _inside(given)
             except OSError as error:
                 why = error.strerror or error
                 reason = f"{given}: expected a folder that may be read, got: {why}. Check its permissions."
                 failures.append(Failure(str(given), reason))
                 continue
-            nowhere = [file for file in inside if not file.is_file()]
             reason = "expected a file, got a link that leads nowhere, or a device. Mend it, or take it away."
             failures += [Failure(str(file), f"{file}: {reason}") for file in nowhere]
-            found = [file for file in inside if file not in nowhere]
-            files.update({file.resolve(): file for file in found if file.resolve() not in files})
-            if not inside:
+            for real, file in found.items():
+                files.setdefault(real, file)
+            if not found and not nowhere:
                 kinds = ", ".join(READABLE)
                 reason = f"{given}: expected CAD files ({kinds}), got none in this folder. Name files, or another."
                 failures.append(Failure(str(given), reason))
         elif given.is_file():
-            files.setdefault(given.resolve(), given)
+            files.setdefault(os.path.realpath(given), given)
         else:
             reason = f"{given}: expected a file or a folder, got nothing there. Check the path."
             failures.append(Failure(str(given), reason))
     return list(files.values()), failures
+
+
+def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
+    """Files of a folder that can be read, each once, by where they really are; and those that lead nowhere."""
+    root = os.path.realpath(folder)
+    with os.scandir(folder) as every:
+        entries = [e for e in every if os.path.splitext(e.name)[1].lower() in READABLE and not e.is_dir()]
+    files: dict[str, Path] = {}
+    nowhere = []
+    for entry in sorted(entries, key=lambda e: e.name):
+        if not entry.is_file():
+            nowhere.append(folder / entry.name)
+            continue
+        real = os.path.realpath(entry.path) if entry.is_symlink() else os.path.join(root, entry.name)
+        files.setdefault(real, folder / entry.name)
+    return files, nowhere
 
 
 def _names(files: list[Path]) -> list[str]:
@@ -172,11 +187,10 @@ def _names(files: list[Path]) -> list[str]:
     longer += [lambda file: f"{file.resolve().parent.name}/{file.name}", lambda file: str(file.resolve())]
     names: dict[Path, str] = {}
     for naming in longer:
-        waiting = [file for file in files if file not in names]
-        counts = Counter(naming(file) for file in waiting)
-        taken = set(names.values())
-        names.update({f: naming(f) for f in waiting if counts[naming(f)] == 1 and naming(f) not in taken})
-    return [names.get(file, str(file.resolve())) for file in files]
+        waiting = {file: naming(file) for file in files if file not in names}
+        counts, taken = Counter(waiting.values()), set(names.values())
+        names.update({file: name for file, name in waiting.items() if counts[name] == 1 and name not in taken})
+    return [names.get(file) or str(file.resolve()) for file in files]
 
 
 def _inline(todo: dict[int, Request], workers: int | None) -> list[int]:
