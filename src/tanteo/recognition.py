@@ -12,7 +12,7 @@ import numpy.typing as npt
 from tanteo.errors import InputError
 from tanteo.inference.recognition import identify_points
 from tanteo.limits import check_length
-from tanteo.matching.evidence import Priors
+from tanteo.matching.priors import Priors
 from tanteo.matching.question import check_question, with_elapsed
 from tanteo.matching.results import Recognition
 from tanteo.measurements import as_contact_points, as_free_rays

@@ -15,7 +15,7 @@ from tanteo.inference import prepared
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.lie import SE3
-from tanteo.matching.evidence import Priors, sized
+from tanteo.matching.priors import Priors, sized
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "parts"
 

@@ -11,8 +11,8 @@ from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.belief import squared_gaps
-from tanteo.matching.evidence import log_sum
 from tanteo.matching.freedom import pose_scale
+from tanteo.matching.priors import log_sum
 from tanteo.parts import read_part
 from tanteo.surface_search import identify_touches, modes, prepare_target
 from tanteo.surface_search.adapted_draws import effective

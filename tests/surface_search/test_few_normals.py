@@ -9,7 +9,7 @@ import pytest
 
 from bare_scenes import holds, no_paths, oriented
 from tanteo.lie import SE3
-from tanteo.matching.evidence import sized
+from tanteo.matching.priors import sized
 from tanteo.parts import read_part
 from tanteo.surface_search import prepare_target
 from tanteo.surface_search.polish import from_blurred, polish

@@ -10,7 +10,7 @@ import tanteo
 from bare_scenes import inside, nees, no_paths, surface_points, touches_of
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors
-from tanteo.matching.evidence import sized
+from tanteo.matching.priors import sized
 from tanteo.surface_search import identify_touches, prepare_target
 from tanteo.surface_search.given_pose import given_pose
 from tanteo.surface_search.modes import has_image_near

@@ -9,7 +9,7 @@ import pytest
 
 from bare_scenes import box_centred_pose, holds, no_paths, surface_points, touches_of
 from tanteo.lie import SE3, SO3
-from tanteo.matching.evidence import sized
+from tanteo.matching.priors import sized
 from tanteo.parts import read_part
 from tanteo.surface_search import prepare_target
 from tanteo.surface_search.polish import polish

@@ -19,7 +19,7 @@ from tanteo.active.start import Start, blurred
 from tanteo.active.weighing import MATTERS, PartModes, weigh_parts
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.none_of_these import log_none, reported, unknown_log_density

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.active.proposals import Proposals
 from tanteo.active.start import Start
 from tanteo.matching import PosePrior
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.given_pose import GivenPose, given_pose
 from tanteo.surface_search.nodes import Rough

@@ -11,8 +11,8 @@ from tanteo.active.start import Start
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import equivalent
-from tanteo.matching.evidence import log_sum
 from tanteo.matching.prior import PosePrior, prior_residuals, prior_rows
+from tanteo.matching.priors import log_sum
 from tanteo.surface_search import FreePaths, Target, Touches
 from tanteo.surface_search.distinct import SAME_MAXIMUM
 from tanteo.surface_search.none_of_these import NEGLIGIBLE

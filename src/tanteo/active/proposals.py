@@ -10,7 +10,7 @@ from scipy.special import gammaln
 
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.surface_search.polish import Polished
 from tanteo.typing import FloatArray, Tangents, Transforms
 

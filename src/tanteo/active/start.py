@@ -12,7 +12,7 @@ from tanteo.frames import check_covariances, check_transforms
 from tanteo.lie import SE3
 from tanteo.limits import check_places, check_spreads
 from tanteo.matching import Hypothesis, PosePrior, Priors
-from tanteo.matching.evidence import log_sum, sized
+from tanteo.matching.priors import log_sum, sized
 from tanteo.parts import Part
 from tanteo.parts.several import as_part
 from tanteo.surface_search import Target, Touches

@@ -19,7 +19,7 @@ from tanteo.active.maxima import Maxima, more
 from tanteo.active.proposals import Proposals
 from tanteo.active.start import Start
 from tanteo.matching import PosePrior
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.surface_search import FreePaths, Touches
 from tanteo.surface_search.modes import has_image_near
 from tanteo.surface_search.moments import Moments

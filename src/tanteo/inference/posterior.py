@@ -19,7 +19,7 @@ from tanteo.inference.search import PartSearch, missing, race
 from tanteo.inference.symmetry import folded, log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
 from tanteo.lie import SE3, SO3
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 
 NEGLIGIBLE = 12.0

@@ -16,9 +16,9 @@ from tanteo.inference.peaks import Climber
 from tanteo.inference.posterior import Mode, Posterior
 from tanteo.inference.result import Explained, explained
 from tanteo.localization import pose_information, weak_motions
-from tanteo.matching.evidence import Priors
 from tanteo.matching.part_motions import part_scale
 from tanteo.matching.prior import in_box, prior_rows
+from tanteo.matching.priors import Priors
 from tanteo.matching.results import Hypothesis
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Transforms

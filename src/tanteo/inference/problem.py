@@ -10,8 +10,8 @@ from tanteo import _core
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import PosePrior, log_density_within
+from tanteo.matching.priors import Priors
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import Covariances, FloatArray, Transforms
 

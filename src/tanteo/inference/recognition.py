@@ -14,7 +14,7 @@ from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior, explains
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import Explained, as_hypothesis, explained, what_limits, worst_reading
-from tanteo.matching.evidence import Priors, sized
+from tanteo.matching.priors import Priors, sized
 from tanteo.matching.question import Clock, check_question
 from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import CONFIDENCE, verdict

@@ -25,7 +25,7 @@ from tanteo.inference.proposals import (
     turned,
 )
 from tanteo.inference.symmetry import log_orbit
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.typing import Indices, Transforms
 
 _MISSING, _OFTEN = 0.02, 4

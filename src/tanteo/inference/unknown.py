@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from tanteo.inference.problem import outlier_log_density
-from tanteo.matching.evidence import Priors, log_sum
+from tanteo.matching.priors import Priors, log_sum
 from tanteo.matching.unknown_place import log_place_of_unknown
 from tanteo.measurements import ContactPoints
 from tanteo.typing import FloatArray, Vectors

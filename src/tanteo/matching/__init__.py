@@ -6,9 +6,9 @@ from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
     from tanteo.matching.belief import Belief, Mode, believe
-    from tanteo.matching.evidence import Priors
     from tanteo.matching.model import PartModel, prepare
     from tanteo.matching.prior import PosePrior, Table
+    from tanteo.matching.priors import Priors
     from tanteo.matching.recognition import identify_features
     from tanteo.matching.results import Hypothesis, Recognition
 
@@ -30,7 +30,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "belief": "Belief Mode believe",
-        "evidence": "Priors",
+        "priors": "Priors",
         "model": "PartModel prepare",
         "prior": "PosePrior Table",
         "recognition": "identify_features",

@@ -9,10 +9,11 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.localization.solve import pose_information, take
-from tanteo.matching.evidence import Priors, log_evidence, log_sum, perfect_evidence
+from tanteo.matching.evidence import log_evidence, perfect_evidence
 from tanteo.matching.freedom import free_projector, pose_scale
 from tanteo.matching.model import PartModel
 from tanteo.matching.part_motions import without_spin
+from tanteo.matching.priors import Priors, log_sum
 from tanteo.matching.sensed import Sensed
 from tanteo.matching.tree import Gates, Interpretations, interpret, pair_gates
 from tanteo.matching.unknown import log_unknown

@@ -17,10 +17,10 @@ from tanteo.lie import SE3, SO3
 from tanteo.localization import PoseEstimate, SharedGiven
 from tanteo.matching.belief import Mode
 from tanteo.matching.box import SURE, left_by
-from tanteo.matching.evidence import log_sum
 from tanteo.matching.model import PartModel
 from tanteo.matching.part_motions import part_scale
 from tanteo.matching.prior import PosePrior, log_density_within, prior_rows
+from tanteo.matching.priors import log_sum
 from tanteo.matching.unknown_place import log_place_of_unknown
 from tanteo.parts import Part
 from tanteo.special import chi2_survival

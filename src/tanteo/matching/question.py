@@ -8,7 +8,7 @@ from typing import Any
 
 from tanteo.errors import InputError, check_kind
 from tanteo.limits import check_count, check_number
-from tanteo.matching.evidence import Priors
+from tanteo.matching.priors import Priors
 from tanteo.matching.results import Recognition
 from tanteo.parts.several import as_parts
 

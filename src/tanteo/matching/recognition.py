@@ -11,13 +11,13 @@ from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.localization import ModelFeature, Pairing, estimate_pose
 from tanteo.matching.belief import Mode, believe
-from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.pairings import decode
 from tanteo.matching.part_motions import part_scale
 from tanteo.matching.placed import Beside, Located, place, weigh_beside
+from tanteo.matching.priors import Priors, sized
 from tanteo.matching.published import believe_as_published
 from tanteo.matching.question import Clock, check_question
 from tanteo.matching.results import Hypothesis, Recognition

@@ -17,17 +17,10 @@ from tanteo.features import Feature
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import scaled_solve
 from tanteo.matching.candidates import Candidates
-from tanteo.matching.evidence import (
-    OFTEN,
-    Priors,
-    clutter_densities,
-    direction_densities,
-    log_evidence,
-    log_sum,
-    perfect_evidence,
-)
+from tanteo.matching.evidence import clutter_densities, direction_densities, log_evidence, perfect_evidence
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import PartModel
+from tanteo.matching.priors import OFTEN, Priors, log_sum
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.tree import TURNS, interpret, pair_gates
 from tanteo.matching.unknown_pairs import most_gain, pair_gains, pairs_of

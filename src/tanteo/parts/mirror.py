@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.parts.building import build_part
 from tanteo.parts.draft import Draft
 from tanteo.parts.part import Part
-from tanteo.parts.reading import build_part
 
 
 def mirror_part(part: Part, *, name: str | None = None) -> Part:

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tanteo.errors import PartError
-from tanteo.parts.draft import Draft
-from tanteo.parts.edges import build_edges
 from tanteo.parts.files import MESH_SUFFIXES, load_mesh
-from tanteo.parts.mesh_faces import sort_faces
-from tanteo.parts.part import Part, SymmetryGroup
-from tanteo.parts.planes import build_faces, build_planes
-from tanteo.parts.repair import closed_mesh
-from tanteo.parts.symmetry import find_symmetry
-from tanteo.parts.topology import mesh_edges, triangle_geometry, volume_and_centroid
+from tanteo.parts.part import Part
 from tanteo.parts.units import METRES, check_size, unit_name
 
 STEP_SUFFIXES = (".step", ".stp")
@@ -54,12 +46,17 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     if suffix not in READABLE:
         raise PartError(f"{label}: expected one of {', '.join(READABLE)}, got {suffix!r}. Export it as STEP.")
     _check_content(file, label)
+    from tanteo.parts.building import build_part  # not needed where a part is remembered
+
     if suffix in STEP_SUFFIXES:
         from tanteo.parts.step import load_step
 
         stated = True
         draft, own, repairs = load_step(file, label)
     else:
+        from tanteo.parts.mesh_faces import sort_faces
+        from tanteo.parts.repair import closed_mesh
+
         vertices, triangles, own = load_mesh(file, unit, label)
         stated = unit is None or own != unit_name(unit)
         if len(triangles):
@@ -80,48 +77,6 @@ def _check_content(file: Path, label: str) -> None:
         raise PartError(f"{label}: expected a file that may be read, got: {why}. Check its permissions.") from None
     if not first:
         raise PartError(f"{label}: expected a CAD file, got an empty one. Export the part again.")
-
-
-def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tuple[str, ...]) -> Part:
-    """Take features, measures and symmetry from a closed mesh whose triangles are sorted into faces.
-
-    Args:
-        draft: closed, outward mesh in metres.
-        name: of the part.
-        source: where it came from.
-        unit: short name of the unit it was read in.
-        repairs: sentences on what was repaired.
-
-    Returns:
-        The finished part.
-    """
-    links = mesh_edges(draft.triangles)
-    faces = build_faces(draft, links)
-    planes = build_planes(draft, faces, links)
-    edges, corners = build_edges(draft, faces, links)
-    volume, centroid = volume_and_centroid(draft.vertices, draft.triangles)
-    _, areas = triangle_geometry(draft.vertices, draft.triangles)
-    box = np.stack([draft.vertices.min(axis=0), draft.vertices.max(axis=0)])
-    part = Part(
-        name=name,
-        source=source,
-        unit=unit,
-        vertices=draft.vertices,
-        triangles=draft.triangles,
-        triangle_face=draft.triangle_face,
-        faces=faces,
-        planes=planes,
-        edges=edges,
-        corners=corners,
-        symmetry=SymmetryGroup(np.eye(4)[None]),
-        volume=volume,
-        area=float(areas.sum()),
-        centroid=centroid,
-        box=box,
-        radius=float(np.linalg.norm(draft.vertices - centroid, axis=1).max()),
-        repairs=repairs,
-    )
-    return replace(part, symmetry=find_symmetry(part))
 
 
 def _diagonal(points: np.typing.NDArray[np.float64]) -> float:

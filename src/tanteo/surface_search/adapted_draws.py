@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from tanteo.matching.box import SURE
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.typing import BoolArray, FloatArray
 
 Proposal = tuple[FloatArray, FloatArray]

@@ -15,9 +15,9 @@ from functools import partial
 import numpy as np
 
 from tanteo.lie import SE3
-from tanteo.matching.evidence import Priors
 from tanteo.matching.freedom import pose_scale
 from tanteo.matching.prior import in_box
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.adapted_draws import effective
 from tanteo.surface_search.given_pose import GivenPose, Posterior, given_pose
 from tanteo.surface_search.mode import Mode

@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 
 from tanteo.limits import SUSPECT
 from tanteo.localization import pose_information
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.matching.verdict import CONFIDENCE
 from tanteo.surface_search.polish import Polished
 from tanteo.surface_search.strays import so_many

@@ -9,9 +9,9 @@ import numpy as np
 
 from tanteo.lie import SO3
 from tanteo.localization import SharedGiven
-from tanteo.matching.evidence import Priors
 from tanteo.matching.model import PartModel
 from tanteo.matching.part_motions import observed_covariance
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import FreePaths, Touches
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors

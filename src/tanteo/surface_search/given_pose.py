@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors, log_sum
+from tanteo.matching.priors import Priors, log_sum
 from tanteo.surface_search.free_space import log_free_paths
 from tanteo.surface_search.kin import log_density_of_kin
 from tanteo.surface_search.likelihood import (

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from tanteo.localization import motions_about
-from tanteo.matching.evidence import Priors
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.refine import moved, step_to

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from scipy.special import roots_legendre
 
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.parts import Part
 from tanteo.surface_search.strays import log_by_rate
 from tanteo.typing import BoolArray, FloatArray, IntArray

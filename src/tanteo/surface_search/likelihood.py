@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SO3
-from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import log_density_within, prior_residuals
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.free_space import log_free_paths, material_in_front
 from tanteo.surface_search.kin import Densities
 from tanteo.surface_search.near_edges import NearEdges, log_near_edges, near_edges

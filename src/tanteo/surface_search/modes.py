@@ -10,9 +10,9 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.matching.belief import squared_gaps
-from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.part_motions import off_spins, spins
 from tanteo.matching.prior import PosePrior, alike
+from tanteo.matching.priors import Priors, log_sum
 from tanteo.parts import Part
 from tanteo.surface_search.adapted_draws import TooFewDrawsError
 from tanteo.surface_search.around import modes_around

@@ -17,8 +17,8 @@ from scipy.special import gammaln
 
 from tanteo.lie import SE3
 from tanteo.localization import motions_about, pose_information
-from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import PosePrior, prior_rows
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.given_pose import GivenPose, Posterior
 from tanteo.surface_search.likelihood import explain, normal_equations
 from tanteo.surface_search.refine import refine

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors, log_sum
+from tanteo.matching.priors import Priors, log_sum
 from tanteo.matching.unknown_place import log_place_of_unknown
 from tanteo.surface_search.touches import Touches
 from tanteo.typing import BoolArray, FloatArray, Vectors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors
+from tanteo.matching.priors import Priors
 from tanteo.matching.results import Hypothesis
 from tanteo.surface_search.kin import log_density_elsewhere, log_density_of_kin, shifted
 from tanteo.surface_search.likelihood import densities_at

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from tanteo.features import SharedError
-from tanteo.matching.evidence import Priors, sized
 from tanteo.matching.model import PartModel
+from tanteo.matching.priors import Priors, sized
 from tanteo.matching.question import Clock, check_question
 from tanteo.matching.results import Recognition
 from tanteo.matching.verdict import verdict

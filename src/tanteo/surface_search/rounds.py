@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors, log_sum
+from tanteo.matching.priors import Priors, log_sum
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.explained import explained, explains_all, leaves_one_of_few, log_mass, scatter
 from tanteo.surface_search.hops import hop

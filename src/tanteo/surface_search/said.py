@@ -14,9 +14,9 @@ from scipy.special import chdtrc
 
 from tanteo.lie import SE3
 from tanteo.localization import pose_information, weak_motions
-from tanteo.matching.evidence import Priors
 from tanteo.matching.part_motions import part_scale
 from tanteo.matching.prior import prior_rows
+from tanteo.matching.priors import Priors
 from tanteo.matching.results import Hypothesis
 from tanteo.surface_search.explained import explained
 from tanteo.surface_search.likelihood import log_posterior

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import prior_rows, prior_starts
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.distinct import distinct_maxima
 from tanteo.surface_search.polish import HOPELESS, Polished, from_blurred, polish
 from tanteo.surface_search.refine import SETTLING, Known, refine

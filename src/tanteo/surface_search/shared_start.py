@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from tanteo.lie import SO3
 from tanteo.localization import motions_about
-from tanteo.matching.evidence import Priors
 from tanteo.matching.prior import add_prior
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.refine import moved, step_to
 from tanteo.surface_search.target import Target
 from tanteo.surface_search.touches import Touches

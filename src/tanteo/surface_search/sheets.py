@@ -17,10 +17,10 @@ import numpy as np
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.matching.box import SURE
-from tanteo.matching.evidence import Priors, log_sum
 from tanteo.matching.freedom import pose_scale
 from tanteo.matching.part_motions import off_spins
 from tanteo.matching.prior import in_box
+from tanteo.matching.priors import Priors, log_sum
 from tanteo.parts import Part
 from tanteo.surface_search.adapted_draws import effective
 from tanteo.surface_search.given_pose import GivenPose, given_pose

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from scipy.special import bdtrc, roots_genlaguerre, roots_jacobi
 
-from tanteo.matching.evidence import log_sum
+from tanteo.matching.priors import log_sum
 from tanteo.typing import FloatArray
 
 _SHAPE = 0.5

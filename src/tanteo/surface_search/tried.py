@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.polish import Polished, polish
 from tanteo.surface_search.starts import score
 from tanteo.surface_search.target import Target

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.matching.evidence import Priors
+from tanteo.matching.priors import Priors
 from tanteo.surface_search.mode import Mode
 from tanteo.surface_search.modes import weigh
 from tanteo.surface_search.none_of_these import log_anywhere

@@ -14,9 +14,9 @@ import numpy as np
 
 from tanteo.localization import pose_information
 from tanteo.matching.box import SURE, left_by
-from tanteo.matching.evidence import Priors
 from tanteo.matching.freedom import pose_scale
 from tanteo.matching.prior import in_box
+from tanteo.matching.priors import Priors
 from tanteo.parts import Part
 from tanteo.surface_search.moments import Moments
 from tanteo.typing import BoolArray, FloatArray, Transforms
