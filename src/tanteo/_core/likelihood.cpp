@@ -397,6 +397,8 @@ double Likelihood::combine() {
     double base = 0;
     for (const Point& point : problem.points) base += point.log_outlier;
     node_log.assign(nodes, 0.0);
+    views.resize(problem.groups.size());
+    for (size_t g = 0; g < views.size(); ++g) view_group(g);
     for (int k = 0; k < nodes; ++k) {
         const double rate = problem.rates[k];
         double product = 1, log = 0;
@@ -408,7 +410,7 @@ double Likelihood::combine() {
                 product = 1;
             }
         }
-        for (const std::vector<int>& rows : problem.groups) log += in_group(rows, rate, nullptr);
+        for (size_t g = 0; g < problem.groups.size(); ++g) log += log_group(g, rate);
         node_log[k] = log + std::log(product) + std::log(problem.rate_weights[k]);
     }
     double top = -1e300, sum = 0;
@@ -425,77 +427,110 @@ double Likelihood::combine() {
         }
         for (int k = s.first; k < s.first + s.count; ++k) hit_share[k] = s.belongs * hits[k].weight / s.density;
     }
-    for (const std::vector<int>& rows : problem.groups)
-        for (int k = 0; k < nodes; ++k) {
-            group_values.assign(hits.size(), 0.0);
-            in_group(rows, problem.rates[k], &group_values);
-            for (const int j : rows)
-                for (int i = seen[j].first; i < seen[j].first + seen[j].count; ++i) {
-                    hit_share[i] += node_log[k] / sum * group_values[i];
-                    seen[j].belongs += node_log[k] / sum * group_values[i];
-                }
-        }
+    for (size_t g = 0; g < views.size(); ++g) {
+        views[g].weights.assign(views[g].on_face.size() + problem.groups[g].size(), 0.0);
+        for (int k = 0; k < nodes; ++k) share_group(g, problem.rates[k], node_log[k] / sum);
+        share_hits(g);
+    }
     return base + top + std::log(sum);
 }
 
-// Points that share one face: the sum over faces of the product; a point may contradict its label, as often as it is
-// an outlier. With shares: how much of each hit counts.
-double Likelihood::in_group(const std::vector<int>& rows, double rate, std::vector<double>* shares) {
-    const double slip = problem.mean_rate;
-    std::vector<int> faces;
+// Points that share one face: which faces they may have met, how probable each is beforehand, and how dense each point
+// is on each of them. A point may contradict its label as often as it is an outlier.
+void Likelihood::view_group(size_t g) {
+    const std::vector<int>& rows = problem.groups[g];
+    GroupView& view = views[g];
+    view.faces.clear();
+    view.log_prior.clear();
+    view.factor.clear();
     bool by_area = false;
     for (const int j : rows) {
         const Point& point = problem.points[j];
         by_area = by_area || (point.kind == Kind::FACE && !point.directed);
         for (int k = seen[j].first; k < seen[j].first + seen[j].count; ++k)
-            if (std::find(faces.begin(), faces.end(), hits[k].face) == faces.end()) faces.push_back(hits[k].face);
+            if (std::find(view.faces.begin(), view.faces.end(), hits[k].face) == view.faces.end())
+                view.faces.push_back(hits[k].face);
     }
-    // how much more a hit of this face weighs than among all faces, and how probable the face is beforehand
-    const auto factor = [&](const Point& point, int face) {
-        if (face >= 0) return point.directed || point.kind != Kind::FACE ? 1.0 : shape.area / shape.face_area[face];
+    const size_t F = view.faces.size();
+    for (const int face : view.faces) {  // its share of all faces, edges or corners
         const size_t at = static_cast<size_t>(-2 - face);
-        if (at < shape.edges.size()) return shape.edge_length / shape.edges[at].length;
-        return static_cast<double>(shape.corners.size());
-    };
-    const auto prior = [&](int face) {
-        if (face >= 0) return by_area ? shape.face_area[face] / shape.area : 1.0;
-        const size_t at = static_cast<size_t>(-2 - face);
-        if (at < shape.edges.size()) return shape.edges[at].length / shape.edge_length;
-        return 1.0 / shape.corners.size();
-    };
-    const auto on_face = [&](int j, int face) {
-        double sum = 0;
-        for (int k = seen[j].first; k < seen[j].first + seen[j].count; ++k)
-            if (hits[k].face == face) sum += hits[k].weight;
-        return sum * factor(problem.points[j], face);
-    };
-    std::vector<double> logs;
-    double none = 0, top;
-    for (const int j : rows) none += std::log((1 - rate) * slip * seen[j].density + rate);
-    top = none;
-    for (const int face : faces) {
-        double log = std::log(prior(face));
-        for (const int j : rows)
-            log += std::log((1 - rate) * ((1 - slip) * on_face(j, face) + slip * seen[j].density) + rate);
-        logs.push_back(log);
+        double share = 1.0 / std::max<size_t>(shape.corners.size(), 1);
+        if (face >= 0)
+            share = shape.face_area[face] / shape.area;
+        else if (at < shape.edges.size())
+            share = shape.edges[at].length / shape.edge_length;
+        view.log_prior.push_back(face >= 0 && !by_area ? 0.0 : std::log(share));
+        view.factor.push_back(1 / share);  // a density over all of them is that much larger over this one
+    }
+    view.on_face.assign(rows.size() * F, 0.0);
+    for (size_t r = 0; r < rows.size(); ++r) {
+        const Point& point = problem.points[rows[r]];
+        const bool aimed = point.kind == Kind::FACE && point.directed;  // of which the face has no measure
+        for (int k = seen[rows[r]].first; k < seen[rows[r]].first + seen[rows[r]].count; ++k) {
+            const size_t f = std::find(view.faces.begin(), view.faces.end(), hits[k].face) - view.faces.begin();
+            view.on_face[r * F + f] += hits[k].weight * (aimed ? 1.0 : view.factor[f]);
+        }
+    }
+}
+
+// Log density of the points of a group: the sum over faces of the product, and that the label means nothing.
+double Likelihood::log_group(size_t g, double rate) {
+    const std::vector<int>& rows = problem.groups[g];
+    GroupView& view = views[g];
+    const size_t F = view.faces.size();
+    const double slip = problem.mean_rate;
+    view.logs.assign(F + 1, 0.0);
+    double top = -1e300, sum = 0;
+    for (size_t f = 0; f <= F; ++f) {
+        double log = f < F ? view.log_prior[f] : 0;
+        for (size_t r = 0; r < rows.size(); ++r)
+            log += std::log(labelled_density(view, r, f, seen[rows[r]].density, rate, slip));
+        view.logs[f] = log;
         top = std::max(top, log);
     }
-    double sum = std::exp(none - top);
-    for (const double log : logs) sum += std::exp(log - top);
-    if (shares)
-        for (const int j : rows)
-            for (int k = seen[j].first; k < seen[j].first + seen[j].count; ++k) {
-                const double w = hits[k].weight;
-                double share = std::exp(none - top) / sum * (1 - rate) * slip * w /
-                               ((1 - rate) * slip * seen[j].density + rate);
-                for (size_t f = 0; f < faces.size(); ++f) {
-                    const double own = faces[f] == hits[k].face ? (1 - slip) * factor(problem.points[j], faces[f]) : 0.0;
-                    const double all = (1 - rate) * ((1 - slip) * on_face(j, faces[f]) + slip * seen[j].density) + rate;
-                    share += std::exp(logs[f] - top) / sum * (1 - rate) * (own + slip) * w / all;
-                }
-                (*shares)[k] = share;
-            }
+    for (double& log : view.logs) sum += log = std::exp(log - top);
+    for (double& log : view.logs) log /= sum;  // now the probability of each face
     return top + std::log(sum);
+}
+
+// Density of a labelled point over that of an outlier if the label's face is this one; beyond the last: if it means
+// nothing.
+double Likelihood::labelled_density(const GroupView& view, size_t r, size_t f, double density, double rate, double slip) {
+    const double on = f < view.faces.size() ? (1 - slip) * view.on_face[r * view.faces.size() + f] : 0.0;
+    return (1 - rate) * (on + slip * density) + rate;
+}
+
+// Adds what a rate of that weight makes of each face's points: first by face, then whatever the face.
+void Likelihood::share_group(size_t g, double rate, double weight) {
+    log_group(g, rate);
+    const std::vector<int>& rows = problem.groups[g];
+    GroupView& view = views[g];
+    const size_t F = view.faces.size();
+    const double slip = problem.mean_rate;
+    for (size_t r = 0; r < rows.size(); ++r)
+        for (size_t f = 0; f <= F; ++f) {
+            const double share =
+                weight * view.logs[f] * (1 - rate) / labelled_density(view, r, f, seen[rows[r]].density, rate, slip);
+            if (f < F) view.weights[r * F + f] += share * (1 - slip);
+            view.weights[rows.size() * F + r] += share * slip;
+        }
+}
+
+void Likelihood::share_hits(size_t g) {
+    const std::vector<int>& rows = problem.groups[g];
+    const GroupView& view = views[g];
+    const size_t F = view.faces.size();
+    for (size_t r = 0; r < rows.size(); ++r) {
+        const Point& point = problem.points[rows[r]];
+        const bool aimed = point.kind == Kind::FACE && point.directed;
+        Seen& s = seen[rows[r]];
+        for (int k = s.first; k < s.first + s.count; ++k) {
+            const size_t f = std::find(view.faces.begin(), view.faces.end(), hits[k].face) - view.faces.begin();
+            const double own = view.weights[r * F + f] * (aimed ? 1.0 : view.factor[f]);
+            hit_share[k] = hits[k].weight * (own + view.weights[rows.size() * F + r]);
+            s.belongs += hit_share[k];
+        }
+    }
 }
 
 // Gradient and information of all points: of each hit by the point and its normal, then by the states.

@@ -34,6 +34,11 @@ struct Seen {  // a point at a pose
     double belongs = 0;
 };
 
+struct GroupView {  // points of one label at a pose
+    std::vector<int> faces;
+    std::vector<double> log_prior, factor, on_face, logs, weights;
+};
+
 class Likelihood {
   public:
     Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem) {}
@@ -50,7 +55,8 @@ class Likelihood {
   private:
     const Shape& shape;
     const Problem& problem;
-    std::vector<double> node_log, hit_share, group_values;
+    std::vector<double> node_log, hit_share;
+    std::vector<GroupView> views;
 
     void look(const State& state, int j, bool with_slope);
     void look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope);
@@ -59,7 +65,11 @@ class Likelihood {
     void look_at_corners(const Point& point, int j, const Mat3& C);
     bool blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const;
     double combine();
-    double in_group(const std::vector<int>& rows, double rate, std::vector<double>* shares);
+    void view_group(size_t g);
+    double log_group(size_t g, double rate);
+    static double labelled_density(const GroupView& view, size_t r, size_t f, double density, double rate, double slip);
+    void share_group(size_t g, double rate, double weight);
+    void share_hits(size_t g);
     void add_points(const State& state);
     double add_rays(const State& state);
     double add_priors(const State& state, bool with_slope);
