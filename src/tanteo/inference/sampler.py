@@ -122,9 +122,9 @@ class Sampler:
         self._fit_widths(on[~self._fitted[on] & (counts[on] >= _WORTH)])
         centre = self.climber.prepared.shape.centre
         owners = np.repeat(on, counts[on])
-        L = np.linalg.cholesky(self.covariances[on])
+        L = _roots(self.covariances[on])
         for k in on:
-            self._components.append((int(k), self.means[k].copy(), self.covariances[k].copy(), int(counts[k])))
+            self._count(int(k), int(counts[k]))
         n = len(owners)
         z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(FREEDOM, size=(n, 1)) / FREEDOM)
         x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
@@ -135,6 +135,14 @@ class Sampler:
         self.log_target = np.concatenate([self.log_target, log])
         self._weigh()
         self._unlike = None
+
+    def _count(self, k: int, count: int) -> None:
+        """Remember what is drawn of a component: more of the same is one of larger weight."""
+        for row, (owner, mean, covariance, drawn) in enumerate(self._components):
+            if owner == k and np.array_equal(mean, self.means[k]) and np.array_equal(covariance, self.covariances[k]):
+                self._components[row] = k, mean, covariance, drawn + count
+                return
+        self._components.append((k, self.means[k].copy(), self.covariances[k].copy(), count))
 
     def _fit_widths(self, which: IntArray) -> None:
         """Narrow first components where the density falls faster than its curvature says: where a face ends."""
@@ -151,8 +159,8 @@ class Sampler:
             x = np.ascontiguousarray(x.reshape(-1, 6))
             Ts = _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.climber.prepared.shape.centre)
             zs = self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x)
-            fall = top[:, None] - self._target(Ts, zs)[0].reshape(-1, 6, 2).max(axis=-1)
-            steep = fall > _STEEP
+            there = self._target(Ts, zs)[0].reshape(-1, 6, 2).max(axis=-1)
+            steep = there < top[:, None] - _STEEP
             widths = np.where(steep, 0.5 * widths, widths)
             if not steep.any():
                 break
@@ -175,7 +183,7 @@ class Sampler:
         components = sorted(self._components, key=lambda c: c[0])
         owners = np.array([c[0] for c in components], dtype=np.int32)
         means, counts = np.array([c[1] for c in components]), np.array([float(c[3]) for c in components])
-        L = np.linalg.cholesky(np.array([c[2] for c in components]))
+        L = _roots(np.array([c[2] for c in components]))
         inverse = np.ascontiguousarray(np.linalg.inv(L))
         log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
         centre, bases = self.climber.prepared.shape.centre, np.ascontiguousarray(self.peaks.Ts)
@@ -226,3 +234,10 @@ class Sampler:
                 out[k] = share @ (ratio - share @ ratio) ** 2
             self._unlike = out
         return self._unlike
+
+
+def _roots(covariances: Covariances) -> FloatArray:
+    """Lower roots ``(m, 6, 6)``; a direction in which all samples agree keeps a little of its width."""
+    width = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 1e-30))
+    unit = covariances / (width[:, :, None] * width[:, None])
+    return np.asarray(width[:, :, None] * np.linalg.cholesky(unit + 1e-8 * np.eye(6)))
