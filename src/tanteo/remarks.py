@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.matching import prepare
-from tanteo.matching.model import PartModel
+from tanteo.inference.free_space import gone_through
+from tanteo.inference.prepared import prepare_all
 from tanteo.matching.results import Recognition
+from tanteo.measurements import FreeRays
 from tanteo.parts import Part
 from tanteo.sensors import PointMeasurements, Readings, say_repeated, say_stuck
-from tanteo.surface_search import FreePaths, Target, gone_through
 
 _PATHS = 3
 """Paths that a message names."""
@@ -21,7 +21,7 @@ _TOO_WIDE = 3.0
 
 
 def remarks(
-    answer: Recognition, readings: Readings, measured: PointMeasurements, free: FreePaths, parts: Sequence[Part]
+    answer: Recognition, readings: Readings, measured: PointMeasurements, free: FreeRays, parts: Sequence[Part]
 ) -> tuple[str, ...]:
     """Sentences on what is odd about the readings; empty ones where nothing is.
 
@@ -36,13 +36,13 @@ def remarks(
     return gone, say_repeated(measured), say_stuck(readings), _too_wide(answer, measured, parts)
 
 
-def _gone_through(answer: Recognition, free: FreePaths, ids: Sequence[str], parts: Sequence[Part]) -> str:
+def _gone_through(answer: Recognition, free: FreeRays, ids: Sequence[str], parts: Sequence[Part]) -> str:
     """A sentence on the paths on which nothing was met, though the best answer's part is surely in their way."""
     if not answer.hypotheses or not len(free):
         return ""
     best = answer.hypotheses[0]
-    model = next(model for model in map(as_model, parts) if model.name == best.part)
-    short = gone_through(free, best.T_world_part, best.covariance, best.shared, model)
+    part = next(part for part in prepare_all("parts", parts) if part.part.name == best.part)
+    short = gone_through(free, best.T_world_part, best.covariance, best.shared, part)
     rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
     if not len(rows):
         return ""
@@ -56,17 +56,10 @@ def _too_wide(answer: Recognition, measured: PointMeasurements, parts: Sequence[
     if answer.status != "unknown" or not len(measured.points):
         return ""
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
-    widest = max(2 * as_model(part).radius for part in parts)
+    widest = max(2 * part.part.radius for part in prepare_all("parts", parts))
     if away <= _TOO_WIDE * widest:
         return ""
     return (
         f"Half of the readings are more than {away:.3g} m from their middle, and the largest part measures "
         f"{widest:.3g} m: lengths are in metres."
     )
-
-
-def as_model(part: Part | PartModel | Target) -> PartModel:
-    """The part, prepared for features."""
-    if isinstance(part, PartModel):
-        return part
-    return prepare(part.part if isinstance(part, Target) else part)

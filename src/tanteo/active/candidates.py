@@ -9,9 +9,9 @@ import numpy as np
 from tanteo.active.belief import Belief
 from tanteo.active.probe import Probe
 from tanteo.active.samples import draw, even_normals, predict
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.matching.part_motions import box_corners
-from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _LIVE = 0.003
@@ -113,7 +113,7 @@ def _on_mode(belief: Belief, k: int, probe: Probe, count: int, seed: int) -> Can
     return Candidates(origins[index], directions[index], np.full(len(index), k), faces[index], ranges[index])
 
 
-def _faces(target: Target, points: Vectors) -> IntArray:
+def _faces(target: PreparedPart, points: Vectors) -> IntArray:
     return target.part.triangle_face[target.surface.closest(points).triangles]
 
 
@@ -213,7 +213,7 @@ def _clear_of_draws(
     return ok
 
 
-def clear_at(target: Target, T: Transforms, Ts: Transforms, candidates: Candidates, probe: Probe) -> BoolArray:
+def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Candidates, probe: Probe) -> BoolArray:
     """Whether start and way in keep clear of a part at poses ``(S, 4, 4)`` about ``T``: ``(S, C)``."""
     way = _way(candidates, probe)
     gaps, corners = _distances(target, SE3.inverse(T), way), box_corners(target.part)
@@ -231,6 +231,6 @@ def _way(candidates: Candidates, probe: Probe) -> Vectors:
     return candidates.origins[:, None] - back[:, None] * candidates.directions[:, None]
 
 
-def _distances(target: Target, to_part: Transforms, points: Vectors) -> FloatArray:
+def _distances(target: PreparedPart, to_part: Transforms, points: Vectors) -> FloatArray:
     """Of world points from the surface, negative inside: from the grid, less what that may be off."""
     return np.asarray(target.field(SE3.apply(to_part, points))[0] - 0.5 * target.field.step)

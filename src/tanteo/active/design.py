@@ -15,9 +15,9 @@ from tanteo.active.places import Places, places_of
 from tanteo.active.probe import Probe
 from tanteo.active.samples import beams, even_normals
 from tanteo.active.start import Start
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching.part_motions import observed_covariance
-from tanteo.surface_search import Target
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 _CANDIDATES = 800
@@ -58,7 +58,7 @@ class Design:
         judged_by: others, by which the choice is judged.
     """
 
-    target: Target
+    target: PreparedPart
     probe: Probe
     candidates: Candidates
     faces: IntArray

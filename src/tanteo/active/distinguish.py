@@ -13,13 +13,15 @@ from tanteo.active.rays import has_cone
 from tanteo.active.samples import draw, predict
 from tanteo.active.start import Start
 from tanteo.active.utility import about_mode
+from tanteo.inference.prepared import PreparedPart, prepare_all
+from tanteo.inference.problem import Problem
+from tanteo.inference.recognition import identify_points
+from tanteo.inference.settling import settle
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.part_motions import corner_moves
+from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
-from tanteo.surface_search import FreePaths, Target, Touches, identify_touches
-from tanteo.surface_search.refine import refine
-from tanteo.surface_search.target import as_targets
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PLACES = 60
@@ -32,7 +34,7 @@ _TELLS = 0.3
 """Information from which a reading is said to tell two parts apart [nats]."""
 
 _FITTED = np.full(8, 3.0)
-"""Steps of the fit, and the scale beyond which a place loses its weight [deviations]."""
+"""Steps of the fit, and the scale from which a place loses its weight [times how well they agree]."""
 
 _CLOSER, _SAME, _AS_MUCH = np.geomspace(3.0, 0.02, 24), 5e-5, 0.05
 """Steps of the fit by as much surface as can be; what is the same surface then [m]; shares of it that are as much."""
@@ -75,7 +77,7 @@ class Distinction:
 
 
 def distinguish(
-    first: Target | Part, second: Target | Part, probe: Probe, sd: float = 2e-4, seed: int = 0
+    first: PreparedPart | Part, second: PreparedPart | Part, probe: Probe, sd: float = 2e-4, seed: int = 0
 ) -> Distinction:
     """The reading that tells most about which of two parts it is, located to ``sd`` at its corners.
 
@@ -89,7 +91,7 @@ def distinguish(
         sd: to which the part is located, at its corners [m].
         seed: of the places that are tried.
     """
-    first, second = as_targets("parts", (first, second))
+    first, second = prepare_all("parts", (first, second))
     twins = laid_on(first, second)
     start = Start(
         (first, second),
@@ -146,7 +148,7 @@ def _echoes(belief: Belief, one: Candidates, probe: Probe) -> FloatArray:
     return np.asarray(np.bincount(samples.mode, echo) / np.bincount(samples.mode))
 
 
-def laid_on(first: Target, second: Target) -> Transforms:
+def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
     """Poses of the second part, in the frame of the first, at which it looks most like it ``(k, 4, 4)``.
 
     It does so on the whole, all differences shared out over its surface, and with as much of the surface as can be just
@@ -155,23 +157,24 @@ def laid_on(first: Target, second: Target) -> Transforms:
     points, normals, n = first.samples[:_PLACES], first.normals[:_PLACES], min(_PLACES, len(first.samples))
     sd = _AGREE * first.part.diagonal
     none, directions = np.zeros((n, 3, 0)), np.zeros((n, 3))
-    touches = Touches(
+    touches = ContactPoints(
         tuple(map(str, range(n))), points, np.tile(sd**2 * np.eye(3), (n, 1, 1)), np.zeros(n), directions, normals,
         np.full(n, 0.2), np.zeros(n), none, np.full(n, sd),
     )  # fmt: skip
     priors = Priors(clutter=0.2, radius=max(first.part.radius, second.part.radius))
-    answer = identify_touches(touches, FreePaths.none(), [second], priors=priors, top=_TWINS)
+    answer = identify_points(touches, FreeRays.none(), [second], priors=priors, top=_TWINS)
     if not answer.hypotheses:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]
     Ts = np.stack([h.T_world_part for h in answer.hypotheses])
-    Ts = refine(touches, Ts, second, _FITTED)[0]  # the places are exact: no noise put one beside its face
-    close = refine(touches, np.concatenate([Ts, np.eye(4)[None]]), second, _CLOSER)[0]
-    off = second.distance(SE3.apply(SE3.inverse(close)[:, None], points))[0]
-    share = np.mean(np.abs(off) < _SAME, axis=1)
+    problem = Problem(touches, FreeRays.none(), priors)
+    Ts = settle(problem, second, Ts, sd * _FITTED)  # the places are exact: no noise put one beside its face
+    close = settle(problem, second, np.concatenate([Ts, np.eye(4)[None]]), sd * _CLOSER)
+    off = second.surface.closest(SE3.apply(SE3.inverse(close)[:, None], points)).distances
+    share = np.mean(off < _SAME, axis=1)
     return _distinct(second, np.concatenate([Ts, close[share > share.max() - _AS_MUCH]]))
 
 
-def _distinct(part: Target, Ts: Transforms) -> Transforms:
+def _distinct(part: PreparedPart, Ts: Transforms) -> Transforms:
     """The first of poses that are the same to what the corners of the part's box show."""
     kept: list[Transforms] = []
     for T in Ts:
@@ -181,7 +184,7 @@ def _distinct(part: Target, Ts: Transforms) -> Transforms:
     return np.stack(kept)
 
 
-def located(target: Target, sd: float) -> Covariances:
+def located(target: PreparedPart, sd: float) -> Covariances:
     """A covariance of the pose with about that standard deviation at the corners ``(6, 6)``."""
     J = corner_moves(target.part)
     return np.asarray(sd**2 * 3 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0)))

@@ -11,11 +11,10 @@ import numpy as np
 from tanteo.active.belief import Belief, begin
 from tanteo.active.start import Start
 from tanteo.active.stopping import worst_corner
+from tanteo.inference.posterior import NEGLIGIBLE
+from tanteo.inference.result import explained, face_names, information_by_point
 from tanteo.matching.part_motions import corner_moves, motion_words, observed_covariance, spins
 from tanteo.parts import Part
-from tanteo.surface_search.answer import faces_met
-from tanteo.surface_search.none_of_these import NEGLIGIBLE
-from tanteo.surface_search.polish import information_of_readings
 from tanteo.typing import Covariances, FloatArray, Transforms
 
 _FORGOTTEN = np.exp(-NEGLIGIBLE)
@@ -124,10 +123,9 @@ def _met(belief: Belief) -> dict[str, str]:
     """Names of the faces that the readings met, if the best mode is true."""
     if belief.touches is None or not belief.modes:
         return {} if belief.touches is None else dict.fromkeys(belief.touches.ids, "nothing of it")
-    mode = belief.modes[0]
-    belongs, part = mode.found.belongs[mode.k] > 0.5, mode.target.part
-    names = [part.faces[f].name for f in faces_met(belief.touches, mode)]
-    return {i: n if ok else "nothing of it" for i, n, ok in zip(belief.touches.ids, names, belongs, strict=True)}
+    one = explained(belief.modes[0])
+    rows = zip(belief.touches.ids, face_names(one), one.belongs, strict=True)
+    return {i: n if ok else "nothing of it" for i, n, ok in rows}
 
 
 def _added(start: Start, before: Told | None, after: Told, met: dict[str, str]) -> Added:
@@ -186,17 +184,15 @@ def _directions(belief: Belief) -> tuple[Direction, ...]:
     """
     if belief.touches is None or not belief.modes:
         return ()
-    mode, start = belief.modes[0], belief.start
-    found, k, part = mode.found, mode.k, mode.target.part
-    priors = replace(start.priors, pose=None)
-    own = information_of_readings(belief.touches, found.Ts[k : k + 1], found.z[k : k + 1], mode.target, priors)[0]
+    mode, part = belief.modes[0], belief.target(0).part
+    own = information_by_point(mode)
     J = corner_moves(part)
     L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
     values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, belief.covariances[0]) @ L)
     out, count = [], 6 - len(spins(part))
     for variance, u in zip(values[::-1][:count], vectors.T[::-1][:count], strict=True):
         xi = np.linalg.solve(L.T, u)
-        total, each = float(xi @ found.information[k, :6, :6] @ xi), (own @ xi) @ xi
+        total, each = float(xi @ mode.information[:6, :6] @ xi), (own @ xi) @ xi
         order = np.argsort(-each, kind="stable")
         shares = tuple((belief.touches.ids[i], float(each[i] / total)) for i in order)
         words = motion_words(part, xi, belief.poses[0])

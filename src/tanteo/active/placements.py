@@ -15,8 +15,8 @@ from tanteo.active.candidates import Candidates, clear_at
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone, rays_met
 from tanteo.active.samples import even_normals
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3, SO3
-from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 
 _CHOICE, _VERDICT = 256, 1024
@@ -78,7 +78,7 @@ class Placements:
 
 
 def placements(
-    target: Target, T: Transforms, prior: Covariances, candidates: Candidates, probe: Probe
+    target: PreparedPart, T: Transforms, prior: Covariances, candidates: Candidates, probe: Probe
 ) -> tuple[Placements, Placements]:
     """Those to choose by, and those to judge by.
 
@@ -99,7 +99,9 @@ def placements(
     return tuple(Placements(*(getattr(every, name)[k] for name in every.__slots__)) for k in (first, others))  # type: ignore[return-value]
 
 
-def _meets(target: Target, Ts: Transforms, candidates: Candidates, probe: Probe, rng: np.random.Generator) -> BoolArray:
+def _meets(
+    target: PreparedPart, Ts: Transforms, candidates: Candidates, probe: Probe, rng: np.random.Generator
+) -> BoolArray:
     """Whether each candidate is answered, by its face ``(S, C)``; of a cone by any one of its rays."""
     along = candidates.directions[:, None]
     if has_cone(probe):

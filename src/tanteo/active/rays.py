@@ -8,8 +8,8 @@ from types import EllipsisType
 import numpy as np
 
 from tanteo.active.probe import Probe
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SO3
-from tanteo.surface_search import Target
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 _THIN = np.radians(0.5)
@@ -31,7 +31,7 @@ def has_cone(probe: Probe) -> bool:
 class Met:
     """What rays meet at poses: ranges, triangles, cosines of incidence ``(C, S)``, and where, in the part."""
 
-    target: Target
+    target: PreparedPart
     distances: FloatArray
     triangles: IntArray
     cosines: FloatArray
@@ -46,7 +46,7 @@ class Met:
         return -g
 
 
-def rays_met(target: Target, Ts: Transforms, origins: Vectors, directions: Vectors) -> Met:
+def rays_met(target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors) -> Met:
     """By rays from ``(C, 3)`` in world directions ``(C, S, 3)``, or ``(C, 1, 3)``."""
     R, t = Ts[:, :3, :3], Ts[:, :3, 3]
     local = ((origins[:, None] - t)[:, :, None, :] @ R)[:, :, 0]
@@ -58,7 +58,7 @@ def rays_met(target: Target, Ts: Transforms, origins: Vectors, directions: Vecto
 
 
 def of_cone(
-    target: Target, Ts: Transforms, origins: Vectors, directions: Vectors, axis: Axis, probe: Probe
+    target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors, axis: Axis, probe: Probe
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Of the rays that are answered: mean range and cosine, derivatives, share, scatter of the ranges ``(C, S)``.
 

@@ -13,9 +13,9 @@ from tanteo.active.belief import Belief
 from tanteo.active.places import places_of
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone, of_cone, rays_met
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
-from tanteo.surface_search import Target
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 
 _KEPT = 0.3
@@ -46,7 +46,7 @@ class Samples:
         useful: the part of it that is worth knowing ``(S, 6, 6)``: all of it, or what exceeds a tolerance.
     """
 
-    targets: tuple[Target, ...]
+    targets: tuple[PreparedPart, ...]
     part: IntArray
     mode: IntArray
     Ts: Transforms
@@ -92,7 +92,7 @@ def _from_draws(
     """Where a mode is not normal, the draws of the belief, with a share of the curvature at its maximum."""
     first = np.cumsum(counts) - counts
     for k, n, at in zip(alive, counts, first, strict=True):
-        if belief.draws is None or belief.modes[k].moments is None or n < 2:
+        if belief.draws is None or belief.modes[k].normal or n < 2:
             continue
         rows = np.flatnonzero(belief.draws.mode == k)
         if not len(rows):
@@ -100,8 +100,7 @@ def _from_draws(
         w = np.cumsum(belief.draws.weights[rows])
         chosen = rows[np.searchsorted(w, w[-1] * (np.arange(n) + 0.5) / n).clip(0, len(rows) - 1)]
         Ts[at : at + n] = belief.draws.Ts[chosen]
-        found, j = belief.modes[k].found, belief.modes[k].k
-        kept[at : at + n] = _KEPT * np.linalg.inv(pose_information(found.information[j]))
+        kept[at : at + n] = _KEPT * np.linalg.inv(pose_information(belief.modes[k].information))
     return kept, Ts
 
 
@@ -188,7 +187,7 @@ def predict(samples: Samples, origins: Vectors, directions: Vectors, probe: Prob
 
 
 def beams(
-    target: Target, Ts: Transforms, origins: Vectors, directions: Vectors
+    target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors
 ) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
     """What beams meet on a part at poses: range, cosine of incidence, face, and how the range moves with the pose.
 

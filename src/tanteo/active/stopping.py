@@ -13,8 +13,7 @@ from tanteo.active.samples import even_normals
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_count, check_length, check_number
-from tanteo.matching.part_motions import without_spin
-from tanteo.matching.part_motions import observed_covariance
+from tanteo.matching.part_motions import observed_covariance, without_spin
 from tanteo.typing import FloatArray
 
 _SAMPLES = 2048
@@ -168,7 +167,7 @@ def chance_within(belief: Belief, tolerance: float, feature: str | None = None) 
 def _poses(belief: Belief, k: int, count: int) -> tuple[FloatArray, FloatArray]:
     """Poses of one mode and their weights: from its covariance, or those it was weighed by if it is not normal."""
     rows = np.zeros(0, dtype=np.int64)
-    if belief.draws is not None and belief.modes[k].moments is not None:
+    if belief.draws is not None and not belief.modes[k].normal:
         rows = np.flatnonzero(belief.draws.mode == k)
     if belief.draws is not None and len(rows):  # of a mode that hardly matters, no draw may be left
         return belief.draws.Ts[rows], belief.draws.weights[rows]

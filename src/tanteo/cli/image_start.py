@@ -13,9 +13,9 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start
+    from tanteo.inference.prepared import PreparedPart
     from tanteo.io.scene_toml import SceneFile
     from tanteo.parts import Part
-    from tanteo.surface_search import Target
     from tanteo.typing import BoolArray, FloatArray, Transforms
     from tanteo.vision import Camera, Sighting
 
@@ -95,7 +95,7 @@ def view_of(scene: SceneFile, options: ImageOptions) -> View:
     return View(image, camera, T_world_table, _furniture(scene, camera))
 
 
-def start_from_view(view: View, targets: tuple[Target, ...], rough: Start | None) -> Start | None:
+def start_from_view(view: View, targets: tuple[PreparedPart, ...], rough: Start | None) -> Start | None:
     """What the image leaves open, said on standard error; None if it shows nothing and there is no rough place.
 
     Args:

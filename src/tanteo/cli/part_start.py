@@ -48,10 +48,10 @@ def start_of(
 
 def _seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start | None:
     from tanteo.cli.image_start import start_from_view
-    from tanteo.surface_search import prepare_target
+    from tanteo.inference.prepared import prepare
 
     if view is not None and known is None and scene.prior is None:
-        return start_from_view(view, tuple(prepare_target(part) for part in parts), None)
+        return start_from_view(view, tuple(prepare(part) for part in parts), None)
     rough = _rough_start(scene, parts, known)
     return rough if view is None else start_from_view(view, rough.targets, rough)
 
@@ -61,12 +61,12 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
     import numpy as np
 
     from tanteo.active import Start, around
+    from tanteo.inference.prepared import prepare
     from tanteo.matching import Priors
-    from tanteo.surface_search import prepare_target
 
     if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
         raise MisuseError("--near, --prior: expected a rough pose and nothing else, got a table or a box. Say --near.")
-    targets = tuple(prepare_target(part) for part in parts)
+    targets = tuple(prepare(part) for part in parts)
     if known is not None and known.T_world_part is not None and known.covariance is not None:
         n = len(targets)
         Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))

@@ -41,13 +41,13 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
         _tell_apart(parts, options, report, as_json=as_json)
         return
     from tanteo.active import at_pose, plan
+    from tanteo.inference.prepared import prepare
     from tanteo.io.plan_out import plan_csv, plan_json
-    from tanteo.surface_search import prepare_target
 
     T, C = _rough(parts[0], options.near)
     with misuse_of_options():
         found = plan(
-            at_pose(prepare_target(parts[0]), T, C), options.probe, options.tolerance, options.confidence, options.most,
+            at_pose(prepare(parts[0]), T, C), options.probe, options.tolerance, options.confidence, options.most,
             options.seed, options.feature,
         )  # fmt: skip
     if options.csv is not None:
@@ -133,10 +133,10 @@ def _three(values: Vectors, digits: int) -> str:
 
 def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None, *, as_json: bool) -> None:
     from tanteo.active import distinguish
+    from tanteo.inference.prepared import prepare
     from tanteo.io.plan_out import distinction_json
-    from tanteo.surface_search import prepare_target
 
-    first, second = (prepare_target(part) for part in parts)
+    first, second = (prepare(part) for part in parts)
     found = distinguish(first, second, options.probe, seed=options.seed)
     if as_json:
         put(distinction_json(found))

@@ -14,6 +14,7 @@ import numpy as np
 from tanteo.active import Probe, Start, Stop, around, from_hypotheses, policy_named
 from tanteo.catalogue import read_parts
 from tanteo.hand import Workspace
+from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3, SO3
 from tanteo.matching import Priors
@@ -21,7 +22,6 @@ from tanteo.matching.part_motions import box_corners
 from tanteo.parts import Part
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
-from tanteo.surface_search import Target, prepare_target
 from tanteo.typing import Transforms
 
 _IMAGE, _NOISE, _TOLERANCE, _MOST = "twins", 3e-4, 5e-4, 25
@@ -61,7 +61,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Told:
         parts = read_parts([folder / "parts"], unit="mm").parts
         name, T = _truth(folder)
         say(f"One of {len(parts)} parts lies on a table. Which one, and where?")
-        targets = {part.name: prepare_target(part) for part in parts}
+        targets = {part.name: prepare(part) for part in parts}
         start = _seen(folder, parts, targets, say) if find_spec("cv2") else _placed(targets, T, name, say)
     say("")
     say("A laser (0.3 mm, from above) is sent where it tells most:")
@@ -79,7 +79,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Told:
     return Told(session, name, float(off), others)
 
 
-def _at_random(start: Start, target: Target, T: Transforms, seed: int) -> str:
+def _at_random(start: Start, target: PreparedPart, T: Transforms, seed: int) -> str:
     """Readings that random places need; one try may be lucky."""
     counts = []
     for k in range(seed, seed + _TRIES):
@@ -98,7 +98,7 @@ def _truth(folder: Path) -> tuple[str, Transforms]:
     return row["part"], SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), p)
 
 
-def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, Target], say: Callable[[str], None]) -> Start:
+def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart], say: Callable[[str], None]) -> Start:
     """What the camera leaves open."""
     from tanteo.vision import fit_camera, prepare_vision, see_table
 
@@ -114,7 +114,7 @@ def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, Target], say
     return from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
 
 
-def _placed(targets: dict[str, Target], T: Transforms, name: str, say: Callable[[str], None]) -> Start:
+def _placed(targets: dict[str, PreparedPart], T: Transforms, name: str, say: Callable[[str], None]) -> Start:
     """Without OpenCV: a feeder that puts parts down to some millimetres and degrees."""
     say("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
     place = T @ SE3.from_parts(np.eye(3), targets[name].part.centroid)
@@ -126,7 +126,7 @@ def _session(start: Start, policy: str, seed: int) -> Session:
     return Session(start, _LASER, Sensing(sd=_NOISE), policy_named(policy), stop, seed)
 
 
-def _sense(session: Session, target: Target, T: Transforms, seed: int, say: Callable[[str], None] | None) -> None:
+def _sense(session: Session, target: PreparedPart, T: Transforms, seed: int, say: Callable[[str], None] | None) -> None:
     """Ask and tell, with ranges by rays on the part that is truly there."""
     rng, to_part = np.random.default_rng((1991, seed)), SE3.inverse(T)
     while isinstance(action := session.ask(), Action):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.active import Belief, Start
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching.part_motions import box_corners
-from tanteo.surface_search import FreePaths, Target, Touches
+from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 _DRAWN = 1000
@@ -42,7 +43,7 @@ def allowed(belief: Belief, most: int) -> tuple[Transforms, IntArray]:
     return np.concatenate(Ts), np.concatenate(part)
 
 
-def _uncontradicted(start: Start, part: int, touches: Touches | None, free: FreePaths) -> Transforms:
+def _uncontradicted(start: Start, part: int, touches: ContactPoints | None, free: FreeRays) -> Transforms:
     target, Ts = start.targets[part], start.drawn(part, _DRAWN)
     wrong = np.zeros(len(Ts), dtype=np.int64)
     if touches is not None and len(touches):
@@ -53,7 +54,9 @@ def _uncontradicted(start: Start, part: int, touches: Touches | None, free: Free
     return Ts[wrong <= _STRAYS]
 
 
-def _crossed(target: Target, Ts: Transforms, ends: FloatArray, along: FloatArray, lengths: FloatArray) -> IntArray:
+def _crossed(
+    target: PreparedPart, Ts: Transforms, ends: FloatArray, along: FloatArray, lengths: FloatArray
+) -> IntArray:
     """How many ways, free over some lengths up to their ends, lead deep through the part at each pose ``(S,)``."""
     steps = _PACE * np.arange(1, 1 + _MOST)
     points = ends[:, None] - steps[:, None] * along[:, None]
@@ -61,12 +64,12 @@ def _crossed(target: Target, Ts: Transforms, ends: FloatArray, along: FloatArray
     return np.asarray((deep & (steps < lengths[:, None])).any(axis=2).sum(axis=1))
 
 
-def _distances(target: Target, Ts: Transforms, points: FloatArray) -> FloatArray:
+def _distances(target: PreparedPart, Ts: Transforms, points: FloatArray) -> FloatArray:
     """Of points ``(n, 3)`` from the part at poses ``(S, 4, 4)``, negative inside ``(S, n)`` [m]."""
     return target.field(SE3.apply(SE3.inverse(Ts)[:, None], points))[0]
 
 
-def _spread(target: Target, Ts: Transforms, most: int) -> Transforms:
+def _spread(target: PreparedPart, Ts: Transforms, most: int) -> Transforms:
     """At most so many of some poses, each the one whose corners are farthest from those of the ones before."""
     corners = SE3.apply(Ts[:, None], box_corners(target.part))
     chosen, gaps = [0], np.full(len(Ts), np.inf)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching.part_motions import box_corners
-from tanteo.surface_search import Target
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 _STEP, FAR = 0.008, 0.045
@@ -32,7 +32,7 @@ class Occupied:
     table: FloatArray
 
     @classmethod
-    def by(cls, targets: tuple[Target, ...], part: IntArray, Ts: Transforms) -> Occupied:
+    def by(cls, targets: tuple[PreparedPart, ...], part: IntArray, Ts: Transforms) -> Occupied:
         """By parts at poses ``(K, 4, 4)``; a bit less than it is, by half a cell of the parts' own grids."""
         if not len(Ts):
             return cls(np.zeros(3), np.full((1, 1, 1), FAR))
@@ -62,7 +62,7 @@ class Occupied:
         return np.asarray(map_coordinates(self.table, at, order=1, mode="constant", cval=FAR, prefilter=False))
 
 
-def _reach(target: Target, T: Transforms) -> FloatArray:
+def _reach(target: PreparedPart, T: Transforms) -> FloatArray:
     """Corners of the box in the world outside of which the part is farther away than :data:`FAR` ``(2, 3)`` [m]."""
     corners = SE3.apply(T, box_corners(target.part))
     return np.stack([corners.min(axis=0) - FAR, corners.max(axis=0) + FAR])

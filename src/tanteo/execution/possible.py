@@ -11,7 +11,7 @@ from tanteo.active import Belief
 from tanteo.execution.allowed import allowed
 from tanteo.execution.occupied import Occupied
 from tanteo.hand import Body, Workspace
-from tanteo.surface_search import Target
+from tanteo.inference.prepared import PreparedPart
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _LIVE = 0.003
@@ -35,7 +35,7 @@ class Possible:
         occupied: distances from all of them.
     """
 
-    targets: tuple[Target, ...]
+    targets: tuple[PreparedPart, ...]
     part: IntArray
     Ts: Transforms
     occupied: Occupied = field(init=False)

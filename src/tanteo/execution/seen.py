@@ -8,10 +8,10 @@ import numpy as np
 
 from tanteo.active import Start, from_hypotheses
 from tanteo.errors import InputError
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import Part
-from tanteo.surface_search import Target
 from tanteo.vision import Sight, Sighting
 
 HYPOTHESES = 20
@@ -44,7 +44,9 @@ def part_seen(sight: Sight, rough: Start | None = None) -> Sighting | None:
     return min(some, key=away)
 
 
-def seen_start(seen: Sighting | None, targets: Sequence[Target] | Sequence[Part], rough: Start | None = None) -> Start:
+def seen_start(
+    seen: Sighting | None, targets: Sequence[PreparedPart] | Sequence[Part], rough: Start | None = None
+) -> Start:
     """The start of a session from what an image shows.
 
     The image's answers are rough poses with its probabilities. Where it is wrong, which is as probable as all else than

@@ -14,7 +14,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.inference.details import details_at
-from tanteo.inference.peaks import FAINT, Climber, Peaks
+from tanteo.inference.peaks import FAINT, SAME, Climber, Peaks
 from tanteo.inference.posterior import Mode, Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
@@ -42,8 +42,8 @@ _RIDGE, _PIECE, _FEW = 40, 0.5, 12
 """Poses along a ridge, and the length of the piece of each in standard deviations of all; fewer than the last tell no
 spread in six directions."""
 
-_FOUND = 3
-"""As if found by two groups of proposals: what was known, and draws of the prior, are no chance finds."""
+_FOUND = (1 << 62) - 1
+"""As if found by all groups of proposals: what was known, and draws of the prior, are no chance finds."""
 
 
 def update_posterior(
@@ -143,7 +143,10 @@ def along_ridge(climber: Climber, Ts: Transforms) -> Peaks:
         return Peaks.none(climber.problem.states)
     x = _core.offsets(Ts[some[0]], np.ascontiguousarray(Ts[some]), shape.centre)
     information = np.array(information[some])
-    information[:, :6, :6] += np.linalg.inv(np.cov(x.T)) / _PIECE**2
+    curved = np.linalg.inv(climber.of_pose(information[:1])[0])
+    if np.einsum("ni,ij,nj->n", x, np.linalg.inv(curved), x).max() < SAME:
+        return Peaks.none(climber.problem.states)
+    information[:, :6, :6] += np.linalg.inv(np.cov(x.T) + curved) / _PIECE**2
     rest = np.full(len(some), -np.inf), np.zeros(len(some), dtype=np.int64)
     return Peaks(np.ascontiguousarray(Ts[some]), zs[some], logs[some], information, *rest)
 

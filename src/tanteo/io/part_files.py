@@ -9,8 +9,8 @@ from pathlib import Path
 
 from tanteo.catalogue import read_parts
 from tanteo.errors import InputError, PartError
+from tanteo.inference.prepared import PreparedPart
 from tanteo.parts import Part
-from tanteo.surface_search import Target
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +44,9 @@ def part_file(part: Part) -> PartFile:
 def parts_of(
     files: Sequence[PartFile],
     source: str,
-    parts: Sequence[Part | Target] | None = None,
+    parts: Sequence[Part | PreparedPart] | None = None,
     folders: Sequence[str | Path] = (),
-) -> tuple[Part | Target, ...]:
+) -> tuple[Part | PreparedPart, ...]:
     """The parts of a record, in its order.
 
     Args:
@@ -60,13 +60,13 @@ def parts_of(
     """
     if parts is None:
         return tuple(_read(file, source, folders) for file in files)
-    given = {(part.part if isinstance(part, Target) else part).name: part for part in parts}
+    given = {(part.part if isinstance(part, PreparedPart) else part).name: part for part in parts}
     missing = [file.name for file in files if file.name not in given]
     if missing:
         raise PartError(f"{source}: expected a part '{missing[0]}', got {', '.join(given) or 'none'}. Load it too.")
     for file in files:
         part = given[file.name]
-        now = part_file(part.part if isinstance(part, Target) else part)
+        now = part_file(part.part if isinstance(part, PreparedPart) else part)
         if now.sha256 != file.sha256:
             raise _changed(file, source, now.file or "the part that was given")
     return tuple(given[file.name] for file in files)

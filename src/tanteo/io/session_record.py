@@ -11,6 +11,7 @@ from typing import Any
 from tanteo import __version__
 from tanteo.active import Belief, Candidates, Policy, Probe, Start, Stop
 from tanteo.errors import InputError
+from tanteo.inference.prepared import PreparedPart, prepare_all
 from tanteo.io.part_files import PartFile, part_file, parts_of
 from tanteo.io.plain_values import as_plain, made, refused, shown, table
 from tanteo.io.record_values import (
@@ -26,8 +27,6 @@ from tanteo.matching import Priors
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.session import Action, Sensing, Session, Told
-from tanteo.surface_search import Target
-from tanteo.surface_search.target import as_targets
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
 SCHEMA = "tanteo.session/1"
@@ -160,7 +159,7 @@ def load_record(path: str | Path) -> SessionRecord:
 
 def resumed(
     record: SessionRecord,
-    parts: Sequence[Part | Target],
+    parts: Sequence[Part | PreparedPart],
     progress: Callable[[int, int], None] | None = None,
     able: Callable[[Belief, Candidates], BoolArray] | None = None,
 ) -> Session:
@@ -178,7 +177,7 @@ def resumed(
     """
     rough = record.start
     values = {name: getattr(rough, name) for name in RoughPoses.__slots__}
-    targets = as_targets("parts", parts)
+    targets = prepare_all("parts", parts)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
     session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed, able)
 
@@ -197,7 +196,7 @@ def resumed(
 
 def read_record(
     path: str | Path,
-    parts: Sequence[Part | Target] | None = None,
+    parts: Sequence[Part | PreparedPart] | None = None,
     able: Callable[[Belief, Candidates], BoolArray] | None = None,
 ) -> Session:
     """The session of a record file, at the point where it was written: ask and tell on.

@@ -11,9 +11,6 @@ from tanteo.active import Belief, Candidates
 from tanteo.lie import SE3
 from tanteo.session.values import Action, Step
 
-_HALF = 0.5
-"""Probability to be on the part below which a reading does not fit."""
-
 
 def once_more(belief: Belief, steps: Sequence[Step]) -> Candidates:
     """The questions whose readings do not fit the likeliest hypothesis, where these were asked once and it is met.
@@ -24,8 +21,8 @@ def once_more(belief: Belief, steps: Sequence[Step]) -> Candidates:
     """
     if belief.touches is None or not belief.modes:
         return _candidates(belief, [])
-    best, asked = belief.modes[0], [s.action for s in steps if s.action is not None]
-    aside = {i for i, p in zip(belief.touches.ids, best.found.belongs[best.k], strict=True) if p < _HALF}
+    asked = [s.action for s in steps if s.action is not None]
+    aside = {i for i, on in zip(belief.touches.ids, belief.on_part(), strict=True) if not on}
     doubted = [s.action for s in steps if s.action is not None and aside.intersection(s.ids)]
     return _candidates(belief, [a for a in doubted if sum(_is_like(a, b) for b in asked) == 1])
 

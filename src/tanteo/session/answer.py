@@ -10,18 +10,17 @@ from scipy.special import chdtrc
 from tanteo.active import Belief, Stop, worst_corner
 from tanteo.active.places import places_of
 from tanteo.errors import InputError
+from tanteo.inference.diagnostics import face_elsewhere
+from tanteo.inference.prior_check import p_of_prior
+from tanteo.inference.result import Explained, as_hypothesis, explained, worst_reading
 from tanteo.limits import SUSPECT
 from tanteo.matching import Hypothesis, PosePrior, Recognition
 from tanteo.matching.prior import prior_residuals
 from tanteo.matching.results import Status
 from tanteo.matching.verdict import CONFIDENCE, doubt, verdict
+from tanteo.measurements import ContactPoints
 from tanteo.session.moved import moved
 from tanteo.session.values import Step, Told
-from tanteo.surface_search.answer import as_hypothesis, worst_reading
-from tanteo.surface_search.explained import chi_square
-from tanteo.surface_search.off_part import face_elsewhere
-from tanteo.surface_search.said import p_of_prior
-from tanteo.typing import Transforms
 
 ALPHA = 0.01
 """An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
@@ -30,9 +29,6 @@ NOTHING = "No part explains the readings: check them, the rough pose and the par
 """What is said where no part is left."""
 
 _ANEW = " A new session with a wider rough pose can be told the same readings."
-
-_DRAWS = 64
-"""Poses of the belief from which the one is looked for that agrees best with readings and rough pose."""
 
 _HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough place and the parts."
 
@@ -59,23 +55,24 @@ def answered(belief: Belief, stop: Stop, seed: int, top: int, alpha: float) -> R
         return Recognition(status, message, (), 1.0 - float(belief.weights.sum()), {}, seed)
     if not belief.modes:
         return Recognition("unknown", NOTHING, (), belief.unknown, {}, seed)
+    found = [explained(mode) for mode in belief.modes[:top]]
     hypotheses = tuple(
-        as_hypothesis(touches, mode, PosePrior(start.Ts[row], start.covariances[row]))
-        for mode, row in zip(belief.modes[:top], belief.rows, strict=False)
+        as_hypothesis(touches, one, PosePrior(start.Ts[row], start.covariances[row]))
+        for one, row in zip(found, belief.rows, strict=False)
     )
-    shares = [(mode.target.part.name, mode.probability) for mode in belief.modes]
+    shares = [(mode.prepared.part.name, mode.probability) for mode in belief.modes]
     enough = bool(stop.reached(belief))
     least = _least(stop, float(belief.of_parts().max(initial=0.0)) if enough else 1.0)
     prior_p = p_of_start(belief)
     status, message = verdict(
         hypotheses, belief.unknown, alpha,
-        worst=_worst(belief, prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
+        worst=_worst(touches, found[0], prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
     )  # fmt: skip
     placed = stop.tolerance is not None and (enough or stop.chance(belief) >= CONFIDENCE)
     if status == "ambiguous" and (placed or enough):
         status = "recognized" if placed else "ambiguous"
         message = _in_some_pose(hypotheses[0], belief, stop, shares)
-    message += face_elsewhere(touches, belief.modes[0], belief.unknown, start.priors)
+    message += face_elsewhere(touches, found[0], belief.unknown, start.priors)
     message += _ANEW if status == "unknown" and prior_p < alpha else ""
     return Recognition(status, message + moved_words(belief), hypotheses, belief.unknown, {}, seed)
 
@@ -98,38 +95,28 @@ def contradiction(belief: Belief, stop: Stop, *, reached: bool) -> str:
 
 def p_of_start(belief: Belief) -> float:
     """P-value of the rough pose beside the readings, of several that of the nearest; 1 where no pose is likely."""
-    touches, start = belief.touches, belief.start
-    if touches is None or not belief.modes or belief.modes[0].probability < _HALF:
+    start = belief.start
+    if not belief.modes or belief.modes[0].probability < _HALF:
         return 1.0
     best, own = belief.modes[0], np.flatnonzero(start.part == belief.part[0])
     there = np.repeat(belief.poses[:1], len(own), axis=0)
-    row = own[np.argmin(np.sum(prior_residuals(start.prior(own), best.target.part, there) ** 2, axis=1))]
+    row = own[np.argmin(np.sum(prior_residuals(start.prior(own), best.prepared.part, there) ** 2, axis=1))]
     pose = PosePrior(start.Ts[row], start.covariances[row])
-    return p_of_prior(touches, belief.free, best, replace(start.priors, pose=pose), _likely(belief))
+    return p_of_prior(best, replace(start.priors, pose=pose))
 
 
-def _likely(belief: Belief) -> Transforms | None:
-    """Draws of the part of the likeliest mode, the heaviest of them ``(S, 4, 4)``; None where none were made."""
-    if belief.draws is None:
-        return None
-    own = np.flatnonzero(belief.part[belief.draws.mode] == belief.part[0])
-    return belief.draws.Ts[own[np.argsort(-belief.draws.weights[own], kind="stable")[:_DRAWS]]]
-
-
-def _worst(belief: Belief, prior_p: float) -> str:
+def _worst(points: ContactPoints, best: Explained, prior_p: float) -> str:
     """The reading that contradicts the likeliest hypothesis most, unless the rough pose contradicts it more."""
-    best, touches = belief.modes[0], belief.touches
-    chi2, fixed = chi_square(best.found, best.k)
+    chi2, fixed = best.chi_square()
     dof = fixed + len(best.free)
-    return worst_reading(touches, best) if touches is not None and dof > 0 and chdtrc(dof, chi2) < prior_p else ""
+    return worst_reading(points, best) if dof > 0 and chdtrc(dof, chi2) < prior_p else ""
 
 
 def moved_words(belief: Belief) -> str:
     """A sentence if the readings that the likeliest hypothesis leaves aside are together in time; empty if not."""
     if belief.touches is None or not belief.modes:
         return ""
-    best = belief.modes[0]
-    words = moved(belief.touches.ids, best.found.belongs[best.k] <= _HALF)
+    words = moved(belief.touches.ids, ~belief.on_part())
     return f" {words}" if words else ""
 
 

@@ -88,7 +88,7 @@ class Session:
     @property
     def prior(self) -> PosePrior:
         """The rough pose of the start that the best hypothesis comes from; the likeliest before the first reading."""
-        row = int(self._belief.rows[0]) if len(self._belief.rows) else int(np.argmax(self.start.weights))
+        row = int(self._belief.rows[0]) if self._belief.modes else int(np.argmax(self.start.weights))
         return PosePrior(self.start.Ts[row], self.start.covariances[row])
 
     @property

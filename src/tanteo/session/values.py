@@ -11,8 +11,8 @@ from tanteo.active import Probe
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LARGEST, LEAST_SD, check_length
+from tanteo.measurements import ContactPoints, FreeRays, as_contact_points, as_free_rays
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
-from tanteo.surface_search import FreePaths, Touches, as_free_paths, as_touches
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _BEYOND = 3.0
@@ -57,7 +57,7 @@ class Sensing:
             beam_half_angle=beam_half_angle,
         )  # fmt: skip
 
-    def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[Touches, FreePaths]:
+    def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:
         """Readings as touches and free paths in the world.
 
         A beam is as wide across as the probe's cone; that it met nothing says nothing of a surface that lies beyond the
@@ -69,8 +69,8 @@ class Sensing:
         """
         beam = None if probe is None or probe.contact else probe
         measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
-        touches = as_touches(measured, self.tolerance, readings.ranges[measured.rows]).placed()
-        free = as_free_paths(measured, self.tolerance)
+        touches = as_contact_points(measured, self.tolerance, readings.ranges[measured.rows]).placed()
+        free = as_free_rays(measured, self.tolerance)
         return touches, free if beam is None else free.up_to(beam.max_incidence)
 
 
