@@ -261,6 +261,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
             hit.slope = {};
             hit.stiff = {};
             if (share.value < 1 - 1e-9) {
+                hit.spread = -(share.xx + share.yy) / share.value;
                 log_share(share);
                 const Vec3 du = flat.u - ku * n, dv = flat.v - kv * n;
                 const Vec3 x = W.a * du, y = W.b * du + W.c * dv;  // how the whitened place moves with the point
@@ -341,8 +342,9 @@ void Likelihood::look_at_edges(const Point& point, int j, const Mat3& C) {
         hit.normal = {};  // all of it is in slope and stiff
         hit.face = -2 - static_cast<int>(k);
         hit.tilted = 0;
-        hit.slope = -(info * off) + ((normal_density(t / sd) - normal_density((t - e.length) / sd)) / sd /
-                                     std::max(along, 1e-300)) * e.direction;
+        const double near = normal_density(t / sd), far = normal_density((t - e.length) / sd);
+        hit.slope = -(info * off) + ((near - far) / sd / std::max(along, 1e-300)) * e.direction;
+        hit.spread = (far * (t - e.length) - near * t) / sd / std::max(along, 1e-300);
         hit.stiff = info;
         hits.push_back(hit);
     }
@@ -556,8 +558,9 @@ void Likelihood::add_points(const State& state) {
             }
             gp += w * h.slope;
             for (int i = 0; i < 9; ++i) pp.m[i] += w * h.stiff.m[i];
-            by_scale += w * (r * r - (face ? 1 : point.kind == Kind::EDGE ? 2 : 3));
-            of_scale += 2 * w;
+            const double scaled = 1 - (point.extra + blur * blur) * h.per_sd * h.per_sd;  // share of the variance
+            by_scale += w * scaled * (r * r - (face ? 1 : point.kind == Kind::EDGE ? 2 : 3) + h.spread);
+            of_scale += 2 * w * scaled * scaled;
             if (!h.tilted) continue;
             const Vec3 m = transposed_times(state.pose.R, point.normal);
             for (int i = 0; i < 2; ++i) {

@@ -22,6 +22,7 @@ struct Hit {
     Vec3 normal;
     Vec3 slope;  // gradient of the log of the share by the point
     Mat3 stiff;  // information of the share on the point, and of the point itself for edges and corners
+    double spread = 0;  // derivative of the log of the share by the log of the noise
     int face, tilted;
     double tilt[2], per_tilt[2], bend[2], along;  // sensed normal against the surface's
     Vec3 e[2];
