@@ -94,7 +94,7 @@ def test_a_path_through_the_part_is_named_with_how_far(steps, labels):
 def test_a_labelled_part_in_the_way_of_many_paths_is_none_of_these(steps):
     rng, low = np.random.default_rng(3), steps[0]
     T = box_centred_pose(rng)
-    paths = [(low.centroid - 0.2 * d, d) for d in SE3.exp(rng.normal(size=(12, 6)))[:, :3, 0]]
+    paths = [(low.centroid - 0.2 * d, d) for d in SE3.exp(rng.normal(size=(24, 6)))[:, :3, 0]]
     planes = np.argsort(-low.planes.areas)[:4]
     assert identify(sensed(low, T, planes, [], rng), [low]).hypotheses[0].probability > 0.5
     answer = identify(sensed(low, T, planes, paths, rng), [low])

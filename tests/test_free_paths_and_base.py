@@ -13,11 +13,12 @@ from scipy.stats import chi2
 from bare_scenes import beams, box_centred_pose, inside, nees, no_paths, off, touches_of
 from scenes import points_on_plane
 from tanteo import Readings, identify
+from tanteo.inference.prepared import prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
+from tanteo.measurements import FreeRays
 from tanteo.parts import read_part
 from tanteo.sensors import robot_preset
-from tanteo.surface_search import FreePaths, prepare_target
 from tanteo.surface_search.given_pose import given_pose
 from tanteo.surface_search.likelihood import log_posterior
 
@@ -30,7 +31,7 @@ SCENES = 24
 
 @pytest.fixture(scope="module")
 def targets():
-    return [prepare_target(read_part(PARTS / f"{name}.step")) for name in NAMES]
+    return [prepare(read_part(PARTS / f"{name}.step")) for name in NAMES]
 
 
 def grazing(target, m, rng):
@@ -117,9 +118,8 @@ def test_labelled_parts_are_weighed_with_paths_that_move_as_their_features_do(ta
         answers = [identify(some, [target.part], robot=ROBOT) for some in (readings, readings.take(~readings.is_free))]
         seen_free = answers[0].hypotheses[0]
         alone = min(answers[1].hypotheses, key=lambda h: off(target.part, seen_free.T_world_part, h.T_world_part)[0])
-        assert "Labels were not used" not in answers[0].message
         assert "paths on which nothing was met" not in answers[0].message or answers[1].status == "ambiguous"
-        assert off(target.part, seen_free.T_world_part, alone.T_world_part)[0] < 1e-9  # of equal poses any may be first
+        assert off(target.part, seen_free.T_world_part, alone.T_world_part)[0] < 0.2 * alone.worst_corner_sd
         assert seen_free.probability > alone.probability - 0.02
 
 
@@ -130,7 +130,7 @@ def test_paths_are_averaged_over_what_readings_leave_open_of_the_base(targets):
     p, d = beams(target, 3, rng)
     (start, along), *_ = grazing(target, 1, rng)
     touches = touches_of(SE3.apply(T, p), 1e-3, directions=d @ T[:3, :3].T, gains=np.array([gains] * 3))
-    path = FreePaths(SE3.apply(T, start)[None], (T[:3, :3] @ along)[None], np.array([LENGTH]), np.zeros(1))
+    path = FreeRays(SE3.apply(T, start)[None], (T[:3, :3] @ along)[None], np.array([LENGTH]), np.zeros(1))
     path = replace(path, gains=gains[None], turns=np.zeros((1, 3, 3)))
     priors = Priors(radius=target.part.radius)
     near, z = T @ SE3.exp(np.repeat([1e-3, 0.01], 3) * rng.normal(size=(6, 6))), rng.normal(size=(n, 3))

@@ -14,7 +14,7 @@ from tanteo.inference.outliers import log_density
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.sampler import Sampler
+from tanteo.inference.sampler import Sampler, roots
 from tanteo.inference.search import PartSearch, missing, race
 from tanteo.inference.symmetry import folded, log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
@@ -187,7 +187,6 @@ def weigh(
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
     kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
     once, unknown = missing([s for s, _ in found]), float(np.exp(log_none - total))
-    once, unknown = missing([s for s, _ in found]), float(np.exp(log_none - total))
     return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere)
 
 
@@ -304,8 +303,8 @@ def _inside(sampler: Sampler) -> np.ndarray:
     """Whether the region of one maximum reaches to another ``(m, m)``."""
     centre, peaks = sampler.climber.prepared.shape.centre, sampler.peaks
     x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
-    inverse = np.linalg.inv(sampler.covariances)
-    return np.asarray(np.sum((x @ inverse) * x, axis=-1) < _VALLEY)
+    z = x @ np.swapaxes(np.linalg.inv(roots(sampler.covariances)), 1, 2)
+    return np.asarray(np.sum(z * z, axis=-1) < _VALLEY)
 
 
 def _by_curvature(sampler: Sampler, k: int) -> Mode:

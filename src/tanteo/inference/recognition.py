@@ -135,6 +135,8 @@ def _close_together(points: ContactPoints, best: Explained, priors: Priors) -> b
 
 def _too_little(points: ContactPoints, *, named: bool) -> str:
     """What to do if nothing tells the points from those of a line, or from one point; empty if there is enough."""
+    if not len(points):
+        return f"No reading met anything: sense {LEAST} places or more, better eight, on several sides."
     if len(points) < LEAST:
         few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
         return f"{few} any part: sense {LEAST} places or more, better eight, on several sides."

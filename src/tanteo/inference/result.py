@@ -159,7 +159,8 @@ def _with_free(
     if covariance is not None:
         to_unit = np.linalg.inv(scale)
         unit = to_unit @ covariance @ to_unit.T
-        information = to_unit.T @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ to_unit
+        unit += 1e-10 * np.trace(unit) * np.eye(6)  # few samples agree in some directions
+        information = to_unit.T @ np.linalg.inv(unit) @ to_unit
     return covariance_with_free(information, free, scale)
 
 

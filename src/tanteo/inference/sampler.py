@@ -122,7 +122,7 @@ class Sampler:
         self._fit_widths(on[~self._fitted[on] & (counts[on] >= _WORTH)])
         centre = self.climber.prepared.shape.centre
         owners = np.repeat(on, counts[on])
-        L = _roots(self.covariances[on])
+        L = roots(self.covariances[on])
         for k in on:
             self._count(int(k), int(counts[k]))
         n = len(owners)
@@ -183,7 +183,7 @@ class Sampler:
         components = sorted(self._components, key=lambda c: c[0])
         owners = np.array([c[0] for c in components], dtype=np.int32)
         means, counts = np.array([c[1] for c in components]), np.array([float(c[3]) for c in components])
-        L = _roots(np.array([c[2] for c in components]))
+        L = roots(np.array([c[2] for c in components]))
         inverse = np.ascontiguousarray(np.linalg.inv(L))
         log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
         centre, bases = self.climber.prepared.shape.centre, np.ascontiguousarray(self.peaks.Ts)
@@ -236,7 +236,7 @@ class Sampler:
         return self._unlike
 
 
-def _roots(covariances: Covariances) -> FloatArray:
+def roots(covariances: Covariances) -> FloatArray:
     """Lower roots ``(m, 6, 6)``; a direction in which all samples agree keeps a little of its width."""
     width = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 1e-30))
     unit = covariances / (width[:, :, None] * width[:, None])

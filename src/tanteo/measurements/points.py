@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tanteo.errors import InputError
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
@@ -112,8 +113,17 @@ def as_contact_points(
         measured: points in the world.
         tolerance: sd of the made surface against its CAD [m].
         reach: known free path before each point ``(n,)`` [m]: the range of a beam.
+
+    Raises:
+        InputError: a ball's contact with an edge or corner, which may be anywhere on it.
     """
     points, independent, radii = measured.centres()
+    for label, kind, radius in zip(measured.features, measured.kinds, radii, strict=True):
+        if kind in ("edge", "vertex") and radius > 0:
+            raise InputError(
+                f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radius:g} mm, whose "
+                f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
+            )
     directions = np.nan_to_num(measured.directions)
     covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
     return ContactPoints(
