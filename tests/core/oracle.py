@@ -1,0 +1,263 @@
+"""The likelihood once more, in plain NumPy, from its formulas: what the compiled core has to agree with.
+
+Every term is a sum over what a point may have met, of densities over that of an outlier. ``Cuts`` are the distances in
+standard deviations at which the core stops looking; without them the terms are as the mathematics has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import logm
+from scipy.stats import norm
+
+from core.oracle_shape import Flat, any_across, cast, flats_of, share, tangent_plane
+
+
+@dataclass(frozen=True)
+class Cuts:
+    """Where the core stops looking, as documented in likelihood.cpp; ``box`` is of the boxes of its tree."""
+
+    reach: float = 6.0
+    seen: float = 5.0
+    nothing: float = 1e-9
+    box: float = 6.0
+
+
+EXACT = Cuts(np.inf, np.inf, 0.0, np.inf)
+GRAZING, LOOKS_AWAY, BEHIND, IN_FRONT = 0.02, 1e-6, 2e-22, 4.0
+
+
+class Oracle:
+    """The log density of one question about one body."""
+
+    def __init__(self, body, question, cuts=Cuts()):
+        self.body, self.q, self.cuts = body, question, cuts
+        self.flats = flats_of(body)
+        self.area = 0.5 * np.linalg.norm(body.across, axis=1).sum()
+        ends = body.edges.reshape(-1, 2, 3)
+        self.lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        self.boxes = np.stack([flat.box for flat in self.flats])
+        self.convex = list(self._convex())
+        self.sagitta = self._sagitta()
+
+    def log_density(self, T, z):
+        """Of everything, prior included."""
+        hits = [self.hits(j, T, z) for j in range(len(self.q.points))]
+        logs = [np.log(w) + self._log_at_rate(hits, r) for r, w in zip(self.q.rates, self.q.rate_weights, strict=True)]
+        log = np.logaddexp.reduce(logs) + self.q.log_outlier.sum()
+        return log + self.log_rays(T, z) + self.log_prior(T, z)
+
+    def boxless(self):
+        """The same without boxes: the core's tree may or may not find flats whose box is farther than the reach."""
+        every = Oracle.__new__(Oracle)
+        every.__dict__ = {**self.__dict__, "cuts": replace(self.cuts, box=np.inf)}
+        return every
+
+    def hits(self, j, T, z):
+        """Faces, edges or corners that a point may have met, with densities over that of an outlier."""
+        q, R = self.q, T[:3, :3]
+        D = q.gains.shape[2]
+        p = R.T @ (q.points[j] + q.gains[j] @ z[:D] - T[:3, 3])
+        scale = np.exp(q.scale_sd * z[D]) if q.scale_sd > 0 else 1.0
+        C = R.T @ (scale**2 * q.covs[j]) @ R + q.extra[j] * np.eye(3)
+        of_kind = self.on_faces, self.on_edges, self.on_corners
+        hits = of_kind[q.kinds[j]](j, p, C, R)
+        least = self.cuts.nothing * q.mean_rate
+        hits = [(face, np.exp(log - q.log_outlier[j])) for face, log in hits]
+        hits = [(face, weight) for face, weight in hits if weight >= least]
+        return [] if self.blocked(j, p, R.T @ q.directions[j], C) else hits
+
+    def on_faces(self, j, p, C, R):
+        """Integral of the noise over each flat piece: a normal density of the distance, times what falls inside."""
+        q, hits, inside = self.q, [], 0.0
+        widest = np.sqrt(C[0, 0] if self._isotropic(j) else np.trace(C))
+        radius, ball = q.radii[j], q.radii[j] > 0.5 * widest
+        off = np.maximum(np.maximum(self.boxes[:, 0] - p, p - self.boxes[:, 1]), 0)
+        for i in np.flatnonzero(np.linalg.norm(off, axis=1) <= self.cuts.box * widest + radius + self.sagitta):
+            flat = self.flats[i]
+            n, distance, bends = tangent_plane(flat, p)
+            sd = np.sqrt(n @ C @ n)
+            r = (distance - radius) / sd
+            deep = ball and r < -3 and distance > -radius
+            if abs(r) > self.cuts.reach and not deep:
+                continue
+            part = self._share(flat, p, C, n, distance - radius)
+            if deep and part > 0.5:
+                inside = min(inside, r + 3)
+            if abs(r) <= self.cuts.reach and part > 0:
+                log = norm.logpdf(r) - np.log(sd) + np.log(part) + self._aimed(n, R.T @ q.directions[j])
+                hits.append((flat.face, log + self._tilted(j, n, R.T @ q.normals[j], C, bends, flat)))
+        if ball:
+            hits += self._over_edges(p, np.sqrt(C[0, 0] if self._isotropic(j) else np.trace(C) / 3), radius)
+        return [(face, log - 0.5 * inside**2) for face, log in hits]
+
+    def _sagitta(self):
+        """How far the facets of round faces lie off them."""
+        off = [abs(f.profile.distance(m)[0]) for f in self.flats if f.profile for m in f.middles]
+        return max([min(1.1 * d, 0.05 * self.body.diagonal) for d in off], default=0.0)
+
+    def _isotropic(self, j):
+        return np.allclose(self.q.covs[j], self.q.covs[j][0, 0] * np.eye(3), rtol=0, atol=1e-9 * self.q.covs[j][0, 0])
+
+    def _share(self, flat, p, C, n, gap):
+        """Of the noise in the plane, given how far along its normal it was off, what falls into the outline."""
+        frame = np.stack([flat.u, flat.v])
+        along = frame @ C @ n / (n @ C @ n)
+        spread = frame @ C @ frame.T - np.outer(along, along) * (n @ C @ n)
+        return share(flat.outline, frame @ (p - flat.origin) - along * gap, spread, self.cuts.seen)
+
+    def _aimed(self, n, d):
+        """Undirected points are even over the area; a beam meets a face by the cosine of its incidence."""
+        if not d.any():
+            return -np.log(self.area)
+        return np.log(max(-n @ d, GRAZING) if n @ d < 0 else LOOKS_AWAY)
+
+    def _tilted(self, j, n, m, C, bends, flat):
+        """A sensed normal: two tilts, each as uncertain as the sensor and as the surface where the point may be."""
+        if not m.any():
+            return 0.0
+        log = np.log(BEHIND) if n @ m <= 0 else 0.0
+        for bend, e in bends or [(0.0, flat.u), (0.0, flat.v)]:
+            log += norm.logpdf(e @ m, scale=np.sqrt(self.q.normal_sds[j] ** 2 + bend**2 * (e @ C @ e)))
+        return log
+
+    def _over_edges(self, p, sd, radius):
+        """A ball that touches a convex edge: its centre is on a cylinder about it, between the faces' normals."""
+        hits = []
+        for a, b, n0, n1, face in self.convex:
+            d = (b - a) / np.linalg.norm(b - a)
+            off = p - a
+            out = off - (off @ d) * d
+            r = (np.linalg.norm(out) - radius) / sd
+            if abs(r) > self.cuts.reach or max(out @ n0, out @ n1) < 0:
+                continue
+            inward = np.cross(n0, d), np.cross(d, n1)
+            log = norm.logpdf(r) - np.log(sd * self.area) + sum(norm.logcdf(-(out @ i) / sd) for i in inward)
+            between = norm.cdf(off @ d / sd) - norm.cdf((off @ d - np.linalg.norm(b - a)) / sd)
+            hits.append((face, log + np.log(max(between, 1e-300))))
+        return hits
+
+    def _convex(self):
+        """Edges between two flats that turn down from one to the other: ends, normals, face of the first."""
+        flat_of = {t: f for f in self.flats for t in f.triangles}
+        T = self.body.triangles
+        sides = {(t[i], t[(i + 1) % 3]): k for k, t in enumerate(T) for i in range(3)}
+        for (a, b), k in sides.items():
+            other = sides.get((b, a))
+            if a > b or other is None or flat_of[k] is flat_of[other]:
+                continue
+            n0, n1 = (self.body.across[t] / np.linalg.norm(self.body.across[t]) for t in (k, other))
+            ends = self.body.vertices[[a, b]]
+            if np.cross(n0, n1) @ (ends[1] - ends[0]) > 1e-3 * np.linalg.norm(ends[1] - ends[0]):
+                yield *ends, n0, n1, self.body.faces[k]
+
+    def on_edges(self, j, p, C, R):
+        """Normal across a straight edge, even along it."""
+        hits = []
+        for k, (a, b) in enumerate(self.body.edges.reshape(-1, 2, 3)):
+            d = (b - a) / self.lengths[k]
+            frame = np.stack([any_across(d), np.cross(d, any_across(d))])
+            x, S = frame @ (p - a), frame @ C @ frame.T
+            q, sd, t = x @ np.linalg.solve(S, x), np.sqrt(d @ C @ d), d @ (p - a)
+            along = norm.cdf(t / sd) - norm.cdf((t - self.lengths[k]) / sd)
+            if q <= self.cuts.reach**2 and along > 0:
+                log = -0.5 * q - np.log(2 * np.pi) - 0.5 * np.log(np.linalg.det(S)) + np.log(along / self.lengths.sum())
+                hits.append((-2 - k, log))
+        return hits
+
+    def on_corners(self, j, p, C, R):
+        """Normal about each corner, all alike."""
+        hits, count = [], len(self.body.corners)
+        for k, c in enumerate(self.body.corners):
+            q = (p - c) @ np.linalg.solve(C, p - c)
+            if q <= self.cuts.reach**2:
+                log = -0.5 * q - 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(C)[1] - np.log(count)
+                hits.append((-2 - len(self.lengths) - k, log))
+        return hits
+
+    def blocked(self, j, p, d, C):
+        """Whether all of five rays along the free path before a hit meet the part early."""
+        if not (self.q.reach[j] > 0 and d.any()):
+            return False
+        sd = np.sqrt(d @ C @ d)
+        free = self.q.reach[j] - IN_FRONT * sd - 0.01 * self.body.diagonal
+        u = any_across(d)
+        v = np.cross(d, u)
+        starts = [p - self.q.reach[j] * d + IN_FRONT * sd * aside for aside in (0 * u, u, v, -u, -v)]
+        return free > 0 and all(cast(self.body, s, d)[0] <= free for s in starts)
+
+    def _log_at_rate(self, hits, rate):
+        """All points given the rate of outliers; points of one label are on one face, or contradict it."""
+        groups, alone = self.q.groups, self.q.groups < 0
+        density = np.array([sum(w for _, w in h) for h in hits])
+        log = np.log((1 - rate) * density[alone] + rate).sum()
+        for g in range(groups.max(initial=-1) + 1):
+            rows = np.flatnonzero(groups == g)
+            log += self._log_group([hits[j] for j in rows], rows, density[rows], rate)
+        return log
+
+    def _log_group(self, hits, rows, density, rate):
+        slip = self.q.mean_rate
+        by_area = any(self.q.kinds[j] == 0 and not self.q.directions[j].any() for j in rows)
+        logs = [np.log((1 - rate) * slip * density + rate).sum()]
+        for face in {face for h in hits for face, _ in h}:
+            portion = self._portion(face)
+            log = np.log(portion) if face < 0 or by_area else 0.0
+            for j, h, d in zip(rows, hits, density, strict=True):
+                share = portion if face < 0 or (self.q.kinds[j] == 0 and not self.q.directions[j].any()) else 1.0
+                on = sum(w for f, w in h if f == face) / share
+                log += np.log((1 - rate) * ((1 - slip) * on + slip * d) + rate)
+            logs.append(log)
+        return np.logaddexp.reduce(logs)
+
+    def _portion(self, face):
+        """How likely a face is by its area, an edge by its length, a corner by their number."""
+        if face >= 0:
+            return sum(f.area for f in self.flats if f.face == face) / self.area
+        k = -2 - face
+        return self.lengths[k] / self.lengths.sum() if k < len(self.lengths) else 1 / len(self.body.corners)
+
+    def log_rays(self, T, z):
+        """Paths on which nothing was met: half of a cone passes with its middle, an eighth with each of four rays."""
+        q, log, rate = self.q, 0.0, self.q.mean_rate
+        D = q.gains.shape[2]
+        for k, (*od, length, slope, least_cosine) in enumerate(q.rays):
+            origin, direction = np.array(od[:3]) + q.ray_shifts[k] @ z[:D], np.array(od[3:]) + q.ray_turns[k] @ z[:D]
+            o, d = T[:3, :3].T @ (origin - T[:3, 3]), T[:3, :3].T @ direction / np.linalg.norm(direction)
+            end = length - 0.01 * self.body.diagonal
+            u = any_across(d)
+            v = np.cross(d, u)
+            passed = float(self._passes(o, d, end, least_cosine))
+            if not passed and slope > 0:
+                for aside in (u, v, -u, -v):
+                    e = d + 2 * slope * aside
+                    passed += 0.125 * self._passes(o, e / np.linalg.norm(e), end, least_cosine)
+            log += np.log(rate + (1 - 2 * rate) * passed)
+        return log
+
+    def _passes(self, o, d, end, least_cosine):
+        distance, triangle = cast(self.body, o, d)
+        if distance >= end:
+            return True
+        n = self.body.across[triangle]
+        return abs(n @ d) / np.linalg.norm(n) < least_cosine - 1e-12
+
+    def log_prior(self, T, z):
+        """Unit normal states, a mixture of normal densities of the pose, a table under the lowest point."""
+        q, log = self.q, -0.5 * z @ z
+        if len(q.prior_means):
+            logs = []
+            for M, root, weight in zip(q.prior_means, q.prior_roots, q.prior_log_weights, strict=True):
+                X = np.real(logm(np.linalg.solve(M, T)))
+                xi = np.r_[X[:3, 3], X[2, 1], X[0, 2], X[1, 0]]
+                logs.append(weight - 0.5 * np.sum((root @ xi) ** 2))
+            log += np.logaddexp.reduce(logs)
+        if len(q.table):
+            world = self.body.vertices @ T[:3, :3].T + T[:3, 3]
+            log -= 0.5 * (((world - q.table[:3]) @ q.table[3:6]).min() / q.table[6]) ** 2
+        return log
+
+
+__all__ = ["EXACT", "Cuts", "Flat", "Oracle"]
