@@ -84,7 +84,7 @@ inline Vec3 rotation_vector(const Mat3& R) {
     const double c = 0.5 * (R(0, 0) + R(1, 1) + R(2, 2) - 1), s = 0.5 * norm(v);
     const double t = std::atan2(s, c);
     if (t < 1e-6) return 0.5 * v;
-    if (s > 1e-4) return (0.5 * t / s) * v;
+    if (c > 0 || s > 1e-4) return (0.5 * t / s) * v;
     // near a half turn: the axis from the symmetric part
     int k = 0;
     for (int i = 1; i < 3; ++i)
