@@ -15,10 +15,11 @@ from tanteo.lie import SE3, SO3
 from tanteo.localization import covariance_with_free
 from tanteo.matching import PosePrior, Priors, Table
 from tanteo.matching.belief import equivalent, squared_gaps
-from tanteo.matching.evidence import log_evidence, log_sum, pose_volume
+from tanteo.matching.evidence import log_evidence, pose_volume
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.part_motions import corner_sd, excuse, part_scale, spins, where_to_sense, without_spins
 from tanteo.matching.prior import alike, prior_log_density, prior_residuals, prior_rows
+from tanteo.matching.priors import log_sum
 from tanteo.matching.sensed import sense
 from tanteo.matching.tree import interpret
 from tanteo.matching.unknown import _log_places

@@ -32,6 +32,7 @@ struct OutlineEdge {  // of a flat, in its plane; the inside is on the left
 struct Flat {
     Vec3 normal, origin, u, v;
     double offset = 0, area = 0;
+    double sagitta = 0;  // how far the round surface behind it may be off
     double lo[2] = {1e300, 1e300}, hi[2] = {-1e300, -1e300};
     double bin_lo = 0, bin_step = 1;  // of outline edges by y
     int face = 0, profile = -1;
@@ -58,7 +59,7 @@ struct Closest {
 
 struct ShapeNumbers {
     Vec3 centre;
-    double area = 0, edge_length = 0, diagonal = 0, sagitta = 0;
+    double area = 0, edge_length = 0, diagonal = 0;
     Vec3 grid_origin;
     double grid_step = 1;
     int grid_shape[3] = {0, 0, 0}, unused = 0;
@@ -89,7 +90,7 @@ class Shape : public ShapeNumbers {
 
     template <class Visit>
     void flats_near(const Vec3& p, double reach, Visit&& visit) const {
-        flat_tree.near(p, reach + sagitta, visit);
+        flat_tree.near(p, reach, visit);
     }
     template <class Visit>
     void convex_edges_near(const Vec3& p, double reach, Visit&& visit) const {

@@ -82,7 +82,8 @@ void Shape::make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& 
         const Vec3 middle = (1.0 / 3) * (vertices[triangles[3 * t]] + vertices[triangles[3 * t + 1]] +
                                          vertices[triangles[3 * t + 2]]);
         const double off = std::fabs(profiles[profile_rows[t]].at(middle, false).distance);
-        sagitta = std::max(sagitta, std::min(1.1 * off, 0.05 * diagonal));
+        Flat& flat = made[owner[t]];
+        flat.sagitta = std::max(flat.sagitta, std::min(1.1 * off, 0.05 * diagonal));
     }
     flat_of = std::move(owner);
 }
@@ -103,6 +104,11 @@ void Shape::make_outlines(std::vector<Flat>& made) {
             else
                 ++directed[{f, a, b}];
         }
+    }
+    for (size_t f = 0; f < made.size(); ++f) {
+        const double s = made[f].sagitta;
+        boxes[f].lo = boxes[f].lo - Vec3{s, s, s};
+        boxes[f].hi = boxes[f].hi + Vec3{s, s, s};
     }
     std::vector<OutlineEdge> lines;
     for (const auto& [key, count] : directed) {  // flat by flat
