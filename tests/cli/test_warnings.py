@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -83,15 +84,15 @@ def test_a_mesh_far_from_its_origin(run, touches, tmp_path, parts):
 
 def test_a_folder_that_may_not_be_read(run, parts, touches, monkeypatch):
     """It is said, without a traceback; root may read all, so that the system's answer is played."""
-    locked, real = parts / "locked", Path.iterdir
+    locked, real = parts / "locked", os.scandir
     locked.mkdir()
 
-    def iterdir(path):
-        if path == locked:
+    def scandir(path):
+        if Path(path) == locked:
             raise PermissionError(13, "Permission denied")
         return real(path)
 
-    monkeypatch.setattr(Path, "iterdir", iterdir)
+    monkeypatch.setattr(os, "scandir", scandir)
     assert told(run, "identify", touches, "--parts", parts, "--units", "mm") == []
     code, out, err = run("identify", touches, "--parts", locked, "--units", "mm", "--report", parts / "r.html")
     assert (code, out) == (1, "")

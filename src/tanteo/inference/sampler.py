@@ -110,6 +110,8 @@ class Sampler:
 
     def strange(self) -> Transforms:
         """Samples that weigh as much as a maximum of their own would: where the mixture has no component yet."""
+        if not np.isfinite(self.log_weights.max()):
+            return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())
         rows = np.flatnonzero(w > _STRANGE * w.sum())
         return self.Ts[rows[np.argsort(-w[rows])][:_LOOKED_AT]]
@@ -221,9 +223,12 @@ class Sampler:
     def unlike_normal(self) -> FloatArray:
         """How unlike a normal density the region of each maximum is ``(m,)``: variance of the log of their ratio."""
         if self._unlike is None:
+            self._unlike = np.full(len(self.peaks), np.inf)
+            if not np.isfinite(self.log_weights.max()):
+                return self._unlike
             H = self.climber.of_pose(self.peaks.information)
             w = np.exp(self.log_weights - self.log_weights.max())[:, None] * self.shares
-            centre, out = self.climber.prepared.shape.centre, np.full(len(self.peaks), np.inf)
+            centre = self.climber.prepared.shape.centre
             for k in np.flatnonzero(w.sum(axis=0) > 0):
                 rows = np.flatnonzero(w[:, k] > 1e-6 * w[:, k].max())
                 x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts[rows]), centre)
@@ -231,8 +236,7 @@ class Sampler:
                 share = w[rows, k] / w[rows, k].sum()
                 if 1 / np.sum(share**2) < _TOLD:
                     continue
-                out[k] = share @ (ratio - share @ ratio) ** 2
-            self._unlike = out
+                self._unlike[k] = share @ (ratio - share @ ratio) ** 2
         return self._unlike
 
 
