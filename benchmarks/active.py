@@ -36,12 +36,12 @@ from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan
 from tanteo.active.distinguish import located
 from tanteo.active.policies import POLICIES
 from tanteo.active.utility import expected_information
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.part_motions import corner_sd
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
-from tanteo.surface_search import prepare_target
 
 
 def boxed(size):
@@ -50,7 +50,7 @@ def boxed(size):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "block.stl"
         path.write_text(stl(prism([(0, 0), (x, 0), (x, y), (0, y)], z)))
-        return prepare_target(tanteo.read_part(path, unit="mm"))
+        return prepare(tanteo.read_part(path, unit="mm"))
 
 
 def patch():
@@ -78,7 +78,7 @@ def panel(scenes, seed):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "panel.stl"
         path.write_text(stl(prism(outline, 200)))
-        target = prepare_target(tanteo.read_part(path, unit="mm"))
+        target = prepare(tanteo.read_part(path, unit="mm"))
     start, rows = around([target], np.eye(4), np.diag(np.repeat([0.05, 0.065], 3) ** 2)), []
     for sd in (5e-4, 2e-3):
         probe = Probe("touch", NoiseLaw.of(sd), contact=True, max_range=0.6, standoff=0.3, clearance=0.02)
@@ -114,7 +114,7 @@ def panel(scenes, seed):
 
 def times():
     """Processor time of ask and tell."""
-    target = prepare_target(tanteo.read_part(HERE / "examples" / "parts" / "bracket_left.step"))
+    target = prepare(tanteo.read_part(HERE / "examples" / "parts" / "bracket_left.step"))
     rows = []
     for hypotheses in (1, 3, 10, 30):
         rng = np.random.default_rng(1)

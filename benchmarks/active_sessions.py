@@ -18,9 +18,9 @@ import tanteo
 from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
 from tanteo.active import Choice, draw, predict
 from tanteo.active.samples import beams
+from tanteo.inference import prepare
 from tanteo.matching import Priors
 from tanteo.session import Action
-from tanteo.surface_search import prepare_target
 
 HERE = Path(__file__).parents[1]
 OURS = ("block", "bracket_left", "bracket_right", "clamp", "flange", "housing", "t_slot", "wedge")
@@ -47,14 +47,14 @@ def twenty():
     if SETS.exists():
         others = sorted(tanteo.read_parts([SETS]).parts, key=lambda part: -part.diagonal)
         parts += [part for part in others if part.name != "caxif__TAIL_MIDDLE_PART"][:12]  # twice in the set
-    return [prepare_target(part) for part in parts]
+    return [prepare(part) for part in parts]
 
 
 @cache
 def three():
     """Two mirrored parts and a wedge."""
     names = "bracket_left", "bracket_right", "wedge"
-    return [prepare_target(tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step")) for name in names]
+    return [prepare(tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step")) for name in names]
 
 
 def readings_of(sensor, policy, seed, scene, unknown=USUAL):

@@ -16,9 +16,9 @@ from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo.active import Start
 from tanteo.active.distinguish import laid_on, located
 from tanteo.active.samples import beams
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 PAIRS = ("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")
@@ -81,7 +81,7 @@ def most(pair, k, probe, beams_tried, draws, seed):
 
 def row(names, probe, scenes, seed):
     """One pair with one sensor: how often right, how often sure and right, and what is possible."""
-    pair = [prepare_target(tanteo.read_part(PARTS / f"{n}.step")) for n in names]
+    pair = [prepare(tanteo.read_part(PARTS / f"{n}.step")) for n in names]
     right = sure = 0
     for scene in range(scenes):
         rng = np.random.default_rng((seed, scene))

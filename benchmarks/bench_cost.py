@@ -21,9 +21,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from bare_scenes import box_centred_pose, surface_points, touches_of
 from random_parts import random_part, write_off
+from tanteo.inference import PreparedPart, identify_points, prepare
 from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part, read_part
-from tanteo.surface_search import FreePaths, Target, Touches, identify_touches, prepare_target
 
 SD, NORMAL_SD = 5e-4, np.radians(3)
 USUAL = 30
@@ -45,7 +46,7 @@ TEXT = f"""\
 Points even by area, {1e3 * SD:g} mm a coordinate, normals {np.degrees(NORMAL_SD):g} degrees; {USUAL} points where their
 number does not vary. Points: one stepped workpiece of 30 to 120 mm. Triangles: one smooth part of 80 mm without
 symmetry, ever finer. Parts: different stepped workpieces, the readings on one of them. Each row is a process of its
-own on one core: reading the mesh files and preparing them, once; one call of `identify_touches`, process time, median
+own on one core: reading the mesh files and preparing them, once; one call of `identify_points`, process time, median
 of {SCENES} scenes after one that is thrown away; where that one takes more than {LONG:g} s, it alone. Memory: what the
 prepared parts keep, and what the call needs on top of that at its worst."""
 
@@ -101,8 +102,8 @@ def _parts(over: str, number: int, folder: Path, rng: np.random.Generator) -> li
     return [random_part(folder / f"part{k}.off", rng, slanted=0.0) for k in range(number if over == "parts" else 1)]
 
 
-def _prepared(part: Part, with_normals: bool) -> Target:
-    target = prepare_target(part)
+def _prepared(part: Part, with_normals: bool) -> PreparedPart:
+    target = prepare(part)
     if with_normals:
         _ = target.pairs  # else made by the first call that needs them
     return target
@@ -127,7 +128,7 @@ def blob(meridians: int, bands: int) -> tuple[np.ndarray, np.ndarray]:
     return d * size[:, None] * [40.0, 30.0, 22.0], np.concatenate(triangles)
 
 
-def _scene(target: Target, count: int, with_normals: bool, rng: np.random.Generator) -> Touches:
+def _scene(target: PreparedPart, count: int, with_normals: bool, rng: np.random.Generator) -> ContactPoints:
     T = box_centred_pose(rng)
     p, n = surface_points(target, count, rng)
     points = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
@@ -137,9 +138,9 @@ def _scene(target: Target, count: int, with_normals: bool, rng: np.random.Genera
     return touches_of(points, SD, normals=n / np.linalg.norm(n, axis=1, keepdims=True), normal_sd=NORMAL_SD)
 
 
-def _call(targets: list[Target], touches: Touches) -> float:
+def _call(targets: list[PreparedPart], touches: ContactPoints) -> float:
     start = time.process_time()
-    identify_touches(touches, FreePaths.none(), targets)
+    identify_points(touches, FreeRays.none(), targets)
     return time.process_time() - start
 
 
@@ -152,7 +153,7 @@ def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
 def _warm(rng: np.random.Generator) -> None:
     """Everything once on another part: libraries load and take memory when first used."""
     with tempfile.TemporaryDirectory() as folder:
-        target = prepare_target(random_part(Path(folder) / "warm.off", rng, slanted=0.0))
+        target = prepare(random_part(Path(folder) / "warm.off", rng, slanted=0.0))
     for normals in (False, True):
         _call([target], _scene(target, USUAL, normals, rng))
 

@@ -17,15 +17,15 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from common import Table
-
-from bare_scenes import nees, no_paths, off
-from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
-from tanteo.lie import SE3
-from tanteo.matching import Priors
-from tanteo.surface_search import identify_touches, prepare_target
 from tanteo.surface_search.answer import as_hypothesis
 from tanteo.surface_search.modes import weigh
 from tanteo.surface_search.polish import polish
+
+from bare_scenes import nees, no_paths, off
+from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
+from tanteo.inference import identify_points, prepare
+from tanteo.lie import SE3
+from tanteo.matching import Priors
 
 RIGHT = 3e-3, np.radians(1.5)
 
@@ -54,7 +54,7 @@ def mm(lengths):
 def main():
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 10
     with tempfile.TemporaryDirectory() as folder:
-        target = prepare_target(castle(folder))
+        target = prepare(castle(folder))
     T, rows = first_pose(), []
     for frame in FRAMES:
         T = dense_fit(target.surface, frame, T)
@@ -66,7 +66,7 @@ def main():
             for _ in range(draws):
                 touches = pixels.draw(n, rng)
                 bounds.append(share_right(target.part, covariance_at(target, touches, T), rng))
-                answer = identify_touches(touches, no_paths(), [target], top=10_000)
+                answer = identify_points(touches, no_paths(), [target], top=10_000)
                 gaps = [off(target.part, h.T_world_part, T) for h in answer.hypotheses]
                 squares = [nees(target.part, h.T_world_part, h.covariance, T)[0] for h in answer.hypotheses]
                 right = [moved < RIGHT[0] and angle < RIGHT[1] for moved, angle in gaps]

@@ -15,13 +15,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "real"))
 
 import test_cmm_bare as cmm
+from tanteo.surface_search.mode import Mode
+from tanteo.surface_search.polish import polish
 
 import tanteo
 from bare_scenes import no_paths
+from tanteo.inference import identify_points, prepare
 from tanteo.matching import Priors
-from tanteo.surface_search import identify_touches, prepare_target
-from tanteo.surface_search.mode import Mode
-from tanteo.surface_search.polish import polish
 
 
 def leaves_free(touches, block, truth):
@@ -32,15 +32,15 @@ def leaves_free(touches, block, truth):
 
 def main():
     n = int(sys.argv[1]) if len(sys.argv) > 1 else 40
-    block = prepare_target(tanteo.read_part(cmm.FOLDER / "calibration_block_from_drawing.stl", unit="mm", name="block"))
+    block = prepare(tanteo.read_part(cmm.FOLDER / "calibration_block_from_drawing.stl", unit="mm", name="block"))
     for placement in cmm.PLACEMENTS:
         touches, rng = cmm.bare_touches(placement), np.random.default_rng(1)
-        truth = identify_touches(touches, no_paths(), [block]).hypotheses[0].T_world_part
+        truth = identify_points(touches, no_paths(), [block]).hypotheses[0].T_world_part
         rows, sure, seconds = [], 0, 0.0
         for _ in range(n):
             some = touches.take(np.sort(rng.choice(len(touches), 8, replace=False)))
             start = time.process_time()
-            answer = identify_touches(some, no_paths(), [block], top=10_000)
+            answer = identify_points(some, no_paths(), [block], top=10_000)
             seconds += time.process_time() - start
             sure += answer.status == "recognized"
             rows.append((cmm.holds(block, answer, truth), leaves_free(some, block, truth), len(answer.hypotheses)))

@@ -22,8 +22,8 @@ from region_coverage import FOLDER
 
 import tanteo
 from bare_scenes import box_centred_pose, inside, nees, no_paths, surface_points, touches_of
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3, SO3
-from tanteo.surface_search import identify_touches, prepare_target
 
 PARTS = "flange", "hex_spacer"
 WAYS = {"25 touches, 0.01 mm": (25, 1e-5, None), "12 with normals, 0.3 mm and 0.03 rad": (12, 3e-4, 0.03)}
@@ -36,7 +36,7 @@ NEAR = 100.0
 @cache
 def prepared(name):
     """The part."""
-    return prepare_target(tanteo.read_part(FOLDER / f"{name}.step"))
+    return prepare(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
 def one(name, way, seed, k):
@@ -58,7 +58,7 @@ def one(name, way, seed, k):
 
 
 def _asked(touches, target, T):
-    answer = identify_touches(touches, no_paths(), [target], top=50)
+    answer = identify_points(touches, no_paths(), [target], top=50)
     off = [nees(target.part, h.T_world_part, h.covariance, T) for h in answer.hypotheses]
     return {
         "status": answer.status, "off": off[0][0] if off else np.inf, "dof": off[0][1] if off else 6,

@@ -21,7 +21,7 @@ from region_coverage import FOLDER, PARTS
 
 import tanteo
 from bare_scenes import nees, no_paths, oriented
-from tanteo.surface_search import identify_touches, prepare_target
+from tanteo.inference import identify_points, prepare
 
 COUNTS = 6, 8, 10, 15
 REGION, NEAR = 12.59, 20.0
@@ -31,7 +31,7 @@ REGION, NEAR = 12.59, 20.0
 @cache
 def prepared(name):
     """The part."""
-    return prepare_target(tanteo.read_part(FOLDER / f"{name}.step"))
+    return prepare(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
 def one(name, n, seed, k):
@@ -39,7 +39,7 @@ def one(name, n, seed, k):
     target, rng = prepared(name), np.random.default_rng((seed, PARTS.index(name), n, k))
     touches, T = oriented(target, n, rng)
     begun = time.process_time()
-    answer = identify_touches(touches, no_paths(), [target], top=50)
+    answer = identify_points(touches, no_paths(), [target], top=50)
     spent = time.process_time() - begun
     off = [float(nees(target.part, h.T_world_part, h.covariance, T)[0]) for h in answer.hypotheses]
     return {

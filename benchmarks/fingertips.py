@@ -20,8 +20,8 @@ from fingertip_limit import FOLDER, limit, points_of
 
 import tanteo
 from bare_scenes import no_paths, touches_of
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.surface_search import identify_touches, prepare_target
 
 SETS = (
     ("measCylinder_exp", "cylinder", 5e-3, "5.75"), ("measCleaner_exp", "cleaner", 5e-3, "7.1"),
@@ -34,9 +34,9 @@ SETS = (
 
 def row(name, mesh, sd, aim, starts):
     part, points = tanteo.read_part(FOLDER / "models" / f"{mesh}.off", unit="m"), points_of(name)
-    target = prepare_target(part)
+    target = prepare(part)
     start = time.process_time()
-    answer = identify_touches(touches_of(points, sd), no_paths(), [target])
+    answer = identify_points(touches_of(points, sd), no_paths(), [target])
     seconds = time.process_time() - start
     found = "-"
     if answer.hypotheses:

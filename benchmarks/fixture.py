@@ -15,8 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, touches_of
+from tanteo.inference import identify_points
 from tanteo.matching.part_motions import corner_sd
-from tanteo.surface_search import FreePaths, identify_touches
+from tanteo.measurements import FreeRays
 
 
 def row(name, target):
@@ -24,7 +25,7 @@ def row(name, target):
     (touches, shared), times = touches_of(name), []
     for _ in range(7):
         start = time.process_time()
-        answer = identify_touches(touches, FreePaths.none(), [target], shared=shared)
+        answer = identify_points(touches, FreeRays.none(), [target], shared=shared)
         times.append(time.process_time() - start)
     best = answer.hypotheses[0]
     total, known = (corner_sd(target.part, C) for C in (best.covariance, best.covariance_same_robot))

@@ -41,9 +41,9 @@ from bare_scenes import (
 )
 from sensing_scenes import drawn_truth
 from tanteo.active import around, begin, update
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors
-from tanteo.surface_search import identify_touches, prepare_target
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 KINDS = {
@@ -70,11 +70,11 @@ FAR = 3e-3
 @cache
 def _target(name):
     if not name.startswith("bar "):
-        return prepare_target(tanteo.read_part(FOLDER / f"{name}.step"))
+        return prepare(tanteo.read_part(FOLDER / f"{name}.step"))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bar.stl"
         trimesh.creation.cylinder(radius=10, height=float(name.split()[1]), sections=64).export(path)
-        return prepare_target(tanteo.read_part(path, unit="mm"))
+        return prepare(tanteo.read_part(path, unit="mm"))
 
 
 def _bar(length, side, rng):
@@ -143,7 +143,7 @@ def one(kind, seed, k):
         target, touches, T = _ANYWHERE[kind](rng)
     else:
         target, touches, T = _bar(60 if "side" in kind else 200, "side" in kind, rng)
-    answer = identify_touches(touches, no_paths(), [target], priors=priors)
+    answer = identify_points(touches, no_paths(), [target], priors=priors)
     best = answer.hypotheses[0]
     value, dof = nees(target.part, best.T_world_part, best.covariance, T)
     right = kind in ALWAYS or off(target.part, best.T_world_part, T)[0] < FAR

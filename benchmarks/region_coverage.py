@@ -24,8 +24,9 @@ from common import Table
 
 import tanteo
 from bare_scenes import SENSORS, box_centred_pose, inside, nees, off, scene
+from tanteo.inference import identify_points, prepare
 from tanteo.matching import Priors
-from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+from tanteo.measurements import FreeRays
 
 PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_slot", "wedge")
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
@@ -45,7 +46,7 @@ BIAS = 5e-4
 
 @cache
 def _target(name):
-    return prepare_target(tanteo.read_part(FOLDER / f"{name}.step"))
+    return prepare(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
 def three(name, s, seed, k, clutter=STATED):
@@ -66,7 +67,7 @@ def three(name, s, seed, k, clutter=STATED):
 
 def _row(part, target, touches, rows, T, sensing, priors, case, kind):
     start = time.process_time()
-    answer = identify_touches(touches, FreePaths.none(), [target], priors=priors, top=100)
+    answer = identify_points(touches, FreeRays.none(), [target], priors=priors, top=100)
     elapsed = time.process_time() - start
     row = {
         "case": case, "n": len(touches), "kind": kind, "status": answer.status, "time": elapsed,
@@ -138,14 +139,14 @@ def by_count(sensing, rows):
 def bias_rows(count):
     """Standard deviations in the world and for the same robot, and NEES, over the number of readings."""
     part = tanteo.read_part(FOLDER / "bracket_left.step")
-    target, sensing, out = prepare_target(part), SENSORS[1], []
+    target, sensing, out = prepare(part), SENSORS[1], []
     for n in (10, 40, 160, 640):
         sds, values = [], []
         for k in range(count):
             rng = np.random.default_rng((7, n, k))
             T = box_centred_pose(rng)
             touches, _, shared = scene(target, T, sensing, n, rng, base_sd=BIAS)
-            answer = identify_touches(touches, FreePaths.none(), [target], shared=shared)
+            answer = identify_points(touches, FreeRays.none(), [target], shared=shared)
             if answer.status != "recognized":
                 continue
             h = answer.hypotheses[0]

@@ -14,15 +14,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-
-from bare_scenes import surface_points, touches_of
-from tanteo.lie import SE3, SO3
-from tanteo.matching import Priors
-from tanteo.parts import Part
-from tanteo.shapes import Surface
-from tanteo.surface_search import FreePaths, Touches, identify_touches, prepare_target
 from tanteo.surface_search.modes import weigh
 from tanteo.surface_search.polish import polish
+
+from bare_scenes import surface_points, touches_of
+from tanteo.inference import identify_points, prepare
+from tanteo.lie import SE3, SO3
+from tanteo.matching import Priors
+from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.parts import Part
+from tanteo.shapes import Surface
 
 MM = 1e3
 CLOUD = 5_000
@@ -59,11 +60,11 @@ Solver = Callable[[Scene, np.random.Generator], Answer]
 
 
 def tanteo(part: Part, path: Path) -> Solver:
-    target = prepare_target(part)
+    target = prepare(part)
     _ = target.pairs
 
     def solve(scene: Scene, rng: np.random.Generator) -> Answer:
-        found = identify_touches(_touches(scene), FreePaths.none(), [target], top=TOP)
+        found = identify_points(_touches(scene), FreeRays.none(), [target], top=TOP)
         Ts = np.array([h.T_world_part for h in found.hypotheses]).reshape(-1, 4, 4)
         covariance = found.hypotheses[0].covariance if found.hypotheses else None
         return Answer(Ts, covariance, found.status == "recognized")
@@ -73,18 +74,18 @@ def tanteo(part: Part, path: Path) -> Solver:
 
 def told(part: Part, path: Path) -> Solver:
     """Ours where nothing is left to find: one climb from the true pose, and what is said of where it ends."""
-    target, priors = prepare_target(part), Priors(radius=part.radius)
+    target, priors = prepare(part), Priors(radius=part.radius)
 
     def solve(scene: Scene, rng: np.random.Generator) -> Answer:
         touches = _touches(scene)
-        found = polish(touches, FreePaths.none(), scene.T_world_part[None], target, priors)
-        modes, _, _ = weigh(touches, FreePaths.none(), [(target, found)], -np.inf, 1, priors)
+        found = polish(touches, FreeRays.none(), scene.T_world_part[None], target, priors)
+        modes, _, _ = weigh(touches, FreeRays.none(), [(target, found)], -np.inf, 1, priors)
         return Answer(np.array([mode.T_world_part for mode in modes]), modes[0].covariance)
 
     return solve
 
 
-def _touches(scene: Scene) -> Touches:
+def _touches(scene: Scene) -> ContactPoints:
     return touches_of(scene.points, scene.sd, normals=scene.normals, normal_sd=scene.normal_sd)
 
 

@@ -22,8 +22,8 @@ from campaign import options, run_cases
 from common import Table
 
 from tanteo.execution import sense_part
+from tanteo.inference import prepare
 from tanteo.parts import read_part
-from tanteo.surface_search import prepare_target
 from unknown_scenes import off, unknown_scene, unknown_session
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
@@ -32,7 +32,7 @@ TOLERANCE = 2e-3
 
 @cache
 def _targets():
-    return [prepare_target(read_part(path)) for path in sorted(FOLDER.glob("*.step"))]
+    return [prepare(read_part(path)) for path in sorted(FOLDER.glob("*.step"))]
 
 
 def run_one(policy, k):

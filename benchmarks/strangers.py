@@ -22,7 +22,8 @@ from region_coverage import FOLDER, PARTS
 
 import tanteo
 from bare_scenes import SENSORS, box_centred_pose, scene
-from tanteo.surface_search import FreePaths, identify_touches, prepare_target
+from tanteo.inference import identify_points, prepare
+from tanteo.measurements import FreeRays
 
 COUNTS = 10, 16, 25
 STEPS = "step_12mm", "step_15mm"
@@ -31,7 +32,7 @@ STEPS = "step_12mm", "step_15mm"
 @cache
 def catalogue():
     """The eight parts, prepared."""
-    return [prepare_target(tanteo.read_part(FOLDER / f"{name}.step")) for name in PARTS]
+    return [prepare(tanteo.read_part(FOLDER / f"{name}.step")) for name in PARTS]
 
 
 def both(name, s, n, seed, k):
@@ -42,7 +43,7 @@ def both(name, s, n, seed, k):
     touches, _, _ = scene(own, box_centred_pose(rng), sensing, n, rng)
     row = {}
     for kind, some in (("without", [t for t in targets if t is not own]), ("with", targets)):
-        answer = identify_touches(touches, FreePaths.none(), some)
+        answer = identify_points(touches, FreeRays.none(), some)
         best = answer.hypotheses[0].part if answer.hypotheses else ""
         row[kind] = {"status": answer.status, "best": best, "unknown": answer.unknown_probability}
     return row
@@ -66,7 +67,7 @@ def summary(rows):
 @cache
 def steps():
     """Two parts of which one has a higher step, prepared."""
-    return {name: prepare_target(tanteo.read_part(FOLDER / f"{name}.step")) for name in STEPS}
+    return {name: prepare(tanteo.read_part(FOLDER / f"{name}.step")) for name in STEPS}
 
 
 def of_one_face(name, s, n, seed, k):
@@ -76,8 +77,8 @@ def of_one_face(name, s, n, seed, k):
     rng = np.random.default_rng((seed, STEPS.index(name), s, n, k))
     T = box_centred_pose(rng)
     touches, _, _ = scene(own, T, sensing, n, rng)
-    answer = identify_touches(
-        touches, FreePaths.none(), [other, *(t for t in catalogue() if "step" not in t.part.name)]
+    answer = identify_points(
+        touches, FreeRays.none(), [other, *(t for t in catalogue() if "step" not in t.part.name)]
     )
     off = other.surface.closest((touches.points - T[:3, 3]) @ T[:3, :3]).distances > 5 * sensing.sd
     return {"status": answer.status, "off": int(off.sum()), "face": "readings agree" in answer.message}

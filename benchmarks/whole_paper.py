@@ -29,9 +29,9 @@ from random_parts import random_part
 from rendered import table_camera
 from tanteo.catalogue import read_parts
 from tanteo.execution import HYPOTHESES, part_seen, seen_start, sense_part
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.simulator import Scene
-from tanteo.surface_search import prepare_target
 from tanteo.vision import prepare_vision, see_table
 from tanteo.vision.rendering import Stage, Thing, render, thing
 from tanteo.vision.silhouettes import silhouette
@@ -48,7 +48,7 @@ def prepared(count):
     rng, parts = np.random.default_rng(SEED), list(read_parts([FOLDER]).parts)[:count]
     with tempfile.TemporaryDirectory() as folder:
         parts += [random_part(Path(folder, f"random{k}.off"), rng) for k in range(count - len(parts))]
-        return [prepare_target(part) for part in parts], [prepare_vision(part) for part in parts]
+        return [prepare(part) for part in parts], [prepare_vision(part) for part in parts]
 
 
 def scene_of(targets, models, number, scene):

@@ -14,15 +14,15 @@ import numpy as np
 
 from tanteo.active import Probe, Stop, around
 from tanteo.active.explain import explain
+from tanteo.inference import prepare
 from tanteo.io.session_record import read_record, write_record
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.sensors import NoiseLaw
 from tanteo.session import Action, Sensing, Session
-from tanteo.surface_search import prepare_target
 
 folder = Path(__file__).parent / "parts"
-targets = [prepare_target(read_part(folder / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
+targets = [prepare(read_part(folder / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
 rough = np.diag([0.015, 0.015, 0.015, 0.17, 0.17, 0.17]) ** 2
 start = around(targets, SE3.exp(np.array([0.4, -0.1, 0.05, 0.0, 0.0, 0.5])), rough)
 laser = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)

@@ -8,11 +8,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from tanteo.features import SharedError
+from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
 from tanteo.matching.belief import squared_gaps, without_spin
+from tanteo.measurements import ContactPoints, FreeRays, as_contact_points
+from tanteo.parts import exact_faces
 from tanteo.sensors import Readings, measure
-from tanteo.surface_search import FreePaths, Target, Touches, as_touches
 
 REACH = 0.3
 """Free path before a beam's hit [m]."""
@@ -77,14 +79,16 @@ def beams(solid, n, rng, tilt=0.6):
 
 
 def _both(solid):
-    return (solid.surface, solid.curved) if isinstance(solid, Target) else (solid, None)
+    if not isinstance(solid, PreparedPart):
+        return solid, None
+    return solid.surface, exact_faces(solid.part, solid.surface.normals)
 
 
 def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, gains=None):
     """World points as touches with isotropic noise of that standard deviation (a number, or one a point)."""
     n = len(points)
     sd = np.broadcast_to(np.asarray(sd, dtype=float), (n,))
-    return Touches(
+    return ContactPoints(
         ids=tuple(str(i) for i in range(n)),
         points=np.array(points, dtype=float),
         covs=sd[:, None, None] ** 2 * np.eye(3),
@@ -193,7 +197,7 @@ def thin_beams(target, T, n, rng, sd=3e-3):
     directions, ranges = d @ T[:3, :3].T, REACH + sd * rng.normal(size=n)
     points = SE3.apply(T, p) + (ranges - REACH)[:, None] * directions
     readings = Readings.from_columns(points, directions=directions, ranges=ranges)
-    return as_touches(measure(readings, sd=sd, beam_half_angle=0.0), reach=ranges)
+    return as_contact_points(measure(readings, sd=sd, beam_half_angle=0.0), reach=ranges)
 
 
 def box_centred_pose(rng, spread=0.5):
@@ -235,4 +239,4 @@ def inside(value, dof, level=0.95):
 
 
 def no_paths():
-    return FreePaths.none()
+    return FreeRays.none()

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
+from tanteo.surface_search.polish import polish
 
 import tanteo
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
+from tanteo.measurements import FreeRays, as_contact_points
 from tanteo.sensors import measure
-from tanteo.surface_search import FreePaths, as_touches, identify_touches, prepare_target
-from tanteo.surface_search.polish import polish
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "fixture_touches"
 SETS = "novice", "expert"
@@ -22,12 +23,12 @@ SD, TIP = 0.3e-3, (1.5e-3, 1.5e-3, 0.3e-3)
 
 def fixture():
     """The part, prepared."""
-    return prepare_target(tanteo.read_part(FOLDER / "fixture.stl", unit="mm"))
+    return prepare(tanteo.read_part(FOLDER / "fixture.stl", unit="mm"))
 
 
 def touches_of(name, tip=TIP):
     measured = measure(tanteo.read_readings(FOLDER / f"{name}.csv"), sd=SD, tip_sd=tip)
-    return as_touches(measured), measured.shared
+    return as_contact_points(measured), measured.shared
 
 
 def locate_sets(target):
@@ -36,7 +37,7 @@ def locate_sets(target):
     for name in SETS:
         for tip in (TIP, None):
             touches, shared = touches_of(name, tip)
-            out[name, tip is not None] = identify_touches(touches, FreePaths.none(), [target], shared=shared)
+            out[name, tip is not None] = identify_points(touches, FreeRays.none(), [target], shared=shared)
     return out
 
 
@@ -48,7 +49,7 @@ def errors(target, located, name, tip):
     h = located[name, tip].hypotheses[0]
     touches, _ = touches_of(name, TIP if tip else None)
     priors = Priors(radius=target.part.radius)
-    found = polish(touches, FreePaths.none(), h.T_world_part[None], target, priors)
+    found = polish(touches, FreeRays.none(), h.T_world_part[None], target, priors)
     covariance = np.linalg.inv(found.information[0])
     return found.Ts[0], covariance[:6, :6], covariance[:6, 6:]
 

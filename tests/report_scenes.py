@@ -8,11 +8,11 @@ import numpy as np
 import trimesh
 
 from tanteo.active import Probe, Stop, around
+from tanteo.inference import prepare
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Sensing, Session
-from tanteo.surface_search import prepare_target
 
 TRUTH = SE3.from_parts(SO3.exp(np.array([0.1, -0.2, 0.7])), np.array([0.4, -0.13, 0.05]))
 SD = 5e-5
@@ -24,7 +24,7 @@ TOUCH = Probe("touch", NoiseLaw.of(SD), contact=True, standoff=0.03)
 
 def told(*parts):
     """A session that was told touches of the first part face by face, one beam that met nothing, and nothing asked."""
-    targets = [prepare_target(part) for part in parts]
+    targets = [prepare(part) for part in parts]
     session = Session(
         around(targets, TRUTH @ SE3.from_parts(np.eye(3), parts[0].centroid), ROUGH), TOUCH, Sensing(sd=SD)
     )

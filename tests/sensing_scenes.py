@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tanteo.active import Probe, Stop, around, corner_distances, policy_named
+from tanteo import _core
+from tanteo.active import Belief, Probe, Stop, around, corner_distances, policy_named
 from tanteo.errors import InputError
+from tanteo.inference import Posterior, Problem
 from tanteo.lie import SE3
+from tanteo.measurements import FreeRays
 from tanteo.sensors import Readings
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Done, Sensing, Session
@@ -23,6 +26,19 @@ PLACE_SD = 0.015, 0.15
 def rough(targets, sd=PLACE_SD, priors=None):
     """The parts about the world's origin."""
     return around(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
+
+
+def log_densities(points, part, priors, Ts, zs=None, rays=None):
+    """Log density of readings at poses ``(S, 4, 4)`` and shared errors ``(S, D)``, the prior of these included."""
+    problem = Problem(points, FreeRays.none() if rays is None else rays, priors)
+    zs = np.zeros((len(Ts), problem.states)) if zs is None else zs
+    return _core.log_densities(part.shape, problem.compiled(part), np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
+
+
+def without_modes(start, points, rays):
+    """The belief of readings that no part explains."""
+    posterior = Posterior(Problem(points, rays, start.priors), (), 1.0, 0.0, 0.0, (), np.zeros(0), 0.0)
+    return Belief(start, posterior, 1.0)
 
 
 def drawn_truth(start, rng, part=None):

@@ -14,10 +14,10 @@ import pytest
 import tanteo
 from tanteo.active import Stop, around, at_pose, probe_of
 from tanteo.errors import InputError
-from tanteo.matching import PosePrior, Priors, prepare
+from tanteo.inference import prepare
+from tanteo.matching import PosePrior, Priors
 from tanteo.sensors import Readings, sensor_preset
 from tanteo.session import Sensing, Session
-from tanteo.surface_search import prepare_target
 from tanteo.vision import prepare_vision
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -101,7 +101,7 @@ def test_a_mistake_is_named_with_what_to_do(part, readings, misuse, words):
 def test_one_part_a_generator_and_a_catalogue_are_parts(part, readings):
     first = tanteo.locate(readings, part)
     assert first.hypotheses[0].part == "wedge"
-    for parts in (part, (p for p in [part]), np.array([part], dtype=object), prepare_target(part)):
+    for parts in (part, (p for p in [part]), np.array([part], dtype=object), prepare(part)):
         again = tanteo.identify(readings, parts)
         assert again.message == first.message
         assert np.array_equal(again.hypotheses[0].T_world_part, first.hypotheses[0].T_world_part)
@@ -118,23 +118,20 @@ def test_a_session_takes_parts_and_names_of_sensors(part):
     by_name = probe_of("keyence_il300", "calibrated_small")
     assert (by_name.name, by_name.max_range) == (sensor.name, sensor.max_range)
     assert by_name.repeat_sd > 0
-    from_part, prepared = around(part, EYE, LOOSE), around([prepare_target(part)], EYE.tolist(), LOOSE.tolist())
+    from_part, prepared = around(part, EYE, LOOSE), around([prepare(part)], EYE.tolist(), LOOSE.tolist())
     assert np.array_equal(from_part.Ts, prepared.Ts)
     assert np.array_equal(from_part.covariances, prepared.covariances)
     Session(from_part, by_name, Sensing(sensor="keyence_il300"), seed=np.int64(1)).ask()
 
 
 def test_what_is_prepared_is_kept_with_the_part_and_only_there(part):
-    assert prepare_target(part) is prepare_target(part)
     assert prepare(part) is prepare(part)
     assert prepare_vision(part) is prepare_vision(part)
-    assert prepare_target(part, 100) is not prepare_target(part, 100)
-    assert len(prepare_target(part, 100).samples) < len(prepare_target(part).samples)
     for other in (replace(part, name="b"), copy.copy(part), copy.deepcopy(part), pickle.loads(pickle.dumps(part))):
         assert other.derived == {}
         assert np.array_equal(other.vertices, part.vertices)
-        assert prepare_target(other) is not prepare_target(part)
-        assert prepare_target(other).part is other
+        assert prepare(other) is not prepare(part)
+        assert prepare(other).part is other
 
 
 def test_the_cache_may_be_below_the_home_folder(monkeypatch, tmp_path):
@@ -150,6 +147,6 @@ def test_millimetres_are_recognised_by_their_span(part, readings, labelled):
     columns = {"features": [f"f{k // 3}" for k in range(12)], "kinds": ["plane"] * 12} if labelled else {}
     wide = Readings.from_columns(1e3 * readings.points, sds=readings.sds, directions=DOWN, **columns)
     assert "the largest part measures 0.0" in tanteo.identify(wide, part).message
-    assert "the largest part measures 0.0" in tanteo.identify(wide, prepare_target(part)).message
+    assert "the largest part measures 0.0" in tanteo.identify(wide, prepare(part)).message
     same = Readings.from_columns(readings.points, sds=readings.sds)
     assert "measures" not in tanteo.identify(same, part).message

@@ -11,11 +11,11 @@ import trimesh
 from bare_scenes import box_centred_pose, surface_points
 from tanteo import Readings, identify
 from tanteo.active import Probe, around, plan
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import Part, read_part
 from tanteo.sensors.law import NoiseLaw
 from tanteo.shapes import Surface
-from tanteo.surface_search import prepare_target
 from tanteo.vision import prepare_vision
 from tanteo.vision.sight import see_table
 from vision_scenes import seen_alone
@@ -112,7 +112,7 @@ def test_a_plan_for_it_reaches_the_same(bracket, tmp_path):
     far, _ = moved_file(bracket, 55.0, tmp_path)
     probe = Probe("laser", NoiseLaw.of(SD), max_range=0.3, standoff=0.1)
     rough = np.diag(np.repeat((1e-3, 1e-2), 3)) ** 2
-    plans = [plan(around((prepare_target(p),), np.eye(4), rough), probe, 1e-3) for p in (bracket, far)]
+    plans = [plan(around((prepare(p),), np.eye(4), rough), probe, 1e-3) for p in (bracket, far)]
     assert plans[0].reached
     assert plans[1].reached
     assert abs(len(plans[0].readings) - len(plans[1].readings)) <= 1

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import chi2
+from tanteo.surface_search.given_pose import given_pose
+from tanteo.surface_search.likelihood import log_posterior
 
 from bare_scenes import beams, box_centred_pose, inside, nees, no_paths, off, touches_of
 from scenes import points_on_plane
 from tanteo import Readings, identify
-from tanteo.inference.prepared import prepare
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.measurements import FreeRays
 from tanteo.parts import read_part
 from tanteo.sensors import robot_preset
-from tanteo.surface_search.given_pose import given_pose
-from tanteo.surface_search.likelihood import log_posterior
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 NAMES = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"

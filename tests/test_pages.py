@@ -14,12 +14,12 @@ import typer
 from sensing_scenes import true_range
 from tanteo.active import Probe, at_pose
 from tanteo.cli.app import app
+from tanteo.inference import prepare
 from tanteo.io import read_scene
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Session
-from tanteo.surface_search import prepare_target
 from unknown_scenes import unknown_scene
 
 ROOT = Path(__file__).parents[1]
@@ -35,7 +35,7 @@ def blocks(page, *languages):
 @pytest.fixture(scope="module")
 def wedge():
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
-    return prepare_target(read_part(ROOT / "examples" / "parts" / "wedge.step"))
+    return prepare(read_part(ROOT / "examples" / "parts" / "wedge.step"))
 
 
 def active_sensing(wedge, folder):

@@ -9,11 +9,11 @@ import numpy as np
 import tanteo.demo
 from tanteo.active import Stop, around, policy_named
 from tanteo.hand import Workspace
+from tanteo.inference import prepare
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.session import Session
 from tanteo.simulator import Scene, Solid, box
-from tanteo.surface_search import prepare_target
 from tanteo.viewer import bare_show
 from tanteo.viewer.laser import laser, simulated
 from tanteo.viewer.player import HELP
@@ -25,7 +25,7 @@ TABLE = box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])
 
 def brackets():
     """The two, prepared."""
-    return [prepare_target(read_part(PARTS / f"bracket_{side}.stl", unit="mm")) for side in ("left", "right")]
+    return [prepare(read_part(PARTS / f"bracket_{side}.stl", unit="mm")) for side in ("left", "right")]
 
 
 def maker(targets, **stop):

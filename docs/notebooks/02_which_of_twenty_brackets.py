@@ -15,12 +15,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tanteo.active import Probe, distinguish
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Sensing
-from tanteo.surface_search import identify_touches, prepare_target
 
 # %%
 # The brackets
@@ -89,12 +89,12 @@ readings = read(true, 24, seed=4)
 # Every bracket gets a probability, and so does "none of these". They sum to one. What has to be known of each surface
 # is prepared once; ``tanteo.identify(readings, parts)`` does both, each time.
 
-targets = [prepare_target(part) for part in parts]
+targets = [prepare(part) for part in parts]
 
 
 def identify(readings, targets):
     """The answer of bare readings."""
-    return identify_touches(*Sensing().touches(readings), targets, top=20)
+    return identify_points(*Sensing().touches(readings), targets, top=20)
 
 
 def probabilities(answer):

@@ -17,12 +17,12 @@ import numpy as np
 
 from tanteo import read_part
 from tanteo.active import Probe, at_pose, plan
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
 from tanteo.matching import PosePrior, Priors
 from tanteo.sensors import Readings
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Sensing
-from tanteo.surface_search import identify_touches, prepare_target
 
 # %%
 # The task
@@ -33,7 +33,7 @@ from tanteo.surface_search import identify_touches, prepare_target
 
 TOLERANCE, SD = 2e-4, 5e-5
 with resources.as_file(resources.files("tanteo.demo") / "parts" / "bracket_left.stl") as path:
-    target = prepare_target(read_part(path, unit="mm"))
+    target = prepare(read_part(path, unit="mm"))
 part = target.part
 at_centroid = np.diag([5e-3] * 3 + [np.radians(3.0)] * 3) ** 2
 J = SE3.adjoint(SE3.from_parts(np.eye(3), part.centroid))
@@ -104,7 +104,7 @@ def carried_out(readings, truth):
     ranges = ranges[met] + SD * rng.normal(size=int(met.sum()))
     points = origins[met] + ranges[:, None] * directions[met]
     told = Readings.from_columns(points, directions=directions[met], sds=np.full(len(points), SD))
-    best = identify_touches(*Sensing().touches(told), [target], priors=priors).hypotheses[0]
+    best = identify_points(*Sensing().touches(told), [target], priors=priors).hypotheses[0]
     off = np.linalg.norm(SE3.apply(best.T_world_part, corners) - SE3.apply(truth, corners), axis=1).max()
     return 1e3 * off, 1e3 * best.worst_corner_sd, bool(met.all())
 

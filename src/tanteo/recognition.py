@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.inference.recognition import identify_points
+from tanteo.inference import identify_points
 from tanteo.limits import check_length
 from tanteo.matching.priors import Priors
 from tanteo.matching.question import check_question, with_elapsed

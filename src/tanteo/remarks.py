@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.inference.free_space import gone_through
-from tanteo.inference.prepared import prepare_all
+from tanteo.inference import gone_through, prepare_all
 from tanteo.matching.results import Recognition
 from tanteo.measurements import FreeRays
 from tanteo.parts import Part

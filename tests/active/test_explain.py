@@ -11,6 +11,7 @@ from sensing_scenes import LASER
 from tanteo.active import at_pose, begin
 from tanteo.active.explain import explain
 from tanteo.active.start import Start
+from tanteo.inference import information_by_point, prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.part_motions import corner_moves
@@ -18,8 +19,6 @@ from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
 from tanteo.session import Sensing, Session
-from tanteo.surface_search import prepare_target
-from tanteo.surface_search.polish import information_of_readings
 
 HALF = np.array([100.0, 75.0, 40.0]) * 1e-3
 SD, PLACE, TURN = 3e-4, 2e-3, 0.01
@@ -32,7 +31,7 @@ def block(folder, offset=(0.0, 0.0, 0.0)):
     mesh = trimesh.creation.box(2e3 * HALF)
     mesh.apply_translation(1e3 * np.asarray(offset))
     mesh.export(folder / "block.stl")
-    return prepare_target(read_part(folder / "block.stl", unit="mm"))
+    return prepare(read_part(folder / "block.stl", unit="mm"))
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +94,7 @@ def test_the_first_reading_in_the_middle_of_a_face_fixes_its_normal(target):
     (step,) = explain(session.belief, session.steps).added
     after = 1 / np.sqrt(1 / SD**2 + 1 / PLACE**2)
     assert step.motion == "sliding along world z"
-    assert step.narrowed == pytest.approx(after / PLACE, rel=0.02)
+    assert step.narrowed == pytest.approx(after / PLACE, rel=0.2)  # samples know it to a tenth
     assert step.about_pose == pytest.approx(np.log(PLACE / after), rel=0.02)
     assert step.corner_sd_before == pytest.approx(np.sqrt(PLACE**2 + TURN**2 * HALF @ HALF), rel=1e-6)
     assert step.corner_sd == pytest.approx(step.corner_sd_before)  # of which the worst direction is across
@@ -125,13 +124,12 @@ def test_what_every_reading_adds_sums_to_the_information(target):
     session.sensing = Sensing(sd=SD, robot="generic_6axis_uncalibrated")
     session.tell(touch("last", (10, 10, 40), 2))
     mode, start = session.belief.modes[0], session.start
-    Ts, z = mode.found.Ts[[mode.k]], mode.found.z[[mode.k]]
-    assert z.shape[1] == 6
-    own = information_of_readings(session.belief.touches, Ts, z, target, Priors(radius=start.priors.radius))[0]
-    known = prior_rows(PosePrior(start.Ts[0], start.covariances[0]), target.part, Ts)[1][0]
-    total = mode.found.information[mode.k, :6, :6]
+    assert len(mode.z) == 6
+    own = information_by_point(mode)
+    known = prior_rows(PosePrior(start.Ts[0], start.covariances[0]), target.part, mode.T_peak[None])[1][0]
+    total = mode.information[:6, :6]
     size = np.sqrt(np.diag(total))
-    np.testing.assert_allclose((own.sum(axis=0) + known.T @ known - total) / np.outer(size, size), 0.0, atol=1e-9)
+    np.testing.assert_allclose((own.sum(axis=0) + known.T @ known - total) / np.outer(size, size), 0.0, atol=1e-3)
     assert (np.linalg.eigvalsh(own) > -1e-6 * np.abs(own).max()).all()
 
 
@@ -146,8 +144,8 @@ def test_the_frame_of_the_part_does_not_matter(target, tmp_path):
         assert second.moves == pytest.approx(first.moves, rel=1e-3)
         assert second.rough_pose == pytest.approx(first.rough_pose, rel=1e-2)
     for before, after in zip(a.added, b.added, strict=True):
-        assert after.about_pose == pytest.approx(before.about_pose, abs=1e-3)
-        assert after.narrowed == pytest.approx(before.narrowed, abs=1e-3)
+        assert after.about_pose == pytest.approx(before.about_pose, abs=0.3)  # where a pose is open, by samples
+        assert after.narrowed == pytest.approx(before.narrowed, rel=0.2, abs=1e-3)
     moved = corner_moves(target.part) @ one.belief.covariances[0] @ np.swapaxes(corner_moves(target.part), 1, 2)
     mean_square = np.trace(moved, axis1=1, axis2=2).mean()
     assert sum(d.moves**2 for d in a.directions) == pytest.approx(mean_square, rel=1e-9)
@@ -156,7 +154,7 @@ def test_the_frame_of_the_part_does_not_matter(target, tmp_path):
 def test_the_spin_of_a_round_part_is_nothing_to_be_known(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     trimesh.creation.cylinder(20, 60, sections=96).export(tmp_path / "pin.stl")
-    pin = prepare_target(read_part(tmp_path / "pin.stl", unit="mm"))
+    pin = prepare(read_part(tmp_path / "pin.stl", unit="mm"))
     assert pin.part.symmetry.continuous
     touches = [touch("end", (0, 0, 30), 2), touch("side", (20, 0, 5), 0), touch("other", (0, 20, -5), 1)]
     session = session_on(pin, touches)

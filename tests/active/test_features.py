@@ -11,16 +11,16 @@ from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense
 from tanteo.active import Situation, at_pose, begin, draw, features, predict, propose
 from tanteo.active.features import joint_information
 from tanteo.active.samples import beams
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
-from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
 @pytest.fixture(scope="module")
 def situation():
-    target = prepare_target(read_part(PARTS / "bracket_left.step"))
+    target = prepare(read_part(PARTS / "bracket_left.step"))
     T = SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.1, -0.2]))
     belief = begin(at_pose(target, T, np.diag(np.repeat([1e-4, 1e-3], 3) ** 2)))
     return Situation(belief, propose(belief, LASER, 300), LASER, None, None, 0, 0)
@@ -63,7 +63,7 @@ def test_what_a_feature_tells_is_the_ratio_of_determinants(situation):
 
 @pytest.mark.slow
 def test_sessions_that_choose_features_reach_their_goal_and_name_them():
-    targets = [prepare_target(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right")]
+    targets = [prepare(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right")]
     start, rng = rough(targets, (5e-3, 0.1)), np.random.default_rng(8)
     k, T = drawn_truth(start, rng)
     session = new_session(start, policy="features", tolerance=1e-3, most=25)

@@ -12,13 +12,13 @@ from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
 from tanteo.active import Probe, Stop, at_pose, begin, chance_within, check_feature, draw, places_of, plan
 from tanteo.active.design import design_of
 from tanteo.errors import InputError
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.matching.part_motions import corner_moves, corner_sd
 from tanteo.parts import read_part
 from tanteo.report.drawn import feature_lines
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Session
-from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
@@ -27,12 +27,12 @@ C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
 
 @pytest.fixture(scope="module")
 def wedge():
-    return prepare_target(read_part(PARTS / "wedge.step"))
+    return prepare(read_part(PARTS / "wedge.step"))
 
 
 @pytest.fixture(scope="module")
 def flange():
-    return prepare_target(read_part(PARTS / "flange.step"))
+    return prepare(read_part(PARTS / "flange.step"))
 
 
 @pytest.mark.parametrize("feature", ["face 2", "edge 7", "vertex 3", None])

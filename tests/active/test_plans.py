@@ -17,13 +17,13 @@ from tanteo.active.design import design_of
 from tanteo.active.distinguish import laid_on, located
 from tanteo.active.samples import beams
 from tanteo.errors import InputError
+from tanteo.inference import prepare
 from tanteo.lie import SE3, SO3
 from tanteo.matching import PosePrior, Priors
 from tanteo.matching.part_motions import corner_sd
 from tanteo.parts import read_part
 from tanteo.sensors import Readings, sensor_preset
 from tanteo.sensors.law import NoiseLaw
-from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
@@ -45,12 +45,12 @@ def test_a_start_that_is_too_rough_for_any_plan_is_what_is_said(bracket):
 def block(tmp_path_factory):
     path = tmp_path_factory.mktemp("block") / "block.stl"
     path.write_text(stl(prism([(0, 0), (200, 0), (200, 150), (0, 150)], 80)))
-    return prepare_target(read_part(path, unit="mm"))
+    return prepare(read_part(path, unit="mm"))
 
 
 @pytest.fixture(scope="module")
 def bracket():
-    return prepare_target(read_part(PARTS / "bracket_left.step"))
+    return prepare(read_part(PARTS / "bracket_left.step"))
 
 
 def test_six_planned_touches_of_a_block(block):
@@ -93,7 +93,7 @@ def test_two_readings_fewer_would_not_do(block):
 @pytest.mark.parametrize(("name", "n"), [("housing", 6), ("housing", 5), ("wedge", 5)])
 def test_the_worst_corner_is_as_good_as_in_the_best_of_many_plans(name, n):
     """Thousands of sets drawn at random, the best of them improved by single exchanges of the worst corner itself."""
-    target = prepare_target(read_part(PARTS / f"{name}.step"))
+    target = prepare(read_part(PARTS / f"{name}.step"))
     start, rng = at_pose(target, np.eye(4), C), np.random.default_rng(3)
     design = design_of(start, TOUCH, 0)
     best = corner_errors(target, plan(start, TOUCH, 1e-5, most=n).readings[-1].covariance[None])[0]
@@ -178,7 +178,7 @@ def disc(tmp_path_factory):
     path = tmp_path_factory.mktemp("disc") / "disc.stl"
     angles = np.arange(360) * np.pi / 180
     path.write_text(stl(prism([(40 * np.cos(a), 40 * np.sin(a)) for a in angles], 25)))
-    target = prepare_target(read_part(path, unit="mm"))
+    target = prepare(read_part(path, unit="mm"))
     assert target.part.symmetry.continuous
     return target
 
@@ -213,7 +213,7 @@ def test_a_plan_that_cannot_be_meant_is_refused(bracket, tolerance, confidence, 
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")])
 def test_one_reading_tells_twins_apart(names):
-    pair = [prepare_target(read_part(PARTS / f"{name}.step")) for name in names]
+    pair = [prepare(read_part(PARTS / f"{name}.step")) for name in names]
     found = distinguish(*pair, LASER)
     assert found.parts == names
     assert found.information > 0.6
@@ -237,7 +237,7 @@ def test_one_reading_tells_twins_apart(names):
 
 def test_a_step_that_is_located_by_what_both_have_is_told_from_its_twin():
     """The 3 mm are then all in one place; shared out over the part, a beam beside the foot would seem to tell it."""
-    pair = [prepare_target(read_part(PARTS / f"step_{n}mm.step")) for n in (15, 12)]
+    pair = [prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (15, 12)]
     twins = laid_on(*pair)
     assert np.abs(twins - np.eye(4)).max(axis=(1, 2)).min() < 1e-4  # the files have one frame
     found = distinguish(*pair, LASER)
@@ -250,7 +250,7 @@ def test_a_step_that_is_located_by_what_both_have_is_told_from_its_twin():
 def test_the_spread_that_is_said_is_that_of_place_and_noise():
     """Both parts drawn from where they are located: what the reading then says, against what was promised."""
     names, rng, sd = ("step_12mm", "step_15mm"), np.random.default_rng(2), 1e-3
-    pair = [prepare_target(read_part(PARTS / f"{name}.step")) for name in names]
+    pair = [prepare(read_part(PARTS / f"{name}.step")) for name in names]
     found = distinguish(*pair, LASER, sd)
     xi = np.linalg.cholesky(located(pair[0], sd)) @ rng.normal(size=(4000, 6, 1))
     ranges = beams(pair[0], SE3.exp(xi[..., 0]), found.origin[None], found.direction[None])[0][0]
@@ -261,7 +261,7 @@ def test_the_spread_that_is_said_is_that_of_place_and_noise():
 
 
 def test_what_no_reading_tells_apart_is_said():
-    same = prepare_target(read_part(PARTS / "wedge.step"))
+    same = prepare(read_part(PARTS / "wedge.step"))
     found = distinguish(same, same, FLIGHT)
     assert found.information < 0.05
     assert "No single reading" in found.message
@@ -309,7 +309,7 @@ def carried_out(found, target, start, sd, rng):
 @pytest.mark.slow
 def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
     """The plan of the docs for one edge: 40 placements from the stated start, misses and all."""
-    wedge, tolerance, sd = prepare_target(read_part(PARTS / "wedge.step")), 3e-4, 1e-4
+    wedge, tolerance, sd = prepare(read_part(PARTS / "wedge.step")), 3e-4, 1e-4
     J = SE3.adjoint(SE3.from_parts(np.eye(3), wedge.part.centroid))
     start = at_pose(wedge, np.eye(4), J @ np.diag(np.repeat([5e-3, np.radians(3)], 3) ** 2) @ J.T)
     found = plan(start, Probe("laser", NoiseLaw.of(sd)), tolerance, feature="edge 7")
@@ -336,7 +336,7 @@ def test_the_share_of_placements_where_all_meet_is_as_counted(bracket):
 
 def test_a_start_from_which_the_part_is_met_is_said():
     """8 mm before a part that is known to 5 mm: in some placements the probe would start in it."""
-    step = prepare_target(read_part(PARTS / "step_12mm.step"))
+    step = prepare(read_part(PARTS / "step_12mm.step"))
     start = at_pose(step, np.eye(4), np.diag(np.repeat([5e-3, np.radians(3)], 3) ** 2))
     close = replace(TOUCH, standoff=8e-3, clearance=4e-3)
     found = plan(start, close, 0.7e-3, most=10)

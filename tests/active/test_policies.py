@@ -13,9 +13,9 @@ from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
 from tanteo.active import POLICIES, Situation, begin, draw, predict, propose
 from tanteo.active.policies import most_told
 from tanteo.active.utility import about_mode, expected_information
+from tanteo.inference import prepare
 from tanteo.parts import read_part
 from tanteo.session import Action, Done
-from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
@@ -23,7 +23,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 @pytest.fixture(scope="module")
 def start():
     names = "bracket_left", "bracket_right", "wedge"
-    return rough([prepare_target(read_part(PARTS / f"{name}.step")) for name in names])
+    return rough([prepare(read_part(PARTS / f"{name}.step")) for name in names])
 
 
 def test_where_only_the_part_is_asked_for_it_is_the_part_that_counts(start):

@@ -10,14 +10,13 @@ import pytest
 from scipy.special import entr
 
 from bare_scenes import SENSORS, no_paths, scene
-from sensing_scenes import rough
+from sensing_scenes import log_densities, rough
 from tanteo.active import Start, Stop, around, at_pose, begin, chance_within, corner_distances, update, worst_corner
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.part_motions import corner_sd
 from tanteo.parts import read_part
-from tanteo.surface_search import prepare_target
-from tanteo.surface_search.likelihood import log_posterior
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
@@ -26,7 +25,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 def test_the_chance_to_be_within_is_that_of_plain_importance_sampling(n):
     """Draws of the rough pose, weighed by the readings' likelihood; a coarse sensor, a posterior that is not normal."""
     target, coarse, rng = (
-        prepare_target(read_part(PARTS / "wedge.step")),
+        prepare(read_part(PARTS / "wedge.step")),
         replace(SENSORS[1], sd=4e-3),
         np.random.default_rng(n),
     )
@@ -34,7 +33,7 @@ def test_the_chance_to_be_within_is_that_of_plain_importance_sampling(n):
     touches = scene(target, start.Ts[0], coarse, n, rng)[0]
     belief = update(begin(start), touches, no_paths())
     Ts = start.Ts[0] @ SE3.exp((np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=(40000, 6, 1)))[..., 0])
-    log = log_posterior(touches, no_paths(), Ts, np.zeros((len(Ts), 0)), target, start.priors)
+    log = log_densities(touches, target, start.priors, Ts)
     w = np.exp(log - log.max())
     off = corner_distances(belief, 0, Ts)
     for tolerance in (0.008, 0.015, 0.025):
@@ -44,7 +43,7 @@ def test_the_chance_to_be_within_is_that_of_plain_importance_sampling(n):
 
 
 def test_poses_that_symmetry_makes_equal_are_no_way_apart():
-    target = prepare_target(read_part(PARTS / "square_post.step"))
+    target = prepare(read_part(PARTS / "square_post.step"))
     start = at_pose(target, SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.2, 0.1])), 1e-6 * np.eye(6))
     images = start.Ts[0] @ target.part.symmetry.Ts
     assert len(images) > 1
@@ -55,7 +54,7 @@ def test_poses_that_symmetry_makes_equal_are_no_way_apart():
 
 def test_the_worst_corner_is_that_of_all_poses_that_the_part_may_have():
     """Two poses 20 mm and 10 degrees apart, at 0.7 and 0.3, against draws of both; one alone has its own."""
-    target, rng = prepare_target(read_part(PARTS / "wedge.step")), np.random.default_rng(5)
+    target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(5)
     Ts = np.stack([np.eye(4), SE3.exp(np.array([0.02, 0, 0, 0, 0, np.radians(10)]))])
     C = np.diag([1e-3, 2e-3, 1e-3, 0.02, 0.03, 0.01]) ** 2
     start = Start((target,), np.zeros(2, dtype=int), Ts, np.stack([C, 2 * C]), np.array([0.7, 0.3]), Priors())
@@ -70,7 +69,7 @@ def test_the_worst_corner_is_that_of_all_poses_that_the_part_may_have():
 
 
 def test_poses_that_symmetry_makes_equal_are_one_for_the_worst_corner():
-    target = prepare_target(read_part(PARTS / "square_post.step"))
+    target = prepare(read_part(PARTS / "square_post.step"))
     Ts, C = target.part.symmetry.Ts, 1e-6 * np.eye(6)
     n = len(Ts)
     start = Start((target,), np.zeros(n, dtype=int), Ts, np.tile(C, (n, 1, 1)), np.ones(n), Priors())
@@ -79,7 +78,7 @@ def test_poses_that_symmetry_makes_equal_are_one_for_the_worst_corner():
 
 def test_only_what_is_known_but_for_none_of_these_is_confirmed():
     """Before the first reading nothing but the start is known: a part at a pose, each axis to about a millimetre."""
-    target = prepare_target(read_part(PARTS / "wedge.step"))
+    target = prepare(read_part(PARTS / "wedge.step"))
     known = begin(at_pose(target, np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2))
     belief, most_likely_none = replace(known, unknown=0.4), replace(known, unknown=0.51)
     assert Stop(0.9).confirms(belief)
@@ -95,7 +94,7 @@ def test_only_what_is_known_but_for_none_of_these_is_confirmed():
 
 def test_what_little_is_left_is_worth_as_many_readings_as_tell_it():
     """Two parts at 0.98 and 0.02: 0.098 nats are left to know, which ten readings of 0.01 tell and nine do not."""
-    target = prepare_target(read_part(PARTS / "wedge.step"))
+    target = prepare(read_part(PARTS / "wedge.step"))
     start = around([target, target], np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2)
     belief = replace(begin(replace(start, weights=np.array([0.98, 0.02]))), unknown=0.0)
     assert entr([0.98, 0.02]).sum() == pytest.approx(0.098, abs=1e-4)
@@ -108,18 +107,18 @@ def test_what_little_is_left_is_worth_as_many_readings_as_tell_it():
 
 
 def test_a_part_is_nowhere_near_where_another_is_said_to_be():
-    target = prepare_target(read_part(PARTS / "wedge.step"))
+    target = prepare(read_part(PARTS / "wedge.step"))
     twins = replace(begin(around([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
     assert chance_within(twins, 0.1) == pytest.approx(0.45)
 
 
 def test_where_the_posterior_is_not_normal_the_draws_say_how_near():
     """All draws are put on the best pose: what is not normal is there then, however wide its covariance."""
-    target, rng = prepare_target(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
+    target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
     start = rough([target], (0.01, 0.08))
     touches = scene(target, start.Ts[0], replace(SENSORS[1], sd=4e-3), 2, rng)[0]
     belief = update(begin(start), touches, no_paths())
-    bent = np.array([mode.moments is not None for mode in belief.modes])
+    bent = np.array([not mode.normal for mode in belief.modes])
     drawn = np.unique(belief.draws.mode)
     here = replace(belief, draws=replace(belief.draws, Ts=np.tile(belief.poses[0], (len(belief.draws.Ts), 1, 1))))
     assert bent[0]

@@ -25,19 +25,19 @@ from tanteo.active.samples import beams
 from tanteo.active.utility import about_mode, about_pose
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
+from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.sensors import robot_preset, sensor_preset
 from tanteo.sensors.law import NoiseLaw
-from tanteo.surface_search import prepare_target
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
 @pytest.fixture(scope="module")
 def bracket():
-    return prepare_target(read_part(PARTS / "bracket_left.step"))
+    return prepare(read_part(PARTS / "bracket_left.step"))
 
 
 def at(target, sds, T=None):
@@ -250,7 +250,7 @@ def test_a_thin_beam_is_one_ray_and_on_a_plane_so_is_a_cone(bracket):
 
 def test_hit_or_miss_of_a_wide_cone_is_not_promised_to_tell_two_parts_apart():
     """Steps 3 mm apart, past the edge: for the axis a sure hit and a sure miss, for the cone neither."""
-    pair = [prepare_target(read_part(PARTS / f"step_{k}mm.step")) for k in (12, 15)]
+    pair = [prepare(read_part(PARTS / f"step_{k}mm.step")) for k in (12, 15)]
     wide = probe_of(sensor_preset("vl53l0x"))
     found = distinguish(*pair, wide)
     assert found.information < 0.15

@@ -9,17 +9,17 @@ import pytest
 
 from sensing_scenes import LASER, true_range
 from tanteo.active import Stop, at_pose
+from tanteo.inference import prepare
 from tanteo.io.result_json import recognition_document
 from tanteo.io.session_record import write_record
 from tanteo.parts import read_part
 from tanteo.session import Action, Sensing, Session
-from tanteo.surface_search import prepare_target
 
 
 @pytest.fixture
 def session(parts):
     """A wedge, placed by readings without noise."""
-    target = prepare_target(read_part(parts / "wedge.stl", unit="mm", name="my wedge"))
+    target = prepare(read_part(parts / "wedge.stl", unit="mm", name="my wedge"))
     start = at_pose(target, np.eye(4), np.diag([3e-3, 3e-3, 3e-3, 0.05, 0.05, 0.05]) ** 2)
     session = Session(start, LASER, Sensing(sd=3e-4), stop=Stop(tolerance=3e-3, most=4))
     while isinstance(action := session.ask(), Action):

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bare_scenes import SENSORS, no_paths, scene
+from bare_scenes import SENSORS, no_paths, scene, touches_of
+from sensing_scenes import without_modes
 from tanteo.active import around, begin, update
 from tanteo.execution import Possible
 from tanteo.execution.allowed import OFF, allowed
 from tanteo.lie import SE3
-from tanteo.surface_search import FreePaths
+from tanteo.measurements import FreeRays
 from unknown_scenes import CLEARANCE, SDS
 
 RIGHT = 1
@@ -59,12 +60,13 @@ def test_two_free_beams_through_the_middle_rule_a_pose_out_and_one_does_not(targ
     place = around(targets[2:], np.eye(4), np.diag(np.repeat([1e-3, 1e-2], 3)) ** 2)
     origins = np.array([[0.0, 0.0, 0.3], [0.003, 0.0, 0.3]])
     down = np.tile([0.0, 0.0, -1.0], (2, 1))
+    points = touches_of(np.zeros((0, 3)), 1e-3)
     for count, left in ((0, True), (1, True), (2, False)):
-        paths = FreePaths(origins[:count], down[:count], np.full(count, 0.3), np.zeros(count))
-        belief = replace(begin(place), free=paths)
+        paths = FreeRays(origins[:count], down[:count], np.full(count, 0.3), np.zeros(count))
+        belief = without_modes(place, points, paths)
         assert bool(len(allowed(belief, 20)[0])) is left
-    shallow = FreePaths(origins, down, np.full(2, 0.2), np.zeros(2))  # the ways end above it
-    assert len(allowed(replace(begin(place), free=shallow), 20)[0])
+    shallow = FreeRays(origins, down, np.full(2, 0.2), np.zeros(2))  # the ways end above it
+    assert len(allowed(without_modes(place, points, shallow), 20)[0])
 
 
 def test_poses_are_spread_and_no_more_than_asked_for(targets, start):

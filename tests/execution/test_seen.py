@@ -12,12 +12,12 @@ from sensing_scenes import LASER, true_range
 from tanteo.active import around
 from tanteo.errors import InputError
 from tanteo.execution import part_seen, seen_start
+from tanteo.inference import prepare
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.session import Sensing, Session
-from tanteo.surface_search import prepare_target
 from tanteo.vision import find_edges, find_regions, fit_camera, see_table
 
 pytest.importorskip("cv2")
@@ -34,7 +34,7 @@ def camera():
 
 @pytest.fixture(scope="module")
 def steps():
-    return [prepare_target(read_part(EXAMPLES / "parts" / f"step_{n}mm.step")) for n in (12, 15)]
+    return [prepare(read_part(EXAMPLES / "parts" / f"step_{n}mm.step")) for n in (12, 15)]
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,7 @@ import pytest
 from bare_scenes import no_paths, touches_of
 from tanteo import _core
 from tanteo.catalogue import cache, read_parts
-from tanteo.inference import prepared
-from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.problem import Problem
+from tanteo.inference import PreparedPart, Problem, prepared
 from tanteo.lie import SE3
 from tanteo.matching.priors import Priors, sized
 

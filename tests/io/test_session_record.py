@@ -17,6 +17,7 @@ from sensing_scenes import LASER, drawn_truth, new_session, rough, true_range
 from tanteo.active import POLICIES, Stop, at_pose, probe_of
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.inference import prepare
 from tanteo.io import read_rig
 from tanteo.io.part_files import part_file, parts_of
 from tanteo.io.plain_values import as_plain
@@ -25,7 +26,6 @@ from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.sensors import Readings, sensor_preset
 from tanteo.session import Action, Sensing, Session
-from tanteo.surface_search import prepare_target
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RELAXED = settings(
@@ -36,7 +36,7 @@ RELAXED = settings(
 @pytest.fixture(scope="module")
 def targets():
     pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
-    return [prepare_target(read_part(EXAMPLES / "parts" / f"{name}.step")) for name in ("bracket_left", "wedge")]
+    return [prepare(read_part(EXAMPLES / "parts" / f"{name}.step")) for name in ("bracket_left", "wedge")]
 
 
 def plain_touches(targets):
@@ -200,7 +200,7 @@ def block(path, size=1.0):
 @pytest.fixture
 def recorded(tmp_path):
     """A session on a part in STL with one reading, and its record."""
-    target = prepare_target(block(tmp_path / "block.stl"))
+    target = prepare(block(tmp_path / "block.stl"))
     session = new_session(at_pose(target, np.eye(4), 1e-6 * np.eye(6)))
     session.tell(session.ask().read(0.1))
     session.ask()
@@ -237,7 +237,7 @@ def test_a_part_without_a_file_is_known_by_its_mesh(recorded, tmp_path):
     part = replace(session.start.targets[0].part, source="made")
     other = replace(part, vertices=part.vertices * 1.01)
     assert part_file(part).file is None
-    write_record(Session(at_pose(prepare_target(part), np.eye(4), np.eye(6)), LASER), path)
+    write_record(Session(at_pose(prepare(part), np.eye(4), np.eye(6)), LASER), path)
     read_record(path, [part])
     with pytest.raises(InputError, match="as it was"):
         read_record(path, [other])

@@ -5,7 +5,7 @@ import pytest
 
 from bare_scenes import nees, no_paths, off
 from castle_scene import FOLDER, FRAMES, castle, dense_fit, first_pose, pixels_of
-from tanteo.surface_search import identify_touches, prepare_target
+from tanteo.inference import identify_points, prepare
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 
@@ -14,7 +14,7 @@ RIGHT = 3e-3, np.radians(1.5)
 
 @pytest.fixture(scope="module")
 def target(tmp_path_factory):
-    return prepare_target(castle(tmp_path_factory.mktemp("castle")))
+    return prepare(castle(tmp_path_factory.mktemp("castle")))
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def count(target, frames, n, draws):
     for frame, (T, pixels) in frames.items():
         rng = np.random.default_rng((frame, n))
         for _ in range(draws):
-            answer = identify_touches(pixels.draw(n, rng), no_paths(), [target], top=10_000)
+            answer = identify_points(pixels.draw(n, rng), no_paths(), [target], top=10_000)
             gaps = [off(target.part, h.T_world_part, T) for h in answer.hypotheses]
             squares = [nees(target.part, h.T_world_part, h.covariance, T)[0] for h in answer.hypotheses]
             right = [moved < RIGHT[0] and angle < RIGHT[1] for moved, angle in gaps]

@@ -9,8 +9,8 @@ import pytest
 
 import tanteo
 from bare_scenes import nees, no_paths, off, touches_of
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.surface_search import identify_touches, prepare_target
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 FOLDER = DATA / "cmm_block"
@@ -31,7 +31,7 @@ def rows_of(name):
 
 @pytest.fixture(scope="module")
 def block():
-    return prepare_target(tanteo.read_part(FOLDER / "calibration_block_from_drawing.stl", unit="mm", name="block"))
+    return prepare(tanteo.read_part(FOLDER / "calibration_block_from_drawing.stl", unit="mm", name="block"))
 
 
 def bare_touches(placement, seed=0):
@@ -55,7 +55,7 @@ def labelled_pose(placement):
 
 @pytest.fixture(scope="module")
 def located(block):
-    return {name: identify_touches(bare_touches(name), no_paths(), [block]) for name in PLACEMENTS}
+    return {name: identify_points(bare_touches(name), no_paths(), [block]) for name in PLACEMENTS}
 
 
 @pytest.mark.parametrize("placement", PLACEMENTS)
@@ -96,10 +96,10 @@ def test_identified_among_all_real_parts(block):
     if not folder.is_dir():
         pytest.skip(f"no data at {folder}")
     pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
-    others = [prepare_target(part) for part in tanteo.read_parts([folder]).parts]
+    others = [prepare(part) for part in tanteo.read_parts([folder]).parts]
     assert len(others) >= 40
     for placement in PLACEMENTS:
-        answer = identify_touches(bare_touches(placement), no_paths(), [*others, block])
+        answer = identify_points(bare_touches(placement), no_paths(), [*others, block])
         assert answer.status == "recognized"
         assert answer.hypotheses[0].part == "block"
         assert answer.hypotheses[0].probability > 0.99
@@ -125,7 +125,7 @@ def test_eight_touches_do_not_exclude_the_truth(block, located):
         placement = list(PLACEMENTS)[k % 2]
         touches = bare_touches(placement)
         some = touches.take(np.sort(rng.choice(len(touches), 8, replace=False)))
-        answer = identify_touches(some, no_paths(), [block], top=10_000)
+        answer = identify_points(some, no_paths(), [block], top=10_000)
         assert answer.status != "recognized"
         hits += holds(block, answer, located[placement].hypotheses[0].T_world_part)
     assert hits >= trials - 1

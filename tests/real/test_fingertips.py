@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tanteo.surface_search.polish import polish
 
 import tanteo
 from bare_scenes import no_paths, touches_of
+from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
-from tanteo.surface_search import identify_touches, prepare_target
-from tanteo.surface_search.polish import polish
 
 FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "fingertip_touches"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
@@ -35,7 +35,7 @@ def targets():
     out = {}
     for path in sorted((FOLDER / "models").glob("*.off")):
         try:
-            out[path.stem] = prepare_target(tanteo.read_part(path, unit="m"))
+            out[path.stem] = prepare(tanteo.read_part(path, unit="m"))
         except tanteo.TanteoError:
             continue  # two of the meshes are open
     return out
@@ -47,7 +47,7 @@ def mean_distance(target, T, points):
 
 def located(targets, name, part, sd):
     points = points_of(name)
-    return points, identify_touches(touches_of(points, sd), no_paths(), [targets[part]], top=50)
+    return points, identify_points(touches_of(points, sd), no_paths(), [targets[part]], top=50)
 
 
 def test_nine_of_the_eleven_meshes_are_closed_and_two_of_them_are_one(targets):
@@ -124,7 +124,7 @@ def test_the_helmet_set_is_not_on_the_given_mesh_but_is_located(targets):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "part"), [("measCylinder_exp", "cylinder"), ("measCleaner_exp", "cleaner")])
 def test_which_of_these(targets, name, part):
-    answer = identify_touches(touches_of(points_of(name), SD), no_paths(), list(targets.values()), top=1000)
+    answer = identify_points(touches_of(points_of(name), SD), no_paths(), list(targets.values()), top=1000)
     by_part = dict.fromkeys(targets, 0.0)
     for h in answer.hypotheses:
         by_part[h.part] += h.probability

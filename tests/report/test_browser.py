@@ -9,10 +9,10 @@ import pytest
 
 from report_scenes import ROUGH, SD, TOUCH, TRUTH, told, touches
 from tanteo.active import at_pose, distinguish, plan
+from tanteo.inference import prepare
 from tanteo.recognition import identify, locate
 from tanteo.report import Run, distinction_page, gather, plan_page, report_page, session_page, write_report
 from tanteo.sensors import Readings
-from tanteo.surface_search import prepare_target
 
 SIZES = {"desk": (1280, 800), "phone": (390, 844)}
 
@@ -103,9 +103,9 @@ def files(tmp_path_factory, wedge, near_wedge):
         folder / "none.html", report_page(locate(few, wedge), gather(few), [wedge], Run("tanteo locate f.csv"))
     )
     write_report(folder / "session.html", session_page(told(wedge, near_wedge), Run("tanteo replay s.json")))
-    planned = plan(at_pose(prepare_target(wedge), TRUTH, ROUGH), TOUCH, 2e-4)
+    planned = plan(at_pose(prepare(wedge), TRUTH, ROUGH), TOUCH, 2e-4)
     write_report(folder / "plan.html", plan_page(planned, wedge, TOUCH, 2e-4, 0.95, Run("tanteo plan --part w.stl")))
-    twins = distinguish(prepare_target(wedge), prepare_target(near_wedge), TOUCH)
+    twins = distinguish(prepare(wedge), prepare(near_wedge), TOUCH)
     write_report(folder / "twins.html", distinction_page(twins, [wedge, near_wedge], TOUCH, Run("tanteo plan")))
     return {path.stem: path for path in folder.glob("*.html")}
 

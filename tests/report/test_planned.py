@@ -12,17 +12,17 @@ import pytest
 
 from report_scenes import ROUGH, TOUCH, TRUTH
 from tanteo.active import at_pose, distinguish, plan
+from tanteo.inference import prepare
 from tanteo.report import Run, distinction_page, plan_page
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.words import percent
-from tanteo.surface_search import prepare_target
 
 RUN = Run("tanteo plan --part wedge.stl")
 
 
 @pytest.fixture(scope="module")
 def planned(wedge):
-    return plan(at_pose(prepare_target(wedge), TRUTH, ROUGH), TOUCH, 2e-4)
+    return plan(at_pose(prepare(wedge), TRUTH, ROUGH), TOUCH, 2e-4)
 
 
 def scene_of(page):
@@ -77,13 +77,13 @@ def test_a_plan_that_cannot_be_made_is_a_page_too(planned, wedge):
 
 
 def test_the_reading_for_twins_meets_each_where_it_says(wedge, near_wedge):
-    found = distinguish(prepare_target(wedge), prepare_target(near_wedge), TOUCH)
+    found = distinguish(prepare(wedge), prepare(near_wedge), TOUCH)
     page = distinction_page(found, [wedge, near_wedge], TOUCH, RUN)
     scene = scene_of(page)
     distances = np.linalg.norm(places(scene, "points") - found.origin, axis=1)
     assert distances == pytest.approx(found.ranges[np.isfinite(found.ranges)], abs=1e-6)
     assert [h["part"] for h in scene["hypotheses"]] == [0, 1]
-    target = prepare_target(near_wedge)  # where the page puts the second part, its ray is as long as it says
+    target = prepare(near_wedge)  # where the page puts the second part, its ray is as long as it says
     T = np.array(scene["hypotheses"][1]["pose"]).reshape(4, 4).T
     T[:3, 3] = (T[:3, 3] + scene["centre_mm"]) / 1e3
     start, along = np.linalg.inv(T) @ np.r_[found.origin, 1], T[:3, :3].T @ found.direction

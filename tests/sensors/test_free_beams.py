@@ -7,8 +7,8 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.sensors import Readings, Rig, RigSensor, measure
-from tanteo.surface_search import as_free_paths, as_touches
 
 N, STEP = 6, 1e-5
 T_UNIT = SE3.exp(np.array([0.01, 0.02, 0.05, 0.1, -0.2, 0.3]))
@@ -101,18 +101,18 @@ def test_bias_and_scale_do_not_move_free_beams():
 def test_a_sensor_that_met_nothing_yet_has_its_mounting():
     m = measure(ranged(hands(), np.full(N, True)), rig=Rig((eye(),)))
     assert [error.name for error in m.shared] == ["mounting of head"]
-    assert as_touches(m).gains.shape == (0, 3, 6)
-    assert as_free_paths(m, 0.0).gains.shape == (N, 3, 6)
+    assert as_contact_points(m).gains.shape == (0, 3, 6)
+    assert as_free_rays(m, 0.0).gains.shape == (N, 3, 6)
 
 
 def test_paths_and_touches_at_one_place_move_alike_with_the_whitened_errors():
     Ts = np.repeat(hands()[::2], 2, axis=0)
     m = measure(touched(Ts), robot="ur_ros_nominal_dh", tip_sd=[1e-3, 0.0, 1e-4])
-    touches, free, z = as_touches(m), as_free_paths(m, 0.0), np.random.default_rng(1).normal(size=9)
+    touches, free, z = as_contact_points(m), as_free_rays(m, 0.0), np.random.default_rng(1).normal(size=9)
     origins, directions = free.at(z[None])
     np.testing.assert_allclose(origins[0], touches.supposing(z).points, atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(directions[0], axis=1), 1.0)
     turned = directions[0] - free.directions
     np.testing.assert_allclose(turned, free.turns @ z, atol=1e-4)  # it stays a unit vector
     assert np.abs(turned).max() > 1e-3
-    assert as_free_paths(measure(touched(Ts)), 0.0).at(np.zeros((1, 0)))[0].shape == (3, 3)
+    assert as_free_rays(measure(touched(Ts)), 0.0).at(np.zeros((1, 0)))[0].shape == (3, 3)

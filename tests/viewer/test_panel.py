@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sensing_scenes import without_modes
+from tanteo.measurements import FreeRays
 from tanteo.viewer import Snapshot, drawing, hues, panel
 from viewer_scenes import maker
 
@@ -61,7 +63,7 @@ def test_the_legend_has_every_hue_that_has_a_meaning():
 
 def test_nothing_explains_the_readings(session):
     now = Snapshot.of(session)
-    nothing = replace(now.belief, modes=(), rows=np.zeros(0, dtype=np.int64), unknown=1.0, touches=_no_touches(now))
+    nothing = without_modes(now.belief.start, _no_touches(now), FreeRays.none())
     step = type("Step", (), {"worst_corner_sd": np.nan, "action": None, "part": -1})()
     assert panel.headline(Snapshot(nothing, (step,), None)) == "No part explains the readings."
     assert drawing.belief_primitives(Snapshot(nothing, (step,), None)) == []

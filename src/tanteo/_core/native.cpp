@@ -12,6 +12,7 @@
 #include <string>
 
 #include "likelihood.hpp"
+#include "normal.hpp"
 #include "propose.hpp"
 #include "sample.hpp"
 #include "solve.hpp"
@@ -305,6 +306,16 @@ std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Dou
             array_of(std::move(informations), {S, K, K})};
 }
 
+// Density of a point right on a face of that normal (world), over that of an outlier, times its sd along the normal.
+double right_there(const Shape& shape, const Point& point, const Vec3& normal) {
+    double density = point.directed ? std::max(-dot(normal, point.direction), 0.0) : 1 / shape.area;
+    if (point.oriented) {
+        const double per_tilt = 1 / point.normal_sd, squared = 2 * (1 - dot(normal, point.normal)) * per_tilt * per_tilt;
+        density *= per_tilt * per_tilt / (2 * PI) * std::exp(-0.5 * squared);
+    }
+    return density * std::exp(-point.log_outlier) / std::sqrt(2 * PI);
+}
+
 // Of every point at every pose: density on the part over that of an outlier, probability that it belongs, and of the
 // likeliest place: distance, one over its sd, tilt of the normal in sds, density if it were right on it, normal; and
 // where the point is in the part. Faces: that of the place.
@@ -334,7 +345,7 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
                     row[2] = sign * std::sqrt(c.squared) - point.radius;
                     row[3] = 1 / std::sqrt(variance);
                     row[4] = 0;
-                    row[5] = 0;
+                    row[5] = right_there(shape, point, all[k].pose.R * normal) * row[3];
                     store(c.squared > 0 ? sign * unit(s.in_part - c.point) : normal, row + 6);
                     faces[k * n + j] = shape.faces[c.triangle];
                     continue;
@@ -391,18 +402,28 @@ Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, do
     return array_of(std::move(out), {count});
 }
 
-std::tuple<Out, Out> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales, Doubles Ts) {
-    std::vector<Pose> all = poses(Ts);
-    std::vector<double> costs(all.size());
+std::tuple<Out, Out, OutInts> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
+                                       Doubles Ts) {
+    const std::vector<Pose> starts = poses(Ts);
     const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.points.size()) - 1);
     const std::vector<double> steps = doubles(scales, "scales", {ANY});
     if (steps.empty()) refuse("scales", "expected some, got none");
     for (const double step : steps) expect(step, "scales", 1e-300, 1e300);
+    std::vector<Settled> found;
     {
         nb::gil_scoped_release release;
-        for (size_t k = 0; k < all.size(); ++k) costs[k] = settle(shape, problem, which, steps, all[k]);
+        found = settle(shape, problem, which, steps, starts);
     }
-    return {poses_out(all), array_of(std::move(costs), {all.size()})};
+    std::vector<Pose> at;
+    std::vector<double> costs;
+    std::vector<int32_t> from;
+    for (const Settled& s : found) {
+        at.push_back(s.pose);
+        costs.push_back(s.cost);
+        from.push_back(s.from);
+    }
+    const size_t count = found.size();
+    return {poses_out(at), array_of(std::move(costs), {count}), array_of(std::move(from), {count})};
 }
 
 // Maxima: poses, shared errors, log densities, informations about the centre, and which start led to each.

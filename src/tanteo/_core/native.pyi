@@ -105,7 +105,7 @@ def settle(
     rows: AnyInts,
     scales: FloatArray,
     poses: FloatArray,
-) -> tuple[FloatArray, FloatArray]: ...
+) -> tuple[FloatArray, FloatArray, Indices]: ...
 def climb(
     shape: Shape,
     problem: Problem,

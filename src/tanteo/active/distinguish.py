@@ -13,10 +13,7 @@ from tanteo.active.rays import has_cone
 from tanteo.active.samples import draw, predict
 from tanteo.active.start import Start
 from tanteo.active.utility import about_mode
-from tanteo.inference.prepared import PreparedPart, prepare_all
-from tanteo.inference.problem import Problem
-from tanteo.inference.recognition import identify_points
-from tanteo.inference.settling import settle
+from tanteo.inference import PreparedPart, Problem, identify_points, prepare_all, settle
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.matching.part_motions import corner_moves

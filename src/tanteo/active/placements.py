@@ -15,7 +15,7 @@ from tanteo.active.candidates import Candidates, clear_at
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone, rays_met
 from tanteo.active.samples import even_normals
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 

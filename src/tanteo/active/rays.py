@@ -8,7 +8,7 @@ from types import EllipsisType
 import numpy as np
 
 from tanteo.active.probe import Probe
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.lie import SO3
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 

@@ -13,7 +13,7 @@ from tanteo.active.belief import Belief
 from tanteo.active.places import places_of
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone, of_cone, rays_met
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors

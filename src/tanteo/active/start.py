@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances, check_transforms
+from tanteo.inference import PoseMixture, PreparedPart, prepare_all
 from tanteo.lie import SE3
 from tanteo.limits import check_places, check_spreads
 from tanteo.matching import Hypothesis, PosePrior, Priors
-from tanteo.matching.priors import log_sum, sized
+from tanteo.matching.priors import sized
 from tanteo.parts import Part
 from tanteo.parts.several import as_part
-from tanteo.surface_search import Target, Touches
-from tanteo.surface_search.target import as_targets
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
-
-_FEW, _THIN = 5, 0.03
-"""Readings of so many places leave the pose open; noise below this share of the rough place is not told apart then."""
 
 _BEYOND = 1.2
 """Spread of the poses that are looked at, in that of the rough poses."""
@@ -31,7 +27,7 @@ class Start:
     """Rough poses of parts, each normal, with their probabilities; "none of these" has the rest.
 
     Attributes:
-        targets: the parts, prepared (``prepare_target``).
+        targets: the parts, prepared (``inference.prepare``).
         part: index of the part of each rough pose ``(A,)``.
         Ts: rough poses ``T_world_part`` ``(A, 4, 4)``.
         covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
@@ -42,7 +38,7 @@ class Start:
         InputError: no part, no rough pose of it, weights that are no probabilities, a covariance without spread.
     """
 
-    targets: tuple[Target, ...]
+    targets: tuple[PreparedPart, ...]
     part: IntArray
     Ts: Transforms
     covariances: Covariances
@@ -90,6 +86,31 @@ class Start:
         """The rough poses of those rows, as what is known of as many poses."""
         return PosePrior(self.Ts[rows], self.covariances[rows])
 
+    def shares(self) -> FloatArray:
+        """Probability of every part, if it is one of them ``(P,)``."""
+        return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)
+
+    def mixtures(self) -> dict[int, PoseMixture]:
+        """The rough poses of each part that has any, given that it is this one, by the id of the part."""
+        out = {}
+        for k, share in enumerate(self.shares()):
+            own = np.flatnonzero((self.part == k) & (self.weights > 0))
+            if len(own):
+                log = np.log(self.weights[own]) - np.log(share)
+                out[id(self.targets[k])] = PoseMixture(self.Ts[own], self.covariances[own], log)
+        return out
+
+    def likeliest(self, part: int, T_world_part: Transforms) -> int:
+        """Row of the rough pose of a part from which a pose ``(4, 4)``, or a symmetric one, most probably is."""
+        own = np.flatnonzero((self.part == part) & (self.weights > 0))
+        if len(own) == 1:
+            return int(own[0])
+        images = T_world_part @ self.targets[part].part.symmetry.Ts
+        xi = SE3.log(SE3.inverse(self.Ts[own])[:, None] @ images)
+        white = np.linalg.solve(np.linalg.cholesky(self.covariances[own])[:, None], xi[..., None])[..., 0]
+        log = np.log(self.weights[own]) - 0.5 * np.linalg.slogdet(self.covariances[own])[1]
+        return int(own[np.argmax(log - 0.5 * np.sum(white * white, axis=-1).min(axis=1))])
+
     def drawn(self, part: int, count: int) -> Transforms:
         """The same poses of a part every time, over all its rough poses and somewhat beyond ``(count, 4, 4)``."""
         rows = np.flatnonzero(self.part == part)
@@ -98,21 +119,9 @@ class Start:
         L = np.asarray(np.linalg.cholesky(self.covariances))[which]
         return np.asarray(self.Ts[which] @ SE3.exp(_BEYOND * (L @ xi)[..., 0]))
 
-    def log_density(self, part: int, Ts: Transforms) -> FloatArray:
-        """Log density of a part at poses ``(S, 4, 4)``, over x y z [m] and rx ry rz [rad], symmetric poses together.
-
-        The rough poses of the part are weighted by their probabilities, given that it is one of the parts.
-        """
-        rows = np.flatnonzero((self.part == part) & (self.weights > 0))
-        images = Ts @ self.targets[part].part.symmetry.Ts[:, None]
-        xi = SE3.log(SE3.inverse(self.Ts[rows])[:, None, None] @ images)
-        white = np.linalg.solve(np.linalg.cholesky(self.covariances[rows])[:, None, None], xi[..., None])[..., 0]
-        log = np.log(self.weights[rows]) - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.covariances[rows])[1]
-        return np.asarray(log_sum(log[:, None, None] - 0.5 * np.sum(white * white, axis=-1), axis=(0, 1)))
-
 
 def around(
-    targets: Sequence[Target] | Sequence[Part],
+    targets: Sequence[PreparedPart] | Sequence[Part],
     T_world_place: Transforms,
     covariance: Covariances,
     priors: Priors | None = None,
@@ -128,7 +137,7 @@ def around(
     Raises:
         InputError: no parts, a place that is no rigid motion, a covariance that cannot be one or is in degrees.
     """
-    targets = as_targets("parts", targets)
+    targets = prepare_all("parts", targets)
     if not targets:
         raise InputError("parts: expected at least one part, got none.")
     T_world_place = check_transforms("T_world_place", T_world_place)
@@ -146,12 +155,12 @@ def around(
 
 
 def at_pose(
-    target: Target | Part, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None
+    target: PreparedPart | Part, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None
 ) -> Start:
     """One part at a rough pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
     T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     return Start(
-        as_targets("part", as_part("part", target)),
+        prepare_all("part", as_part("part", target)),
         np.zeros(1, dtype=np.int64),
         T[None],
         C[None],
@@ -161,7 +170,7 @@ def at_pose(
 
 
 def from_hypotheses(
-    hypotheses: Sequence[Hypothesis], targets: Sequence[Target] | Sequence[Part], priors: Priors | None = None
+    hypotheses: Sequence[Hypothesis], targets: Sequence[PreparedPart] | Sequence[Part], priors: Priors | None = None
 ) -> Start:
     """What another answer left open: that of an image, or of earlier readings, which are not told again.
 
@@ -173,7 +182,7 @@ def from_hypotheses(
     Raises:
         InputError: a hypothesis names a part that is not among the targets.
     """
-    targets = as_targets("parts", targets)
+    targets = prepare_all("parts", targets)
     names = [target.part.name for target in targets]
     missing = sorted({h.part for h in hypotheses} - set(names))
     if missing:
@@ -186,20 +195,3 @@ def from_hypotheses(
         np.array([h.probability for h in hypotheses]),
         priors or Priors(),
     )
-
-
-def blurred(start: Start, touches: Touches) -> Touches:
-    """Readings so few that they leave the pose open, with noise that is not much smaller than the rough pose.
-
-    They leave it on a bent sheet as thin as their noise: draws that fall off it tell nothing, and a part is lost by
-    chance. How probable each part is hardly depends on the noise as long as the sheet is wide beside it.
-
-    Args:
-        start: what was assumed beforehand.
-        touches: all readings that met something.
-    """
-    if (len(touches) if touches.places is None else len(np.unique(touches.places))) > _FEW:
-        return touches
-    place = np.sqrt(np.linalg.eigvalsh(start.covariances[:, :3, :3])[:, 0].min().clip(0.0))
-    extra = float(_THIN * place)
-    return replace(touches, covs=touches.covs + extra**2 * np.eye(3), sd=np.hypot(touches.sd, extra))

@@ -13,7 +13,7 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start
-    from tanteo.inference.prepared import PreparedPart
+    from tanteo.inference import PreparedPart
     from tanteo.io.scene_toml import SceneFile
     from tanteo.parts import Part
     from tanteo.typing import BoolArray, FloatArray, Transforms

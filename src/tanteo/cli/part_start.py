@@ -48,7 +48,7 @@ def start_of(
 
 def _seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start | None:
     from tanteo.cli.image_start import start_from_view
-    from tanteo.inference.prepared import prepare
+    from tanteo.inference import prepare
 
     if view is not None and known is None and scene.prior is None:
         return start_from_view(view, tuple(prepare(part) for part in parts), None)
@@ -61,7 +61,7 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
     import numpy as np
 
     from tanteo.active import Start, around
-    from tanteo.inference.prepared import prepare
+    from tanteo.inference import prepare
     from tanteo.matching import Priors
 
     if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):

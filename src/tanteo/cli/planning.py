@@ -41,7 +41,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
         _tell_apart(parts, options, report, as_json=as_json)
         return
     from tanteo.active import at_pose, plan
-    from tanteo.inference.prepared import prepare
+    from tanteo.inference import prepare
     from tanteo.io.plan_out import plan_csv, plan_json
 
     T, C = _rough(parts[0], options.near)
@@ -133,7 +133,7 @@ def _three(values: Vectors, digits: int) -> str:
 
 def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None, *, as_json: bool) -> None:
     from tanteo.active import distinguish
-    from tanteo.inference.prepared import prepare
+    from tanteo.inference import prepare
     from tanteo.io.plan_out import distinction_json
 
     first, second = (prepare(part) for part in parts)

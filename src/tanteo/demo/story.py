@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.active import Probe, Start, Stop, around, from_hypotheses, policy_named
 from tanteo.catalogue import read_parts
 from tanteo.hand import Workspace
-from tanteo.inference.prepared import PreparedPart, prepare
+from tanteo.inference import PreparedPart, prepare
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3, SO3
 from tanteo.matching import Priors

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.active import Belief, Start
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching.part_motions import box_corners
 from tanteo.measurements import ContactPoints, FreeRays

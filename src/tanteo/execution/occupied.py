@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching.part_motions import box_corners
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors

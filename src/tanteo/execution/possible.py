@@ -11,7 +11,7 @@ from tanteo.active import Belief
 from tanteo.execution.allowed import allowed
 from tanteo.execution.occupied import Occupied
 from tanteo.hand import Body, Workspace
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _LIVE = 0.003

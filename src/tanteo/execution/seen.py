@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.active import Start, from_hypotheses
 from tanteo.errors import InputError
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.parts import Part

@@ -46,8 +46,8 @@ _MATTERS = 0.005
 """Probability of a mode from which it is sampled until it has enough."""
 
 _ALONG, _ENOUGH_ALONG = 8, 64
-"""Samples of each component along a ridge, of which there are dozens; effective ones of all of them together: what so
-few measurements leave open is told by its odds."""
+"""Samples of each component along a ridge, of which there are dozens; effective ones of all of them together, of a
+part that is not the likeliest: its odds are known to an eighth then."""
 
 _SHARED = 0.15
 """Share of its samples that a mode has in common with another from which both are one."""
@@ -266,9 +266,10 @@ def _wanted_along(sampler: Sampler, p: FloatArray) -> IntArray:
     """Samples to draw next along a ridge, of its pieces and maxima by their masses, until all together have enough."""
     w = np.exp(sampler.log_weights - sampler.log_weights.max())
     ess, total = float(w.sum() ** 2 / np.sum(w * w)), float(p.sum())
-    if ess >= _ENOUGH_ALONG or total < _MATTERS:
+    enough = _ENOUGH if total > 0.5 else _ENOUGH_ALONG
+    if ess >= enough or total < _MATTERS:
         return np.zeros(len(p), dtype=np.int64)
-    return np.round(min((_ENOUGH_ALONG / ess - 1) * len(w), 4 * _MORE) * p / total).astype(np.int64)
+    return np.round(min((enough / ess - 1) * len(w), 4 * _MORE) * p / total).astype(np.int64)
 
 
 def _masses(sampler: Sampler) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tanteo.catalogue import read_parts
 from tanteo.errors import InputError, PartError
-from tanteo.inference.prepared import PreparedPart
+from tanteo.inference import PreparedPart
 from tanteo.parts import Part
 
 

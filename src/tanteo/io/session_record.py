@@ -11,7 +11,7 @@ from typing import Any
 from tanteo import __version__
 from tanteo.active import Belief, Candidates, Policy, Probe, Start, Stop
 from tanteo.errors import InputError
-from tanteo.inference.prepared import PreparedPart, prepare_all
+from tanteo.inference import PreparedPart, prepare_all
 from tanteo.io.part_files import PartFile, part_file, parts_of
 from tanteo.io.plain_values import as_plain, made, refused, shown, table
 from tanteo.io.record_values import (

@@ -10,9 +10,7 @@ from scipy.special import chdtrc
 from tanteo.active import Belief, Stop, worst_corner
 from tanteo.active.places import places_of
 from tanteo.errors import InputError
-from tanteo.inference.diagnostics import face_elsewhere
-from tanteo.inference.prior_check import p_of_prior
-from tanteo.inference.result import Explained, as_hypothesis, explained, worst_reading
+from tanteo.inference import Explained, as_hypothesis, explained, face_elsewhere, p_of_prior, worst_reading
 from tanteo.limits import SUSPECT
 from tanteo.matching import Hypothesis, PosePrior, Recognition
 from tanteo.matching.prior import prior_residuals

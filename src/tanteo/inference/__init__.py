@@ -1,0 +1,66 @@
+"""Which part measurements are of, and where it is: one posterior over parts, poses and the unknown object."""
+
+from typing import TYPE_CHECKING
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.inference.diagnostics import face_elsewhere
+    from tanteo.inference.free_space import gone_through
+    from tanteo.inference.posterior import NEGLIGIBLE, Mode, Posterior, infer
+    from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
+    from tanteo.inference.prior_check import p_of_prior
+    from tanteo.inference.problem import PoseMixture, Problem, outlier_log_density
+    from tanteo.inference.recognition import identify_points
+    from tanteo.inference.result import (
+        Explained,
+        as_hypothesis,
+        explained,
+        face_names,
+        information_by_point,
+        worst_reading,
+    )
+    from tanteo.inference.settling import settle
+    from tanteo.inference.update import on_part, update_posterior
+
+__all__ = [
+    "Explained",
+    "Mode",
+    "NEGLIGIBLE",
+    "PoseMixture",
+    "Posterior",
+    "PreparedPart",
+    "Problem",
+    "as_hypothesis",
+    "explained",
+    "face_elsewhere",
+    "face_names",
+    "gone_through",
+    "identify_points",
+    "infer",
+    "information_by_point",
+    "on_part",
+    "outlier_log_density",
+    "p_of_prior",
+    "prepare",
+    "prepare_all",
+    "settle",
+    "update_posterior",
+    "worst_reading",
+]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "diagnostics": "face_elsewhere",
+        "free_space": "gone_through",
+        "posterior": "NEGLIGIBLE Mode Posterior infer",
+        "prepared": "PreparedPart prepare prepare_all",
+        "prior_check": "p_of_prior",
+        "problem": "PoseMixture Problem outlier_log_density",
+        "recognition": "identify_points",
+        "result": "Explained as_hypothesis explained face_names information_by_point worst_reading",
+        "settling": "settle",
+        "update": "on_part update_posterior",
+    },
+)

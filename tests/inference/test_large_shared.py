@@ -1,0 +1,46 @@
+"""Shared errors of sixty times the noise: first poses are made with other suppositions of them, too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bare_scenes import box_centred_pose, no_paths, off, surface_points, touches_of
+from tanteo.inference import identify_points, prepare
+from tanteo.lie import SE3
+from tanteo.parts import read_part
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+SD, TIP = 5e-5, 3e-3
+
+
+def square_on(target, rng, n=25):
+    """Touches by a hand that comes square on, turned about its way, with an unknown offset of its tip; and the pose."""
+    T, z = box_centred_pose(rng), rng.normal(size=3)
+    p, normals = surface_points(target, n, rng)
+    along = -normals @ T[:3, :3].T
+    x = np.cross(along, rng.normal(size=(n, 3)))
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    gains = TIP * np.stack([x, np.cross(along, x), along], axis=-1)
+    points = SE3.apply(T, p) - gains @ z + SD * rng.normal(size=p.shape)
+    return touches_of(points, SD, gains=gains), T
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_pose_that_an_offset_of_sixty_times_the_noise_feigns_is_not_the_answer(seed):
+    """An offset along the hand's way looks like a part that is larger: poses 10 mm off leave few readings aside."""
+    target = prepare(read_part(PARTS / "bracket_left.step"))
+    touches, T = square_on(target, np.random.default_rng((2026, seed)))
+    answer = identify_points(touches, no_paths(), [target])
+    assert answer.status == "recognized"
+    assert off(target.part, answer.hypotheses[0].T_world_part, T)[0] < 1e-3
+
+
+def test_readings_where_errors_are_supposed_to_be_are_where_they_truly_are():
+    target = prepare(read_part(PARTS / "wedge.step"))
+    touches, _ = square_on(target, np.random.default_rng(1), 5)
+    z = np.array([1.0, -2.0, 0.5])
+    np.testing.assert_allclose(touches.supposing(z).points, touches.points + touches.gains @ z)
+    assert touches.supposing(z).gains is touches.gains

@@ -1,0 +1,117 @@
+"""The rate of strays integrated out, against quadrature by brute force, differences and exact sums."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import betaln, expit
+from scipy.stats import beta, betabinom
+
+from tanteo.inference.near_variants import log_density_elsewhere
+from tanteo.inference.outliers import log_density, on_surface, outlier_rates, so_many
+
+
+@pytest.mark.parametrize("mean", [1e-6, 9e-4, 1.1e-3, 0.02, 0.3, 0.9])
+def test_rates_have_the_mean_that_is_stated(mean):
+    rates, weights = outlier_rates(mean, 20)
+    assert np.all((rates > 0) & (rates < 1))
+    assert weights.sum() == pytest.approx(1)
+    assert weights @ rates == pytest.approx(mean)
+
+
+@pytest.mark.parametrize(("n", "astray"), [(5, 0), (8, 1), (15, 3), (40, 6)])
+def test_is_the_integral_over_all_rates(n, astray):
+    """Readings that are half clear and half doubtful, with densities as different as a touch's."""
+    rng = np.random.default_rng(n)
+    hit, stray = rng.normal(8, 2, n), rng.normal(0, 1, n)
+    hit[:astray] -= 30
+    hit[astray : astray + 2] -= 6  # doubtful
+    density = beta(0.5, 0.5 / 0.02 - 0.5)
+    top = np.maximum(hit, stray)
+
+    def of(rate):
+        return np.prod((1 - rate) * np.exp(hit - top) + rate * np.exp(stray - top)) * density.pdf(rate)
+
+    expected = np.log(quad(of, 0, 1e-3)[0] + quad(of, 1e-3, 0.2)[0] + quad(of, 0.2, 1)[0]) + top.sum()
+    assert log_density(hit[None], stray[None], 0.02)[0] == pytest.approx(expected, abs=0.05)
+
+
+def test_belonging_is_the_derivative_of_the_density():
+    """Probability of "on the surface" is the derivative of the log density by the log density there."""
+    rng = np.random.default_rng(3)
+    hit, stray = rng.normal(0, 3, (4, 12)), rng.normal(0, 1, (4, 12))
+    found = on_surface(hit, stray, 0.05)
+    for i in range(12):
+        step = np.zeros(12)
+        step[i] = 1e-5
+        up, down = (log_density(hit + sign * step, stray, 0.05) for sign in (1, -1))
+        assert found[:, i] == pytest.approx((up - down) / 2e-5, abs=1e-8)
+
+
+def test_one_doubtful_reading_belongs_less_where_others_are_astray():
+    clear, doubtful = np.array([12.0] * 10), np.array([0.0])
+    gone = np.array([-40.0] * 3)
+    alone = on_surface(np.concatenate([clear, doubtful])[None], np.zeros((1, 11)), 0.02)[0, -1]
+    among = on_surface(np.concatenate([clear, gone, doubtful])[None], np.zeros((1, 14)), 0.02)[0, -1]
+    stated = expit(np.log(0.98 / 0.02))
+    assert among < 0.93 < stated < alone
+
+
+@pytest.mark.parametrize(("strays", "n"), [(1, 8), (3, 25), (6, 25), (12, 100)])
+def test_counts_of_strays_are_beta_binomial(strays, n):
+    assert so_many(strays, n, 0.02) == pytest.approx(betabinom(n, 0.5, 24.5).sf(strays - 1), rel=0.1)
+
+
+def test_no_strays_are_never_too_many_and_any_are_if_none_are_expected():
+    assert so_many(0, 8, 0.02) == so_many(0, 8, 0.0) == 1
+    assert so_many(1, 8, 0.0) == 0
+
+
+@pytest.mark.parametrize(("elsewhere", "n"), [(0, 3), (1, 8), (4, 12), (10, 25), (2, 20)])
+def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n):
+    hit, stray = np.full(n, 10.0), np.zeros(n)
+    hit[:elsewhere] = -100
+    expected = 10 * (n - elsewhere) + betaln(elsewhere + 1, n - elsewhere + 1)
+    assert log_density_elsewhere(hit[None], stray[None])[0] == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("n", [3, 8, 30, 100, 300, 1000])
+@pytest.mark.parametrize("mean", [5e-4, 0.02, 0.1])
+def test_counts_weigh_what_they_weigh_however_many_readings_there_are(n, mean):
+    """Both densities against beta functions, from no stray to a fifth of the readings."""
+    counts = np.unique(np.linspace(0, n // 5, 12).astype(int))
+    hit, stray = np.full((len(counts), n), 10.0), np.zeros((len(counts), n))
+    hit[np.arange(n) < counts[:, None]] = -100
+    kin = 10 * (n - counts) + betaln(counts + 1, n - counts + 1)
+    assert log_density_elsewhere(hit, stray) == pytest.approx(kin, abs=0.1)
+    b = 0.5 / mean - 0.5
+    rate = 10 * (n - counts) + betaln(counts + 0.5, n - counts + b) - betaln(0.5, b)
+    likely = counts < 10 * mean * n + 2
+    assert log_density(hit, stray, mean)[likely] == pytest.approx(rate[likely], abs=0.1)
+
+
+def test_few_strays_are_the_sensor_s_and_many_are_another_part():
+    """Odds at equal priors, over the number of 25 readings that are off the part."""
+    hit, stray = np.full((12, 25), 8.0), np.zeros((12, 25))
+    hit[np.arange(25) < np.arange(12)[:, None]] = -100
+    odds = log_density_elsewhere(hit, stray) - log_density(hit, stray, 0.02)
+    assert np.all(np.diff(odds) > 0)
+    assert odds[0] < -2.5
+    assert odds[2] < 0 < odds[6]
+    assert odds[10] > 5
+
+
+def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_stray():
+    """Two readings of one place, one of them off: of an object like the part, too, the sensor erred."""
+    off, on, stray = -300.0, 4.0, 1.0
+    hit, other = np.array([[on, on, off, on]]), np.full((1, 4), stray)
+    alone = log_density_elsewhere(hit[:, :3], other[:, :3])
+    own = log_density_elsewhere(hit, other, 0.02, np.arange(4))
+    np.testing.assert_allclose(own, log_density_elsewhere(hit, other))
+    together = log_density_elsewhere(hit, other, 0.02, np.array([0, 1, 2, 2]))
+    share = np.linspace(0, 1, 200_001)
+    place = (1 - share) * 0.02 * np.exp(stray) * (0.98 * np.exp(on) + 0.02 * np.exp(stray)) + share * np.exp(2 * stray)
+    each = (1 - share) * np.exp(on) + share * np.exp(stray)
+    assert together[0] == pytest.approx(np.log(np.trapezoid(each**2 * place, share)), abs=1e-6)
+    assert together[0] - alone[0] < own[0] - alone[0]
