@@ -30,8 +30,9 @@ struct Share {
 Share share_of(const Shape& shape, const Flat& flat, double x, double y, const Whitening& W, bool with_slope) {
     Share share;
     const double reach = SEEN * W.widest;
-    if (x < flat.lo[0] - reach || x > flat.hi[0] + reach || y < flat.lo[1] - reach || y > flat.hi[1] + reach)
-        return share;
+    const bool near_x = x >= flat.lo[0] - reach && x <= flat.hi[0] + reach;
+    const bool near_y = y >= flat.lo[1] - reach && y <= flat.hi[1] + reach;
+    if (!near_x || !near_y) return share;  // nan is not near either
     double beyond = 0;
     int winding = 0;
     const int* starts = shape.bin_start.data() + flat.first_bin;
@@ -118,7 +119,7 @@ Plane plane_at(const Shape& shape, const Flat& flat, const Vec3& p, bool with_be
     const double dx = std::clamp(x, flat.lo[0], flat.hi[0]) - x, dy = std::clamp(y, flat.lo[1], flat.hi[1]) - y;
     const Vec3 shift = dx * flat.u + dy * flat.v;
     const Profile::At at = profile.at(p + shift, with_bends);
-    if (dot(at.normal, flat.normal) < profile.alike) return plane;
+    if (!(dot(at.normal, flat.normal) >= profile.alike)) return plane;
     plane.normal = at.normal;
     plane.distance = at.distance - dot(at.normal, shift);
     plane.round = true;
