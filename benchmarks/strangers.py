@@ -77,9 +77,7 @@ def of_one_face(name, s, n, seed, k):
     rng = np.random.default_rng((seed, STEPS.index(name), s, n, k))
     T = box_centred_pose(rng)
     touches, _, _ = scene(own, T, sensing, n, rng)
-    answer = identify_points(
-        touches, FreeRays.none(), [other, *(t for t in catalogue() if "step" not in t.part.name)]
-    )
+    answer = identify_points(touches, FreeRays.none(), [other, *(t for t in catalogue() if "step" not in t.part.name)])
     off = other.surface.closest((touches.points - T[:3, 3]) @ T[:3, :3]).distances > 5 * sensing.sd
     return {"status": answer.status, "off": int(off.sum()), "face": "readings agree" in answer.message}
 

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from tanteo.inference.update import on_part, update_posterior
 
 __all__ = [
+    "NEGLIGIBLE",
     "Explained",
     "Mode",
-    "NEGLIGIBLE",
     "PoseMixture",
     "Posterior",
     "PreparedPart",

@@ -108,6 +108,13 @@ def _alone(mode: Mode, priors: Priors) -> Climber:
     return replace(mode.climber, problem=problem, core=problem.compiled(mode.prepared))
 
 
+def without_prior(mode: Mode, priors: Priors) -> Mode:
+    """The mode at the maximum that it has if nothing is known of the pose."""
+    alone = _alone(mode, priors)
+    peak = alone.climb(mode.T_peak[None], mode.z[None], fine=True)
+    return replace(mode, climber=alone, T_peak=peak.Ts[0], z=peak.zs[0])
+
+
 def p_of_prior(mode: Mode, priors: Priors) -> float:
     """P-value of what was known of the pose beforehand, beside the measurements near an answer: 1 without.
 

@@ -11,7 +11,7 @@ from tanteo.features import SharedError
 from tanteo.inference.diagnostics import face_elsewhere, left_out, mostly_on, not_on_it, scattered
 from tanteo.inference.posterior import Posterior, infer, with_scale
 from tanteo.inference.prepared import PreparedPart, prepare
-from tanteo.inference.prior_check import check_prior, explains
+from tanteo.inference.prior_check import check_prior, explains, without_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import Explained, as_hypothesis, explained, what_limits, worst_reading
 from tanteo.matching.priors import Priors, sized
@@ -35,8 +35,9 @@ _BARELY = 2.0
 _MAY_MISS = 0.05
 """Probability of poses that the search met only once from which the answer says that others may fit."""
 
-_SCALE_SD, _SCALE_PRIOR = float(np.log(2.0)), 0.1
-"""If the noise is not as stated it is so by about a factor of two, 1 sd, and that is as probable beforehand."""
+_SCALE_SD, _SCALE_PRIOR, _MOST_SCALE = float(np.log(2.0)), 0.1, 2.5
+"""If the noise is not as stated it is so by about a factor of two, 1 sd, and that is as probable beforehand. Beyond the
+last it is no noise: something else is wrong, and is named."""
 
 
 def identify_points(
@@ -105,19 +106,26 @@ def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Poste
     fitting = [part for part in parts if _large_enough(problem.points, part.part)]
     centroid = np.mean([part.part.centroid for part in parts], axis=0)
     posterior = infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
-    if posterior.modes and not _as_stated(posterior):
-        scaled = with_scale(posterior, _SCALE_SD, np.random.default_rng(seed))
-        if scaled.log_evidence + np.log(_SCALE_PRIOR) > posterior.log_evidence + np.log1p(-_SCALE_PRIOR):
-            return scaled
+    if not posterior.modes or _as_stated(posterior):
+        return posterior
+    scaled = with_scale(posterior, _SCALE_SD, np.random.default_rng(seed))
+    better = scaled.log_evidence + np.log(_SCALE_PRIOR) > posterior.log_evidence + np.log1p(-_SCALE_PRIOR)
+    if better and scaled.modes and _noise_scale(explained(scaled.modes[0])) <= _MOST_SCALE:
+        return scaled
     return posterior
 
 
 def _as_stated(posterior: Posterior) -> bool:
-    """Whether the best mode is an answer, and explains the measurements with the noise that was stated."""
-    one = explained(posterior.modes[0])
+    """Whether the best mode is an answer, and explains the measurements with the noise that was stated.
+
+    Where something is known of the pose, it is asked what they are without it: a wrong prior is not their noise.
+    """
+    one, priors = explained(posterior.modes[0]), posterior.problem.priors
+    if priors.pose is not None:
+        one = explained(without_prior(posterior.modes[0], priors))
     chi2, dof = one.chi_square()
     sure = posterior.unknown < 1 - CONFIDENCE
-    return sure and (dof <= 0 or chi2 < dof + 3 * np.sqrt(2 * dof)) and explains(one, posterior.problem.priors.clutter)
+    return sure and (dof <= 0 or chi2 < dof + 3 * np.sqrt(2 * dof)) and explains(one, priors.clutter)
 
 
 def _noise_scale(one: Explained) -> float:

@@ -116,8 +116,9 @@ def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
 def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float, shares: Sequence[tuple[str, float]]) -> str:
     best, *others = hypotheses
     alike = [h for h in others if _fit_alike(best, h)]
-    itself = [h for h in alike if (h.part, h.file) == (best.part, best.file)]
-    if any(np.allclose(h.T_world_part, best.T_world_part, rtol=0.0, atol=1e-9) for h in itself):
+    itself = [h for h in others if (h.part, h.file) == (best.part, best.file)]
+    near = max(0.1 * best.worst_corner_sd, 1e-9)
+    if any(np.allclose(h.T_world_part, best.T_world_part, rtol=0.0, atol=near) for h in itself):
         return f"{best.part} was given more than once, and no reading can tell it from itself: leave the others out."
     alike = [h for h in alike if h not in itself]
     same = f" {best.part} and {alike[0].part} fit exactly alike: if they are one part, leave one out." if alike else ""
