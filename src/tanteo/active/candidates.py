@@ -20,6 +20,9 @@ _LIVE = 0.003
 _LIKELY = 0.01
 """Modes of at least this probability are aimed at."""
 
+_TRIED = 320
+"""Places of a mode at least that are tried."""
+
 _STEPS = 4
 """Places along the way in that are checked for room."""
 
@@ -97,9 +100,8 @@ def _far_enough(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArr
 def _on_mode(belief: Belief, k: int, probe: Probe, count: int, seed: int) -> Candidates:
     """Readings that would meet evenly spread places of one mode first, at an incidence that the probe answers to."""
     target, T = belief.target(k), belief.poses[k]
-    rows = np.random.default_rng((1991, seed, k)).permutation(len(target.samples))
-    points, normals = target.samples[rows], target.normals[rows]
-    faces = _faces(target, points)
+    rows = np.random.default_rng((1991, seed, k)).permutation(len(target.samples))[: max(_TRIED, count)]
+    points, normals, faces = target.samples[rows], target.normals[rows], target.sample_faces[rows]
     world, outward = SE3.apply(T, points), normals @ T[:3, :3].T
     directions = within_cone(-outward, probe)
     cosines = -np.sum(directions * outward, axis=1)
@@ -111,10 +113,6 @@ def _on_mode(belief: Belief, k: int, probe: Probe, count: int, seed: int) -> Can
     ok &= np.abs(first - ranges) < 1e-6 + 1e-3 * ranges
     index = np.flatnonzero(ok)[:count]
     return Candidates(origins[index], directions[index], np.full(len(index), k), faces[index], ranges[index])
-
-
-def _faces(target: PreparedPart, points: Vectors) -> IntArray:
-    return target.part.triangle_face[target.surface.closest(points).triangles]
 
 
 def within_cone(directions: Vectors, probe: Probe) -> Vectors:

@@ -180,8 +180,9 @@ def predict(samples: Samples, origins: Vectors, directions: Vectors, probe: Prob
         if probe is not None and has_cone(probe):
             rays = samples.targets[k], samples.Ts[some], origins, directions, (d, cosine, g), probe
             d, cosine, g, shares[:, some], scatter[:, some] = of_cone(*rays)
+        by_sample = np.ascontiguousarray(g.swapaxes(0, 1))
         for form, A in ((variances, samples.covariances), (spreads, samples.whole), (useful, samples.useful)):
-            form[:, some] = np.sum((g[:, :, None, :] @ A[some])[:, :, 0] * g, axis=-1)
+            form[:, some] = np.sum((by_sample @ A[some]) * by_sample, axis=-1).T
         ranges[:, some], cosines[:, some], faces[:, some] = d, cosine, face
     return Predictions(ranges, cosines, variances, spreads, useful, faces, shares, scatter)
 

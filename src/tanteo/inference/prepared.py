@@ -63,6 +63,11 @@ class PreparedPart:
         return self.shape.normals
 
     @cached_property
+    def sample_faces(self) -> IntArray:
+        """Index of the face there ``(K,)``."""
+        return self.part.triangle_face[self.surface.closest(self.samples).triangles]
+
+    @cached_property
     def surface(self) -> Surface:
         """For distances and rays in batches."""
         return Surface(self.part.vertices, self.part.triangles)

@@ -32,6 +32,9 @@ _CLOSE = "the readings lie so close together that other places may look like it:
 _BARELY = 2.0
 """Points that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
 
+_EQUAL = 1e-6
+"""Relative difference of area and volume up to which two parts may be one: rounding of their files."""
+
 _MAY_MISS = 0.05
 """Probability of poses that the search met only once from which the answer says that others may fit."""
 
@@ -88,8 +91,9 @@ def identify_points(
     shares = [(mode.prepared.part.name, mode.probability) for mode in posterior.modes]
     unknown = posterior.unknown
     status, message = verdict(
-        hypotheses, unknown, alpha, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere
-    )
+        hypotheses, unknown, alpha, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,
+        same=_of_its_shape(found[0].mode.prepared.part, prepared) if found else (),
+    )  # fmt: skip
     if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
         message = not_on_it(hypotheses[0], unknown)
     if status == "recognized" and _close_together(points, found[0], priors):
@@ -126,6 +130,12 @@ def _as_stated(posterior: Posterior) -> bool:
     chi2, dof = one.chi_square()
     sure = posterior.unknown < 1 - CONFIDENCE
     return sure and (dof <= 0 or chi2 < dof + 3 * np.sqrt(2 * dof)) and explains(one, priors.clutter)
+
+
+def _of_its_shape(part: Part, parts: Sequence[PreparedPart]) -> list[str]:
+    """Names of the parts of equal area and volume."""
+    size = part.area, part.volume
+    return [p.part.name for p in parts if np.allclose((p.part.area, p.part.volume), size, rtol=_EQUAL, atol=0.0)]
 
 
 def _noise_scale(one: Explained) -> float:

@@ -30,7 +30,7 @@ _FRESH, _WIDELY = 8, 96
 """Draws of the prior that are climbed from beside them; and of a part of which nothing is known, or in doubt."""
 
 _MATTERS = 0.003
-"""Probability of a part from which draws of its prior are made after every measurement."""
+"""Probability of a part from which, while its region is not normal, draws of its prior are made after each tell."""
 
 _DOUBT, _SURE = 0.2, 0.99
 """Probability of the unknown object from which the answer is in doubt; and of a part, once it becomes so probable."""
@@ -97,9 +97,8 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     climber, likely = search.climber, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem.states, rng)
     _take(search, climber.climb(Ts, zs, fine=True))
-    if likely > _MATTERS:
-        _draw(search, _FRESH)
     if likely > _MATTERS and not max(modes, key=lambda mode: mode.probability).normal:
+        _draw(search, _FRESH)
         search.along = along_ridge(climber, _resampled(modes, _RIDGE, rng))
     return search
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -32,6 +32,7 @@ def verdict(
     elsewhere: str = "",
     least: float = CONFIDENCE,
     known: bool = False,
+    same: Collection[str] | None = None,
 ) -> tuple[Status, str]:
     """Status and sentence of an answer.
 
@@ -48,6 +49,7 @@ def verdict(
         elsewhere: the part that explains what was sensed far better where it was not said to be; empty if none does.
         least: probability from which one answer is given; the words say it where it is below what is usual.
         known: which part it is is known as surely as was asked for, in whatever pose.
+        same: names of parts of the shape of the best one; all that fit alike, if not given.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
     doubted = prior_p < SUSPECT or (hypotheses and hypotheses[0].p_value < alpha and prior_p < alpha and not worst)
@@ -71,7 +73,7 @@ def verdict(
         stays = "stays" if len(best.unobserved) == 1 else "stay"
         return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} {stays} free: {help_}." + note
     if best.probability < least:
-        return "ambiguous", _ambiguous_message(hypotheses, unknown, shares) + note
+        return "ambiguous", _ambiguous_message(hypotheses, unknown, shares, same) + note
     sure, else_ = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
     located = f"located to {1e3 * best.worst_corner_sd:.2g} mm (1 sd, worst corner)"
     return "recognized", f"{best.part}{sure}, {located}{else_}." + note
@@ -113,14 +115,19 @@ def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
     )
 
 
-def _ambiguous_message(hypotheses: tuple[Hypothesis, ...], unknown: float, shares: Sequence[tuple[str, float]]) -> str:
+def _ambiguous_message(
+    hypotheses: tuple[Hypothesis, ...],
+    unknown: float,
+    shares: Sequence[tuple[str, float]],
+    of_its_shape: Collection[str] | None,
+) -> str:
     best, *others = hypotheses
     alike = [h for h in others if _fit_alike(best, h)]
     itself = [h for h in others if (h.part, h.file) == (best.part, best.file)]
     near = max(0.1 * best.worst_corner_sd, 1e-9)
     if any(np.allclose(h.T_world_part, best.T_world_part, rtol=0.0, atol=near) for h in itself):
         return f"{best.part} was given more than once, and no reading can tell it from itself: leave the others out."
-    alike = [h for h in alike if h not in itself]
+    alike = [h for h in alike if h not in itself and (of_its_shape is None or h.part in of_its_shape)]
     same = f" {best.part} and {alike[0].part} fit exactly alike: if they are one part, leave one out." if alike else ""
     shares = shares or [(h.part, h.probability) for h in hypotheses]
     names = list(dict.fromkeys([hypotheses[0].part, *(name for name, P in shares if P > 0.01)]))
