@@ -11,6 +11,9 @@ from tanteo import _core
 from tanteo.active import Belief, Probe, Stop, around, corner_distances, policy_named
 from tanteo.errors import InputError
 from tanteo.inference import Posterior, Problem
+from tanteo.inference.details import details_at
+from tanteo.inference.near_variants import log_density_of_near_variant
+from tanteo.inference.search import start_search
 from tanteo.lie import SE3
 from tanteo.measurements import FreeRays
 from tanteo.sensors import Readings
@@ -28,11 +31,18 @@ def rough(targets, sd=PLACE_SD, priors=None):
     return around(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
 
 
-def log_densities(points, part, priors, Ts, zs=None, rays=None):
+def log_densities(points, part, priors, Ts, zs=None, *, rays=None, mixtures=None):
     """Log density of readings at poses ``(S, 4, 4)`` and shared errors ``(S, D)``, the prior of these included."""
-    problem = Problem(points, FreeRays.none() if rays is None else rays, priors)
+    problem = Problem(points, FreeRays.none() if rays is None else rays, priors, mixtures=mixtures or {})
     zs = np.zeros((len(Ts), problem.states)) if zs is None else zs
     return _core.log_densities(part.shape, problem.compiled(part), np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
+
+
+def log_variants(points, part, priors, Ts, zs=None):
+    """The same of an object that is like the part but for some of it, at poses and shared errors."""
+    climber = start_search(Problem(points, FreeRays.none(), priors), part, np.random.default_rng(0)).climber
+    zs = np.zeros((len(Ts), climber.problem.states)) if zs is None else zs
+    return log_density_of_near_variant(details_at(climber, Ts, zs), part.part, priors.clutter, points.places)
 
 
 def without_modes(start, points, rays):

@@ -91,6 +91,9 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     search = start_search(problem, part, rng)
     modes = [] if before is None else _modes(before, part)
     if not modes:
+        known = problem.mixture(part)
+        if known is not None:  # coarse measurements do not tell means apart that the prior does
+            _take(search, search.climber.climb(known.Ts[:_WIDELY], fine=True))
         _draw(search, _WIDELY)
         search.along = along_ridge(search.climber, from_prior(problem, part, _RIDGE, rng))
         return search
