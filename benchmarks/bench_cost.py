@@ -79,7 +79,7 @@ def one(over: str, number: int) -> dict[str, float]:
         read, parts = _timed(lambda: _parts(over, number, Path(folder), rng))
     before = resident()
     with_normals = over == "points with normals"
-    prepare, targets = _timed(lambda: [_prepared(part, with_normals) for part in parts])
+    prepare, targets = _timed(lambda: [_prepared(part) for part in parts])
     count = number if over.startswith("points") else USUAL
     kept = resident() - before
     start_again()
@@ -102,10 +102,9 @@ def _parts(over: str, number: int, folder: Path, rng: np.random.Generator) -> li
     return [random_part(folder / f"part{k}.off", rng, slanted=0.0) for k in range(number if over == "parts" else 1)]
 
 
-def _prepared(part: Part, with_normals: bool) -> PreparedPart:
+def _prepared(part: Part) -> PreparedPart:
     target = prepare(part)
-    if with_normals:
-        _ = target.pairs  # else made by the first call that needs them
+    _ = target.shape  # else made by the first call that needs it
     return target
 
 

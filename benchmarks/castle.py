@@ -17,13 +17,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from common import Table
-from tanteo.surface_search.answer import as_hypothesis
-from tanteo.surface_search.modes import weigh
-from tanteo.surface_search.polish import polish
 
 from bare_scenes import nees, no_paths, off
 from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
-from tanteo.inference import identify_points, prepare
+from tanteo.inference import Problem, as_hypothesis, explained, identify_points, posterior_about, prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 
@@ -40,10 +37,9 @@ def share_right(part, covariance, rng, draws=300):
 
 def covariance_at(target, touches, T):
     """Of the posterior about the maximum next to a pose ``(6, 6)``, as an answer would state it if told where it is."""
-    priors = Priors(radius=target.part.radius)
-    found = polish(touches, no_paths(), T[None], target, priors)
-    mode = weigh(touches, no_paths(), [(target, found)], -np.inf, 1, priors)[0][0]
-    return as_hypothesis(touches, mode).covariance
+    problem = Problem(touches, no_paths(), Priors(radius=target.part.radius))
+    mode = posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
+    return as_hypothesis(touches, explained(mode)).covariance
 
 
 def mm(lengths):

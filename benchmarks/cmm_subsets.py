@@ -15,19 +15,18 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "real"))
 
 import test_cmm_bare as cmm
-from tanteo.surface_search.mode import Mode
-from tanteo.surface_search.polish import polish
 
 import tanteo
 from bare_scenes import no_paths
-from tanteo.inference import identify_points, prepare
+from tanteo.inference import Problem, explained, identify_points, posterior_about, prepare
 from tanteo.matching import Priors
 
 
 def leaves_free(touches, block, truth):
     """Whether nothing resists some motion where the truth climbs to."""
-    found = polish(touches, no_paths(), truth[None], block, Priors(radius=block.part.radius))
-    return len(Mode(block, found, 0, 0.0).free) > 0
+    problem = Problem(touches, no_paths(), Priors(radius=block.part.radius))
+    mode = posterior_about(problem, block, truth[None], np.random.default_rng(0)).modes[0]
+    return len(explained(mode).free) > 0
 
 
 def main():

@@ -14,11 +14,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from tanteo.surface_search.modes import weigh
-from tanteo.surface_search.polish import polish
 
 from bare_scenes import surface_points, touches_of
-from tanteo.inference import identify_points, prepare
+from tanteo.inference import Problem, identify_points, posterior_about, prepare
 from tanteo.lie import SE3, SO3
 from tanteo.matching import Priors
 from tanteo.measurements import ContactPoints, FreeRays
@@ -61,7 +59,7 @@ Solver = Callable[[Scene, np.random.Generator], Answer]
 
 def tanteo(part: Part, path: Path) -> Solver:
     target = prepare(part)
-    _ = target.pairs
+    _ = target.shape
 
     def solve(scene: Scene, rng: np.random.Generator) -> Answer:
         found = identify_points(_touches(scene), FreeRays.none(), [target], top=TOP)
@@ -77,9 +75,8 @@ def told(part: Part, path: Path) -> Solver:
     target, priors = prepare(part), Priors(radius=part.radius)
 
     def solve(scene: Scene, rng: np.random.Generator) -> Answer:
-        touches = _touches(scene)
-        found = polish(touches, FreeRays.none(), scene.T_world_part[None], target, priors)
-        modes, _, _ = weigh(touches, FreeRays.none(), [(target, found)], -np.inf, 1, priors)
+        problem = Problem(_touches(scene), FreeRays.none(), priors)
+        modes = posterior_about(problem, target, scene.T_world_part[None], rng).modes
         return Answer(np.array([mode.T_world_part for mode in modes]), modes[0].covariance)
 
     return solve

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
-from tanteo.surface_search.polish import polish
 
 import tanteo
-from tanteo.inference import identify_points, prepare
+from tanteo.inference import Problem, identify_points, posterior_about, prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 from tanteo.measurements import FreeRays, as_contact_points
@@ -48,10 +47,15 @@ def errors(target, located, name, tip):
     """
     h = located[name, tip].hypotheses[0]
     touches, _ = touches_of(name, TIP if tip else None)
-    priors = Priors(radius=target.part.radius)
-    found = polish(touches, FreeRays.none(), h.T_world_part[None], target, priors)
-    covariance = np.linalg.inv(found.information[0])
-    return found.Ts[0], covariance[:6, :6], covariance[:6, 6:]
+    mode = mode_at(target, touches, h.T_world_part)
+    covariance = np.linalg.inv(mode.information)
+    return mode.T_peak, covariance[:6, :6], covariance[:6, 6:]
+
+
+def mode_at(target, touches, T):
+    """The mode that a climb from a pose leads to."""
+    problem = Problem(touches, FreeRays.none(), Priors(radius=target.part.radius))
+    return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
 
 
 def disagreement(target, located, tip, *, one_draw):

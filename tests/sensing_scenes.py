@@ -38,6 +38,13 @@ def log_densities(points, part, priors, Ts, zs=None, *, rays=None, mixtures=None
     return _core.log_densities(part.shape, problem.compiled(part), np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
 
 
+def log_marginals(points, part, priors, Ts, *, rays):
+    """The same at poses, the shared errors integrated out."""
+    problem = Problem(points, rays, priors)
+    Ts, zs = np.ascontiguousarray(Ts), np.zeros((len(Ts), problem.states))
+    return _core.marginals(part.shape, problem.compiled(part), Ts, zs)[0]
+
+
 def log_variants(points, part, priors, Ts, zs=None):
     """The same of an object that is like the part but for some of it, at poses and shared errors."""
     climber = start_search(Problem(points, FreeRays.none(), priors), part, np.random.default_rng(0)).climber

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import chi2
-from tanteo.surface_search.given_pose import given_pose
-from tanteo.surface_search.likelihood import log_posterior
 
 from bare_scenes import beams, box_centred_pose, inside, nees, no_paths, off, touches_of
 from scenes import points_on_plane
+from sensing_scenes import log_densities, log_marginals
 from tanteo import Readings, identify
 from tanteo.inference import prepare
 from tanteo.lie import SE3
@@ -134,8 +133,9 @@ def test_paths_are_averaged_over_what_readings_leave_open_of_the_base(targets):
     path = replace(path, gains=gains[None], turns=np.zeros((1, 3, 3)))
     priors = Priors(radius=target.part.radius)
     near, z = T @ SE3.exp(np.repeat([1e-3, 0.01], 3) * rng.normal(size=(6, 6))), rng.normal(size=(n, 3))
-    said = [given_pose(touches, free, target, priors, near, np.zeros((6, 3))).log for free in (path, no_paths())]
+    said = [log_marginals(touches, target, priors, near, rays=free) for free in (path, no_paths())]
     for one, log in zip(near, said[0] - said[1], strict=True):
         Ts = np.broadcast_to(one, (n, 4, 4))
-        each = [log_posterior(touches, f, Ts, z, target, priors) + 0.5 * (z * z).sum(1) for f in (path, no_paths())]
+        each = [log_densities(touches, target, priors, Ts, z, rays=f) for f in (path, no_paths())]
+        each = [of + 0.5 * (z * z).sum(axis=1) for of in each]
         assert np.exp(log) == pytest.approx(np.exp(logsumexp(each[0]) - logsumexp(each[1])), abs=0.2)

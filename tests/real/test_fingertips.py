@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tanteo.surface_search.polish import polish
 
 import tanteo
 from bare_scenes import no_paths, touches_of
-from tanteo.inference import identify_points, prepare
+from tanteo.inference import Problem, identify_points, posterior_about, prepare
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 
@@ -78,8 +77,11 @@ def _evidence_beside(target, T, points):
     """By how much a pose found from many about this one is more probable than the one that is climbed to from it."""
     touches, priors = touches_of(points, 1.6 * SD), Priors(radius=target.part.radius)
     shaken = T @ SE3.exp(np.random.default_rng(0).normal(size=(300, 6)) * np.repeat([5e-3, 0.05], 3))
-    log = polish(touches, no_paths(), np.concatenate([T[None], shaken]), target, priors).log_evidence
-    return float(log.max() - log[0])
+    problem = Problem(touches, no_paths(), priors)
+    here, about = (
+        posterior_about(problem, target, Ts, np.random.default_rng(0)).modes[0].log_mass for Ts in (T[None], shaken)
+    )
+    return max(about - here, 0.0)
 
 
 @pytest.mark.slow

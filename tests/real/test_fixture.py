@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, touches_of
-from tanteo.matching import Priors
+from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, mode_at, touches_of
 from tanteo.matching.part_motions import corner_sd
-from tanteo.measurements import FreeRays
-from tanteo.surface_search.polish import polish
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 
@@ -50,8 +47,8 @@ def test_the_tip_that_each_set_finds_is_the_same(target, located):
     for name in SETS:
         touches, _ = touches_of(name)
         T = located[name, True].hypotheses[0].T_world_part
-        found = polish(touches, FreeRays.none(), T[None], target, Priors(radius=target.part.radius))
-        draws.append((found.z[0], np.linalg.inv(found.information[0])[6:, 6:]))
+        mode = mode_at(target, touches, T)
+        draws.append((mode.z, np.linalg.inv(mode.information)[6:, 6:]))
     (z, P), (w, Q) = draws
     assert chi2.sf((z - w) @ np.linalg.solve(P + Q, z - w), len(z)) > 0.01
 

@@ -43,20 +43,21 @@ def budget_of(wedge, readings, hypothesis, prior=None, **options):
 
 
 def dense(contacts, sensed):
-    """Covariance of the rows of the used readings, written out."""
+    """Rows of the used readings, their covariance, and that which the estimator's weights assume, written out."""
     used = contacts.used[contacts.reading]
     V = np.diag((contacts.noise + contacts.repeatability)[used])
     for error, gain in zip(sensed.measured.shared, contacts.gains, strict=True):
         V += gain[used] @ error.covariance @ gain[used].T
     form = sensed.tolerance * contacts.form[used]
-    return contacts.rows[used], V + form @ form.T + sensed.tolerance**2 * np.eye(len(V))
+    return contacts.rows[used], V + form @ form.T, V + sensed.tolerance**2 * np.eye(len(V))
 
 
-def test_it_is_the_covariance_of_generalised_least_squares(wedge, scene):
+def test_it_is_the_covariance_of_weighted_least_squares(wedge, scene):
     readings, options, h = scene
     budget, contacts, sensed = budget_of(wedge, readings, h, **options)
-    H, V = dense(contacts, sensed)
-    C = np.linalg.inv(H.T @ np.linalg.solve(V, H))
+    H, V, assumed = dense(contacts, sensed)
+    G = np.linalg.solve(H.T @ np.linalg.solve(assumed, H), np.linalg.solve(assumed, H).T)
+    C = G @ V @ G.T
     J = corner_moves(wedge)
     worst = np.sqrt(np.linalg.eigvalsh(J @ C @ np.swapaxes(J, 1, 2)).max())
     assert budget.total == pytest.approx(worst, rel=1e-9)
@@ -99,7 +100,7 @@ def test_it_agrees_with_the_answer_on_labelled_planes(wedge, tolerance):
     readings = touches(wedge, np.random.default_rng(6))
     h = locate(readings, wedge, tolerance=tolerance).hypotheses[0]
     budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance)
-    assert budget.total == pytest.approx(h.worst_corner_sd, rel=0.02)
+    assert budget.total == pytest.approx(h.worst_corner_sd, rel=0.06)  # near edges readings count in part
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1e-4])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         worst_reading,
     )
     from tanteo.inference.settling import settle
-    from tanteo.inference.update import on_part, update_posterior
+    from tanteo.inference.update import on_part, posterior_about, update_posterior
 
 __all__ = [
     "NEGLIGIBLE",
@@ -42,6 +42,7 @@ __all__ = [
     "on_part",
     "outlier_log_density",
     "p_of_prior",
+    "posterior_about",
     "prepare",
     "prepare_all",
     "settle",
@@ -61,6 +62,6 @@ __getattr__, __dir__ = lazy(
         "recognition": "identify_points",
         "result": "Explained as_hypothesis explained face_names information_by_point worst_reading",
         "settling": "settle",
-        "update": "on_part update_posterior",
+        "update": "on_part posterior_about update_posterior",
     },
 )

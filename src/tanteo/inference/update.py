@@ -76,6 +76,16 @@ def update_posterior(
     return after
 
 
+def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Posterior:
+    """The posterior of one part about poses ``(S, 4, 4)``, without any search: where climbs from them end.
+
+    The unknown object has no probability in it.
+    """
+    search = start_search(problem, part, rng)
+    _take(search, search.climber.climb(Ts, fine=True))
+    return weigh(problem, [search], np.zeros(1), -np.inf, rng)
+
+
 def _weighed(
     problem: Problem,
     searches: dict[int, PartSearch],
