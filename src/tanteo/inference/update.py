@@ -9,6 +9,7 @@ is looked for all over its prior again.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +29,9 @@ lead back to its maximum, so many."""
 
 _FRESH, _WIDELY = 8, 96
 """Draws of the prior that are climbed from beside them; and of a part of which nothing is known, or in doubt."""
+
+_GROUP, _LEFT_OUT = 8, 4
+"""Draws that are moved onto the surface by the same points, of which one in so many is left out."""
 
 _MATTERS = 0.003
 """Probability of a part from which, while its region is not normal, draws of its prior are made after each tell."""
@@ -164,10 +168,24 @@ def along_ridge(climber: Climber, Ts: Transforms) -> Peaks:
 
 
 def _draw(search: PartSearch, count: int) -> None:
-    """Climb from draws of the prior."""
-    climber = search.climber
-    Ts = from_prior(climber.problem, climber.prepared, count, search.rng)
-    _take(search, climber.look(Ts, np.zeros(len(Ts), dtype=np.int64), max(count // 2, 1)))
+    """Climb from draws of the prior, a third moved onto the surface by all points, the others by some of them each.
+
+    A point near an edge that is taken for one of the face beyond it holds all poses that are settled with it.
+    """
+    climber, rng = search.climber, search.rng
+    Ts = from_prior(climber.problem, climber.prepared, count, rng)
+    every, rest = Ts[: len(Ts) // 3 + 1], Ts[len(Ts) // 3 + 1 :]
+    _take(search, climber.look(every, np.zeros(len(every), dtype=np.int64), len(every)))
+    settled = [_settled_by_some(climber, some, rng) for some in np.array_split(rest, max(len(rest) // _GROUP, 1))]
+    _take(search, climber.climb(np.concatenate(settled), fine=True))
+
+
+def _settled_by_some(climber: Climber, Ts: Transforms, rng: np.random.Generator) -> Transforms:
+    """Poses moved onto the surface by some of the points, a quarter of them left out by chance."""
+    n = len(climber.rows)
+    rows = np.sort(rng.choice(climber.rows, n - n // _LEFT_OUT if n >= _LEFT_OUT else n, replace=False))
+    some = replace(climber, rows=rows.astype(np.int32))
+    return some.settle(Ts, np.zeros(len(Ts), dtype=np.int64), max(len(Ts), 1))[0]
 
 
 def _look_widely(search: PartSearch) -> None:
