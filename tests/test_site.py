@@ -17,7 +17,7 @@ import tanteo
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = ROOT / "docs" / "notebooks"
-NOT_FOR_PROGRAMS = {"__main__", "_core", "cli", "demo", "limits", "remarks", "replaced", "typing"}
+NOT_FOR_PROGRAMS = {"__main__", "_core", "cli", "demo", "lazy", "limits", "remarks", "replaced", "special", "typing"}
 
 
 def test_the_interface_has_every_room():

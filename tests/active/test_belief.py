@@ -326,5 +326,3 @@ def _evidence(start, part, touches, rng):
         xi = of.rvs(10000, random_state=rng)
     log = likelihood(xi) + prior.logpdf(xi) - of.logpdf(xi)
     return logsumexp(log) - np.log(len(xi))
-
-

@@ -28,6 +28,9 @@ NEGLIGIBLE = 12.0
 _FIRST, _MORE, _MOST, _ROUNDS = 64, 400, 8, 5
 """Samples of a mode at first, at most in each later round while it has too few, and for one effective one at most."""
 
+_CHECK = 40
+"""Samples at first of a mode that was normal before the last measurement: so many tell whether it still is."""
+
 _LIKELY, _GLANCE, _RARE = 5.0, 12, 9.0
 """Log evidence behind the total up to which a maximum gets all first samples; a few up to the last of these: the mass
 of a ridge can be a hundred times that of its curvature; the others are taken by their curvature."""
@@ -218,21 +221,21 @@ def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Gene
     constant = climber.problem.log_pose_density(climber.prepared) + prior
     constant += log_orbit(climber.prepared, named=climber.named)
     some = np.flatnonzero(peaks.evidence + constant > total - NEGLIGIBLE - 2)
-    sampler = Sampler(climber, peaks.take(some if len(some) else np.zeros(1, dtype=np.int64)), rng, constant)
-    if search.along is not None and len(search.along):
-        sampler.spread(search.along, _ALONG)
-    return sampler
+    some = some if len(some) else np.zeros(1, dtype=np.int64)
+    return Sampler(climber, peaks.take(some), rng, constant, search.along, trusted=search.trusted)
 
 
 def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Rounds of sampling, until every mode that matters has enough."""
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
-    wants = [_first(s.peaks.evidence + s.log_constant - total) // (8 if s.local.any() else 1) for s in samplers]
+    wants = [_first(s.peaks.evidence + s.log_constant - total, trusted=s.trusted) for s in samplers]
     for k in range(_ROUNDS):
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.draw(want)
         if k == _ROUNDS - 1:
             break
+        if k == 0:
+            _spread(samplers, log_none)
         masses = [_masses(s) for s in samplers]
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
         wants = [_wanted(s, mass - total, ess) for s, (mass, ess) in zip(samplers, masses, strict=True)]
@@ -240,10 +243,20 @@ def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
             break
 
 
-def _first(log_p: FloatArray) -> IntArray:
+def _first(log_p: FloatArray, *, trusted: bool) -> IntArray:
     """Samples to draw at first of each maximum, by its probability from its curvature; the best always has some."""
     log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -_LIKELY else log_p
-    return np.where(log_p > -_LIKELY, _FIRST, np.where(log_p > -_RARE, _GLANCE, 0))
+    return np.where(log_p > -_LIKELY, _CHECK if trusted else _FIRST, np.where(log_p > -_RARE, _GLANCE, 0))
+
+
+def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
+    """Follow ridges where a maximum of a part that matters does not look normal, by its curvature or its samples."""
+    masses = [np.logaddexp(_masses(s)[0], s.peaks.evidence + s.log_constant) for s in samplers]
+    total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
+    for sampler, mass in zip(samplers, masses, strict=True):
+        likely = mass > total + np.log(_RIVAL)
+        if sampler.along is not None and len(sampler.along) and (likely & ~(sampler.unlike_normal() < _NORMAL)).any():
+            sampler.spread(sampler.along, _ALONG)
 
 
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:

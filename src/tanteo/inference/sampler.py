@@ -46,12 +46,16 @@ class Sampler:
         peaks: maxima, the bases of the components.
         rng: of all draws.
         log_constant: of the prior, what the core leaves out, symmetric poses included.
+        along: poses on a ridge that are no maxima, for components where the maxima do not look normal; None without.
+        trusted: whether first components are as wide as their curvature says: where nothing suggests an end of a face.
     """
 
     climber: Climber
     peaks: Peaks
     rng: np.random.Generator
     log_constant: float
+    along: Peaks | None = None
+    trusted: bool = False
     Ts: Transforms = field(init=False)
     zs: FloatArray = field(init=False)
     log_target: FloatArray = field(init=False)
@@ -74,7 +78,7 @@ class Sampler:
         self.covariances, self._slopes = self._about(peaks)
         turns = self.climber.prepared.part.symmetry.Ts
         self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
-        self._fitted, self.local = np.zeros(len(peaks), dtype=bool), np.zeros(len(peaks), dtype=bool)
+        self._fitted, self.local = np.full(len(peaks), self.trusted), np.zeros(len(peaks), dtype=bool)
 
     def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
         """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""

@@ -65,6 +65,7 @@ class PartSearch:
         peaks: maxima so far.
         rounds: so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
+        trusted: whether the region of its maximum was normal before the last measurement.
     """
 
     climber: Climber
@@ -73,6 +74,7 @@ class PartSearch:
     peaks: Peaks
     rounds: int = 0
     along: Peaks | None = None
+    trusted: bool = False
 
     @property
     def log_evidence(self) -> float:

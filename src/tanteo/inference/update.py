@@ -114,7 +114,8 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     climber, likely = search.climber, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem.states, rng)
     _take(search, climber.climb(Ts, zs, fine=True))
-    if likely > _MATTERS and not max(modes, key=lambda mode: mode.probability).normal:
+    search.trusted = max(modes, key=lambda mode: mode.probability).normal
+    if likely > _MATTERS and not search.trusted:
         _draw(search, _FRESH)
         search.along = along_ridge(climber, _resampled(modes, _RIDGE, rng))
     return search
