@@ -105,7 +105,10 @@ def error_by_plain_draws(mode, T, rng, draws=3000, freedom=5):
 
 @pytest.mark.parametrize(("scenes", "n"), [(60, 30), pytest.param(600, 30, marks=SLOW)])
 def test_errors_are_as_large_as_told(parts, scenes, n):
-    """By the likelihood itself, exactly; by the covariance of the answer, which may be a little too small."""
+    """By the likelihood itself, exactly; by the covariance of the answer, which may be a little too small.
+
+    The truth may be in another mode, as improbable as that is: there an error counts as the largest of a thousand.
+    """
     told, plain = [], []
     for k in range(scenes):
         rng = np.random.default_rng((2, n, k))
@@ -115,5 +118,6 @@ def test_errors_are_as_large_as_told(parts, scenes, n):
         told.append(squared_error(mode, T))
         plain.append(error_by_plain_draws(mode, T, rng))
     low, high = chi2.ppf([5e-4, 1 - 5e-4], 6 * scenes)
-    assert low < np.sum(plain) < high
-    assert low < np.sum(told) < 1.15 * high
+    told, plain = np.minimum([told, plain], chi2.ppf(0.999, 6))
+    assert low < plain.sum() < high
+    assert low < told.sum() < 1.15 * high
