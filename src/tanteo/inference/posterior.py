@@ -51,6 +51,9 @@ _MATTERS = 0.005
 _RIVAL = 1e-3
 """The same of all regions of a part that lie along ridges: where little was measured, rivals are what may be wrong."""
 
+_MOST_ALONG = 2000
+"""Samples of a part along its ridges from which no more are drawn: what so few measurements leave is soon told anew."""
+
 _ALONG, _ENOUGH_ALONG = 8, 64
 """Samples of each component along a ridge, of which there are dozens; effective ones of all of them together, of a
 part that is not the likeliest: its odds are known to an eighth then."""
@@ -283,7 +286,7 @@ def _wanted_along(sampler: Sampler, p: FloatArray) -> IntArray:
     w = np.exp(sampler.log_weights - sampler.log_weights.max())
     ess, total = float(w.sum() ** 2 / np.sum(w * w)), float(p.sum())
     enough = _ENOUGH if total > 0.5 else _ENOUGH_ALONG
-    if ess >= enough or total < _RIVAL:
+    if ess >= enough or total < _RIVAL or len(w) > _MOST_ALONG:
         return np.zeros(len(p), dtype=np.int64)
     return np.round(min((enough / ess - 1) * len(w), 4 * _MORE) * p / total).astype(np.int64)
 

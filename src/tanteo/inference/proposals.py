@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,9 @@ FEW = 12
 
 _TILT = 0.25
 """Of a sensed normal against that of a place of the surface [rad]."""
+
+_EACH, _BEYOND = 30, 1.2
+"""Draws of the prior that are scored for each that is settled, and their spread in that of the prior."""
 
 _SPINS = 24
 """Turns about the line of two points, where no normal says which: one in a quarter of a radian."""
@@ -128,6 +131,29 @@ def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.ran
     rows = rng.choice(len(weights), size=count, p=weights / weights.sum())
     xi = np.linalg.cholesky(known.covariances)[rows] @ rng.normal(size=(count, 6, 1))
     return np.concatenate([known.Ts[:count], known.Ts[rows] @ SE3.exp(xi[..., 0])])
+
+
+def best_of_prior(
+    core: _core.Problem,
+    problem: Problem,
+    prepared: PreparedPart,
+    rows: Indices,
+    scales: Scales,
+    count: int,
+    rng: np.random.Generator,
+) -> Transforms:
+    """Of many draws of what is known of the pose, and somewhat beyond, those that points are near, best first."""
+    known = problem.mixture(prepared)
+    if known is None:
+        return np.zeros((0, 4, 4))
+    wider = replace(known, covariances=_BEYOND**2 * known.covariances)
+    Ts = np.ascontiguousarray(
+        from_prior(replace(problem, mixtures={id(prepared): wider}), prepared, _EACH * count, rng)
+    )
+    if len(rows):
+        costs = _core.scores(prepared.shape, core, rows, Ts, scales.blur, _TILT)
+        Ts = Ts[np.argsort(costs, kind="stable")]
+    return np.ascontiguousarray(Ts[:count])
 
 
 def turned(prepared: PreparedPart, Ts: Transforms) -> Transforms:

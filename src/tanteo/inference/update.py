@@ -18,8 +18,8 @@ from tanteo.inference.details import details_at
 from tanteo.inference.peaks import FAINT, SAME, Climber, Peaks
 from tanteo.inference.posterior import Mode, Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import Effort, from_prior
+from tanteo.inference.problem import Problem, outlier_log_density
+from tanteo.inference.proposals import Effort, best_of_prior, from_prior
 from tanteo.inference.search import PartSearch, start_search
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
@@ -27,7 +27,7 @@ _SAMPLES, _OF_NORMAL = 24, 2
 """Samples of what was known of a part that are climbed from; of a mode that is normal, from which nearly all of them
 lead back to its maximum, so many."""
 
-_FRESH, _WIDELY = 8, 96
+_FRESH, _WIDELY = 24, 96
 """Draws of the prior that are climbed from beside them; and of a part of which nothing is known, or in doubt."""
 
 _GROUP, _LEFT_OUT = 8, 4
@@ -39,8 +39,11 @@ _MATTERS = 0.003
 _DOUBT, _SURE = 0.2, 0.99
 """Probability of the unknown object from which the answer is in doubt; and of a part, once it becomes so probable."""
 
-_SEVERAL = 6
-"""So many points fix a pose: then pairs of them propose some, too."""
+_EXPECTED = 1.0
+"""Log density over that of an outlier that a measurement has at least if its part is roughly where it was expected."""
+
+_SEVERAL = 4
+"""So many points, with what is known beforehand, fix a pose: then pairs of them propose some, too."""
 
 _RIDGE, _PIECE, _FEW = 40, 0.5, 12
 """Poses along a ridge, and the length of the piece of each in standard deviations of all; fewer than the last tell no
@@ -113,6 +116,8 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
         return search
     climber, likely = search.climber, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem.states, rng)
+    if before is not None and likely > _MATTERS:
+        Ts, zs = _with_maxima(Ts, zs, before, part)
     _take(search, climber.climb(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
     if likely > _MATTERS and not search.trusted:
@@ -133,6 +138,18 @@ def _samples(modes: Sequence[Mode], states: int, rng: np.random.Generator) -> tu
         z = mode.z if len(mode.z) == states else np.zeros(states)  # another device has joined
         zs.append(np.repeat(z[None], 1 + len(np.unique(rows)), axis=0))
     return np.concatenate(Ts), np.concatenate(zs)
+
+
+def _with_maxima(
+    Ts: Transforms, zs: FloatArray, before: Posterior, part: PreparedPart
+) -> tuple[Transforms, FloatArray]:
+    """With all maxima that were known of a part, the improbable ones among them."""
+    for search in before.searches:
+        if search.climber.prepared is part:
+            own = search.peaks.zs
+            own = own if own.shape[1] == zs.shape[1] else np.zeros((len(own), zs.shape[1]))
+            return np.concatenate([Ts, search.peaks.Ts]), np.concatenate([zs, own])
+    return Ts, zs
 
 
 def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> Transforms:
@@ -169,12 +186,13 @@ def along_ridge(climber: Climber, Ts: Transforms) -> Peaks:
 
 
 def _draw(search: PartSearch, count: int) -> None:
-    """Climb from draws of the prior, a third moved onto the surface by all points, the others by some of them each.
+    """Climb from the best of many draws of the prior, a third moved onto the surface by all points, others by some.
 
     A point near an edge that is taken for one of the face beyond it holds all poses that are settled with it.
     """
     climber, rng = search.climber, search.rng
-    Ts = from_prior(climber.problem, climber.prepared, count, rng)
+    Ts = best_of_prior(climber.core, climber.problem, climber.prepared, climber.rows, climber.scales, count, rng)
+    Ts = Ts[rng.permutation(len(Ts))]
     every, rest = Ts[: len(Ts) // 3 + 1], Ts[len(Ts) // 3 + 1 :]
     _take(search, climber.look(every, np.zeros(len(every), dtype=np.int64), len(every)))
     settled = [_settled_by_some(climber, some, rng) for some in np.array_split(rest, max(len(rest) // _GROUP, 1))]
@@ -213,16 +231,24 @@ def _modes(posterior: Posterior, part: PreparedPart) -> list[Mode]:
 def _in_doubt(before: Posterior, after: Posterior) -> bool:
     """Whether what is known may not be all there is.
 
-    None of it explains the measurements; the best calls one more of them an outlier, which another pose may explain;
-    or a part has become nearly certain, and the true one may be among those that were not looked for.
+    None of it explains the measurements; the last of them are hardly more probable than as outliers; the best calls
+    one more of them an outlier, which another pose may explain; or a part has become nearly certain, and the true one
+    may be among those that were not looked for.
     """
     if after.unknown > _DOUBT or not after.modes:
         return True
-    if _outliers(after) > _outliers(before):
+    if _surprising(before, after) or _outliers(after) > _outliers(before):
         return True
     old, new = (probabilities(posterior) for posterior in (before, after))
     best = max(new, key=lambda part: new[part])
     return new[best] > _SURE and old.get(best, 0.0) <= _SURE
+
+
+def _surprising(before: Posterior, after: Posterior) -> bool:
+    old, new = before.problem.points, after.problem.points
+    as_outliers = float(outlier_log_density(new, after.problem.priors)[len(old) :].sum())
+    told = after.log_evidence - before.log_evidence
+    return len(new) > len(old) and told < as_outliers + _EXPECTED * (len(new) - len(old))
 
 
 def _outliers(posterior: Posterior) -> int:
