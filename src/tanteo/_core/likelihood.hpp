@@ -74,6 +74,9 @@ class Likelihood {
     void add_points(const State& state);
     double add_rays(const State& state);
     double add_priors(const State& state, bool with_slope);
+    double add_pose_prior(const Pose& pose, bool with_slope);
+    double add_table(const Pose& pose, bool with_slope);
+    void add_residuals(double share, const double* r, const double* rows, int count);
 };
 
 }  // namespace tanteo

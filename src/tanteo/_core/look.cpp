@@ -1,0 +1,196 @@
+// What of the part a point may have met, and how dense it is there: faces here, edges and corners in sharp.cpp.
+#include "likelihood.hpp"
+#include "share.hpp"
+
+namespace tanteo {
+
+namespace {
+
+constexpr double GRAZING = 0.02;     // least cosine of incidence: a beam along a face does not measure it
+constexpr double LOOKS_AWAY = 1e-6;  // density of a beam that met a face from behind
+constexpr double BEHIND = 2e-22;     // of a sensed normal that points into the part
+constexpr double IN_FRONT = 4;       // material so many standard deviations before a hit contradicts a beam
+
+struct Plane {  // that touches the surface near a point
+    Vec3 normal;
+    double distance;
+    bool round;
+    Profile::At at;
+};
+
+// The plane of a flat, or the one that touches the round surface behind it, at the place of the flat next to p.
+Plane plane_at(const Shape& shape, const Flat& flat, const Vec3& p, bool with_bends) {
+    Plane plane;
+    plane.normal = flat.normal;
+    plane.distance = dot(flat.normal, p) - flat.offset;
+    plane.round = false;
+    if (flat.profile < 0) return plane;
+    const Profile& profile = shape.profiles[flat.profile];
+    const Vec3 off = p - flat.origin;
+    const double x = dot(off, flat.u), y = dot(off, flat.v);
+    const double dx = std::clamp(x, flat.lo[0], flat.hi[0]) - x, dy = std::clamp(y, flat.lo[1], flat.hi[1]) - y;
+    const Vec3 shift = dx * flat.u + dy * flat.v;
+    const Profile::At at = profile.at(p + shift, with_bends);
+    if (!(dot(at.normal, flat.normal) >= profile.alike)) return plane;
+    plane.normal = at.normal;
+    plane.distance = at.distance - dot(at.normal, shift);
+    plane.round = true;
+    plane.at = at;
+    return plane;
+}
+
+// Density of a sensed normal m about that of the surface, by two tilts: as uncertain as the sensor is, and as the
+// surface turns where the point may be.
+inline double tilt_density(const Flat& flat, const Plane& plane, const Mat3& C, const Vec3& m, double normal_variance,
+                    Hit& hit) {
+    hit.along = dot(plane.normal, m);
+    hit.tilted = 1;
+    hit.e[0] = plane.round ? plane.at.e[0] : flat.u;
+    hit.e[1] = plane.round ? plane.at.e[1] : flat.v;
+    double log = -2 * HALF_LOG_TWO_PI;
+    for (int i = 0; i < 2; ++i) {
+        hit.bend[i] = plane.round ? plane.at.bend[i] : 0;
+        double variance = normal_variance;
+        if (hit.bend[i] != 0) variance += hit.bend[i] * hit.bend[i] * dot(hit.e[i], C * hit.e[i]);
+        hit.per_tilt[i] = 1 / std::sqrt(variance);
+        hit.tilt[i] = dot(hit.e[i], m) * hit.per_tilt[i];
+        log -= 0.5 * hit.tilt[i] * hit.tilt[i];
+    }
+    const double density = hit.per_tilt[0] * hit.per_tilt[1] * fast_exp(log);
+    return hit.along > 0 ? density : BEHIND * density;
+}
+
+// How the share of a hit follows the point, if its place in the plane moves by du and dv.
+inline void follow_share(Share& share, const Whitening& W, const Vec3& du, const Vec3& dv, Hit& hit) {
+    hit.slope = {};
+    hit.stiff = {};
+    if (!(share.value < 1 - 1e-9)) return;
+    hit.spread = -(share.xx + share.yy) / share.value;
+    log_share(share);
+    const Vec3 x = W.a * du, y = W.b * du + W.c * dv;
+    hit.slope = share.gx * x + share.gy * y;
+    add_outer(hit.stiff, share.xx, x, x);
+    add_outer(hit.stiff, share.xy, x, y);
+    add_outer(hit.stiff, share.xy, y, x);
+    add_outer(hit.stiff, share.yy, y, y);
+}
+
+}  // namespace
+
+// Everything of the part that point j may have met.
+void Likelihood::look(const State& state, int j, bool with_slope) {
+    const Point& point = problem.points[j];
+    const Mat3& R = state.pose.R;
+    Seen& s = seen[j];
+    Vec3 world = point.at;
+    if (problem.shared) {
+        const double* G = problem.gain(j);
+        for (int i = 0; i < 3; ++i)
+            for (int d = 0; d < problem.shared; ++d) world[i] += G[i * problem.shared + d] * state.z[d];
+    }
+    s.in_part = into_part(state.pose, world);
+    s.first = static_cast<int>(hits.size());
+    const double scale = problem.scale_sd > 0 ? std::exp(2 * problem.scale_sd * state.z[problem.shared]) : 1.0;
+    Mat3 C = point.cov;
+    for (double& c : C.m) c *= scale;
+    for (int i = 0; i < 3; ++i) C(i, i) += point.extra + blur * blur;
+    if (!point.isotropic) C = turned_into(R, C);
+    if (point.kind == Kind::EDGE) {
+        look_at_edges(point, j, C);
+    } else if (point.kind == Kind::CORNER) {
+        look_at_corners(point, j, C);
+    } else {
+        look_at_faces(point, j, R, C, with_slope);
+    }
+    s.count = static_cast<int>(hits.size()) - s.first;
+    s.density = 0;
+    for (int k = s.first; k < s.first + s.count; ++k) s.density += hits[k].weight;
+    if (s.density > 0 && point.reach > 0 && point.directed) {
+        const Vec3 d = transposed_times(R, point.direction);
+        if (blocked(point, s.in_part, d, std::sqrt(dot(d, C * d)))) s.density = 0;
+    }
+    if (!(s.density > 0)) {
+        hits.resize(s.first);
+        s.count = 0;
+        s.density = 0;
+    }
+}
+
+// Faces: a density of the distance from the plane that touches the surface, times the share of the noise in that plane,
+// given the distance, that falls inside the outline.
+void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope) {
+    const Vec3& p = seen[j].in_part;
+    const double widest = std::sqrt(point.isotropic ? C(0, 0) : C(0, 0) + C(1, 1) + C(2, 2));
+    const Vec3 d = point.directed ? transposed_times(R, point.direction) : Vec3{};
+    const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
+    const double per_area = 1 / shape.area;
+    const bool ball = point.radius > 0.5 * widest;
+    double deepest = 0;
+    const double nothing = NOTHING * problem.mean_rate;
+    const double normal_variance = point.normal_sd * point.normal_sd + blur_turn * blur_turn;
+    shape.flats_near(p, REACH * widest + point.radius, [&](int which) {
+        const Flat& flat = shape.flats[which];
+        const Plane plane = plane_at(shape, flat, p, point.oriented);
+        const Vec3& n = plane.normal;
+        Vec3 Cn = C(0, 0) * n;
+        double variance = C(0, 0);
+        if (!point.isotropic) {
+            Cn = C * n;
+            variance = dot(n, Cn);
+        }
+        const double per_sd = 1 / std::sqrt(variance);
+        const double r = (plane.distance - point.radius) * per_sd;
+        const bool inside_ball = ball && r < -3 && plane.distance > -point.radius;
+        if (std::fabs(r) > REACH && !inside_ball) return;
+        double weight = per_area;
+        if (point.directed) {
+            const double cosine = -dot(n, d);
+            weight = cosine > 0 ? std::max(cosine, GRAZING) : LOOKS_AWAY;
+        }
+        weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
+        Hit hit;
+        hit.tilted = 0;
+        if (point.oriented) weight *= tilt_density(flat, plane, C, m, normal_variance, hit);
+        if (!(weight >= nothing) && !inside_ball) return;
+        double ku = 0, kv = 0;  // how the place in the plane follows the distance
+        Whitening W{per_sd, 0, per_sd, widest, true};
+        if (!point.isotropic || plane.round) {
+            const double Cu = dot(flat.u, Cn), Cv = dot(flat.v, Cn);
+            ku = Cu / variance;
+            kv = Cv / variance;
+            W = whitening_of(dot(flat.u, C * flat.u) - ku * Cu, dot(flat.u, C * flat.v) - ku * Cv,
+                             dot(flat.v, C * flat.v) - kv * Cv);
+        }
+        const Vec3 off = p - flat.origin;
+        const double gap = plane.distance - point.radius;
+        Share share = share_of(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
+        if (inside_ball && share.value > 0.5) deepest = std::min(deepest, r + 3);
+        hit.weight = weight * share.value;
+        if (!(hit.weight >= nothing) || std::fabs(r) > REACH) return;
+        hit.distance = gap;
+        hit.per_sd = per_sd;
+        hit.normal = n;
+        hit.face = flat.face;
+        if (with_slope) follow_share(share, W, flat.u - ku * n, flat.v - kv * n, hit);
+        hits.push_back(hit);
+    });
+    if (ball) look_over_edges(point, j, point.isotropic ? C(0, 0) : widest * widest / 3);
+    if (deepest < 0) {  // the ball would be inside of another face
+        const double factor = fast_exp(-0.5 * deepest * deepest);
+        for (size_t k = seen[j].first; k < hits.size(); ++k) hits[k].weight *= factor;
+    }
+}
+
+// Whether the free path of a beam runs through the part, also a little beside it.
+bool Likelihood::blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const {
+    const double free = point.reach - IN_FRONT * sd - 0.01 * shape.diagonal;
+    if (free <= 0) return false;
+    const Vec3 start = p - point.reach * d;
+    if (shape.cast(start, d, free) > free) return false;
+    const Vec3 u = any_across(d), v = cross(d, u);
+    for (const Vec3& aside : {u, v, -u, -v})
+        if (shape.cast(start + IN_FRONT * sd * aside, d, free) > free) return false;
+    return true;
+}
+
+}  // namespace tanteo

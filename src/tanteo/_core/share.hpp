@@ -1,0 +1,104 @@
+// How much of a normal density in a plane lies inside an outline, and how that changes with its mean.
+#pragma once
+#include "normal.hpp"
+#include "shape.hpp"
+
+namespace tanteo {
+
+constexpr double REACH = 6;       // standard deviations beyond which nothing is seen
+constexpr double SEEN = 5;        // standard deviations beyond which an outline does not matter
+constexpr double NOTHING = 1e-9;  // of the rate of outliers: a density that does not matter
+
+
+struct Whitening {  // of the noise in a plane: W (x - mean) has unit covariance
+    double a, b, c;  // lower triangle
+    double widest;
+    bool even;  // the same in all directions
+};
+
+inline Whitening whitening_of(double xx, double xy, double yy) {
+    const double l = std::sqrt(std::max(xx, 1e-300)), m = xy / l;
+    const double k = std::sqrt(std::max(yy - m * m, 1e-12 * (xx + yy) + 1e-300));
+    return {1 / l, -m / (l * k), 1 / k, std::sqrt(0.5 * (xx + yy) + std::hypot(0.5 * (xx - yy), xy)), false};
+}
+
+struct Share {  // its gradient and minus its second derivative by the whitened mean
+    double value = 0, gx = 0, gy = 0, xx = 0, xy = 0, yy = 0;
+};
+
+// The winding number about the mean (x, y), less what lies beyond each edge and within the angle that it takes up: for
+// an edge at the distance h, with its ends at t1 and t2 along its line, T(h, t2 / h) - T(h, t1 / h) (Owen 1956). The
+// gradient is the integral of the density along the outline, by its inward normal.
+inline Share share_of(const Shape& shape, const Flat& flat, double x, double y, const Whitening& W, bool with_slope) {
+    Share share;
+    const double reach = SEEN * W.widest;
+    const bool near_x = x >= flat.lo[0] - reach && x <= flat.hi[0] + reach;
+    const bool near_y = y >= flat.lo[1] - reach && y <= flat.hi[1] + reach;
+    if (!near_x || !near_y) return share;  // nan is not near either
+    double beyond = 0;
+    int winding = 0;
+    const int* starts = shape.bin_start.data() + flat.first_bin;
+    const OutlineEdge* outline = shape.outlines.data() + flat.first_edge;
+    const auto bin = [&](double v) {
+        return static_cast<int>(std::clamp((v - flat.bin_lo) / flat.bin_step, 0.0, flat.bins - 1.0));
+    };
+    const int begin = bin(y - reach), end = bin(y + reach);
+    for (int k = begin; k <= end; ++k)
+        for (int i = starts[k]; i < starts[k + 1]; ++i) {
+            const OutlineEdge& e = outline[shape.bin_edges[i]];
+            if (k != std::max(e.first_bin, begin)) continue;  // seen in an earlier bin
+            const double rx = e.x - x, ry = e.y - y, y1 = ry + e.dy * e.length;
+            const double left = rx * e.dy - ry * e.dx;  // of the point from the edge, where it is inside
+            // a point right on an edge is taken a little to the right of it, and above: inside for one of two flats
+            const bool inside = left != 0 ? left > 0 : e.dy < 0 || (e.dy == 0 && e.dx > 0);
+            if ((ry <= 0) != (y1 <= 0))  // crosses the line through the point to the right of it
+                winding += y1 > 0 ? inside : -!inside;
+            const double ax = W.a * rx, ay = W.b * rx + W.c * ry;
+            double dx = e.dx, dy = e.dy, stretch = W.a;
+            if (!W.even) {
+                dx = W.a * e.dx;
+                dy = W.b * e.dx + W.c * e.dy;
+                stretch = std::sqrt(dx * dx + dy * dy);
+                dx /= stretch;
+                dy /= stretch;
+            }
+            const double h = ax * dy - ay * dx;
+            if (std::fabs(h) > SEEN) continue;
+            const double t1 = ax * dx + ay * dy, t2 = t1 + e.length * stretch;
+            if (t1 > SEEN || t2 < -SEEN) continue;
+            const double ah = std::fabs(h);
+            const bool whole = t1 < -SEEN && t2 > SEEN;
+            const double wedges = whole ? normal_below(-ah) : wedge(ah, t2) - wedge(ah, t1);
+            beyond += inside ? wedges : -wedges;
+            if (!with_slope) continue;
+            const double m = normal_density(h) * (whole ? 1 : normal_below(t2) - normal_below(t1));
+            share.gx -= dy * m;  // the inside is to the left: (-dy, dx)
+            share.gy += dx * m;
+            share.xx += dy * dy * h * m;
+            share.xy -= dx * dy * h * m;
+            share.yy += dx * dx * h * m;
+        }
+    share.value = std::clamp(winding - beyond, 0.0, 1.0);
+    return share;
+}
+
+// Of a share: the gradient of its log, and its information, never negative, in the frame of the flat.
+inline void log_share(Share& s) {
+    const double inverse = 1 / s.value;
+    s.gx *= inverse;
+    s.gy *= inverse;
+    const double xx = s.xx * inverse + s.gx * s.gx, xy = s.xy * inverse + s.gx * s.gy, yy = s.yy * inverse + s.gy * s.gy;
+    const double mean = 0.5 * (xx + yy), spread = std::hypot(0.5 * (xx - yy), xy);
+    const double l1 = std::max(mean + spread, 0.0), l2 = std::max(mean - spread, 0.0);
+    if (!(spread > 0)) {
+        s.xx = s.yy = l1;
+        s.xy = 0;
+        return;
+    }
+    const double c = 0.5 * (xx - yy) / spread, d = xy / spread;  // cosine and sine of twice the angle
+    s.xx = 0.5 * (l1 + l2) + 0.5 * (l1 - l2) * c;
+    s.yy = 0.5 * (l1 + l2) - 0.5 * (l1 - l2) * c;
+    s.xy = 0.5 * (l1 - l2) * d;
+}
+
+}  // namespace tanteo
