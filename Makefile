@@ -69,8 +69,8 @@ wheel-test: wheel
 # the core watched for bad accesses and undefined behaviour, in an environment that sees the packages of $(VENV)
 sanitize: build/sanitize/.done
 	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" \
-	ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1 build/sanitize/venv/bin/python \
-	$(if $(wildcard tests/core),-m pytest -q -p no:cacheprovider tests/core,-c "import tanteo._core as core; print(core.version())")
+	TANTEO_FUZZ=1000 ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1 build/sanitize/venv/bin/python \
+	$(if $(wildcard tests/core),-m pytest -q -p no:cacheprovider $(TESTS) tests/core,-c "import tanteo._core as core; print(core.version())")
 
 build/sanitize/.done: pyproject.toml $(CORE) $(VENV)/.test
 	test -d build/sanitize/venv || $(BIN)/python -m venv build/sanitize/venv
