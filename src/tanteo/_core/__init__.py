@@ -1,6 +1,7 @@
 """The compiled core: shapes, the likelihood of measurements, and what climbs, proposes and samples on it.
 
-Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` is its only caller.
+Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` calls it, and ``active`` for what
+readings are expected to tell.
 """
 
 from tanteo._core.native import (
@@ -11,6 +12,7 @@ from tanteo._core.native import (
     details,
     distinct,
     first_hits,
+    group_information,
     log_densities,
     make_problem,
     make_shape,
@@ -34,6 +36,7 @@ __all__ = [
     "details",
     "distinct",
     "first_hits",
+    "group_information",
     "log_densities",
     "make_problem",
     "make_shape",

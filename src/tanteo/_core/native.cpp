@@ -13,6 +13,7 @@
 
 #include "likelihood.hpp"
 #include "normal.hpp"
+#include "overlaps.hpp"
 #include "propose.hpp"
 #include "sample.hpp"
 #include "solve.hpp"
@@ -581,6 +582,20 @@ nb::tuple first_hits(const Shape& shape, Doubles origins, Doubles directions) {
     return nb::make_tuple(array_of(std::move(distances), {n}), array_of(std::move(triangles), {n}));
 }
 
+Out group_information(Doubles weights, Doubles means, Doubles variances, Ints groups) {
+    const std::vector<int> of = expect(groups, "groups", ANY, 0, 1e9);
+    const size_t S = of.size(), C = expect(weights, "weights", {ANY, S});
+    const std::vector<double> w = doubles(weights, "weights", {C, S}), m = doubles(means, "means", {C, S});
+    const std::vector<double> v = doubles(variances, "variances", {C, S});
+    std::vector<double> out(C);
+    {
+        nb::gil_scoped_release release;
+        Overlaps overlaps(of);
+        for (size_t c = 0; c < C; ++c) out[c] = overlaps.information(&w[c * S], &m[c * S], &v[c * S]);
+    }
+    return array_of(std::move(out), {C});
+}
+
 }  // namespace
 
 NB_MODULE(native, m) {
@@ -622,5 +637,6 @@ NB_MODULE(native, m) {
           "centre"_a);
     m.def("distinct", &distinct, "poses"_a, "informations"_a, "limit"_a, "most"_a, "centre"_a);
     m.def("closest_points", &closest_points, "shape"_a, "points"_a);
+    m.def("group_information", &group_information, "weights"_a, "means"_a, "variances"_a, "groups"_a);
     m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);
 }

@@ -11,15 +11,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import entr
 
+from tanteo import _core
 from tanteo.active.probe import Probe
 from tanteo.active.samples import Predictions, Samples
 from tanteo.typing import FloatArray, IntArray
-
-_BLOCK = 16
-"""Readings whose pairs of samples are compared at once: as many as stay in the processor's cache."""
-
-_FAR = np.float32(-80.0)
-"""Log of an overlap that is none: what is less would be no normal number in single precision, which takes ages."""
 
 
 def expected_information(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
@@ -62,11 +57,7 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
     miss = entr(hit) + entr(np.maximum(1 - hit, 0.0)) - (entr(chance) + entr(np.maximum(1 - chance, 0.0))) @ total
     variances = np.where(answers, predicted.variances + own, 1.0)
     means = np.where(answers, predicted.ranges, 0.0)
-    told = [
-        _between(w[k : k + _BLOCK], means[k : k + _BLOCK], variances[k : k + _BLOCK], member)
-        for k in range(0, len(w), _BLOCK)
-    ]
-    return np.asarray(np.maximum(miss, 0.0) + np.concatenate([np.zeros(0), *told]))
+    return np.asarray(np.maximum(miss, 0.0) + _core.group_information(w, means, variances, group))
 
 
 def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
@@ -74,27 +65,3 @@ def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
     answers = predicted.met & probe.answers(predicted.ranges, predicted.cosines)
     own = probe.variance(np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0))
     return np.where(answers, predicted.shares, 0.0), own + predicted.scatter
-
-
-def _between(w: FloatArray, means: FloatArray, variances: FloatArray, member: FloatArray) -> FloatArray:
-    """Hits' share of the information on the group ``(c,)``, of ``(c, S)`` weights, means, variances."""
-    used = (w > 0).any(axis=0)
-    w, means, variances = (a[:, used].astype(np.float32) for a in (w, means, variances))  # type: ignore[assignment]
-    member = np.asarray(member[used], dtype=np.float32)
-    scale = np.sqrt(variances.min(axis=1, initial=np.inf))[:, None]
-    means, variances = means / scale, variances / scale**2
-    root = np.sqrt(np.sqrt(variances))[:, :, None]
-    # exp(-B) of two normal densities, exp(-gap^2 / 4 total) sqrt(2 / total) root root', without its roots; in place
-    total = variances[:, :, None] + variances[:, None, :]
-    overlap = means[:, :, None] - means[:, None, :]
-    overlap *= overlap
-    overlap /= total
-    overlap *= np.float32(-0.25)
-    np.exp(np.maximum(overlap, _FAR, out=overlap), out=overlap)
-    overlap /= np.sqrt(total, out=total)
-    each = np.sqrt(np.float32(2)) * root * (overlap @ (root * w[:, :, None] * member))
-    each = np.maximum(each, 1e-30)  # of every group (c, S, G)
-    own = np.sum(each * member, axis=2)
-    hit = np.maximum(w.sum(axis=1, keepdims=True), 1e-30)
-    of_group = np.maximum((w @ member) @ member.T, 1e-30)
-    return np.asarray(np.sum(w * np.log((own / of_group) / (each.sum(axis=2) / hit)), axis=1), dtype=np.float64)
