@@ -1,7 +1,7 @@
 """The compiled core: shapes, the likelihood of measurements, and what climbs, proposes and samples on it.
 
-Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` calls it, and ``active`` for what
-readings are expected to tell.
+Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` calls it, and
+``active`` for what readings are expected to tell.
 """
 
 from tanteo._core.native import (
