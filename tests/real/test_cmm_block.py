@@ -93,7 +93,10 @@ def frame_of_the_cloud(block, dimples):
     return estimate_pose(pairings, start=np.eye(4), length=block.diagonal).T_world_part
 
 
-@pytest.mark.xfail(run=False, reason="labelled readings of the real block: the deviation of a face is one draw, not many; not named yet")
+@pytest.mark.xfail(
+    run=False,
+    reason="labelled readings of the real block: the deviation of a face is one draw, not many; not named yet",
+)
 @pytest.mark.parametrize("placement", [0, 1])
 def test_the_block_is_named_and_located(data, parts, block, dimples, placement):
     groups = touches(data, placement)
