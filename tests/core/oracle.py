@@ -12,6 +12,16 @@ import numpy as np
 from scipy.linalg import logm
 from scipy.stats import norm
 
+from core.oracle_ball import (
+    BESIDE,
+    Touch,
+    convex_edges,
+    convex_vertices,
+    log_outside,
+    middle,
+    over_edges,
+    over_vertices,
+)
 from core.oracle_shape import Flat, any_across, cast, flats_of, share, tangent_plane
 
 
@@ -39,7 +49,8 @@ class Oracle:
         ends = body.edges.reshape(-1, 2, 3)
         self.lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         self.boxes = np.stack([flat.box for flat in self.flats])
-        self.convex = list(self._convex())
+        self.convex = list(convex_edges(body, self.flats))
+        self.vertices = convex_vertices(body, self.convex)
         self.sagitta = self._sagitta()
 
     def log_density(self, T, z):
@@ -71,27 +82,35 @@ class Oracle:
 
     def on_faces(self, j, p, C, R):
         """Integral of the noise over each flat piece: a normal density of the distance, times what falls inside."""
-        q, hits, inside = self.q, [], 0.0
+        touches, near = [], []
         widest = np.sqrt(C[0, 0] if self._isotropic(j) else np.trace(C))
-        radius, ball = q.radii[j], q.radii[j] > 0.5 * widest
+        radius, ball = self.q.radii[j], self.q.radii[j] > 0.5 * widest
         off = np.maximum(np.maximum(self.boxes[:, 0] - p, p - self.boxes[:, 1]), 0)
         for i in np.flatnonzero(np.linalg.norm(off, axis=1) <= self.cuts.box * widest + radius + self.sagitta):
             flat = self.flats[i]
             n, distance, bends = tangent_plane(flat, p)
             sd = np.sqrt(n @ C @ n)
-            r = (distance - radius) / sd
-            deep = ball and r < -3 and distance > -radius
-            if abs(r) > self.cuts.reach and not deep:
+            gap = distance - radius
+            inside = ball and gap < 0 and distance > -radius
+            if abs(gap) > self.cuts.reach * sd and not inside:
                 continue
-            part = self._share(flat, p, C, n, distance - radius)
-            if deep and part > 0.5:
-                inside = min(inside, r + 3)
-            if abs(r) <= self.cuts.reach and part > 0:
-                log = norm.logpdf(r) - np.log(sd) + np.log(part) + self._aimed(n, R.T @ q.directions[j])
-                hits.append((flat.face, log + self._tilted(j, n, R.T @ q.normals[j], C, bends, flat)))
+            part = self._share(flat, p, C, n, gap)
+            straight = [(0.0, flat.u), (0.0, flat.v)]
+            touch = Touch(flat, flat.face, bends is not None, n, middle(flat), gap, part, sd, bends or straight)
+            if ball and part > BESIDE:
+                near.append(touch)
+            if abs(gap) <= self.cuts.reach * sd and part > 0:
+                touches.append(touch)
         if ball:
-            hits += self._over_edges(p, np.sqrt(C[0, 0] if self._isotropic(j) else np.trace(C) / 3), radius)
-        return [(face, log - 0.5 * inside**2) for face, log in hits]
+            sd = np.sqrt(C[0, 0] if self._isotropic(j) else np.trace(C) / 3)
+            touches += over_edges(p, radius, sd, self.convex, self.cuts.reach)
+            touches += over_vertices(p, radius, sd, self.vertices, self.cuts.reach)
+        return [(t.face, self._log_touch(j, t, C, R) + log_outside(t, near, self.body.diagonal)) for t in touches]
+
+    def _log_touch(self, j, t, C, R):
+        log = norm.logpdf(t.gap / t.sd) - np.log(t.sd) + np.log(max(t.share, 1e-300))
+        log += self._aimed(t.normal, R.T @ self.q.directions[j])
+        return log + self._tilted(j, t.normal, R.T @ self.q.normals[j], C, t.bends)
 
     def _sagitta(self):
         """How far the facets of round faces lie off them."""
@@ -114,44 +133,14 @@ class Oracle:
             return -np.log(self.area)
         return np.log(max(-n @ d, GRAZING) if n @ d < 0 else LOOKS_AWAY)
 
-    def _tilted(self, j, n, m, C, bends, flat):
+    def _tilted(self, j, n, m, C, bends):
         """A sensed normal: two tilts, each as uncertain as the sensor and as the surface where the point may be."""
         if not m.any():
             return 0.0
         log = np.log(BEHIND) if n @ m <= 0 else 0.0
-        for bend, e in bends or [(0.0, flat.u), (0.0, flat.v)]:
+        for bend, e in bends:
             log += norm.logpdf(e @ m, scale=np.sqrt(self.q.normal_sds[j] ** 2 + bend**2 * (e @ C @ e)))
         return log
-
-    def _over_edges(self, p, sd, radius):
-        """A ball that touches a convex edge: its centre is on a cylinder about it, between the faces' normals."""
-        hits = []
-        for a, b, n0, n1, face in self.convex:
-            d = (b - a) / np.linalg.norm(b - a)
-            off = p - a
-            out = off - (off @ d) * d
-            r = (np.linalg.norm(out) - radius) / sd
-            if abs(r) > self.cuts.reach or max(out @ n0, out @ n1) < 0:
-                continue
-            inward = np.cross(n0, d), np.cross(d, n1)
-            log = norm.logpdf(r) - np.log(sd * self.area) + sum(norm.logcdf(-(out @ i) / sd) for i in inward)
-            between = norm.cdf(off @ d / sd) - norm.cdf((off @ d - np.linalg.norm(b - a)) / sd)
-            hits.append((face, log + np.log(max(between, 1e-300))))
-        return hits
-
-    def _convex(self):
-        """Edges between two flats that turn down from one to the other: ends, normals, face of the first."""
-        flat_of = {t: f for f in self.flats for t in f.triangles}
-        T = self.body.triangles
-        sides = {(t[i], t[(i + 1) % 3]): k for k, t in enumerate(T) for i in range(3)}
-        for (a, b), k in sides.items():
-            other = sides.get((b, a))
-            if a > b or other is None or flat_of[k] is flat_of[other]:
-                continue
-            n0, n1 = (self.body.across[t] / np.linalg.norm(self.body.across[t]) for t in (k, other))
-            ends = self.body.vertices[[a, b]]
-            if np.cross(n0, n1) @ (ends[1] - ends[0]) > 1e-3 * np.linalg.norm(ends[1] - ends[0]):
-                yield *ends, n0, n1, self.body.faces[k]
 
     def on_edges(self, j, p, C, R):
         """Normal across a straight edge, even along it."""

@@ -57,12 +57,18 @@ def test_nine_of_the_eleven_meshes_are_closed_and_two_of_them_are_one(targets):
 def test_real_cylinder(targets):
     """Target 5.75 mm; least squares, which maximum likelihood is, cannot be under 5.87 and no pose under 5.45.
 
-    The posterior is flat there: from 5.87 to 5.96 mm maxima differ by 0.04 nats, and rounding decides which is found.
+    The posterior is flat there: from 5.87 to 5.96 mm maxima differ by 0.04 nats. What is told is its mean, a tenth of a
+    millimetre and more off the maximum.
     """
     points, answer = located(targets, "measCylinder_exp", "cylinder", SD)
     best = answer.hypotheses[0]
     distances = [mean_distance(targets["cylinder"], h.T_world_part, points) for h in answer.hypotheses]
-    assert 5.4e-3 < distances[0] < 6e-3
+    assert (
+        5.4e-3
+        < mean_distance(targets["cylinder"], _peak(targets["cylinder"], best.T_world_part, points), points)
+        < 6e-3
+    )
+    assert 5.4e-3 < distances[0] < 6.2e-3
     assert _evidence_beside(targets["cylinder"], best.T_world_part, points) < 0.1
     assert max(d for h, d in zip(answer.hypotheses, distances, strict=True) if h.probability > 1e-3) < 7.0e-3
     assert "times as much as stated" in answer.message
@@ -71,6 +77,12 @@ def test_real_cylinder(targets):
     assert best.unobserved == ()
     local = SE3.apply(SE3.inverse(best.T_world_part), points)
     assert np.ptp(local[:, 1]) > np.ptp(targets["cylinder"].part.box[:, 1])
+
+
+def _peak(target, T, points):
+    """The most probable pose that is climbed to from one."""
+    problem = Problem(touches_of(points, 1.6 * SD), no_paths(), Priors(radius=target.part.radius))
+    return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0].T_peak
 
 
 def _evidence_beside(target, T, points):

@@ -32,14 +32,20 @@ def test_located_without_correspondences_and_without_a_guess(located, name):
 
 
 def test_two_people_agree_once_the_tip_is_an_error_that_all_touches_share(target, located):
-    assert disagreement(target, located, True, one_draw=True) > 0.01
-    assert disagreement(target, located, True, one_draw=False) > 0.01
+    """Plain least squares says 0.02; what the print is off its model is in neither, so the bound is a tenth of that."""
+    assert disagreement(target, located, True, one_draw=True) > 2e-3
+    assert disagreement(target, located, True, one_draw=False) > 2e-3
 
 
 def test_without_the_tip_they_contradict_each_other(target, located):
-    assert disagreement(target, located, False, one_draw=False) < 1e-3
-    assert located["novice", False].hypotheses[0].p_value < 0.01
-    assert located["novice", False].status == "unknown"
+    assert disagreement(target, located, False, one_draw=False) < 1e-6
+
+
+def test_without_the_tip_the_novice_is_told_of_the_scatter_and_has_a_wider_covariance(target, located):
+    answer, known = located["novice", False], located["novice", True]
+    assert "times as much as stated" in answer.message
+    wide, narrow = (corner_sd(target.part, a.hypotheses[0].covariance) for a in (answer, known))
+    assert wide > 1.5 * narrow
 
 
 def test_the_tip_that_each_set_finds_is_the_same(target, located):
@@ -50,7 +56,7 @@ def test_the_tip_that_each_set_finds_is_the_same(target, located):
         mode = mode_at(target, touches, T)
         draws.append((mode.z, np.linalg.inv(mode.information)[6:, 6:]))
     (z, P), (w, Q) = draws
-    assert chi2.sf((z - w) @ np.linalg.solve(P + Q, z - w), len(z)) > 0.01
+    assert chi2.sf((z - w) @ np.linalg.solve(P + Q, z - w), len(z)) > 2e-3  # as above
 
 
 @pytest.mark.parametrize("name", SETS)

@@ -28,6 +28,13 @@ struct Hit {
     Vec3 e[2];
 };
 
+struct BallSees {  // what a ball touches, or is inside of: a flat, or an edge or a vertex (-1)
+    int flat, face;
+    bool round;
+    Vec3 normal, on_it;
+    double gap, share;
+};
+
 struct Seen {  // a point at a pose
     Vec3 in_part;
     int first = 0, count = 0;
@@ -52,6 +59,8 @@ class Likelihood {
     std::vector<double> gradient, information;
     std::vector<Seen> seen;
     std::vector<Hit> hits;
+    std::vector<BallSees> ball_sees, faces_near;  // of one ball: by hit, and all flats
+
 
   private:
     const Shape& shape;
@@ -61,7 +70,8 @@ class Likelihood {
 
     void look(const State& state, int j, bool with_slope);
     void look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope);
-    void look_over_edges(const Point& point, int j, double variance);
+    void keep_outside(size_t first);
+    void look_over_edges(const Point& point, int j, const Mat3& C, const Vec3& d, const Vec3& m, double normal_variance);
     void look_at_edges(const Point& point, int j, const Mat3& C);
     void look_at_corners(const Point& point, int j, const Mat3& C);
     bool blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const;

@@ -1,4 +1,5 @@
 // What of the part a point may have met, and how dense it is there: faces here, edges and corners in sharp.cpp.
+#include "aim.hpp"
 #include "likelihood.hpp"
 #include "share.hpp"
 
@@ -6,10 +7,8 @@ namespace tanteo {
 
 namespace {
 
-constexpr double GRAZING = 0.02;     // least cosine of incidence: a beam along a face does not measure it
-constexpr double LOOKS_AWAY = 1e-6;  // density of a beam that met a face from behind
-constexpr double BEHIND = 2e-22;     // of a sensed normal that points into the part
-constexpr double IN_FRONT = 4;       // material so many standard deviations before a hit contradicts a beam
+constexpr double BESIDE = 1e-3;  // least share of the noise on a face that keeps a ball off another
+constexpr double IN_FRONT = 4;  // material so many standard deviations before a hit contradicts a beam
 
 struct Plane {  // that touches the surface near a point
     Vec3 normal;
@@ -37,27 +36,6 @@ Plane plane_at(const Shape& shape, const Flat& flat, const Vec3& p, bool with_be
     plane.round = true;
     plane.at = at;
     return plane;
-}
-
-// Density of a sensed normal m about that of the surface, by two tilts: as uncertain as the sensor is, and as the
-// surface turns where the point may be.
-inline double tilt_density(const Flat& flat, const Plane& plane, const Mat3& C, const Vec3& m, double normal_variance,
-                    Hit& hit) {
-    hit.along = dot(plane.normal, m);
-    hit.tilted = 1;
-    hit.e[0] = plane.round ? plane.at.e[0] : flat.u;
-    hit.e[1] = plane.round ? plane.at.e[1] : flat.v;
-    double log = -2 * HALF_LOG_TWO_PI;
-    for (int i = 0; i < 2; ++i) {
-        hit.bend[i] = plane.round ? plane.at.bend[i] : 0;
-        double variance = normal_variance;
-        if (hit.bend[i] != 0) variance += hit.bend[i] * hit.bend[i] * dot(hit.e[i], C * hit.e[i]);
-        hit.per_tilt[i] = 1 / std::sqrt(variance);
-        hit.tilt[i] = dot(hit.e[i], m) * hit.per_tilt[i];
-        log -= 0.5 * hit.tilt[i] * hit.tilt[i];
-    }
-    const double density = hit.per_tilt[0] * hit.per_tilt[1] * fast_exp(log);
-    return hit.along > 0 ? density : BEHIND * density;
 }
 
 // How the share of a hit follows the point, if its place in the plane moves by du and dv.
@@ -125,7 +103,8 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
     const double per_area = 1 / shape.area;
     const bool ball = point.radius > 0.5 * widest;
-    double deepest = 0;
+    ball_sees.clear();
+    faces_near.clear();
     const double nothing = NOTHING * problem.mean_rate;
     const double normal_variance = point.normal_sd * point.normal_sd + blur_turn * blur_turn;
     shape.flats_near(p, REACH * widest + point.radius, [&](int which) {
@@ -140,18 +119,19 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         }
         const double per_sd = 1 / std::sqrt(variance);
         const double r = (plane.distance - point.radius) * per_sd;
-        const bool inside_ball = ball && r < -3 && plane.distance > -point.radius;
-        if (std::fabs(r) > REACH && !inside_ball) return;
-        double weight = per_area;
-        if (point.directed) {
-            const double cosine = -dot(n, d);
-            weight = cosine > 0 ? std::max(cosine, GRAZING) : LOOKS_AWAY;
-        }
+        const bool inside = ball && r < 0 && plane.distance > -point.radius;  // of a face: it may not touch another
+        if (std::fabs(r) > REACH && !inside) return;
+        double weight = point.directed ? aimed(n, d) : per_area;
         weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
         Hit hit;
         hit.tilted = 0;
-        if (point.oriented) weight *= tilt_density(flat, plane, C, m, normal_variance, hit);
-        if (!(weight >= nothing) && !inside_ball) return;
+        if (point.oriented) {
+            const Vec3 axes[2] = {flat.u, flat.v};
+            const double flat_bend[2] = {0, 0};
+            weight *= plane.round ? tilt_density(plane.at.e, plane.at.bend, n, C, m, normal_variance, hit)
+                                  : tilt_density(axes, flat_bend, n, C, m, normal_variance, hit);
+        }
+        if (!(weight >= nothing) && !inside) return;
         double ku = 0, kv = 0;  // how the place in the plane follows the distance
         Whitening W{per_sd, 0, per_sd, widest, true};
         if (!point.isotropic || plane.round) {
@@ -164,21 +144,23 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         const Vec3 off = p - flat.origin;
         const double gap = plane.distance - point.radius;
         Share share = share_of(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
-        if (inside_ball && share.value > 0.5) deepest = std::min(deepest, r + 3);
         hit.weight = weight * share.value;
+        const Vec3 middle =
+            flat.origin + 0.5 * (flat.lo[0] + flat.hi[0]) * flat.u + 0.5 * (flat.lo[1] + flat.hi[1]) * flat.v;
+        const BallSees sees{which, flat.face, plane.round, n, middle, gap, share.value};
+        if (ball && share.value > BESIDE) faces_near.push_back(sees);
         if (!(hit.weight >= nothing) || std::fabs(r) > REACH) return;
         hit.distance = gap;
         hit.per_sd = per_sd;
         hit.normal = n;
         hit.face = flat.face;
         if (with_slope) follow_share(share, W, flat.u - ku * n, flat.v - kv * n, hit);
+        if (ball) ball_sees.push_back(sees);
         hits.push_back(hit);
     });
-    if (ball) look_over_edges(point, j, point.isotropic ? C(0, 0) : widest * widest / 3);
-    if (deepest < 0) {  // the ball would be inside of another face
-        const double factor = fast_exp(-0.5 * deepest * deepest);
-        for (size_t k = seen[j].first; k < hits.size(); ++k) hits[k].weight *= factor;
-    }
+    if (!ball) return;
+    look_over_edges(point, j, C, d, m, normal_variance);
+    keep_outside(seen[j].first);
 }
 
 // Whether the free path of a beam runs through the part, also a little beside it.

@@ -44,6 +44,7 @@ struct ConvexEdge {  // between two flats: where a ball rolls over
     Vec3 a, direction, normal[2], inward[2];
     double length;
     int face, unused = 0;
+    int tip[2] = {-1, -1};  // the vertices at its ends, where all edges are convex and a ball rolls over, too
 };
 
 struct Segment {  // a straight sharp edge of the part

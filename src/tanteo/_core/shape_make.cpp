@@ -166,22 +166,37 @@ void Shape::make_convex_edges() {
         for (int j = 0; j < 3; ++j) owner[{triangles[3 * t + j], triangles[3 * t + (j + 1) % 3]}] = t;
     std::vector<Box> boxes;
     std::vector<ConvexEdge> found;
+    std::vector<int> convex(vertices.size(), 0);  // how many such edges end there; -1 if another edge does
     for (const auto& [key, t] : owner) {
         if (key.first > key.second) continue;
         const auto back = owner.find({key.second, key.first});
-        if (back == owner.end()) continue;
+        if (back == owner.end()) {
+            convex[key.first] = convex[key.second] = -1;
+            continue;
+        }
         const int s = back->second;
         if (flat_of[t] < 0 || flat_of[s] < 0 || flat_of[t] == flat_of[s]) continue;
         const Vec3 a = vertices[key.first], b = vertices[key.second], d = unit(b - a);
         // with the first triangle on the left of the edge, a convex one turns down to the second
-        if (dot(cross(normals[t], normals[s]), d) <= 1e-3) continue;
+        const double turn = dot(cross(normals[t], normals[s]), d);
+        for (const int end : {key.first, key.second})
+            if (turn < -1e-3 || convex[end] < 0)
+                convex[end] = -1;
+            else
+                convex[end] += turn > 1e-3;
+        if (turn <= 1e-3) continue;
         ConvexEdge e{a, d, {normals[t], normals[s]}, {cross(normals[t], d), cross(d, normals[s])}, norm(b - a), faces[t]};
+        e.tip[0] = key.first;
+        e.tip[1] = key.second;
         Box box;
         box.add(a);
         box.add(b);
         boxes.push_back(box);
         found.push_back(e);
     }
+    for (ConvexEdge& e : found)
+        for (int& tip : e.tip)
+            if (convex[tip] < 3) tip = -1;
     convex_edges = std::move(found);
     edge_tree.build(boxes);
 }

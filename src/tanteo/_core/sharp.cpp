@@ -1,17 +1,61 @@
 // What of the part a point may have met, and how dense it is there: convex edges under a ball, edges, corners.
+#include <algorithm>
 #include <cstring>
+#include <vector>
 
+#include "aim.hpp"
 #include "likelihood.hpp"
 #include "share.hpp"
 
 namespace tanteo {
 
-// A ball that touches a convex edge: its centre is on a cylinder about the edge, between the two faces.
-void Likelihood::look_over_edges(const Point& point, int j, double variance) {
+namespace {
+
+constexpr double PARALLEL = 1e-3;  // least sine between two surfaces of which one keeps a ball off the other
+
+struct Tip {  // a convex vertex that a ball may touch, with one of its edges
+    int vertex, face;
+    Vec3 at, away;
+};
+
+}  // namespace
+
+// A ball that touches one thing must not be inside of another face in front of it: the share of the noise along what it
+// touches that leaves it outside, and where it is near the other face at all.
+void Likelihood::keep_outside(size_t first) {
+    const double apart = 1e-9 * shape.diagonal;
+    for (size_t k = first; k < hits.size(); ++k) {
+        Hit& hit = hits[k];
+        const BallSees& own = ball_sees[k - first];
+        for (const BallSees& other : faces_near) {
+            if (other.flat == own.flat || (own.round && other.round && own.face == other.face)) continue;
+            if (dot(other.normal, own.on_it - other.on_it) <= apart) continue;
+            if (own.flat >= 0 && dot(own.normal, other.on_it - own.on_it) <= apart) continue;
+            const double cosine = dot(other.normal, own.normal), sine = std::sqrt(std::max(1 - cosine * cosine, 0.0));
+            if (sine < PARALLEL) continue;
+            const double per = hit.per_sd / sine, u = (other.gap - cosine * own.gap) * per;
+            const double outside = 1 - other.share * normal_below(-u);
+            if (outside > 1 - 1e-9) continue;
+            const double pull = other.share * normal_density(u) / std::max(outside, 1e-300);
+            const Vec3 by_p = per * (other.normal - cosine * own.normal);
+            hit.weight *= outside;
+            hit.slope += pull * by_p;
+            add_outer(hit.stiff, std::max(pull * (pull + u), 0.0), by_p, by_p);
+        }
+    }
+}
+
+// A ball that touches a convex edge: its centre is on a cylinder about the edge, between the two faces. The sensor came
+// along d and may have felt the normal m.
+void Likelihood::look_over_edges(const Point& point, int j, const Mat3& C, const Vec3& d, const Vec3& m,
+                                 double normal_variance) {
     const Vec3& p = seen[j].in_part;
-    const double sd = std::sqrt(variance), per_sd = 1 / sd, nothing = NOTHING * problem.mean_rate;
+    const double sd = std::sqrt(point.isotropic ? C(0, 0) : (C(0, 0) + C(1, 1) + C(2, 2)) / 3), per_sd = 1 / sd, nothing = NOTHING * problem.mean_rate;
+    std::vector<Tip> tips;
     shape.convex_edges_near(p, REACH * sd + point.radius, [&](int which) {
         const ConvexEdge& e = shape.convex_edges[which];
+        if (e.tip[0] >= 0) tips.push_back({e.tip[0], e.face, e.a, e.direction});
+        if (e.tip[1] >= 0) tips.push_back({e.tip[1], e.face, e.a + e.length * e.direction, -e.direction});
         const Vec3 off = p - e.a;
         const double t = dot(off, e.direction);
         const Vec3 out = off - t * e.direction;
@@ -21,15 +65,19 @@ void Likelihood::look_over_edges(const Point& point, int j, double variance) {
         if (dot(out, e.normal[0]) < 0 && dot(out, e.normal[1]) < 0) return;
         const double along = normal_below(t * per_sd) - normal_below((t - e.length) * per_sd);
         const double share = normal_below(h0) * normal_below(h1) * along;
-        const double weight = share * per_sd / shape.area * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
-        if (!(weight >= nothing)) return;
+        const Vec3 n = (1 / far) * out, across[2] = {e.direction, cross(n, e.direction)};
+        const double bend[2] = {0, 1 / far};
         Hit hit;
-        hit.weight = weight;
+        hit.tilted = 0;
+        hit.weight = share * (point.directed ? aimed(n, d) : 1 / shape.area) * per_sd *
+                     fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
+        if (point.oriented) hit.weight *= tilt_density(across, bend, n, C, m, normal_variance, hit);
+        if (!(hit.weight >= nothing)) return;
         hit.distance = far - point.radius;
         hit.per_sd = per_sd;
-        hit.normal = (1 / far) * out;
+        hit.normal = n;
         hit.face = e.face;
-        hit.tilted = 0;
+        ball_sees.push_back({-1, e.face, false, n, e.a, hit.distance, share});
         hit.slope = (-per_sd * normal_density(h0) / std::max(normal_below(h0), 1e-300)) * e.inward[0];
         hit.slope += (-per_sd * normal_density(h1) / std::max(normal_below(h1), 1e-300)) * e.inward[1];
         hit.slope += ((normal_density(t * per_sd) - normal_density((t - e.length) * per_sd)) * per_sd /
@@ -37,6 +85,35 @@ void Likelihood::look_over_edges(const Point& point, int j, double variance) {
         hit.stiff = {};
         hits.push_back(hit);
     });
+    std::sort(tips.begin(), tips.end(), [](const Tip& a, const Tip& b) { return a.vertex < b.vertex; });
+    for (size_t k = 0; k < tips.size();) {  // and a convex vertex: on a sphere, on the outer side of all its edges
+        const Vec3 out = p - tips[k].at;
+        const double far = norm(out), r = (far - point.radius) * per_sd;
+        const size_t first = k;
+        double share = 1;
+        Hit hit;
+        hit.slope = {};
+        for (; k < tips.size() && tips[k].vertex == tips[first].vertex; ++k) {
+            const double h = -dot(out, tips[k].away) * per_sd, below = normal_below(h);
+            share *= below;
+            hit.slope += (-per_sd * normal_density(h) / std::max(below, 1e-300)) * tips[k].away;
+        }
+        if (std::fabs(r) > REACH || far < 1e-12) continue;
+        const Vec3 n = (1 / far) * out, u = any_across(n), across[2] = {u, cross(n, u)};
+        const double bend[2] = {1 / far, 1 / far};
+        hit.tilted = 0;
+        hit.weight = share * (point.directed ? aimed(n, d) : 1 / shape.area) * per_sd *
+                     fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
+        if (point.oriented) hit.weight *= tilt_density(across, bend, n, C, m, normal_variance, hit);
+        if (!(hit.weight >= nothing)) continue;
+        hit.distance = far - point.radius;
+        hit.per_sd = per_sd;
+        hit.normal = n;
+        hit.face = tips[first].face;
+        hit.stiff = {};
+        ball_sees.push_back({-1, hit.face, false, n, tips[first].at, hit.distance, share});
+        hits.push_back(hit);
+    }
 }
 
 // A point that was sensed on a straight edge: normal about the edge, even along it.

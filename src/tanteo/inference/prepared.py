@@ -25,7 +25,7 @@ _CELLS = 40
 _FEW = 500
 """Vertices up to this number may all be ones on which the part stands."""
 
-_KIND = "shape1"
+_KIND = "shape2"
 """Of the bytes beside a part in the cache: another number where what is put into a shape changes."""
 
 
