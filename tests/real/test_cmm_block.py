@@ -93,38 +93,42 @@ def frame_of_the_cloud(block, dimples):
     return estimate_pose(pairings, start=np.eye(4), length=block.diagonal).T_world_part
 
 
-@pytest.mark.xfail(
-    run=False,
-    reason="labelled readings of the real block: the deviation of a face is one draw, not many; not named yet",
-)
-@pytest.mark.parametrize("placement", [0, 1])
-def test_the_block_is_named_and_located(data, parts, block, dimples, placement):
-    groups = touches(data, placement)
+@pytest.fixture(scope="module", params=[0, 1])
+def located(request, data, parts, dimples):
+    """Of one placement: the answer, its pose, the one that the dimples' order gives, the gaps of the dimples."""
+    groups = touches(data, request.param)
     answer = identify(readings(groups), parts, sd=SD, tolerance=TOLERANCE)
     best = answer.hypotheses[0]
-    assert (answer.status, best.part) == ("recognized", block.name)
-    assert best.probability > 0.99
-    assert best.symmetry_order == 2
-
     known = rigid(dimples, np.array([group.mean(axis=0) for group in groups]))
     poses = [best.T_world_part, *best.symmetry_poses]
     gaps = [SE3.apply(T, dimples) - SE3.apply(known, dimples) for T in poses]
     k = int(np.argmin([np.abs(gap).max() for gap in gaps]))
+    return answer, poses[k], known, gaps[k]
 
-    J = np.concatenate([np.broadcast_to(np.eye(3), (20, 3, 3)), -SO3.hat(dimples)], axis=-1)
-    C = J @ best.covariance @ np.swapaxes(J, 1, 2)
-    local = gaps[k] @ poses[k][:3, :3]
-    inside = np.einsum("ni,nij,nj->n", local, np.linalg.inv(C), local)
-    assert inside.max() < CHI2_95_OF_3  # every dimple in its 95 % ellipsoid
 
+def test_the_block_is_named_and_located(located, block, dimples):
+    answer, T, known, gaps = located
+    best = answer.hypotheses[0]
+    assert (answer.status, best.part) == ("recognized", block.name)
+    assert best.probability > 0.99
+    assert best.symmetry_order == 2
     # The rest of the gap is the frame of the cloud: it is turned against the drawing, whatever fits the drawing.
-    own = SE3.apply(poses[k], dimples) - SE3.apply(known @ frame_of_the_cloud(block, dimples), dimples)
+    own = SE3.apply(T, dimples) - SE3.apply(known @ frame_of_the_cloud(block, dimples), dimples)
+    print(f"dimples off by {1e3 * np.linalg.norm(gaps, axis=1).max():.2f} mm", end=", ")
     print(
-        f"placement {placement}: dimples off by {1e3 * np.linalg.norm(gaps[k], axis=1).max():.2f} mm, "
         f"{1e3 * np.linalg.norm(own, axis=1).max():.2f} mm without the frame of the cloud; P = {best.probability:.6f}"
     )
-    assert np.linalg.norm(gaps[k], axis=1).max() < 0.5e-3
+    assert np.linalg.norm(gaps, axis=1).max() < 0.5e-3
     assert np.linalg.norm(own, axis=1).max() < 0.3e-3
+
+
+@pytest.mark.xfail(reason="the frame of the cloud is off by more than is told, which is of the drawing's own faces")
+def test_every_dimple_is_in_its_ellipsoid_of_95_percent(located, dimples):
+    answer, T, _, gaps = located
+    J = np.concatenate([np.broadcast_to(np.eye(3), (20, 3, 3)), -SO3.hat(dimples)], axis=-1)
+    C = J @ answer.hypotheses[0].covariance @ np.swapaxes(J, 1, 2)
+    local = gaps @ T[:3, :3]
+    assert np.einsum("ni,nij,nj->n", local, np.linalg.inv(C), local).max() < CHI2_95_OF_3
 
 
 def test_the_frame_of_the_cloud_is_turned_against_the_drawing(data, block, dimples):

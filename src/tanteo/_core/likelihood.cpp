@@ -10,7 +10,11 @@ double Likelihood::at(const State& state, bool with_slope) {
     const int n = static_cast<int>(problem.points.size()), K = problem.size();
     hits.clear();
     seen.resize(n);
-    for (int j = 0; j < n; ++j) look(state, j, with_slope);
+    for (int j = 0; j < n; ++j)
+        if (left_out(j))
+            seen[j] = {};
+        else
+            look(state, j, with_slope);
     if (with_slope) {
         gradient.assign(K, 0.0);
         information.assign(static_cast<size_t>(K) * K, 0.0);
@@ -22,26 +26,29 @@ double Likelihood::at(const State& state, bool with_slope) {
     return log;
 }
 
-// All points together, the outlier rate integrated out; afterwards each hit has its share.
+// All points together, the outlier rate integrated out; afterwards each hit has its share. A label counts where nothing
+// is blurred: a face that is only near must not be shut out while a climb is on its way.
 double Likelihood::combine() {
+    const bool labels = blur == 0;
+    const size_t groups = labels ? problem.groups.size() : 0;
     const int n = static_cast<int>(problem.points.size()), nodes = static_cast<int>(problem.rates.size());
     double base = 0;
     for (const Point& point : problem.points) base += point.log_outlier;
     node_log.assign(nodes, 0.0);
-    views.resize(problem.groups.size());
+    views.resize(groups);
     for (size_t g = 0; g < views.size(); ++g) view_group(g);
     for (int k = 0; k < nodes; ++k) {
         const double rate = problem.rates[k];
         double product = 1, log = 0;
         for (int j = 0; j < n; ++j) {
-            if (problem.points[j].group >= 0) continue;
+            if (left_out(j) || (labels && problem.points[j].group >= 0)) continue;
             product *= (1 - rate) * seen[j].density + rate;
             if (product < 1e-200 || product > 1e200) {
                 log += std::log(product);
                 product = 1;
             }
         }
-        for (size_t g = 0; g < problem.groups.size(); ++g) log += log_group(g, rate);
+        for (size_t g = 0; g < groups; ++g) log += log_group(g, rate);
         node_log[k] = log + std::log(product) + std::log(problem.rate_weights[k]);
     }
     double top = -1e300, sum = 0;
@@ -51,7 +58,7 @@ double Likelihood::combine() {
     for (int j = 0; j < n; ++j) {
         Seen& s = seen[j];
         s.belongs = 0;
-        if (problem.points[j].group >= 0 || !s.count) continue;
+        if ((labels && problem.points[j].group >= 0) || !s.count) continue;
         for (int k = 0; k < nodes; ++k) {
             const double on = (1 - problem.rates[k]) * s.density;
             s.belongs += node_log[k] / sum * on / (on + problem.rates[k]);

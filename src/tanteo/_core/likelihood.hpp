@@ -55,6 +55,7 @@ class Likelihood {
     // about the centre of the shape
     double at(const State& state, bool with_slope);
 
+    std::vector<char> coarse;        // whether a point counts where noise is blurred; empty: all do
     double blur = 0, blur_turn = 0;  // added to the noise of points [m] and normals [rad]: coarse to fine
     std::vector<double> gradient, information;
     std::vector<Seen> seen;
@@ -70,6 +71,7 @@ class Likelihood {
 
     void look(const State& state, int j, bool with_slope);
     void look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope);
+    bool left_out(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void keep_outside(size_t first);
     void look_over_edges(const Point& point, int j, const Mat3& C, const Vec3& d, const Vec3& m, double normal_variance);
     void look_at_edges(const Point& point, int j, const Mat3& C);

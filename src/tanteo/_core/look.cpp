@@ -103,6 +103,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
     const double per_area = 1 / shape.area;
     const bool ball = point.radius > 0.5 * widest;
+    const bool kept_off = ball && blur == 0;  // by other faces: blurred noise does not tell them apart
     ball_sees.clear();
     faces_near.clear();
     const double nothing = NOTHING * problem.mean_rate;
@@ -119,7 +120,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         }
         const double per_sd = 1 / std::sqrt(variance);
         const double r = (plane.distance - point.radius) * per_sd;
-        const bool inside = ball && r < 0 && plane.distance > -point.radius;  // of a face: it may not touch another
+        const bool inside = kept_off && r < 0 && plane.distance > -point.radius;  // of a face: it may not touch another
         if (std::fabs(r) > REACH && !inside) return;
         double weight = point.directed ? aimed(n, d) : per_area;
         weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
@@ -148,19 +149,19 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         const Vec3 middle =
             flat.origin + 0.5 * (flat.lo[0] + flat.hi[0]) * flat.u + 0.5 * (flat.lo[1] + flat.hi[1]) * flat.v;
         const BallSees sees{which, flat.face, plane.round, n, middle, gap, share.value};
-        if (ball && share.value > BESIDE) faces_near.push_back(sees);
+        if (kept_off && share.value > BESIDE) faces_near.push_back(sees);
         if (!(hit.weight >= nothing) || std::fabs(r) > REACH) return;
         hit.distance = gap;
         hit.per_sd = per_sd;
         hit.normal = n;
         hit.face = flat.face;
         if (with_slope) follow_share(share, W, flat.u - ku * n, flat.v - kv * n, hit);
-        if (ball) ball_sees.push_back(sees);
+        if (kept_off) ball_sees.push_back(sees);
         hits.push_back(hit);
     });
     if (!ball) return;
     look_over_edges(point, j, C, d, m, normal_variance);
-    keep_outside(seen[j].first);
+    if (kept_off) keep_outside(seen[j].first);
 }
 
 // Whether the free path of a beam runs through the part, also a little beside it.

@@ -7,6 +7,7 @@ namespace tanteo {
 namespace {
 
 constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
+constexpr size_t ROUGH_POINTS = 24;  // in blurred noise: more of them tell no more about which maximum is near
 constexpr int FIRST_STEPS = 6;        // until climbs are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double ROUGHLY = 0.1;       // a gain that ends a climb that is not the last
@@ -153,9 +154,24 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
     }
 }
 
+// Whether a point is one of so many that lie far apart; empty if there are no more.
+static std::vector<char> far_apart(const std::vector<Point>& points, size_t count) {
+    if (points.size() <= count) return {};
+    std::vector<char> chosen(points.size(), 0);
+    std::vector<double> nearest(points.size(), 1e300);
+    for (size_t next = 0, k = 0; k < count; ++k) {
+        chosen[next] = 1;
+        const Vec3 at = points[next].at;
+        for (size_t j = 0; j < points.size(); ++j) nearest[j] = std::min(nearest[j], norm(points[j].at - at));
+        next = std::max_element(nearest.begin(), nearest.end()) - nearest.begin();
+    }
+    return chosen;
+}
+
 std::vector<Climb> climb_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
                              const std::vector<double>& blurs, int steps, double enough, double margin) {
     Likelihood likelihood(shape, problem);
+    likelihood.coarse = far_apart(problem.points, ROUGH_POINTS);
     std::vector<Climb> climbs(starts.size());
     for (size_t k = 0; k < starts.size(); ++k) {
         climbs[k].state = starts[k];

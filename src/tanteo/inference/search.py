@@ -44,6 +44,9 @@ _RACE = (Effort(6, 16, 3, 8), Effort(12, 40, 7, 40))
 _BEHIND = (24.0, 12.0)
 """Log evidence behind the leader, the unknown object included, at which a part is out after each of these."""
 
+_EXPLAINED = 0.9
+"""Share of the points that the leader has to have on it before parts far behind it are out: outliers are fewer."""
+
 _MOST = 40
 """Maxima kept of a part."""
 
@@ -122,6 +125,14 @@ class PartSearch:
         peaks = climber.climb(self.peaks.Ts, zs, self.peaks.groups, fine=True)
         return replace(self, climber=climber, peaks=peaks)
 
+    def explains(self) -> bool:
+        """Whether the best maximum has nine of ten points on the part, or there is nothing to explain."""
+        if not len(self.climber.problem.points):
+            return True
+        from tanteo.inference.details import belongs_at
+
+        return len(self.peaks) > 0 and bool((belongs_at(self.climber, self.peaks, 1) > 0.5).mean() > _EXPLAINED)
+
     def doubtful(self) -> bool:
         """Whether the best maximum calls one of few points an outlier, which may have hidden a better one."""
         if not len(self.peaks) or len(self.climber.problem.points) > 20:
@@ -158,8 +169,7 @@ def race(
         for search in live:
             search.round(effort)
         _try_on_others(live)
-        lead = max([log_unknown, *(s.log_evidence for s in live)])
-        live = [s for s in live if s.log_evidence > lead - behind]
+        live = _still_in(live, log_unknown, behind)
     fixed = len(problem.points) >= 6 or int(problem.points.oriented.sum()) >= _ORIENTED
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
@@ -177,6 +187,18 @@ def race(
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
     return searches
+
+
+def _still_in(searches: Sequence[PartSearch], log_unknown: float, behind: float) -> list[PartSearch]:
+    """Parts that are so little behind the leader; half of all as long as the leader does not explain the points.
+
+    Many precise points tell poses apart by hundreds of nats: a part that was only glanced at may be far behind.
+    """
+    order = sorted(searches, key=lambda s: -s.log_evidence)
+    lead = max([log_unknown, *(s.log_evidence for s in order)])
+    half = 0 if not order or order[0].explains() else (len(order) + 1) // 2
+    kept = {id(s) for k, s in enumerate(order) if k < half or s.log_evidence > lead - behind}
+    return [s for s in searches if id(s) in kept]
 
 
 def _try_on_others(searches: Sequence[PartSearch]) -> None:
