@@ -248,4 +248,7 @@ def roots(covariances: Covariances) -> FloatArray:
     """Lower roots ``(m, 6, 6)``; a direction in which all samples agree keeps a little of its width."""
     width = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 1e-30))
     unit = covariances / (width[:, :, None] * width[:, None])
+    values, vectors = np.linalg.eigh(unit)
+    if values.min(initial=1.0) < 0:  # by rounding: a nearly free direction beside a sharp one
+        unit = (vectors * values.clip(0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
     return np.asarray(width[:, :, None] * np.linalg.cholesky(unit + 1e-8 * np.eye(6)))
