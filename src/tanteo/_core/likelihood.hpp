@@ -35,6 +35,18 @@ struct BallSees {  // what a ball touches, or is inside of: a flat, or an edge o
     double gap, share;
 };
 
+struct Ball {  // a touch with a ball, in the part: the sensor came along a direction and may have felt a normal
+    const Point& point;
+    Vec3 centre, along, felt;
+    Mat3 C;
+    double per_sd, normal_variance;
+};
+
+struct Tip {  // a convex vertex that a ball may touch, with one of its edges
+    int vertex, face;
+    Vec3 at, away;
+};
+
 struct Seen {  // a point at a pose
     Vec3 in_part;
     int first = 0, count = 0;
@@ -62,7 +74,6 @@ class Likelihood {
     std::vector<Hit> hits;
     std::vector<BallSees> ball_sees, faces_near;  // of one ball: by hit, and all flats
 
-
   private:
     const Shape& shape;
     const Problem& problem;
@@ -73,7 +84,9 @@ class Likelihood {
     void look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope);
     bool left_out(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void keep_outside(size_t first);
-    void look_over_edges(const Point& point, int j, const Mat3& C, const Vec3& d, const Vec3& m, double normal_variance);
+    void meet_sharp(const Ball& ball, const BallSees& sees, const Vec3 across[2], const double bend[2], const Vec3& slope);
+    void look_over_edges(const Ball& ball);
+    void look_over_vertices(const Ball& ball, std::vector<Tip>& tips);
     void look_at_edges(const Point& point, int j, const Mat3& C);
     void look_at_corners(const Point& point, int j, const Mat3& C);
     bool blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const;

@@ -8,7 +8,7 @@ namespace tanteo {
 namespace {
 
 constexpr double BESIDE = 1e-3;  // least share of the noise on a face that keeps a ball off another
-constexpr double IN_FRONT = 4;  // material so many standard deviations before a hit contradicts a beam
+constexpr double IN_FRONT = 4;   // material so many standard deviations before a hit contradicts a beam
 
 struct Plane {  // that touches the surface near a point
     Vec3 normal;
@@ -146,10 +146,13 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         const double gap = plane.distance - point.radius;
         Share share = share_of(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
         hit.weight = weight * share.value;
-        const Vec3 middle =
-            flat.origin + 0.5 * (flat.lo[0] + flat.hi[0]) * flat.u + 0.5 * (flat.lo[1] + flat.hi[1]) * flat.v;
-        const BallSees sees{which, flat.face, plane.round, n, middle, gap, share.value};
-        if (kept_off && share.value > BESIDE) faces_near.push_back(sees);
+        BallSees sees;
+        if (kept_off) {
+            const double u = 0.5 * (flat.lo[0] + flat.hi[0]), v = 0.5 * (flat.lo[1] + flat.hi[1]);
+            const Vec3 middle = flat.origin + u * flat.u + v * flat.v;
+            sees = {which, flat.face, plane.round, n, middle, gap, share.value};
+            if (share.value > BESIDE) faces_near.push_back(sees);
+        }
         if (!(hit.weight >= nothing) || std::fabs(r) > REACH) return;
         hit.distance = gap;
         hit.per_sd = per_sd;
@@ -160,7 +163,8 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         hits.push_back(hit);
     });
     if (!ball) return;
-    look_over_edges(point, j, C, d, m, normal_variance);
+    const double per_sd = 1 / (point.isotropic ? widest : widest / std::sqrt(3.0));
+    look_over_edges({point, p, d, m, C, per_sd, normal_variance});
     if (kept_off) keep_outside(seen[j].first);
 }
 

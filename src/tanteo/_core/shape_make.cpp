@@ -168,12 +168,9 @@ void Shape::make_convex_edges() {
     std::vector<ConvexEdge> found;
     std::vector<int> convex(vertices.size(), 0);  // how many such edges end there; -1 if another edge does
     for (const auto& [key, t] : owner) {
-        if (key.first > key.second) continue;
         const auto back = owner.find({key.second, key.first});
-        if (back == owner.end()) {
-            convex[key.first] = convex[key.second] = -1;
-            continue;
-        }
+        if (back == owner.end()) convex[key.first] = convex[key.second] = -1;  // where the mesh is open
+        if (key.first > key.second || back == owner.end()) continue;
         const int s = back->second;
         if (flat_of[t] < 0 || flat_of[s] < 0 || flat_of[t] == flat_of[s]) continue;
         const Vec3 a = vertices[key.first], b = vertices[key.second], d = unit(b - a);

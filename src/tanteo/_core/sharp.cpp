@@ -13,10 +13,12 @@ namespace {
 
 constexpr double PARALLEL = 1e-3;  // least sine between two surfaces of which one keeps a ball off the other
 
-struct Tip {  // a convex vertex that a ball may touch, with one of its edges
-    int vertex, face;
-    Vec3 at, away;
-};
+// Share of the noise about a place that is on the side to which a direction points; its slope is added.
+double kept_on(const Vec3& side, const Vec3& place, double per_sd, Vec3& slope) {
+    const double h = dot(place, side) * per_sd, share = normal_below(h);
+    slope += (per_sd * normal_density(h) / std::max(share, 1e-300)) * side;
+    return share;
+}
 
 }  // namespace
 
@@ -45,74 +47,70 @@ void Likelihood::keep_outside(size_t first) {
     }
 }
 
-// A ball that touches a convex edge: its centre is on a cylinder about the edge, between the two faces. The sensor came
-// along d and may have felt the normal m.
-void Likelihood::look_over_edges(const Point& point, int j, const Mat3& C, const Vec3& d, const Vec3& m,
-                                 double normal_variance) {
-    const Vec3& p = seen[j].in_part;
-    const double sd = std::sqrt(point.isotropic ? C(0, 0) : (C(0, 0) + C(1, 1) + C(2, 2)) / 3), per_sd = 1 / sd, nothing = NOTHING * problem.mean_rate;
+// A ball that touches an edge or a vertex: its centre is as far from it as the radius, along n, which turns along
+// across[i] by bend[i]; share and slope are of the noise that falls where nothing else is nearer.
+void Likelihood::meet_sharp(const Ball& ball, const BallSees& sees, const Vec3 across[2], const double bend[2],
+                            const Vec3& slope) {
+    const Point& point = ball.point;
+    const double r = sees.gap * ball.per_sd;
+    Hit hit;
+    hit.tilted = 0;
+    hit.weight = sees.share * (point.directed ? aimed(sees.normal, ball.along) : 1 / shape.area) * ball.per_sd *
+                 fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
+    if (point.oriented)
+        hit.weight *= tilt_density(across, bend, sees.normal, ball.C, ball.felt, ball.normal_variance, hit);
+    if (!(hit.weight >= NOTHING * problem.mean_rate)) return;
+    hit.distance = sees.gap;
+    hit.per_sd = ball.per_sd;
+    hit.normal = sees.normal;
+    hit.face = sees.face;
+    hit.slope = slope;
+    hit.stiff = {};
+    hits.push_back(hit);
+    ball_sees.push_back(sees);
+}
+
+// A ball that touches a convex edge: its centre is on a cylinder about the edge, between the two faces.
+void Likelihood::look_over_edges(const Ball& ball) {
+    const double per_sd = ball.per_sd, radius = ball.point.radius;
     std::vector<Tip> tips;
-    shape.convex_edges_near(p, REACH * sd + point.radius, [&](int which) {
+    shape.convex_edges_near(ball.centre, REACH / per_sd + radius, [&](int which) {
         const ConvexEdge& e = shape.convex_edges[which];
         if (e.tip[0] >= 0) tips.push_back({e.tip[0], e.face, e.a, e.direction});
         if (e.tip[1] >= 0) tips.push_back({e.tip[1], e.face, e.a + e.length * e.direction, -e.direction});
-        const Vec3 off = p - e.a;
+        const Vec3 off = ball.centre - e.a;
         const double t = dot(off, e.direction);
         const Vec3 out = off - t * e.direction;
-        const double far = norm(out), r = (far - point.radius) * per_sd;
-        if (std::fabs(r) > REACH || far < 1e-12) return;
-        const double h0 = -dot(out, e.inward[0]) * per_sd, h1 = -dot(out, e.inward[1]) * per_sd;
+        const double far = norm(out);
+        if (std::fabs(far - radius) * per_sd > REACH || far < 1e-12) return;
         if (dot(out, e.normal[0]) < 0 && dot(out, e.normal[1]) < 0) return;
+        const double near = normal_density(t * per_sd), end = normal_density((t - e.length) * per_sd);
         const double along = normal_below(t * per_sd) - normal_below((t - e.length) * per_sd);
-        const double share = normal_below(h0) * normal_below(h1) * along;
+        double share = along;
+        Vec3 slope = ((near - end) * per_sd / std::max(along, 1e-300)) * e.direction;
+        for (const Vec3& inward : e.inward) share *= kept_on(-inward, out, per_sd, slope);
         const Vec3 n = (1 / far) * out, across[2] = {e.direction, cross(n, e.direction)};
         const double bend[2] = {0, 1 / far};
-        Hit hit;
-        hit.tilted = 0;
-        hit.weight = share * (point.directed ? aimed(n, d) : 1 / shape.area) * per_sd *
-                     fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
-        if (point.oriented) hit.weight *= tilt_density(across, bend, n, C, m, normal_variance, hit);
-        if (!(hit.weight >= nothing)) return;
-        hit.distance = far - point.radius;
-        hit.per_sd = per_sd;
-        hit.normal = n;
-        hit.face = e.face;
-        ball_sees.push_back({-1, e.face, false, n, e.a, hit.distance, share});
-        hit.slope = (-per_sd * normal_density(h0) / std::max(normal_below(h0), 1e-300)) * e.inward[0];
-        hit.slope += (-per_sd * normal_density(h1) / std::max(normal_below(h1), 1e-300)) * e.inward[1];
-        hit.slope += ((normal_density(t * per_sd) - normal_density((t - e.length) * per_sd)) * per_sd /
-                      std::max(along, 1e-300)) * e.direction;
-        hit.stiff = {};
-        hits.push_back(hit);
+        meet_sharp(ball, {-1, e.face, false, n, e.a, far - radius, share}, across, bend, slope);
     });
+    look_over_vertices(ball, tips);
+}
+
+// A ball that touches a convex vertex: its centre is on a sphere about it, on the outer side of all its edges.
+void Likelihood::look_over_vertices(const Ball& ball, std::vector<Tip>& tips) {
+    const double per_sd = ball.per_sd, radius = ball.point.radius;
     std::sort(tips.begin(), tips.end(), [](const Tip& a, const Tip& b) { return a.vertex < b.vertex; });
-    for (size_t k = 0; k < tips.size();) {  // and a convex vertex: on a sphere, on the outer side of all its edges
-        const Vec3 out = p - tips[k].at;
-        const double far = norm(out), r = (far - point.radius) * per_sd;
-        const size_t first = k;
+    for (size_t k = 0; k < tips.size();) {
+        const Tip& tip = tips[k];
+        const Vec3 out = ball.centre - tip.at;
+        const double far = norm(out);
         double share = 1;
-        Hit hit;
-        hit.slope = {};
-        for (; k < tips.size() && tips[k].vertex == tips[first].vertex; ++k) {
-            const double h = -dot(out, tips[k].away) * per_sd, below = normal_below(h);
-            share *= below;
-            hit.slope += (-per_sd * normal_density(h) / std::max(below, 1e-300)) * tips[k].away;
-        }
-        if (std::fabs(r) > REACH || far < 1e-12) continue;
+        Vec3 slope;
+        for (; k < tips.size() && tips[k].vertex == tip.vertex; ++k) share *= kept_on(-tips[k].away, out, per_sd, slope);
+        if (std::fabs(far - radius) * per_sd > REACH || far < 1e-12) continue;
         const Vec3 n = (1 / far) * out, u = any_across(n), across[2] = {u, cross(n, u)};
         const double bend[2] = {1 / far, 1 / far};
-        hit.tilted = 0;
-        hit.weight = share * (point.directed ? aimed(n, d) : 1 / shape.area) * per_sd *
-                     fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
-        if (point.oriented) hit.weight *= tilt_density(across, bend, n, C, m, normal_variance, hit);
-        if (!(hit.weight >= nothing)) continue;
-        hit.distance = far - point.radius;
-        hit.per_sd = per_sd;
-        hit.normal = n;
-        hit.face = tips[first].face;
-        hit.stiff = {};
-        ball_sees.push_back({-1, hit.face, false, n, tips[first].at, hit.distance, share});
-        hits.push_back(hit);
+        meet_sharp(ball, {-1, tip.face, false, n, tip.at, far - radius, share}, across, bend, slope);
     }
 }
 

@@ -7,7 +7,7 @@ namespace tanteo {
 namespace {
 
 constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
-constexpr size_t ROUGH_POINTS = 24;  // in blurred noise: more of them tell no more about which maximum is near
+constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no more about which maximum is near
 constexpr int FIRST_STEPS = 6;        // until climbs are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double ROUGHLY = 0.1;       // a gain that ends a climb that is not the last

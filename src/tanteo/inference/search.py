@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.inference.details import belongs_at
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
@@ -26,7 +27,7 @@ from tanteo.inference.proposals import (
 )
 from tanteo.inference.symmetry import log_orbit
 from tanteo.matching.priors import log_sum
-from tanteo.typing import Indices, Transforms
+from tanteo.typing import BoolArray, Indices, Transforms
 
 _MISSING, _OFTEN = 0.02, 4
 """Probability of what fewer pairs of points led to up to which a part is taken as searched: a pose as easy to find as
@@ -125,21 +126,22 @@ class PartSearch:
         peaks = climber.climb(self.peaks.Ts, zs, self.peaks.groups, fine=True)
         return replace(self, climber=climber, peaks=peaks)
 
+    def on_the_part(self) -> BoolArray:
+        """Which points the best maximum has on the part ``(n,)``; none without a maximum."""
+        count = len(self.climber.problem.points)
+        if not count or not len(self.peaks):
+            return np.zeros(count, dtype=bool)
+        return np.asarray(belongs_at(self.climber, self.peaks, 1)[0] > 0.5)
+
     def explains(self) -> bool:
         """Whether the best maximum has nine of ten points on the part, or there is nothing to explain."""
-        if not len(self.climber.problem.points):
-            return True
-        from tanteo.inference.details import belongs_at
-
-        return len(self.peaks) > 0 and bool((belongs_at(self.climber, self.peaks, 1) > 0.5).mean() > _EXPLAINED)
+        on = self.on_the_part()
+        return not len(on) or float(on.mean()) > _EXPLAINED
 
     def doubtful(self) -> bool:
         """Whether the best maximum calls one of few points an outlier, which may have hidden a better one."""
-        if not len(self.peaks) or len(self.climber.problem.points) > 20:
-            return False
-        from tanteo.inference.details import belongs_at
-
-        return bool((belongs_at(self.climber, self.peaks, 1) < 0.5).any())
+        on = self.on_the_part()
+        return len(self.peaks) > 0 and len(on) <= 20 and not on.all()
 
 
 def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:
