@@ -183,6 +183,19 @@ def ring(major=0.04, minor=0.015, n=12):
     return replace(body, triangles=np.where(body.triangles >= last, body.triangles - last, body.triangles))
 
 
+def tent(low=0.0, radius=0.04, height=0.03, n=6):
+    """Six triangles about a top, every second of its edges to a corner at ``low``, over a point at the bottom: with
+    low corners ridges and valleys take turns about the top. Every triangle is a face."""
+    turn, here, there = 2 * np.pi * np.arange(n) / n, np.arange(n), np.roll(np.arange(n), -1)
+    ring = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.where(here % 2, low, 0.0)])
+    vertices = np.concatenate([ring, [[0, 0, height], [0, 0, -height]]])
+    triangles = np.concatenate(
+        [np.column_stack([here, there, here * 0 + n]), np.column_stack([there, here, here * 0 + n + 1])]
+    )
+    edges = np.hstack([vertices[here], vertices[there]])
+    return Body(vertices, triangles, np.arange(2 * n), np.full(2 * n, -1), np.zeros((0, 11)), edges, vertices.copy())
+
+
 def wedge_profile(rng):
     """A slanted outline of five corners."""
     angles = np.sort(rng.uniform(0, 1, 5)) * 0.6 + np.arange(5)

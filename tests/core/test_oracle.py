@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.bodies import flat_bodies, round_bodies
+from core.bodies import flat_bodies, round_bodies, tent
 from core.oracle import Oracle
 from core.questions import (
     anisotropic,
+    asked,
     directed,
     near_pose,
     oriented,
@@ -139,6 +140,34 @@ def test_edges_and_corners_agree_with_the_oracle(name, make, kind):
         )
         q = replace(q, points=near @ Ts[0][:3, :3].T + Ts[0][:3, 3])
     agree(body, replace(q, kinds=np.full(len(q.points), kind, np.int32)), Ts, zs)
+
+
+def _aimed(q, normals, rng):
+    return directed(q, normals, rng)
+
+
+def _felt(q, normals, rng):
+    return oriented(directed(q, normals, rng), normals, rng, tilt=0.3)
+
+
+@pytest.mark.parametrize("make", [lambda q, *_: q, _aimed, _felt], ids=["plain", "aimed", "felt"])
+@pytest.mark.parametrize("opened", [False, True], ids=["closed", "open"])
+@pytest.mark.parametrize("name", [*FLAT, "tent", "star"])
+def test_balls_about_vertices_agree_with_the_oracle(name, opened, make):
+    """Convex vertices are met; those with a concave edge, or at the border of an open mesh, are not."""
+    body, rng = {**BODIES, "tent": tent(), "star": tent(low=-0.025)}[name], np.random.default_rng(8)
+    if opened:
+        rows = np.arange(len(body.triangles)) > 0
+        body = replace(
+            body, triangles=body.triangles[rows], faces=body.faces[rows], profile_rows=body.profile_rows[rows]
+        )
+    T, radius, sd = random_pose(rng), 4e-3, 5e-4
+    out = rng.normal(size=(20, 3))
+    out /= np.linalg.norm(out, axis=1)[:, None]
+    centres = body.vertices[rng.integers(len(body.vertices), size=20)] + radius * out + sd * rng.normal(size=(20, 3))
+    q = asked(centres @ T[:3, :3].T + T[:3, 3], sd)
+    q = make(replace(q, radii=np.full(20, radius)), out @ T[:3, :3].T, rng)
+    agree(body, q, T[None], np.zeros((1, 0)))
 
 
 def test_all_at_once_agrees_with_the_oracle():
