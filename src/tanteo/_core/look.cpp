@@ -7,8 +7,10 @@ namespace tanteo {
 
 namespace {
 
-constexpr double BESIDE = 1e-3;  // least share of the noise on a face that keeps a ball off another
-constexpr double IN_FRONT = 4;   // material so many standard deviations before a hit contradicts a beam
+constexpr double BESIDE = 1e-3;    // least share of the noise on a face that keeps a ball off another
+constexpr double ROUGH_REACH = 4;  // standard deviations of blurred noise beyond which nothing is seen
+constexpr double IN_FRONT = 4;     // material so many standard deviations before a hit contradicts a beam
+constexpr double BALL = 0.5, ROUGH_BALL = 2;  // radii in standard deviations from which a tip may touch edges
 
 struct Plane {  // that touches the surface near a point
     Vec3 normal;
@@ -102,13 +104,14 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     const Vec3 d = point.directed ? transposed_times(R, point.direction) : Vec3{};
     const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
     const double per_area = 1 / shape.area;
-    const bool ball = point.radius > 0.5 * widest;
+    const bool ball = point.radius > (blur > 0 ? ROUGH_BALL : BALL) * widest;
     const bool kept_off = ball && blur == 0;  // by other faces: blurred noise does not tell them apart
     ball_sees.clear();
     faces_near.clear();
     const double nothing = NOTHING * problem.mean_rate;
     const double normal_variance = point.normal_sd * point.normal_sd + blur_turn * blur_turn;
-    shape.flats_near(p, REACH * widest + point.radius, [&](int which) {
+    const double reach = blur > 0 ? ROUGH_REACH : REACH;
+    shape.flats_near(p, reach * widest + point.radius, [&](int which) {
         const Flat& flat = shape.flats[which];
         const Plane plane = plane_at(shape, flat, p, point.oriented);
         const Vec3& n = plane.normal;
@@ -121,7 +124,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         const double per_sd = 1 / std::sqrt(variance);
         const double r = (plane.distance - point.radius) * per_sd;
         const bool inside = kept_off && r < 0 && plane.distance > -point.radius;  // of a face: it may not touch another
-        if (std::fabs(r) > REACH && !inside) return;
+        if (std::fabs(r) > reach && !inside) return;
         double weight = point.directed ? aimed(n, d) : per_area;
         weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
         Hit hit;
@@ -144,7 +147,9 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         }
         const Vec3 off = p - flat.origin;
         const double gap = plane.distance - point.radius;
-        Share share = share_of(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
+        const double x = dot(off, flat.u) - ku * gap, y = dot(off, flat.v) - kv * gap;
+        const bool place = blur > 0 && std::max(flat.hi[0] - flat.lo[0], flat.hi[1] - flat.lo[1]) < SMALL * blur;
+        Share share = place ? share_of_place(flat, x, y, W) : share_of(shape, flat, x, y, W, with_slope);
         hit.weight = weight * share.value;
         BallSees sees;
         if (kept_off) {
@@ -153,7 +158,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
             sees = {which, flat.face, plane.round, n, middle, gap, share.value};
             if (share.value > BESIDE) faces_near.push_back(sees);
         }
-        if (!(hit.weight >= nothing) || std::fabs(r) > REACH) return;
+        if (!(hit.weight >= nothing) || std::fabs(r) > reach) return;
         hit.distance = gap;
         hit.per_sd = per_sd;
         hit.normal = n;

@@ -35,12 +35,14 @@ class Effort:
         per_pair: pairs of surface places for each.
         keep: proposals of each pair that are settled.
         climb: of all of them that are climbed.
+        turn: of the best maxima afterwards that are turned in their place.
     """
 
     pairs: int = 12
     per_pair: int = 40
     keep: int = 7
     climb: int = 40
+    turn: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

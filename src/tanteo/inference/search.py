@@ -39,7 +39,7 @@ _BITS, _KNOWN = 60, 0b1111
 _ROUNDS, _HOPELESS_ROUNDS = 8, 4
 """Rounds at most; and where the unknown object explains the measurements better than all that was found."""
 
-_RACE = (Effort(6, 16, 3, 8), Effort(12, 40, 7, 40))
+_RACE = (Effort(6, 16, 3, 8), Effort(12, 40, 7, 40, 3))
 """First rounds of many parts: a glance, then a look."""
 
 _BEHIND = (24.0, 12.0)
@@ -52,7 +52,7 @@ _MOST = 40
 """Maxima kept of a part."""
 
 _BEST = 3
-"""Poses of the leading parts that are tried on the others, and turned in their place."""
+"""Leading parts of which the best pose is tried on the others."""
 
 _ORIENTED = 3
 """So many sensed normals fix a pose."""
@@ -107,8 +107,8 @@ class PartSearch:
             groups.append(1 << ((k * count + i) % _BITS))
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
-        if len(self.peaks) and k == 0:
-            self.try_poses(turned(climber.prepared, self.peaks.Ts[:_BEST]))
+        if len(self.peaks) and effort.turn:
+            self.try_poses(turned(climber.prepared, self.peaks.Ts[: effort.turn]))
         self.rounds += 1
 
     def try_poses(self, Ts: Transforms) -> None:
@@ -166,12 +166,12 @@ def race(
     """
     searches = [start_search(problem, part, rng) for part in parts]
     live = list(searches)
-    rounds = _RACE if len(parts) > 1 else _RACE[1:]
-    for effort, behind in zip(rounds, _BEHIND[-len(rounds) :], strict=True):
-        for search in live:
-            search.round(effort)
+    for k, effort in enumerate(_RACE if len(parts) > 1 else _RACE[1:]):
+        for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
+            if k == 0 or search in _still_in(live, log_unknown, _BEHIND[0]):
+                search.round(effort)
         _try_on_others(live)
-        live = _still_in(live, log_unknown, behind)
+        live = _still_in(live, log_unknown, _BEHIND[k])
     fixed = len(problem.points) >= 6 or int(problem.points.oriented.sum()) >= _ORIENTED
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
