@@ -53,16 +53,18 @@ class Bvh {
         items = std::move(order);
     }
 
-    // visit(item) for all items whose box is within a distance of a point
-    template <class Visit>
-    void near(const Vec3& p, double reach, Visit&& visit) const {
+    // visit(item) for all items whose box is within a distance of a point, but for those below nodes of which
+    // done(node) is true
+    template <class Done, class Visit>
+    void near(const Vec3& p, double reach, Done&& done, Visit&& visit) const {
         if (nodes.empty()) return;
         const double r2 = reach * reach;
         int stack[64], top = 0;
         stack[top++] = 0;
         while (top) {
-            const Node& node = nodes[stack[--top]];
-            if (node.box.squared_distance(p) > r2) continue;
+            const int at = stack[--top];
+            const Node& node = nodes[at];
+            if (node.box.squared_distance(p) > r2 || done(at)) continue;
             if (node.count) {
                 for (int k = 0; k < node.count; ++k) visit(items[node.first + k]);
             } else {

@@ -178,6 +178,14 @@ struct PointSlope {
     Vec3 p, w;
     Mat3 pp, pw, ww;
     double by_scale = 0, of_scale = 0;
+
+    void add(const PointSlope& other) {
+        p += other.p;
+        w += other.w;
+        for (int i = 0; i < 9; ++i) pp.m[i] += other.pp.m[i], pw.m[i] += other.pw.m[i], ww.m[i] += other.ww.m[i];
+        by_scale += other.by_scale;
+        of_scale += other.of_scale;
+    }
 };
 
 inline void add_hit(PointSlope& sum, const Hit& h, const Point& point, double weight, double unscaled, const Vec3& m) {
@@ -202,6 +210,34 @@ inline void add_hit(PointSlope& sum, const Hit& h, const Point& point, double we
         add_outer(sum.pw, weight, by_p, by_w);
         add_outer(sum.ww, weight, by_w, by_w);
     }
+}
+
+// All that a point may have met. The facets of one face pull a point to their middles, but do not hold it there: their
+// information is that of the mixture, less than the mean of theirs by how much they differ.
+PointSlope slope_of(const Hit* hits, const double* shares, std::vector<int>& order, const Point& point, double unscaled,
+                    const Vec3& m) {
+    PointSlope sum;
+    std::sort(order.begin(), order.end(), [&](int a, int b) { return hits[a].face < hits[b].face; });
+    for (size_t first = 0, next; first < order.size(); first = next) {
+        PointSlope own;
+        Mat3 pulls;
+        double weight = 0;
+        for (next = first; next < order.size() && hits[order[next]].face == hits[order[first]].face; ++next) {
+            const int k = order[next];
+            const Vec3 before = own.p;
+            add_hit(own, hits[k], point, shares[k], unscaled, m);
+            const Vec3 pull = own.p - before;
+            add_outer(pulls, 1 / shares[k], pull, pull);
+            weight += shares[k];
+        }
+        if (next - first > 1 && !hits[order[first]].tilted) {
+            for (int i = 0; i < 9; ++i) own.pp.m[i] -= pulls.m[i];
+            add_outer(own.pp, 1 / weight, own.p, own.p);
+            own.pp = not_negative(own.pp);
+        }
+        sum.add(own);
+    }
+    return sum;
 }
 
 // From a point to the states: its place in the part moves by J = (-1, y x, R' G) with them, y being from the centre.
@@ -253,9 +289,10 @@ void Likelihood::add_points(const State& state) {
         if (!s.count) continue;
         const Point& point = problem.points[j];
         const Vec3 m = point.oriented ? transposed_times(state.pose.R, point.normal) : Vec3{};
-        PointSlope sum;
+        order.clear();
         for (int k = s.first; k < s.first + s.count; ++k)
-            if (hit_share[k] >= 1e-12) add_hit(sum, hits[k], point, hit_share[k], point.extra + blur * blur, m);
+            if (hit_share[k] >= 1e-12) order.push_back(k);
+        const PointSlope sum = slope_of(hits.data(), hit_share.data(), order, point, point.extra + blur * blur, m);
         add_states(sum, s.in_part - shape.centre, state.pose.R, problem, static_cast<int>(j), gradient.data(),
                    information.data());
         if (problem.scale_sd > 0) {

@@ -1,5 +1,6 @@
 // The log density of everything that was sensed, given a pose of the part, the shared errors and the noise scale.
 #pragma once
+#include <algorithm>
 #include <vector>
 
 #include "problem.hpp"
@@ -78,10 +79,12 @@ class Likelihood {
     const Shape& shape;
     const Problem& problem;
     std::vector<double> node_log, hit_share;
+    std::vector<int> order;  // of the hits of a point
     std::vector<GroupView> views;
 
     void look(const State& state, int j, bool with_slope);
     void look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope);
+    bool meet_place(const Point& point, const Vec3& p, const Vec3& d, const Mat3& C, double reach, const Place& place);
     bool left_out(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void keep_outside(size_t first);
     void meet_sharp(const Ball& ball, const BallSees& sees, const Vec3 across[2], const double bend[2], const Vec3& slope);

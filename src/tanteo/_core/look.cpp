@@ -1,4 +1,6 @@
 // What of the part a point may have met, and how dense it is there: faces here, edges and corners in sharp.cpp.
+#include <cstring>
+
 #include "aim.hpp"
 #include "likelihood.hpp"
 #include "share.hpp"
@@ -10,6 +12,8 @@ namespace {
 constexpr double BESIDE = 1e-3;    // least share of the noise on a face that keeps a ball off another
 constexpr double ROUGH_REACH = 4;  // standard deviations of blurred noise beyond which nothing is seen
 constexpr double IN_FRONT = 4;     // material so many standard deviations before a hit contradicts a beam
+constexpr double SMALL = 0.5;      // size in standard deviations up to which flats of a face are one place
+constexpr double BENT = 0.05;      // by how much their mean normal may be shorter than 1
 constexpr double BALL = 0.5, ROUGH_BALL = 2;  // radii in standard deviations from which a tip may touch edges
 
 struct Plane {  // that touches the surface near a point
@@ -111,7 +115,10 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     const double nothing = NOTHING * problem.mean_rate;
     const double normal_variance = point.normal_sd * point.normal_sd + blur_turn * blur_turn;
     const double reach = blur > 0 ? ROUGH_REACH : REACH;
-    shape.flats_near(p, reach * widest + point.radius, [&](int which) {
+    const double small = kept_off || point.oriented ? 0 : SMALL * (point.isotropic ? widest : blur);
+    const auto done = [&](const Place& place) { return place.size < small && meet_place(point, p, d, C, reach, place); };
+    shape.flats_near(p, reach * widest + point.radius, done, [&](int which) {
+        if (done(shape.places[which])) return;
         const Flat& flat = shape.flats[which];
         const Plane plane = plane_at(shape, flat, p, point.oriented);
         const Vec3& n = plane.normal;
@@ -147,9 +154,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         }
         const Vec3 off = p - flat.origin;
         const double gap = plane.distance - point.radius;
-        const double x = dot(off, flat.u) - ku * gap, y = dot(off, flat.v) - kv * gap;
-        const bool place = blur > 0 && std::max(flat.hi[0] - flat.lo[0], flat.hi[1] - flat.lo[1]) < SMALL * blur;
-        Share share = place ? share_of_place(flat, x, y, W) : share_of(shape, flat, x, y, W, with_slope);
+        Share share = share_of(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, with_slope);
         hit.weight = weight * share.value;
         BallSees sees;
         if (kept_off) {
@@ -171,6 +176,48 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     const double per_sd = 1 / (point.isotropic ? widest : widest / std::sqrt(3.0));
     look_over_edges({point, p, d, m, C, per_sd, normal_variance});
     if (kept_off) keep_outside(seen[j].first);
+}
+
+// Flats that are small beside the noise as one normal density: with their own spread it has the same first moments.
+// False where their normals differ too much for that.
+bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, const Mat3& C, double reach,
+                            const Place& place) {
+    const double length = norm(place.normal), bent = 1 - length;
+    if (place.face < 0 || bent > BENT) return false;
+    const Vec3 n = (1 / length) * place.normal;
+    const double turn = std::sqrt(2 * std::max(bent, 0.0));  // of the normals, about
+    if (point.radius * turn > place.size || (point.directed && std::fabs(dot(n, d)) < 2 * turn)) return false;
+    Mat3 S = C;
+    for (int i = 0; i < 9; ++i) S.m[i] += place.spread.m[i];
+    const Vec3 off = p - place.middle - point.radius * n, Sn = S * n;
+    double L[9];
+    std::memcpy(L, S.m, sizeof L);
+    if (!cholesky(L, 3)) return false;
+    double pull[3] = {off.x, off.y, off.z};
+    solve_cholesky(L, 3, pull);
+    const double q = dot(off, load(pull));
+    if (q > reach * reach) return true;
+    Hit hit;
+    hit.weight = (point.directed ? aimed(n, d) : 1 / shape.area) * place.area / (L[0] * L[4] * L[8]) *
+                 fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - point.log_outlier);
+    if (!(hit.weight >= NOTHING * problem.mean_rate)) return true;
+    hit.per_sd = 1 / std::sqrt(dot(n, Sn));
+    hit.distance = dot(n, off);
+    hit.normal = n;
+    hit.face = place.face;
+    hit.tilted = 0;
+    const double r = hit.distance * hit.per_sd;
+    hit.slope = (r * hit.per_sd) * n - load(pull);  // what is not along the normal
+    hit.spread = q - r * r - 2;
+    for (int k = 0; k < 3; ++k) {
+        double column[3] = {0, 0, 0};
+        column[k] = 1;
+        solve_cholesky(L, 3, column);
+        for (int i = 0; i < 3; ++i) hit.stiff(i, k) = column[i];
+    }
+    add_outer(hit.stiff, -hit.per_sd * hit.per_sd, n, n);
+    hits.push_back(hit);
+    return true;
 }
 
 // Whether the free path of a beam runs through the part, also a little beside it.

@@ -40,6 +40,14 @@ struct Flat {
     int first_bin = 0, bins = 0;    // in Shape::bin_start, which has one more
 };
 
+// Flats of one face as one place: to noise that is much wider they are a normal density about their middle.
+struct Place {
+    Vec3 middle, normal;  // means by area: the second is shorter than 1 where the flats are turned
+    Mat3 spread;          // covariance of where the flats are
+    double area = 0, size = 0;
+    int face = -1, unused = 0;  // -1 for several
+};
+
 struct ConvexEdge {  // between two flats: where a ball rolls over
     Vec3 a, direction, normal[2], inward[2];
     double length;
@@ -89,13 +97,15 @@ class Shape : public ShapeNumbers {
     // distance to the surface from the grid, not signed; rough far away
     double field(const Vec3& p, int* flat = nullptr) const;
 
-    template <class Visit>
-    void flats_near(const Vec3& p, double reach, Visit&& visit) const {
-        flat_tree.near(p, reach, visit);
+    // visit(flat) for those near a point, but for flats of a place of which done(place) is true
+    template <class Done, class Visit>
+    void flats_near(const Vec3& p, double reach, Done&& done, Visit&& visit) const {
+        const auto seen = [&](int node) { return done(places[flats.size() + node]); };
+        flat_tree.near(p, reach, seen, visit);
     }
     template <class Visit>
     void convex_edges_near(const Vec3& p, double reach, Visit&& visit) const {
-        edge_tree.near(p, reach, visit);
+        edge_tree.near(p, reach, [](int) { return false; }, visit);
     }
 
     Array<Vec3> vertices;
@@ -103,6 +113,7 @@ class Shape : public ShapeNumbers {
     Array<Vec3> normals;
     Array<Profile> profiles;
     Array<Flat> flats;
+    Array<Place> places;  // of each flat, then of each node of the tree of flats
     Array<OutlineEdge> outlines;
     Array<int> bin_start, bin_edges;  // edges of an outline, from its first, bin by bin
     Array<ConvexEdge> convex_edges;
@@ -128,6 +139,7 @@ class Shape : public ShapeNumbers {
     void make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& made);
     void make_outlines(std::vector<Flat>& made);
     void make_bins(std::vector<Flat>& made, std::vector<OutlineEdge>& lines);
+    void make_places();
     void make_convex_edges();
     void make_grid(int cells);
 };

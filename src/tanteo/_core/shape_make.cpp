@@ -43,6 +43,7 @@ Shape::Shape(Solid solid, int cells)
     if (made.empty()) throw std::invalid_argument("triangles: expected some that are no slivers, got none.");
     make_outlines(made);
     flats = std::move(made);
+    make_places();
     make_convex_edges();
     make_grid(cells);
 }
@@ -157,6 +158,51 @@ void Shape::make_bins(std::vector<Flat>& made, std::vector<OutlineEdge>& lines) 
     }
     bin_start = std::move(start);
     bin_edges = std::move(entries);
+}
+
+// Moments by area, about the centre: of flats from their triangles, of nodes from what is below them.
+void Shape::make_places() {
+    const size_t F = flats.size();
+    std::vector<Place> made(F + flat_tree.nodes.size());
+    const auto add = [](Place& to, double area, const Vec3& sum, const Vec3& normals, const Mat3& squares) {
+        to.area += area;
+        to.middle += sum;
+        to.normal += normals;
+        for (int i = 0; i < 9; ++i) to.spread.m[i] += squares.m[i];
+    };
+    for (size_t t = 0; t < faces.size(); ++t) {
+        if (flat_of[t] < 0) continue;
+        const Vec3 a = vertices[triangles[3 * t]] - centre, b = vertices[triangles[3 * t + 1]] - centre,
+                   c = vertices[triangles[3 * t + 2]] - centre, sum = a + b + c;
+        const double area = 0.5 * norm(cross(b - a, c - a));
+        Mat3 squares;
+        for (const Vec3* x : {&a, &b, &c, &sum}) add_outer(squares, area / 12, *x, *x);
+        add(made[flat_of[t]], area, (area / 3) * sum, area * normals[t], squares);
+    }
+    for (size_t f = 0; f < F; ++f) {
+        made[f].face = flats[f].face;
+        made[f].size = std::max(flats[f].hi[0] - flats[f].lo[0], flats[f].hi[1] - flats[f].lo[1]);
+    }
+    for (size_t k = flat_tree.nodes.size(); k-- > 0;) {  // nodes come before those below them
+        const Bvh::Node& node = flat_tree.nodes[k];
+        Place& place = made[F + k];
+        const Vec3 size = node.box.hi - node.box.lo;
+        place.size = std::max({size.x, size.y, size.z});
+        for (int i = 0; i < (node.count ? node.count : 2); ++i) {
+            const Place& part = made[node.count ? flat_tree.items[node.first + i] : F + node.first + i];
+            add(place, part.area, part.middle, part.normal, part.spread);
+            place.face = i && place.face != part.face ? -1 : part.face;
+        }
+    }
+    for (Place& place : made) {
+        const double per_area = 1 / place.area;
+        place.middle = per_area * place.middle;
+        place.normal = per_area * place.normal;
+        for (double& x : place.spread.m) x *= per_area;
+        add_outer(place.spread, -1, place.middle, place.middle);
+        place.middle += centre;
+    }
+    places = std::move(made);
 }
 
 void Shape::make_convex_edges() {

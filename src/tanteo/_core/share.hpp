@@ -7,7 +7,6 @@ namespace tanteo {
 
 constexpr double REACH = 6;       // standard deviations beyond which nothing is seen
 constexpr double SEEN = 5;        // standard deviations beyond which an outline does not matter
-constexpr double SMALL = 0.5;     // width of a flat in standard deviations that is one place where noise is blurred
 constexpr double NOTHING = 1e-9;  // of the rate of outliers: a density that does not matter
 
 
@@ -69,7 +68,7 @@ inline Share share_of(const Shape& shape, const Flat& flat, double x, double y, 
             if (t1 > SEEN || t2 < -SEEN) continue;
             const double ah = std::fabs(h);
             const bool whole = t1 < -SEEN && t2 > SEEN;
-            const double wedges = whole ? normal_below(-ah) : wedge(ah, t2) - wedge(ah, t1);
+            const double wedges = whole ? normal_below(-ah) : wedge(ah, t1, t2);
             beyond += inside ? wedges : -wedges;
             if (!with_slope) continue;
             const double m = normal_density(h) * (whole ? 1 : normal_below(t2) - normal_below(t1));
@@ -80,20 +79,6 @@ inline Share share_of(const Shape& shape, const Flat& flat, double x, double y, 
             share.yy += dx * dx * h * m;
         }
     share.value = std::clamp(winding - beyond, 0.0, 1.0);
-    return share;
-}
-
-// The same of an outline that is small beside the noise, as one place in its middle: good to a few percent.
-inline Share share_of_place(const Flat& flat, double x, double y, const Whitening& W) {
-    const double rx = 0.5 * (flat.lo[0] + flat.hi[0]) - x, ry = 0.5 * (flat.lo[1] + flat.hi[1]) - y;
-    const double ax = W.a * rx, ay = W.b * rx + W.c * ry;
-    Share share;
-    share.value = flat.area * W.a * W.c * fast_exp(-0.5 * (ax * ax + ay * ay) - 2 * HALF_LOG_TWO_PI);
-    share.gx = share.value * ax;
-    share.gy = share.value * ay;
-    share.xx = share.value * (1 - ax * ax);
-    share.xy = -share.value * ax * ay;
-    share.yy = share.value * (1 - ay * ay);
     return share;
 }
 

@@ -211,7 +211,7 @@ double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
         solve_cholesky(L.data(), D, step.data());
         double size = 0;
         for (int i = 0; i < D; ++i) size += step[i] * likelihood.gradient[6 + i];
-        if (size < 1e-3) break;  // twice what is left to gain
+        if (size < 1e-2) break;  // twice what is left to gain
         State next = state;
         double gain = -1, there = log, share = 1;
         for (int tries = 0; tries < 4 && gain < 0; ++tries, share *= 0.3) {

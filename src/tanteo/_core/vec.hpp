@@ -123,6 +123,35 @@ inline void difference(const Pose& from, const Pose& to, const Vec3& c, Vec3& v,
     w = rotation_vector(transposed(from.R) * to.R);
 }
 
+// A symmetric matrix without its negative part, by Jacobi's turns.
+inline Mat3 not_negative(Mat3 A) {
+    Mat3 V = identity();
+    for (int sweep = 0; sweep < 8; ++sweep) {
+        double off = 0, on = 0;
+        for (int i = 0; i < 3; ++i) {
+            on += A(i, i) * A(i, i);
+            for (int j = i + 1; j < 3; ++j) off += A(i, j) * A(i, j);
+        }
+        if (!(off > 1e-26 * on)) break;
+        for (int i = 0; i < 3; ++i)
+            for (int j = i + 1; j < 3; ++j) {
+                if (A(i, j) == 0) continue;
+                const double angle = 0.5 * std::atan2(2 * A(i, j), A(i, i) - A(j, j));
+                const double c = std::cos(angle), s = std::sin(angle);
+                Mat3 G = identity();
+                G(i, i) = G(j, j) = c;
+                G(j, i) = s;
+                G(i, j) = -s;
+                A = turned_into(G, A);
+                V = V * G;
+            }
+    }
+    Mat3 out;
+    for (int k = 0; k < 3; ++k)
+        if (A(k, k) > 0) add_outer(out, A(k, k), {V(0, k), V(1, k), V(2, k)}, {V(0, k), V(1, k), V(2, k)});
+    return out;
+}
+
 // Solves A x = b for a symmetric positive definite A (row-major n x n, lower triangle), in place of b.
 inline bool cholesky(double* A, int n) {
     for (int i = 0; i < n; ++i)
