@@ -154,15 +154,18 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
     }
 }
 
-// Whether a point is one of so many that lie far apart; empty if there are no more.
+// Whether a point is one of so many that lie far apart; empty if there are no more. They are of twice as many that come
+// at even steps: of all points, outliers would be the farthest.
 static std::vector<char> far_apart(const std::vector<Point>& points, size_t count) {
     if (points.size() <= count) return {};
     std::vector<char> chosen(points.size(), 0);
-    std::vector<double> nearest(points.size(), 1e300);
+    const size_t some = std::min(2 * count, points.size());
+    std::vector<double> nearest(some, 1e300);
     for (size_t next = 0, k = 0; k < count; ++k) {
-        chosen[next] = 1;
-        const Vec3 at = points[next].at;
-        for (size_t j = 0; j < points.size(); ++j) nearest[j] = std::min(nearest[j], norm(points[j].at - at));
+        const size_t row = next * points.size() / some;
+        chosen[row] = 1;
+        for (size_t j = 0; j < some; ++j)
+            nearest[j] = std::min(nearest[j], norm(points[j * points.size() / some].at - points[row].at));
         next = std::max_element(nearest.begin(), nearest.end()) - nearest.begin();
     }
     return chosen;

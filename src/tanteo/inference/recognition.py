@@ -106,7 +106,10 @@ def identify_points(
 
 
 def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Posterior:
-    """The posterior; with the noise scale as a state where that explains the measurements better, prior included."""
+    """The posterior; with the noise scale as a state where that explains the measurements better, prior included.
+
+    But a noise that makes another part of them is not believed: what was taken for noise may be the difference.
+    """
     fitting = [part for part in parts if _large_enough(problem.points, part.part)]
     centroid = np.mean([part.part.centroid for part in parts], axis=0)
     posterior = infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
@@ -114,9 +117,9 @@ def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Poste
         return posterior
     scaled = with_scale(posterior, _SCALE_SD, np.random.default_rng(seed))
     better = scaled.log_evidence + np.log(_SCALE_PRIOR) > posterior.log_evidence + np.log1p(-_SCALE_PRIOR)
-    if better and scaled.modes and _noise_scale(explained(scaled.modes[0])) <= _MOST_SCALE:
-        return scaled
-    return posterior
+    if not better or not scaled.modes or scaled.modes[0].prepared is not posterior.modes[0].prepared:
+        return posterior
+    return scaled if _noise_scale(explained(scaled.modes[0])) <= _MOST_SCALE else posterior
 
 
 def _as_stated(posterior: Posterior) -> bool:
