@@ -298,7 +298,7 @@ def test_what_limits_the_place_of_a_round_part_is_said_too(cylinder):
 
 def test_a_tolerance_does_not_count_twice_beside_an_error_that_all_readings_share(targets):
     """A base that is off moves part and readings together: it adds its own spread to the place, and nothing else."""
-    target, tolerance, base = targets["bracket_left"], 2e-4, 1e-3
+    target, tolerance, base = targets["bracket_left"], 2e-4, 3e-4
     _, touches, *_ = scene_of(target, 13, 40)
     made = replace(touches, covs=touches.covs + tolerance**2 * np.eye(3), tolerance=tolerance)
     made = replace(made, sd=np.sqrt(np.linalg.eigvalsh(made.covs)[:, -1]))
@@ -306,4 +306,5 @@ def test_a_tolerance_does_not_count_twice_beside_an_error_that_all_readings_shar
     alone, both = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (made, shared))
     own = both.covariance - np.diag(np.r_[np.full(3, base**2), np.zeros(3)])
     for C in (own, both.covariance_same_robot):
-        assert np.diag(C) == pytest.approx(np.diag(alone.covariance), rel=0.1)
+        # samples tell the whole covariance to 4 %, of which the base is most; twice would be two thirds more
+        assert np.diag(C) == pytest.approx(np.diag(alone.covariance), rel=0.25)

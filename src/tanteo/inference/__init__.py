@@ -7,7 +7,8 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.inference.diagnostics import face_elsewhere
     from tanteo.inference.free_space import gone_through
-    from tanteo.inference.posterior import NEGLIGIBLE, Mode, Posterior, infer
+    from tanteo.inference.modes import Mode
+    from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
     from tanteo.inference.problem import PoseMixture, Problem, outlier_log_density
@@ -55,7 +56,8 @@ __getattr__, __dir__ = lazy(
     {
         "diagnostics": "face_elsewhere",
         "free_space": "gone_through",
-        "posterior": "NEGLIGIBLE Mode Posterior infer",
+        "modes": "Mode",
+        "posterior": "NEGLIGIBLE Posterior infer",
         "prepared": "PreparedPart prepare prepare_all",
         "prior_check": "p_of_prior",
         "problem": "PoseMixture Problem outlier_log_density",

@@ -7,20 +7,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tanteo import _core
 from tanteo.inference.details import details_at
+from tanteo.inference.modes import Mode, modes_of
 from tanteo.inference.near_variants import log_density_of_near_variant
 from tanteo.inference.outliers import log_density
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.sampler import Sampler, roots
+from tanteo.inference.sampler import Sampler
 from tanteo.inference.search import PartSearch, missing, race
-from tanteo.inference.symmetry import folded, log_orbit
+from tanteo.inference.symmetry import log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
-from tanteo.lie import SE3, SO3
 from tanteo.matching.priors import log_sum
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
+from tanteo.typing import FloatArray, IntArray, Vectors
 
 NEGLIGIBLE = 12.0
 """Log odds below everything else at which a mode is not reported."""
@@ -38,12 +37,9 @@ of a ridge can be a hundred times that of its curvature; the others are taken by
 _VARIANTS = 8
 """Maxima of a part about which near variants of it are looked for."""
 
-_ENOUGH, _PER, _LEAST = 150, 600, 24
-"""Effective samples of a mode: its covariance is good to a tenth; fewer in proportion where it is less probable than a
-quarter, but enough for its mass to be good to a fifth."""
-
-_NORMAL = 0.1
-"""Variance of the log of the posterior over a normal density of its curvature, up to which one stands for the other."""
+_ENOUGH, _PER, _LEAST = 300, 600, 24
+"""Effective samples of a mode: its covariance is good to a twelfth; fewer in proportion where it is less probable than
+a half, but enough for its mass to be good to a fifth."""
 
 _MATTERS = 0.005
 """Probability of a mode from which it is sampled until it has enough."""
@@ -57,50 +53,6 @@ _MOST_ALONG = 2000
 _ALONG, _ENOUGH_ALONG = 8, 64
 """Samples of each component along a ridge, of which there are dozens; effective ones of all of them together, of a
 part that is not the likeliest: its odds are known to an eighth then."""
-
-_SHARED = 0.15
-"""Share of its samples that a mode has in common with another from which both are one."""
-
-_VALLEY = 30.0
-"""Squared Mahalanobis distance within which the maximum of one mode is in the region of another: both are one."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Mode:
-    """One region of poses of one part.
-
-    Attributes:
-        climber: the part and the problem, compiled.
-        T_world_part: mean pose ``(4, 4)``; of several maxima in one region the best.
-        covariance: about it, of the samples ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
-        T_peak: the best maximum ``(4, 4)``.
-        z: shared errors, and the noise scale where it is a state, there ``(D,)``.
-        information: of pose and these at the maximum, part frame ``(6 + D, 6 + D)``.
-        log_mass: log evidence, prior of the part included.
-        probability: posterior.
-        Ts: samples ``(N, 4, 4)``; the maximum alone where the mode was too improbable to be sampled.
-        weights: of them, summing to one ``(N,)``.
-        ess: effective number of samples.
-        normal: whether the region is normal, as the curvature of its maximum has it.
-    """
-
-    climber: Climber
-    T_world_part: Transforms
-    covariance: Covariances
-    T_peak: Transforms
-    z: FloatArray
-    information: FloatArray
-    log_mass: float
-    probability: float
-    Ts: Transforms
-    weights: FloatArray
-    ess: float
-    normal: bool
-
-    @property
-    def prepared(self) -> PreparedPart:
-        """The part."""
-        return self.climber.prepared
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +136,7 @@ def weigh(
     _sample(samplers, anywhere)
     modes = []
     for sampler in samplers:
-        own_modes = _modes_of(sampler)
+        own_modes = modes_of(sampler)
         modes += own_modes
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.climber, _at_peaks(own_modes, sampler), masses))
@@ -239,7 +191,7 @@ def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
             break
         if k == 0:
             _spread(samplers, log_none)
-        masses = [_masses(s) for s in samplers]
+        masses = [s.masses() for s in samplers]
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
         wants = [_wanted(s, mass - total, ess) for s, (mass, ess) in zip(samplers, masses, strict=True)]
         if not any(want.any() for want in wants):
@@ -254,11 +206,12 @@ def _first(log_p: FloatArray, *, trusted: bool) -> IntArray:
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
     """Follow ridges where a maximum of a part that matters does not look normal, by its curvature or its samples."""
-    masses = [np.logaddexp(_masses(s)[0], s.peaks.evidence + s.log_constant) for s in samplers]
+    masses = [np.logaddexp(s.masses()[0], s.peaks.evidence + s.log_constant) for s in samplers]
     total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
     for sampler, mass in zip(samplers, masses, strict=True):
         likely = mass > total + np.log(_RIVAL)
-        if sampler.along is not None and len(sampler.along) and (likely & ~(sampler.unlike_normal() < _NORMAL)).any():
+        strange = [k for k in np.flatnonzero(likely) if not sampler.is_normal(int(k))]
+        if sampler.along is not None and len(sampler.along) and strange:
             sampler.spread(sampler.along, _ALONG)
 
 
@@ -267,7 +220,7 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     p = np.exp(log_p)
     if sampler.local.any():
         return _wanted_along(sampler, p)
-    need = np.where(sampler.unlike_normal() < _NORMAL, 0, np.clip(_PER * p, _LEAST, _ENOUGH)) * (p > _MATTERS)
+    need = np.clip(_PER * p, _LEAST, _ENOUGH) * (p > _MATTERS)
     worth = np.clip(ess / np.maximum(sampler.drawn(), 1), 1 / _MOST, 1)  # effective samples for each that is drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, _FIRST, _MORE), 0).astype(np.int64)
     if not want.any():
@@ -289,101 +242,3 @@ def _wanted_along(sampler: Sampler, p: FloatArray) -> IntArray:
     if ess >= enough or total < _RIVAL or len(w) > _MOST_ALONG:
         return np.zeros(len(p), dtype=np.int64)
     return np.round(min((enough / ess - 1) * len(w), 4 * _MORE) * p / total).astype(np.int64)
-
-
-def _masses(sampler: Sampler) -> tuple[FloatArray, FloatArray]:
-    """Log mass and effective samples of each maximum's region ``(m,)``."""
-    top = float(sampler.log_weights.max())
-    if not np.isfinite(top):
-        return np.full(len(sampler.peaks), -np.inf), np.zeros(len(sampler.peaks))
-    W = np.exp(sampler.log_weights - top)[:, None] * sampler.shares
-    sums = W.sum(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.log(sums) + top, np.nan_to_num(sums**2 / np.sum(W * W, axis=0))
-
-
-def _modes_of(sampler: Sampler) -> list[Mode]:
-    """Regions of one part: maxima that share samples, or lie in each other's region, are one."""
-    mass, _ = _masses(sampler)
-    sampled = np.isfinite(mass)
-    if not sampled.any():
-        return []
-    W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
-    sums = W.sum(axis=0)
-    common = W.T @ sampler.shares
-    together = (common > _SHARED * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
-    inside = _inside(sampler)
-    together |= inside & sampled & sampled[:, None]
-    out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
-    apart = ~sampled & ~inside[sampled].any(axis=0)  # what lies in a sampled region is of its samples
-    return out + [_by_curvature(sampler, int(k)) for k in np.flatnonzero(apart)]
-
-
-def _inside(sampler: Sampler) -> np.ndarray:
-    """Whether the region of one maximum reaches to another ``(m, m)``."""
-    centre, peaks = sampler.climber.prepared.shape.centre, sampler.peaks
-    x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
-    z = x @ np.swapaxes(np.linalg.inv(roots(sampler.covariances)), 1, 2)
-    return np.asarray(np.sum(z * z, axis=-1) < _VALLEY)
-
-
-def _by_curvature(sampler: Sampler, k: int) -> Mode:
-    """A region too improbable to be sampled, as the curvature of its maximum has it."""
-    climber, peaks, T = sampler.climber, sampler.peaks, sampler.peaks.Ts[k]
-    covariance = from_centre(climber, climber.of_pose(peaks.information[k]))
-    information = to_origin(climber, peaks.information[k])
-    log_mass = float(peaks.evidence[k]) + sampler.log_constant
-    return Mode(climber, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
-
-
-def _groups(together: np.ndarray) -> list[IntArray]:
-    """Connected sets of a relation ``(m, m)``."""
-    label = np.arange(len(together))
-    for k, row in enumerate(together):
-        for other in np.flatnonzero(row | together[:, k]):
-            label[label == label[other]] = label[k]
-    return [np.flatnonzero(label == value) for value in dict.fromkeys(label)]
-
-
-def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
-    """The region of some maxima, from its samples."""
-    climber, peaks = sampler.climber, sampler.peaks
-    top = float(sampler.log_weights.max())
-    w = W[:, rows].sum(axis=1)
-    best = int(rows[np.argmax(peaks.evidence[rows])])
-    T_peak = peaks.Ts[best]
-    log_mass = float(np.log(w.sum())) + top
-    keep = w > 1e-9 * w.max()
-    w = w[keep] / w[keep].sum()
-    Ts = folded(climber.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=climber.named)
-    xi = SE3.log(SE3.inverse(T_peak) @ Ts)
-    mean = w @ xi
-    T = T_peak
-    if len(rows) == 1:
-        T = T_peak @ SE3.exp(mean)
-        xi = SE3.log(SE3.inverse(T) @ Ts)
-    curved = from_centre(climber, climber.of_pose(peaks.information[best]))
-    normal = len(rows) == 1 and bool(sampler.unlike_normal()[best] < _NORMAL)
-    ess = float(1 / np.sum(w * w))
-    trust = 0.0 if normal else ess / (ess + 6)  # of few samples that many directions are not seen
-    covariance = trust * (w[:, None] * xi).T @ xi + (1 - trust) * curved
-    T = T_peak if normal else T
-    log_mass = float(peaks.evidence[best]) + sampler.log_constant if normal else log_mass  # it has no noise
-    return Mode(
-        climber, T, covariance, T_peak, peaks.zs[best], to_origin(climber, peaks.information[best]),
-        log_mass, 0.0, Ts, w, ess, normal,
-    )  # fmt: skip
-
-
-def to_origin(climber: Climber, information: FloatArray) -> FloatArray:
-    """Information on motions about the part's centre as that on motions of its frame ``(6 + D, 6 + D)``."""
-    A = np.eye(len(information))
-    A[:3, 3:6] = -SO3.hat(climber.prepared.centre)
-    return np.asarray(A.T @ information @ A)
-
-
-def from_centre(climber: Climber, information: FloatArray) -> Covariances:
-    """Covariance of motions of the part's frame, from the information on motions about its centre ``(6, 6)``."""
-    A = np.eye(6)
-    A[:3, 3:] = SO3.hat(climber.prepared.centre)
-    return np.asarray(A @ np.linalg.inv(information) @ A.T, dtype=np.float64)

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.inference.modes import Mode
 from tanteo.inference.outliers import so_many
 from tanteo.inference.peaks import Climber
-from tanteo.inference.posterior import Mode, Posterior
+from tanteo.inference.posterior import Posterior
 from tanteo.inference.result import Explained, explained
 from tanteo.localization import pose_information, weak_motions
 from tanteo.matching.part_motions import part_scale

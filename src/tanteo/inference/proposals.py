@@ -83,7 +83,8 @@ def spread_rows(points: ContactPoints, count: int) -> Indices:
 
     Of many points they are of twice as many that come at even steps: of all points, outliers would be the farthest.
     """
-    some = np.unique(np.arange(2 * count) * len(points) // (2 * count))
+    some = np.arange(min(2 * count, len(points)))
+    some = some * len(points) // max(len(some), 1)
     p = points.points[some]
     if len(p) <= count:
         return some.astype(np.int32)

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.features import SharedError
 from tanteo.inference.details import Details, details_at
-from tanteo.inference.posterior import Mode, to_origin
+from tanteo.inference.modes import Mode, to_origin
 from tanteo.lie import SE3, SO3
 from tanteo.localization import SharedGiven, covariance_with_free, pose_information, weak_motions
 from tanteo.matching.hypothesis import hypothesis_at

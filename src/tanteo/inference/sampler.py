@@ -26,8 +26,19 @@ _WIDER = 1.3
 _CLIP = 15
 """A sample's share of the weights while components are adapted is no more than one in so many."""
 
-_TOLD = 24
-"""Effective samples that tell whether a region looks normal."""
+_TOLD, _NORMAL = 24, 0.1
+"""Effective samples that tell whether a region is normal, and the variance of the ratio of both densities up to which
+it is."""
+
+_OF_SPREAD = 4.0 / 3.0
+"""Mean square of a squared length over the square of its mean, of a normal density in six directions."""
+
+_COUNTS = 1e-3
+"""Share of a part's mass from which that of a region is told as well as its samples can."""
+
+_COMPARABLE = 30.0
+"""Log of the mass of a region by its curvature over the largest weight of a sample, either way, up to which one tells
+something about the other."""
 
 _WORTH, _STEEP, _HALVINGS = 32, 2.0, 7
 """Samples from which a component is fitted; how far the log density may fall within its width, and how often that is
@@ -35,6 +46,47 @@ halved: a normal density falls by half of its square there."""
 
 _STRANGE, _LOOKED_AT = 0.1, 4
 """Share of all weights at which a sample is climbed from; so many of them at a time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """Samples of a region beside what they would be if it were normal: a control variate.
+
+    Attributes:
+        weights: of the samples ``(N,)``.
+        normal: what they would be, times the factor with which they come nearest to them, 1 at most ``(N,)``; 0 where
+            the curvature is not known.
+        expected: what the sum of those is without the noise of the samples.
+        gaps: squared lengths of the motions from the maximum, by its curvature ``(N,)``.
+    """
+
+    weights: FloatArray
+    normal: FloatArray
+    expected: float
+    gaps: FloatArray
+
+    @property
+    def rest(self) -> FloatArray:
+        """What the samples tell beyond what is known ``(N,)``."""
+        return self.weights - self.normal
+
+    @property
+    def mass(self) -> float:
+        """Of the region."""
+        return float(self.rest.sum()) + self.expected
+
+    @property
+    def ess(self) -> float:
+        """How many samples of a normal density would tell its spread as well."""
+        noise = float(np.sum((self.rest * self.gaps) ** 2))
+        return _OF_SPREAD * float(self.weights @ self.gaps) ** 2 / noise if noise > 0 else 0.0
+
+    @property
+    def is_normal(self) -> bool:
+        """Whether the weights are nearly those of a normal density, as far as they tell."""
+        squares = float(self.weights @ self.weights)
+        told = squares > 0 and self.weights.sum() ** 2 >= _TOLD * squares
+        return told and float(self.rest @ self.rest) < _NORMAL * squares
 
 
 @dataclass(slots=True, eq=False)
@@ -60,12 +112,12 @@ class Sampler:
     zs: FloatArray = field(init=False)
     log_target: FloatArray = field(init=False)
     log_weights: FloatArray = field(init=False)
+    log_density: FloatArray = field(init=False)
     shares: FloatArray = field(init=False)
     means: FloatArray = field(init=False)
     covariances: Covariances = field(init=False)
     _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
     _slopes: FloatArray = field(init=False)
-    _unlike: FloatArray | None = field(init=False, default=None)
     local: BoolArray = field(init=False)
     _fitted: BoolArray = field(init=False)
     _images: Transforms = field(init=False)
@@ -73,7 +125,7 @@ class Sampler:
     def __post_init__(self) -> None:
         D, peaks = self.climber.problem.states, self.peaks
         self.Ts, self.zs = np.zeros((0, 4, 4)), np.zeros((0, D))
-        self.log_target, self.log_weights = np.zeros(0), np.zeros(0)
+        self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
         self.shares, self.means = np.zeros((0, len(peaks))), np.zeros((len(peaks), 6))
         self.covariances, self._slopes = self._about(peaks)
         turns = self.climber.prepared.part.symmetry.Ts
@@ -140,7 +192,6 @@ class Sampler:
         self.Ts, self.zs = np.concatenate([self.Ts, Ts]), np.concatenate([self.zs, zs])
         self.log_target = np.concatenate([self.log_target, log])
         self._weigh()
-        self._unlike = None
 
     def _count(self, k: int, count: int) -> None:
         """Remember what is drawn of a component: more of the same is one of larger weight."""
@@ -203,6 +254,7 @@ class Sampler:
             self.shares, log_q = np.nan_to_num(a)[:, None] * self.shares + np.nan_to_num(b)[:, None] * shares, both
         ok = np.isfinite(self.log_target) & np.isfinite(log_q)
         self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
+        self.log_density = np.where(ok, log_q, np.inf)
 
     def adapt(self, which: IntArray, top: float) -> None:
         """Move components onto the weighed samples of their maximum; weights are over ``exp(top)``."""
@@ -224,24 +276,49 @@ class Sampler:
             self.means[k] = trust * mean
             self.covariances[k] = trust * 1.2 * (own[:, None] * off).T @ off + (1 - trust) * self.covariances[k]
 
-    def unlike_normal(self) -> FloatArray:
-        """How unlike a normal density the region of each maximum is ``(m,)``: variance of the log of their ratio."""
-        if self._unlike is None:
-            self._unlike = np.full(len(self.peaks), np.inf)
-            if not np.isfinite(self.log_weights.max()):
-                return self._unlike
-            H = self.climber.of_pose(self.peaks.information)
-            w = np.exp(self.log_weights - self.log_weights.max())[:, None] * self.shares
-            centre = self.climber.prepared.shape.centre
-            for k in np.flatnonzero(w.sum(axis=0) > 0):
-                rows = np.flatnonzero(w[:, k] > 1e-6 * w[:, k].max())
-                x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts[rows]), centre)
-                ratio = self.log_target[rows] + 0.5 * np.einsum("ni,ij,nj->n", x, H[k], x)
-                share = w[rows, k] / w[rows, k].sum()
-                if 1 / np.sum(share**2) < _TOLD:
-                    continue
-                self._unlike[k] = share @ (ratio - share @ ratio) ** 2
-        return self._unlike
+    def compared(self, k: int, weights: FloatArray) -> Compared:
+        """The region of a maximum beside a normal density, as the curvature there says.
+
+        Args:
+            k: of the maximum.
+            weights: of the samples in its region, over the largest of all ``(N,)``.
+        """
+        mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
+        if not abs(mass) < _COMPARABLE:
+            return Compared(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)))
+        H = self.climber.of_pose(self.peaks.information[k][None])[0]
+        gaps = self._squared_gaps(k, H)
+        log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
+        own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
+        factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
+        return Compared(weights, factor * own, factor * float(np.exp(mass)), gaps)
+
+    def masses(self) -> tuple[FloatArray, FloatArray]:
+        """Log mass and effective samples of each maximum's region ``(m,)``."""
+        top = float(self.log_weights.max())
+        if not np.isfinite(top):
+            return np.full(len(self.peaks), -np.inf), np.zeros(len(self.peaks))
+        W = np.exp(self.log_weights - top)[:, None] * self.shares
+        sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ess = np.nan_to_num(sums**2 / squares)
+            for k in np.flatnonzero(sums > _COUNTS * sums.sum()):
+                one = self.compared(int(k), W[:, k])
+                sums[k], ess[k] = one.mass, one.ess
+            return np.log(sums) + top, ess
+
+    def is_normal(self, k: int) -> bool:
+        """Whether the region of a maximum is nearly normal, as its curvature says, as far as its samples tell."""
+        top = float(self.log_weights.max())
+        return np.isfinite(top) and self.compared(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
+
+    def _squared_gaps(self, k: int, information: FloatArray) -> FloatArray:
+        """Squared lengths of the motions from a maximum to the samples, or to the nearest of their images ``(N,)``."""
+        centre, out = self.climber.prepared.shape.centre, np.full(len(self.Ts), np.inf)
+        for turn in [np.eye(4), *self._images]:
+            x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts @ turn), centre)
+            out = np.minimum(out, np.sum((x @ information) * x, axis=1))
+        return out
 
 
 def roots(covariances: Covariances) -> FloatArray:

@@ -15,8 +15,9 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.inference.details import details_at
+from tanteo.inference.modes import Mode
 from tanteo.inference.peaks import FAINT, SAME, Climber, Peaks
-from tanteo.inference.posterior import Mode, Posterior, weigh
+from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem, outlier_log_density
 from tanteo.inference.proposals import Effort, best_of_prior, from_prior

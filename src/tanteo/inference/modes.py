@@ -1,0 +1,172 @@
+"""Modes of the posterior: regions of poses of one part, from samples about its maxima."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.peaks import Climber
+from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.sampler import Compared, Sampler, roots
+from tanteo.inference.symmetry import folded
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+
+_SHARED = 0.15
+"""Share of its samples that a mode has in common with another from which both are one."""
+
+_VALLEY = 5.35
+"""Squared Mahalanobis distance within which half of a normal region lies: a maximum there is no mode of its own."""
+
+_COUNTS = 1e-3
+"""Share of a part's mass from which that of a region is told as well as its samples can."""
+
+_DIRECTIONS = 6
+"""In which a pose may move."""
+
+_NARROWEST = 0.05
+"""Times the variance by curvature that is told at least, in any direction."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mode:
+    """One region of poses of one part.
+
+    Attributes:
+        climber: the part and the problem, compiled.
+        T_world_part: mean pose ``(4, 4)``; of several maxima in one region the best.
+        covariance: about it, of the samples ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        T_peak: the best maximum ``(4, 4)``.
+        z: shared errors, and the noise scale where it is a state, there ``(D,)``.
+        information: of pose and these at the maximum, part frame ``(6 + D, 6 + D)``.
+        log_mass: log evidence, prior of the part included.
+        probability: posterior.
+        Ts: samples ``(N, 4, 4)``; the maximum alone where the mode was too improbable to be sampled.
+        weights: of them, summing to one ``(N,)``.
+        ess: how many independent samples would tell its covariance as well.
+        normal: whether the region is normal, as the curvature of its maximum has it.
+    """
+
+    climber: Climber
+    T_world_part: Transforms
+    covariance: Covariances
+    T_peak: Transforms
+    z: FloatArray
+    information: FloatArray
+    log_mass: float
+    probability: float
+    Ts: Transforms
+    weights: FloatArray
+    ess: float
+    normal: bool
+
+    @property
+    def prepared(self) -> PreparedPart:
+        """The part."""
+        return self.climber.prepared
+
+
+def modes_of(sampler: Sampler) -> list[Mode]:
+    """Regions of one part: maxima that share samples, or lie in each other's region, are one."""
+    mass, _ = sampler.masses()
+    sampled = np.isfinite(mass)
+    if not sampled.any():
+        return []
+    W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
+    sums = W.sum(axis=0)
+    common = W.T @ sampler.shares
+    together = (common > _SHARED * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    inside = _inside(sampler)
+    together |= inside & sampled & sampled[:, None]
+    out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
+    apart = ~sampled & ~inside[sampled].any(axis=0)  # what lies in a sampled region is of its samples
+    return out + [_by_curvature(sampler, int(k)) for k in np.flatnonzero(apart)]
+
+
+def _inside(sampler: Sampler) -> np.ndarray:
+    """Whether the region of one maximum reaches to another ``(m, m)``."""
+    centre, peaks = sampler.climber.prepared.shape.centre, sampler.peaks
+    x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
+    z = x @ np.swapaxes(np.linalg.inv(roots(sampler.covariances)), 1, 2)
+    return np.asarray(np.sum(z * z, axis=-1) < _VALLEY)
+
+
+def _by_curvature(sampler: Sampler, k: int) -> Mode:
+    """A region too improbable to be sampled, as the curvature of its maximum has it."""
+    climber, peaks, T = sampler.climber, sampler.peaks, sampler.peaks.Ts[k]
+    covariance = from_centre(climber, climber.of_pose(peaks.information[k]))
+    information = to_origin(climber, peaks.information[k])
+    log_mass = float(peaks.evidence[k]) + sampler.log_constant
+    return Mode(climber, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
+
+
+def _groups(together: np.ndarray) -> list[IntArray]:
+    """Connected sets of a relation ``(m, m)``."""
+    label = np.arange(len(together))
+    for k, row in enumerate(together):
+        for other in np.flatnonzero(row | together[:, k]):
+            label[label == label[other]] = label[k]
+    return [np.flatnonzero(label == value) for value in dict.fromkeys(label)]
+
+
+def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
+    """The region of some maxima, from its samples.
+
+    Where there is one maximum, the samples only tell by how much its region differs from a normal density: what they
+    say of the density itself, which is known, is taken from what they say of the region (a control variate).
+    """
+    climber, peaks = sampler.climber, sampler.peaks
+    top = float(sampler.log_weights.max())
+    best = int(rows[np.argmax(peaks.evidence[rows])])
+    T = T_peak = peaks.Ts[best]
+    w = W[:, rows].sum(axis=1)
+    region = Compared(w, np.zeros(len(w)), 0.0, np.ones(len(w)))
+    if len(rows) == 1 and w.sum() > _COUNTS * W.sum():
+        region = sampler.compared(best, w)
+    keep = w + region.normal > 1e-9 * w.max()
+    Ts = folded(climber.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=climber.named)
+    curved = from_centre(climber, climber.of_pose(peaks.information[best]))
+    xi, w, rest = SE3.log(SE3.inverse(T_peak) @ Ts), w[keep], region.rest[keep]
+    mean = np.zeros(6)
+    if len(rows) == 1:
+        mean = rest @ xi / region.mass
+        T = T_peak @ SE3.exp(mean)
+        xi = SE3.log(SE3.inverse(T) @ Ts)
+    expected = region.expected * (curved + np.outer(mean, mean))
+    covariance = _covariance(((rest[:, None] * xi).T @ xi + expected) / region.mass, curved, region.ess)
+    by_curvature = float(peaks.evidence[best]) + sampler.log_constant
+    log_mass = by_curvature if region.is_normal else float(np.log(region.mass)) + top  # the former has no noise
+    return Mode(
+        climber, T, covariance, T_peak, peaks.zs[best], to_origin(climber, peaks.information[best]), log_mass, 0.0, Ts,
+        w / w.sum(), region.ess, region.is_normal,
+    )  # fmt: skip
+
+
+def _covariance(told: Covariances, curved: Covariances, ess: float) -> Covariances:
+    """Covariance from that of so many samples and that of the curvature at the maximum.
+
+    Few samples miss some of six directions, and on average the inverse of their covariance is too large (Hartlap, Simon
+    and Schneider 2007): regions of a stated probability would hold less.
+    """
+    trust = ess / (ess + _DIRECTIONS)
+    L = roots(curved[None])[0]
+    whitened = np.linalg.solve(L, np.linalg.solve(L, told).T)
+    values, vectors = np.linalg.eigh(trust * whitened + (1 - trust) * np.eye(6))
+    out = L @ (vectors * values.clip(_NARROWEST)) @ vectors.T @ L.T
+    return np.asarray(out * (1 + (_DIRECTIONS + 2) / max(ess - _DIRECTIONS - 2, _DIRECTIONS + 2)), dtype=np.float64)
+
+
+def to_origin(climber: Climber, information: FloatArray) -> FloatArray:
+    """Information on motions about the part's centre as that on motions of its frame ``(6 + D, 6 + D)``."""
+    A = np.eye(len(information))
+    A[:3, 3:6] = -SO3.hat(climber.prepared.centre)
+    return np.asarray(A.T @ information @ A)
+
+
+def from_centre(climber: Climber, information: FloatArray) -> Covariances:
+    """Covariance of motions of the part's frame, from the information on motions about its centre ``(6, 6)``."""
+    A = np.eye(6)
+    A[:3, 3:] = SO3.hat(climber.prepared.centre)
+    return np.asarray(A @ np.linalg.inv(information) @ A.T, dtype=np.float64)
