@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.inference.details import belongs_at
+from tanteo.inference.draws import RIDGE, along_ridge, drawn
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
@@ -33,8 +34,8 @@ _MISSING, _OFTEN = 0.02, 4
 """Probability of what fewer pairs of points led to up to which a part is taken as searched: a pose as easy to find as
 one to which four pairs led is missed in one of sixteen searches."""
 
-_BITS, _KNOWN = 60, 0b1111
-"""Pairs that are told apart, and what the prior led to: as good as found by several."""
+_BITS = 60
+"""Pairs and draws that are told apart."""
 
 _ROUNDS, _HOPELESS_ROUNDS = 8, 4
 """Rounds at most; and where the unknown object explains the measurements better than all that was found."""
@@ -99,7 +100,7 @@ class PartSearch:
     def round(self, effort: Effort) -> None:
         """Propose from pairs of points, which know nothing of each other; settle, climb, merge."""
         climber, k, count = self.climber, self.rounds, min(effort.pairs, len(self.pairs))
-        poses, groups = [from_prior(climber.problem, climber.prepared, effort.climb, self.rng)], [_KNOWN]
+        poses, groups = [np.zeros((0, 4, 4))], [0]
         for i in range(count):
             pair = np.ascontiguousarray(self.pairs[[(k * count + i) % len(self.pairs)]])
             seed = int(self.rng.integers(2**63))
@@ -107,9 +108,20 @@ class PartSearch:
             groups.append(1 << ((k * count + i) % _BITS))
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
+        self.draw(effort.climb)
         if len(self.peaks) and effort.turn:
             self.try_poses(turned(climber.prepared, self.peaks.Ts[: effort.turn]))
         self.rounds += 1
+
+    def draw(self, count: int) -> None:
+        """Climb from draws of what is known of the pose, each a group of its own; and follow the ridge it lies on."""
+        climber = self.climber
+        if not climber.named:
+            return
+        groups = np.left_shift(1, self.rng.integers(_BITS, size=count))
+        self.peaks = climber.merged(self.peaks, drawn(climber, groups, self.rng), _MOST)
+        if self.along is None:
+            self.along = along_ridge(climber, from_prior(climber.problem, climber.prepared, RIDGE, self.rng))
 
     def try_poses(self, Ts: Transforms) -> None:
         """Climb from poses that no points proposed; what they lead to still has to be found, but for what is there."""

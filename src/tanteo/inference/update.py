@@ -9,18 +9,17 @@ is looked for all over its prior again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from tanteo import _core
 from tanteo.inference.details import details_at
+from tanteo.inference.draws import RIDGE, along_ridge
 from tanteo.inference.modes import Mode
-from tanteo.inference.peaks import FAINT, SAME, Climber, Peaks
+from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem, outlier_log_density
-from tanteo.inference.proposals import Effort, best_of_prior, from_prior
+from tanteo.inference.proposals import Effort
 from tanteo.inference.search import PartSearch, start_search
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
@@ -30,9 +29,6 @@ lead back to its maximum, so many."""
 
 _FRESH, _WIDELY = 24, 96
 """Draws of the prior that are climbed from beside them; and of a part of which nothing is known, or in doubt."""
-
-_GROUP, _LEFT_OUT = 8, 4
-"""Draws that are moved onto the surface by the same points, of which one in so many is left out."""
 
 _MATTERS = 0.003
 """Probability of a part from which, while its region is not normal, draws of its prior are made after each tell."""
@@ -45,10 +41,6 @@ _EXPECTED = 1.0
 
 _SEVERAL = 4
 """So many points, with what is known beforehand, fix a pose: then pairs of them propose some, too."""
-
-_RIDGE, _PIECE, _FEW = 40, 0.5, 12
-"""Poses along a ridge, and the length of the piece of each in standard deviations of all; fewer than the last tell no
-spread in six directions."""
 
 _FOUND = (1 << 62) - 1
 """As if found by all groups of proposals: what was known, and draws of the prior, are no chance finds."""
@@ -113,7 +105,6 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
         if known is not None:  # coarse measurements do not tell means apart that the prior does
             _take(search, search.climber.climb(known.Ts[:_WIDELY], fine=True))
         _draw(search, _WIDELY)
-        search.along = along_ridge(search.climber, from_prior(problem, part, _RIDGE, rng))
         return search
     climber, likely = search.climber, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem.states, rng)
@@ -123,7 +114,7 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
     if likely > _MATTERS and not search.trusted:
         _draw(search, _FRESH)
-        search.along = along_ridge(climber, _resampled(modes, _RIDGE, rng))
+        search.along = along_ridge(climber, _resampled(modes, RIDGE, rng))
     return search
 
 
@@ -160,52 +151,9 @@ def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> T
     return np.concatenate([mode.Ts for mode in modes])[rows.clip(0, len(weights) - 1)]
 
 
-def along_ridge(climber: Climber, Ts: Transforms) -> Peaks:
-    """Bases of components along a ridge: poses moved onto the surface, each a small piece of the region of all.
-
-    Few precise measurements leave a thin bent sheet of poses. The curvature at one maximum follows it nowhere else; at
-    many places of it, each for a part of its length, it does.
-
-    Args:
-        climber: the part and the problem.
-        Ts: poses that are spread as the ridge is, but for the last measurements ``(S, 4, 4)``.
-    """
-    Ts, _ = climber.settle(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
-    zs, shape = np.zeros((len(Ts), climber.problem.states)), climber.prepared.shape
-    logs, _, information = _core.slopes(shape, climber.core, Ts, zs)
-    some = np.flatnonzero(logs > logs.max() - FAINT)
-    if len(some) < _FEW:
-        return Peaks.none(climber.problem.states)
-    x = _core.offsets(Ts[some[0]], np.ascontiguousarray(Ts[some]), shape.centre)
-    information = np.array(information[some])
-    curved = np.linalg.inv(climber.of_pose(information[:1])[0])
-    if np.einsum("ni,ij,nj->n", x, np.linalg.inv(curved), x).max() < SAME:
-        return Peaks.none(climber.problem.states)
-    information[:, :6, :6] += np.linalg.inv(np.cov(x.T) + curved) / _PIECE**2
-    rest = np.full(len(some), -np.inf), np.zeros(len(some), dtype=np.int64)
-    return Peaks(np.ascontiguousarray(Ts[some]), zs[some], logs[some], information, *rest)
-
-
 def _draw(search: PartSearch, count: int) -> None:
-    """Climb from the best of many draws of the prior, a third moved onto the surface by all points, others by some.
-
-    A point near an edge that is taken for one of the face beyond it holds all poses that are settled with it.
-    """
-    climber, rng = search.climber, search.rng
-    Ts = best_of_prior(climber.core, climber.problem, climber.prepared, climber.rows, climber.scales, count, rng)
-    Ts = Ts[rng.permutation(len(Ts))]
-    every, rest = Ts[: len(Ts) // 3 + 1], Ts[len(Ts) // 3 + 1 :]
-    _take(search, climber.look(every, np.zeros(len(every), dtype=np.int64), len(every)))
-    settled = [_settled_by_some(climber, some, rng) for some in np.array_split(rest, max(len(rest) // _GROUP, 1))]
-    _take(search, climber.climb(np.concatenate(settled), fine=True))
-
-
-def _settled_by_some(climber: Climber, Ts: Transforms, rng: np.random.Generator) -> Transforms:
-    """Poses moved onto the surface by some of the points, a quarter of them left out by chance."""
-    n = len(climber.rows)
-    rows = np.sort(rng.choice(climber.rows, n - n // _LEFT_OUT if n >= _LEFT_OUT else n, replace=False))
-    some = replace(climber, rows=rows.astype(np.int32))
-    return some.settle(Ts, np.zeros(len(Ts), dtype=np.int64), max(len(Ts), 1))[0]
+    search.draw(count)
+    search.peaks = _found(search.peaks)
 
 
 def _look_widely(search: PartSearch) -> None:
