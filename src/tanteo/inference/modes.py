@@ -26,6 +26,9 @@ _COUNTS = 1e-3
 _DIRECTIONS = 6
 """In which a pose may move."""
 
+_LEVEL, _OF_LEVEL = 0.95, 12.592
+"""Probability of the region that is told, and the squared length up to which it reaches in six directions."""
+
 _NARROWEST = 0.05
 """Times the variance by curvature that is told at least, in any direction."""
 
@@ -136,6 +139,8 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
     covariance = _covariance(((rest[:, None] * xi).T @ xi + expected) / region.mass, curved, region.ess)
+    if not region.is_normal:
+        covariance = covariance * _beyond_normal(xi, w, covariance)
     by_curvature = float(peaks.evidence[best]) + sampler.log_constant
     log_mass = by_curvature if region.is_normal else float(np.log(region.mass)) + top  # the former has no noise
     return Mode(
@@ -156,6 +161,15 @@ def _covariance(told: Covariances, curved: Covariances, ess: float) -> Covarianc
     values, vectors = np.linalg.eigh(trust * whitened + (1 - trust) * np.eye(6))
     out = L @ (vectors * values.clip(_NARROWEST)) @ vectors.T @ L.T
     return np.asarray(out * (1 + (_DIRECTIONS + 2) / max(ess - _DIRECTIONS - 2, _DIRECTIONS + 2)), dtype=np.float64)
+
+
+def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances) -> float:
+    """Times a covariance so that its region of 95 % holds 95 % of the samples: those of a bent ridge are far out."""
+    z = np.linalg.solve(roots(covariance[None])[0], xi.T)
+    gaps = np.sum(z * z, axis=0)
+    order = np.argsort(gaps)
+    share = np.cumsum(weights[order]) / weights.sum()
+    return max(float(gaps[order[np.searchsorted(share, _LEVEL).clip(0, len(gaps) - 1)]]) / _OF_LEVEL, 1.0)
 
 
 def to_origin(climber: Climber, information: FloatArray) -> FloatArray:
