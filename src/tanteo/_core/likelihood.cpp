@@ -233,8 +233,8 @@ PointSlope slope_of(const Hit* hits, const double* shares, std::vector<int>& ord
         if (next - first > 1 && !hits[order[first]].tilted) {
             for (int i = 0; i < 9; ++i) own.pp.m[i] -= pulls.m[i];
             add_outer(own.pp, 1 / weight, own.p, own.p);
-            own.pp = not_negative(own.pp);
         }
+        own.pp = not_negative(own.pp);
         sum.add(own);
     }
     return sum;

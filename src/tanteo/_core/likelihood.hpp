@@ -22,7 +22,7 @@ struct Hit {
     double distance, per_sd;
     Vec3 normal;
     Vec3 slope;  // gradient of the log of the share by the point
-    Mat3 stiff;  // information of the share on the point, and of the point itself for edges and corners
+    Mat3 stiff;  // minus the second derivative of that, and the information on the point itself for edges and corners
     double spread = 0;  // derivative of the log of the share by the log of the noise
     int face, tilted;
     double tilt[2], per_tilt[2], bend[2], along;  // sensed normal against the surface's

@@ -198,7 +198,7 @@ bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, co
     const double q = dot(off, load(pull));
     if (q > reach * reach) return true;
     Hit hit;
-    hit.weight = (point.directed ? aimed(n, d) : 1 / shape.area) * place.area / (L[0] * L[4] * L[8]) *
+    hit.weight = (point.directed ? aimed(place.normal, d) : 1 / shape.area) * place.area / (L[0] * L[4] * L[8]) *
                  fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - point.log_outlier);
     if (!(hit.weight >= NOTHING * problem.mean_rate)) return true;
     hit.per_sd = 1 / std::sqrt(dot(n, Sn));

@@ -77,28 +77,24 @@ inline Share share_of(const Shape& shape, const Flat& flat, double x, double y, 
             share.xx += dy * dy * h * m;
             share.xy -= dx * dy * h * m;
             share.yy += dx * dx * h * m;
+            if (whole) continue;
+            const double ends = normal_density(h) * (normal_density(t2) - normal_density(t1));
+            share.xx -= dx * dy * ends;
+            share.xy += 0.5 * (dx * dx - dy * dy) * ends;
+            share.yy += dx * dy * ends;
         }
     share.value = std::clamp(winding - beyond, 0.0, 1.0);
     return share;
 }
 
-// Of a share: the gradient of its log, and its information, never negative, in the frame of the flat.
+// Of a share: the gradient of its log, and minus its second derivative, in the frame of the flat.
 inline void log_share(Share& s) {
     const double inverse = 1 / s.value;
     s.gx *= inverse;
     s.gy *= inverse;
-    const double xx = s.xx * inverse + s.gx * s.gx, xy = s.xy * inverse + s.gx * s.gy, yy = s.yy * inverse + s.gy * s.gy;
-    const double mean = 0.5 * (xx + yy), spread = std::hypot(0.5 * (xx - yy), xy);
-    const double l1 = std::max(mean + spread, 0.0), l2 = std::max(mean - spread, 0.0);
-    if (!(spread > 0)) {
-        s.xx = s.yy = l1;
-        s.xy = 0;
-        return;
-    }
-    const double c = 0.5 * (xx - yy) / spread, d = xy / spread;  // cosine and sine of twice the angle
-    s.xx = 0.5 * (l1 + l2) + 0.5 * (l1 - l2) * c;
-    s.yy = 0.5 * (l1 + l2) - 0.5 * (l1 - l2) * c;
-    s.xy = 0.5 * (l1 - l2) * d;
+    s.xx = s.xx * inverse + s.gx * s.gx;
+    s.xy = s.xy * inverse + s.gx * s.gy;
+    s.yy = s.yy * inverse + s.gy * s.gy;
 }
 
 }  // namespace tanteo

@@ -123,8 +123,14 @@ inline void difference(const Pose& from, const Pose& to, const Vec3& c, Vec3& v,
     w = rotation_vector(transposed(from.R) * to.R);
 }
 
-// A symmetric matrix without its negative part, by Jacobi's turns.
+// A symmetric matrix without its negative part, by Jacobi's turns; most have none.
 inline Mat3 not_negative(Mat3 A) {
+    const double a = A(1, 1) * A(2, 2) - A(1, 2) * A(1, 2), b = A(0, 0) * A(2, 2) - A(0, 2) * A(0, 2),
+                 c = A(0, 0) * A(1, 1) - A(0, 1) * A(0, 1);
+    const double det = A(0, 0) * a - A(0, 1) * (A(0, 1) * A(2, 2) - A(0, 2) * A(1, 2)) +
+                       A(0, 2) * (A(0, 1) * A(1, 2) - A(0, 2) * A(1, 1));
+    const double size = A(0, 0) + A(1, 1) + A(2, 2), small = 1e-12 * size * size;
+    if (std::min({A(0, 0), A(1, 1), A(2, 2)}) >= 0 && std::min({a, b, c}) >= -small && det >= -small * size) return A;
     Mat3 V = identity();
     for (int sweep = 0; sweep < 8; ++sweep) {
         double off = 0, on = 0;

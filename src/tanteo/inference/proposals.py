@@ -158,9 +158,13 @@ def best_of_prior(
         from_prior(replace(problem, mixtures={id(prepared): wider}), prepared, _EACH * count, rng)
     )
     if len(rows):
-        costs = _core.scores(prepared.shape, core, rows, Ts, scales.blur, _TILT)
-        Ts = Ts[np.argsort(costs, kind="stable")]
+        Ts = Ts[np.argsort(scores_of(core, prepared, rows, Ts, scales), kind="stable")]
     return np.ascontiguousarray(Ts[:count])
+
+
+def scores_of(core: _core.Problem, prepared: PreparedPart, rows: Indices, Ts: Transforms, scales: Scales) -> FloatArray:
+    """How far points are from the surface at poses, as a cost each ``(S,)``: robust, and rough."""
+    return np.asarray(_core.scores(prepared.shape, core, rows, np.ascontiguousarray(Ts), scales.blur, _TILT))
 
 
 def turned(prepared: PreparedPart, Ts: Transforms) -> Transforms:

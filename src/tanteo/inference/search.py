@@ -13,6 +13,7 @@ import numpy as np
 
 from tanteo.inference.details import belongs_at
 from tanteo.inference.draws import RIDGE, along_ridge, drawn
+from tanteo.inference.label_tuples import Planes, from_labels, labelled_planes
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
@@ -23,6 +24,7 @@ from tanteo.inference.proposals import (
     from_pairs,
     from_prior,
     scales_for,
+    scores_of,
     spread_rows,
     turned,
 )
@@ -34,14 +36,17 @@ _MISSING, _OFTEN = 0.02, 4
 """Probability of what fewer pairs of points led to up to which a part is taken as searched: a pose as easy to find as
 one to which four pairs led is missed in one of sixteen searches."""
 
-_BITS = 60
-"""Pairs and draws that are told apart."""
+_BITS, _CERTAIN = 60, 0b1111
+"""Pairs and draws that are told apart, and what labels lead to: as good as found by several."""
 
 _ROUNDS, _HOPELESS_ROUNDS = 8, 4
 """Rounds at most; and where the unknown object explains the measurements better than all that was found."""
 
-_RACE = (Effort(6, 16, 3, 8), Effort(12, 40, 7, 40, 3))
-"""First rounds of many parts: a glance, then a look."""
+_GLANCE, _LOOK = Effort(6, 16, 3, 8), Effort(12, 40, 7, 40, 3)
+"""First rounds of many parts."""
+
+_GLANCED = 24
+"""Points of a glance: more of them tell no more about which part it is likely to be."""
 
 _BEHIND = (24.0, 12.0)
 """Log evidence behind the leader, the unknown object included, at which a part is out after each of these."""
@@ -68,6 +73,7 @@ class PartSearch:
         pairs: of points from which proposals are made, a few each round.
         rng: of all draws.
         peaks: maxima so far.
+        planes: of the labels.
         rounds: so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
         trusted: whether the region of its maximum was normal before the last measurement.
@@ -77,6 +83,7 @@ class PartSearch:
     pairs: Indices
     rng: np.random.Generator
     peaks: Peaks
+    planes: Planes
     rounds: int = 0
     along: Peaks | None = None
     trusted: bool = False
@@ -100,7 +107,7 @@ class PartSearch:
     def round(self, effort: Effort) -> None:
         """Propose from pairs of points, which know nothing of each other; settle, climb, merge."""
         climber, k, count = self.climber, self.rounds, min(effort.pairs, len(self.pairs))
-        poses, groups = [np.zeros((0, 4, 4))], [0]
+        poses, groups = [self._of_labels(effort.climb)], [_CERTAIN]
         for i in range(count):
             pair = np.ascontiguousarray(self.pairs[[(k * count + i) % len(self.pairs)]])
             seed = int(self.rng.integers(2**63))
@@ -112,6 +119,17 @@ class PartSearch:
         if len(self.peaks) and effort.turn:
             self.try_poses(turned(climber.prepared, self.peaks.Ts[: effort.turn]))
         self.rounds += 1
+
+    def _of_labels(self, count: int) -> Transforms:
+        """Poses that put labelled planes on faces, those that the points are near: once, for they are all there are."""
+        climber = self.climber
+        if self.rounds or not len(climber.rows):
+            return np.zeros((0, 4, 4))
+        Ts = np.ascontiguousarray(from_labels(self.planes, climber.prepared))
+        if not len(Ts):
+            return Ts
+        costs = scores_of(climber.core, climber.prepared, climber.rows, Ts, climber.scales)
+        return Ts[np.argsort(costs, kind="stable")[:count]]
 
     def draw(self, count: int) -> None:
         """Climb from draws of what is known of the pose, each a group of its own; and follow the ridge it lies on."""
@@ -162,7 +180,7 @@ def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Genera
     scales = scales_for(problem, prepared)
     climber = Climber(prepared, problem.compiled(prepared), problem, scales, rows)
     pairs = far_pairs(problem.points, rows, 12)
-    return PartSearch(climber, pairs, rng, Peaks.none(problem.states))
+    return PartSearch(climber, pairs, rng, Peaks.none(problem.states), labelled_planes(problem.points))
 
 
 def race(
@@ -177,13 +195,12 @@ def race(
         rng: of all draws.
     """
     searches = [start_search(problem, part, rng) for part in parts]
-    live = list(searches)
-    for k, effort in enumerate(_RACE if len(parts) > 1 else _RACE[1:]):
-        for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
-            if k == 0 or search in _still_in(live, log_unknown, _BEHIND[0]):
-                search.round(effort)
-        _try_on_others(live)
-        live = _still_in(live, log_unknown, _BEHIND[k])
+    live = _after_a_glance(searches, log_unknown) if len(parts) > 1 else list(searches)
+    for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
+        if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
+            search.round(_LOOK)
+    _try_on_others(live)
+    live = _still_in(live, log_unknown, _BEHIND[1])
     fixed = len(problem.points) >= 6 or int(problem.points.oriented.sum()) >= _ORIENTED
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
@@ -201,6 +218,27 @@ def race(
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
     return searches
+
+
+def _after_a_glance(searches: Sequence[PartSearch], log_unknown: float) -> list[PartSearch]:
+    """Which parts are still in after a glance at each: with a few of many points, which is as fair to all of them."""
+    problem = searches[0].climber.problem
+    rows = spread_rows(problem.points, _GLANCED)
+    glances = list(searches)
+    if len(rows) < len(problem.points):
+        few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
+        glances = [replace(start_search(few, s.climber.prepared, s.rng), planes=s.planes) for s in searches]
+        log_unknown = -np.inf
+    for glance in glances:
+        glance.round(_GLANCE)
+    _try_on_others(glances)
+    kept = {id(glance) for glance in _still_in(glances, log_unknown, _BEHIND[0])}
+    live = [(s, glance) for s, glance in zip(searches, glances, strict=True) if id(glance) in kept]
+    for search, glance in live:
+        if search is not glance:
+            found = glance.peaks
+            search.peaks, search.rounds = search.climber.climb(found.Ts, found.zs, found.groups, fine=True), 1
+    return [search for search, _ in live]
 
 
 def _still_in(searches: Sequence[PartSearch], log_unknown: float, behind: float) -> list[PartSearch]:
