@@ -120,7 +120,7 @@ def _as_published(
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
     answer = identify_features(
-        sensed.features, parts, tolerance=tolerance, alpha=alpha, top=top, as_published=True, priors=priors, seed=seed,
+        sensed.features, parts, tolerance=tolerance, alpha=alpha, top=top, as_published=True, priors=priors,
         shared=measured.shared,
     )  # fmt: skip
     return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
@@ -143,13 +143,46 @@ def _require_labels_alone(*, bare: bool, placed: bool) -> None:
         )
 
 
-def locate(readings: Readings, part: Part, **options: object) -> Recognition:
-    """Where the part is, given that it is this one (or none): :func:`identify` with one part, and its other arguments.
+def locate(
+    readings: Readings,
+    part: Part,
+    *,
+    sensor: SensorPreset | str | None = None,
+    sd: float | None = None,
+    tolerance: float = 0.0,
+    robot: RobotPreset | str | None = None,
+    tip_sd: npt.ArrayLike | None = None,
+    rig: Rig | None = None,
+    alpha: float = 0.01,
+    top: int = 5,
+    as_published: bool = False,
+    priors: Priors | None = None,
+    seed: int = 0,
+) -> Recognition:
+    """Where the part is, given that it is this one (or none).
+
+    Args:
+        readings: as of :func:`identify`.
+        part: the one.
+        sensor: as of :func:`identify`, like all that follow.
+        sd: one standard deviation of a point [m].
+        tolerance: sd of the made part's surface [m].
+        robot: preset of robot errors.
+        tip_sd: sds of the tip's offset [m].
+        rig: where range sensors sit on the hand.
+        alpha: least p-value of an answer.
+        top: number of poses to report.
+        as_published: by the paper's constraints and tests.
+        priors: what is assumed beforehand.
+        seed: of the search.
 
     Raises:
         InputError: as :func:`identify`; or several parts.
     """
-    return identify(readings, [as_part("part", part)], **options)  # type: ignore[arg-type]
+    return identify(
+        readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
+        rig=rig, alpha=alpha, top=top, as_published=as_published, priors=priors, seed=seed,
+    )  # fmt: skip
 
 
 def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:

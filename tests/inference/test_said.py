@@ -10,7 +10,7 @@ import pytest
 from bare_scenes import box_centred_pose, nees, no_paths, off, surface_points, touches_of
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors, Table
+from tanteo.matching import PosePrior, Priors, Recognition, Table
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -100,3 +100,14 @@ def test_an_unknown_part_on_a_right_table_is_not_blamed_on_the_table(bracket):
         answer = answered(bracket, touches, table_at(other.part, T, 0.0))
         assert answer.status == "unknown"
         assert "said to be" not in answer.message
+
+
+def test_the_best_hypothesis_is_at_hand(bracket):
+    """Its pose and covariance, too; None where there is none, so that a program may read an empty answer."""
+    nothing = Recognition("insufficient", "There is nothing.", (), 1.0)
+    assert (nothing.best, nothing.pose, nothing.covariance) == (None, None, None)
+    touches, *_ = sensed(bracket, 20, 3e-4, 1)
+    answer = answered(bracket, touches, None)
+    assert answer.best is answer.hypotheses[0]
+    assert answer.pose is answer.best.T_world_part
+    assert answer.covariance is answer.best.covariance

@@ -68,9 +68,6 @@ def test_a_box_that_says_nothing_changes_nothing(parts, seed):
     assert boxed.hypotheses[0].pairings == alone.hypotheses[0].pairings
 
 
-@pytest.mark.xfail(
-    strict=False, reason="a box that contradicts the readings: the unconstrained pose is not reported yet"
-)
 def test_a_box_elsewhere_speaks_against_the_part(parts):
     rng, part = np.random.default_rng(1), parts["bracket_left"]
     readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
@@ -149,9 +146,6 @@ def test_a_rough_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
         assert faces == set(part.planes.faces[planes])
 
 
-@pytest.mark.xfail(
-    strict=False, reason="a box that contradicts the readings: the unconstrained pose is not reported yet"
-)
 def test_a_pose_at_the_border_of_a_box_is_the_mean_of_what_is_inside(parts):
     part, rng = parts["bracket_left"], np.random.default_rng(11)
     readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
@@ -165,9 +159,6 @@ def test_a_pose_at_the_border_of_a_box_is_the_mean_of_what_is_inside(parts):
     assert np.linalg.det(best.covariance) < np.linalg.det(alone.covariance)
 
 
-@pytest.mark.xfail(
-    strict=False, reason="a box that contradicts the readings: the unconstrained pose is not reported yet"
-)
 def test_a_pose_that_a_box_contradicts_is_told_where_it_was_felt(parts):
     """What the box leaves of its distribution are poses far from all readings, with the fit of another one."""
     part, rng = parts["bracket_left"], np.random.default_rng(11)

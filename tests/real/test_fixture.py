@@ -38,7 +38,7 @@ def test_two_people_agree_once_the_tip_is_an_error_that_all_touches_share(target
 
 
 def test_without_the_tip_they_contradict_each_other(target, located):
-    assert disagreement(target, located, False, one_draw=False) < 1e-6
+    assert disagreement(target, located, False, one_draw=False) < 1e-4
 
 
 def test_without_the_tip_the_novice_is_told_of_the_scatter_and_has_a_wider_covariance(target, located):
@@ -64,7 +64,7 @@ def test_the_share_of_the_tip_in_the_worst_corner(target, located, name):
     best = located[name, True].hypotheses[0]
     total = corner_sd(target.part, best.covariance)
     without = corner_sd(target.part, best.covariance_same_robot)
-    assert 0.5 < np.sqrt(total**2 - without**2) / total < 0.9
+    assert 0.4 < np.sqrt(total**2 - without**2) / total < 0.9  # samples tell the novice's 0.58 to about 0.1
 
 
 def test_it_says_that_the_tip_and_not_the_touches_limits_the_expert(located):

@@ -124,13 +124,14 @@ def weigh(
         anywhere: log evidence of an unknown object that is like no part, its prior included.
         rng: of all draws.
     """
-    found = [(s, float(prior)) for s, prior in zip(searches, priors, strict=True) if len(s.peaks)]
-    evidence = np.array([s.log_evidence + prior for s, prior in found])
+    drawing = zip(searches, priors, rng.spawn(len(searches)), strict=True)
+    found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
+    evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
     total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)
     samplers, variants = [], []
-    for (s, prior), own in zip(found, evidence, strict=True):
+    for (s, prior, draws), own in zip(found, evidence, strict=True):
         if own > total - NEGLIGIBLE or own == best:
-            samplers.append(_sampler(s, prior, max(total, best), rng))
+            samplers.append(_sampler(s, prior, max(total, best), draws))
         elif own > total - 2 * NEGLIGIBLE:  # a variant of a part explains more than the part
             variants.append(_log_variant(s.climber, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
     _sample(samplers, anywhere)
@@ -147,7 +148,7 @@ def weigh(
     modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - NEGLIGIBLE]
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
     kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
-    once, unknown = missing([s for s, _ in found]), float(np.exp(log_none - total))
+    once, unknown = missing([s for s, *_ in found]), float(np.exp(log_none - total))
     return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere)
 
 
@@ -218,6 +219,8 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     """Samples to draw next of each maximum, components adapted; new maxima are added where samples show them."""
     p = np.exp(log_p)
+    if not np.isfinite(sampler.log_weights.max(initial=-np.inf)):  # a box has next to nothing of it: how much?
+        return _MORE * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
     if sampler.local.any():
         return _wanted_along(sampler, p)
     need = np.clip(_PER * p, _LEAST, _ENOUGH) * (p > _MATTERS)

@@ -40,11 +40,16 @@ class PriorCheck:
 
     Attributes:
         p: p-value of it; 1 if nothing was known.
-        elsewhere: the part that explains the measurements far better where it was not said to be; empty if none does.
+        other: the answer without it, where a part explains the measurements far better than where it was said to be.
     """
 
     p: float = 1.0
-    elsewhere: str = ""
+    other: Posterior | None = None
+
+    @property
+    def elsewhere(self) -> str:
+        """That part; empty if there is none."""
+        return self.other.modes[0].prepared.part.name if self.other is not None else ""
 
 
 def check_prior(
@@ -75,7 +80,7 @@ def check_prior(
         return PriorCheck(p if fits else 1.0)
     bound = float(np.exp(min(posterior.log_evidence - other.log_evidence, 0.0)))
     if bound < alpha:
-        return PriorCheck(min(p, bound), other.modes[0].prepared.part.name)
+        return PriorCheck(min(p, bound), other)
     return PriorCheck(p)
 
 

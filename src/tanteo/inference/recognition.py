@@ -87,8 +87,14 @@ def identify_points(
     worst = worst_reading(points, found[0]) if found else ""
     alone = replace(problem, priors=replace(priors, pose=None))
     check = check_prior(posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, prepared, seed), alpha)
+    if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
+        found = [explained(mode) for mode in check.other.modes]
+        hypotheses = tuple(
+            replace(h, probability=h.probability * (1 - posterior.unknown))
+            for h in (as_hypothesis(points, one, None) for one in found[:top])
+        )
     clock.lap("compare")
-    shares = [(mode.prepared.part.name, mode.probability) for mode in posterior.modes]
+    shares = [(one.mode.prepared.part.name, one.mode.probability) for one in found]
     unknown = posterior.unknown
     status, message = verdict(
         hypotheses, unknown, alpha, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,

@@ -146,11 +146,11 @@ def _covariances(one: Explained) -> tuple[Covariances, Covariances | None]:
     known = without_spins(part, mode.information[:6, :6])
     if len(one.free) > len(spins(part)):
         return covariance, _with_free(None, known, one.free, scale)
-    # what the samples have beyond the curvature is of the pose, whether the shared errors are known or not
+    # by how much the samples differ from the curvature is of the pose, whether the shared errors are known or not
     curved = _with_free(None, whole, one.free, scale)
     given = _with_free(None, known, one.free, scale)
-    wider = max(float(np.trace(np.linalg.solve(curved, covariance))) / 6, 1.0)
-    return covariance, given * min(wider, float(np.trace(np.linalg.solve(given, covariance))) / 6)
+    ratio = float(np.trace(np.linalg.solve(curved, covariance))) / 6
+    return covariance, given * min(ratio, float(np.trace(np.linalg.solve(given, covariance))) / 6)
 
 
 def _with_free(

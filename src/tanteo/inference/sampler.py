@@ -33,6 +33,9 @@ it is."""
 _OF_SPREAD = 4.0 / 3.0
 """Mean square of a squared length over the square of its mean, of a normal density in six directions."""
 
+_CUT = 0.01
+"""Share of a normal region outside of a box from which it is none."""
+
 _COUNTS = 1e-3
 """Share of a part's mass from which that of a region is told as well as its samples can."""
 
@@ -236,6 +239,11 @@ class Sampler:
             log[~in_box(pose, climber.prepared.part, Ts)] = -np.inf
         return log, zs
 
+    def is_possible(self, T: Transforms) -> bool:
+        """Whether a pose ``(4, 4)`` is in the box, if there is one."""
+        pose = self.climber.problem.priors.pose
+        return pose is None or pose.box is None or bool(in_box(pose, self.climber.prepared.part, T[None])[0])
+
     def _weigh(self) -> None:
         components = sorted(self._components, key=lambda c: c[0])
         owners = np.array([c[0] for c in components], dtype=np.int32)
@@ -254,7 +262,7 @@ class Sampler:
             self.shares, log_q = np.nan_to_num(a)[:, None] * self.shares + np.nan_to_num(b)[:, None] * shares, both
         ok = np.isfinite(self.log_target) & np.isfinite(log_q)
         self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
-        self.log_density = np.where(ok, log_q, np.inf)
+        self.log_density = np.where(np.isfinite(log_q), log_q, np.inf)
 
     def adapt(self, which: IntArray, top: float) -> None:
         """Move components onto the weighed samples of their maximum; weights are over ``exp(top)``."""
@@ -290,6 +298,8 @@ class Sampler:
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
         own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
+        if own[~np.isfinite(self.log_weights)].sum() > _CUT * own.sum():  # a box that ends in it
+            return Compared(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)))
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
         return Compared(weights, factor * own, factor * float(np.exp(mass)), gaps)
 

@@ -42,6 +42,9 @@ _BITS, _CERTAIN = 60, 0b1111
 _ROUNDS, _HOPELESS_ROUNDS = 8, 4
 """Rounds at most; and where the unknown object explains the measurements better than all that was found."""
 
+_PAIRS = 12
+"""Pairs of points that are proposed from."""
+
 _GLANCE, _LOOK = Effort(6, 16, 3, 8), Effort(12, 40, 7, 40, 3)
 """First rounds of many parts."""
 
@@ -53,6 +56,9 @@ _BEHIND = (24.0, 12.0)
 
 _EXPLAINED = 0.9
 """Share of the points that the leader has to have on it before parts far behind it are out: outliers are fewer."""
+
+_UNUSUAL, _FEW = 2.0, 20
+"""Standard deviations of the number of outliers over its mean that are too many; of so few points, any is."""
 
 _MOST = 40
 """Maxima kept of a part."""
@@ -106,6 +112,8 @@ class PartSearch:
 
     def round(self, effort: Effort) -> None:
         """Propose from pairs of points, which know nothing of each other; settle, climb, merge."""
+        if self.rounds:  # the points that are farthest apart may be outliers: later rounds take others
+            self._take_other_points()
         climber, k, count = self.climber, self.rounds, min(effort.pairs, len(self.pairs))
         poses, groups = [self._of_labels(effort.climb)], [_CERTAIN]
         for i in range(count):
@@ -119,6 +127,14 @@ class PartSearch:
         if len(self.peaks) and effort.turn:
             self.try_poses(turned(climber.prepared, self.peaks.Ts[: effort.turn]))
         self.rounds += 1
+
+    def _take_other_points(self) -> None:
+        """Propose from other points, settle on them."""
+        points = self.climber.problem.points
+        if len(points) <= FEW:
+            return
+        rows = np.sort(self.rng.choice(len(points), FEW, replace=False)).astype(np.int32)
+        self.climber, self.pairs = replace(self.climber, rows=rows), far_pairs(points, rows, _PAIRS)
 
     def _of_labels(self, count: int) -> Transforms:
         """Poses that put labelled planes on faces, those that the points are near: once, for they are all there are."""
@@ -154,7 +170,8 @@ class PartSearch:
         more = problem.states - self.peaks.zs.shape[1]
         zs = np.pad(self.peaks.zs, ((0, 0), (0, more)), constant_values=1.0)
         peaks = climber.climb(self.peaks.Ts, zs, self.peaks.groups, fine=True)
-        return replace(self, climber=climber, peaks=peaks)
+        along = along_ridge(climber, self.along.Ts) if self.along is not None and len(self.along) else None
+        return replace(self, climber=climber, peaks=peaks, along=along)
 
     def on_the_part(self) -> BoolArray:
         """Which points the best maximum has on the part ``(n,)``; none without a maximum."""
@@ -169,9 +186,10 @@ class PartSearch:
         return not len(on) or float(on.mean()) > _EXPLAINED
 
     def doubtful(self) -> bool:
-        """Whether the best maximum calls one of few points an outlier, which may have hidden a better one."""
-        on = self.on_the_part()
-        return len(self.peaks) > 0 and len(on) <= 20 and not on.all()
+        """Whether the best maximum calls more points outliers than are expected, which may have hidden a better one."""
+        on, rate = self.on_the_part(), self.climber.problem.priors.clutter
+        expected = len(on) * rate + _UNUSUAL * np.sqrt(len(on) * rate) if len(on) > _FEW else 0.0
+        return len(self.peaks) > 0 and float(np.sum(~on)) > expected
 
 
 def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:
@@ -179,7 +197,7 @@ def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Genera
     rows = spread_rows(problem.points, FEW)
     scales = scales_for(problem, prepared)
     climber = Climber(prepared, problem.compiled(prepared), problem, scales, rows)
-    pairs = far_pairs(problem.points, rows, 12)
+    pairs = far_pairs(problem.points, rows, _PAIRS)
     return PartSearch(climber, pairs, rng, Peaks.none(problem.states), labelled_planes(problem.points))
 
 
@@ -192,9 +210,9 @@ def race(
         problem: the question.
         parts: large enough for the measurements.
         log_unknown: log evidence of the unknown object, over the prior of one part.
-        rng: of all draws.
+        rng: of all draws; each part has its own, so that it is searched in the same way whatever the others are.
     """
-    searches = [start_search(problem, part, rng) for part in parts]
+    searches = [start_search(problem, part, own) for part, own in zip(parts, rng.spawn(len(parts)), strict=True)]
     live = _after_a_glance(searches, log_unknown) if len(parts) > 1 else list(searches)
     for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
         if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):

@@ -42,7 +42,6 @@ def identify_features(
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
-    seed: int = 0,
     beside: Beside | None = None,
     shared: Sequence[SharedError] = (),
 ) -> Recognition:
@@ -57,7 +56,6 @@ def identify_features(
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand; the radius is that of the largest part if not given.
-        seed: recorded in the answer; this search draws nothing.
         beside: log probability of something else that was seen, of a part at some poses.
         shared: errors that the features share, in the order in which ``beside`` and the hypotheses have them.
 
@@ -67,9 +65,9 @@ def identify_features(
     Raises:
         InputError: without parts, or for an ``alpha`` outside (0, 1).
     """
-    parts = check_question(parts, alpha, top, seed, priors)
+    parts = check_question(parts, alpha, top, 0, priors)
     if not features:
-        return Recognition("insufficient", "There is no feature: sense three faces or more.", (), 1.0, {}, seed)
+        return Recognition("insufficient", "There is no feature: sense three faces or more.", (), 1.0)
     clock = Clock()
     models = [part if isinstance(part, PartModel) else prepare(part) for part in parts]
     sensed = sense(features)
@@ -99,7 +97,7 @@ def identify_features(
         shares=shares,
         prior_p=found[0].prior_p if found and belief.unknown < _FITS else 1.0,
     )
-    return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
+    return Recognition(status, message, hypotheses, unknown, clock.laps())
 
 
 def _worst(sensed: Sensed, mode: Mode, tolerance: float) -> str:

@@ -86,3 +86,18 @@ class Recognition:
     unknown_probability: float
     elapsed: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
+
+    @property
+    def best(self) -> Hypothesis | None:
+        """The most probable hypothesis; None where no part is one. What it is worth is in :attr:`status`."""
+        return self.hypotheses[0] if self.hypotheses else None
+
+    @property
+    def pose(self) -> Transforms | None:
+        """``T_world_part`` of the best hypothesis ``(4, 4)`` [m]; None without one."""
+        return self.best.T_world_part if self.best is not None else None
+
+    @property
+    def covariance(self) -> Covariances | None:
+        """Covariance of :attr:`pose` ``(6, 6)``, as :attr:`Hypothesis.covariance`; None without one."""
+        return self.best.covariance if self.best is not None else None
