@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from statistics import NormalDist
 
 import numpy as np
-from scipy.special import ndtri
-from scipy.stats import qmc
 
 from tanteo.active.belief import Belief
 from tanteo.active.places import places_of
@@ -26,6 +25,12 @@ _RMS = 1.6
 
 _SEEN = 1e-12
 """Share of the largest mean square motion of the places below which a motion moves none of them."""
+
+_PLASTIC = 1.1127756842787055
+"""Root of x^7 = x + 1: multiples of its powers fill six dimensions evenly (Roberts 2018)."""
+
+_FULL = 24
+"""So many vectors have a covariance of full rank in six dimensions, well enough known to be made one."""
 
 _LEAST = 1e-4
 """Modes of less probability are not asked about."""
@@ -122,11 +127,16 @@ def _useful(belief: Belief, k: int, tolerance: float | None, feature: str | None
 
 @cache
 def even_normals(n: int) -> FloatArray:
-    """Evenly spread standard normal vectors ``(n, 6)``, the first at the centre."""
+    """Evenly spread standard normal vectors ``(n, 6)``, the first at the centre, the others with unit covariance."""
     if n == 1:
         return np.zeros((1, 6))
-    u = qmc.Sobol(6, scramble=True, rng=np.random.default_rng(1991)).random_base2(int(np.ceil(np.log2(n))))[: n - 1]
-    return np.concatenate([np.zeros((1, 6)), ndtri(np.clip(u, 1e-6, 1 - 1e-6))])
+    steps = _PLASTIC ** -np.arange(1.0, 7.0)
+    u = (0.5 + np.arange(1, n)[:, None] * steps) % 1.0
+    x = np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
+    if n > _FULL:
+        x -= x.mean(axis=0)
+        x = np.linalg.solve(np.linalg.cholesky(np.cov(x.T)), x.T).T
+    return np.concatenate([np.zeros((1, 6)), x])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ from tanteo.parts import Part
 from tanteo.typing import Vectors
 from tanteo.vision.descriptors import Descriptors
 from tanteo.vision.outlines import outline_from_above
-from tanteo.vision.resting import Rest, rests
+from tanteo.vision.resting import Rest, known_rests
 from tanteo.vision.wireframe import Wireframe, wireframe
 
 COARSE = 80
@@ -45,7 +45,7 @@ class VisionModel:
 def prepare_vision(part: Part) -> VisionModel:
     """Make a part ready; what was made is kept with the part, for further images."""
     if "vision" not in part.derived:
-        frame, ways = wireframe(part), rests(part)
+        frame, ways = wireframe(part), known_rests(part)
         outlines = tuple(outline_from_above(frame.surface, rest) for rest in ways)
         part.derived["vision"] = VisionModel(part, frame, wireframe(part, COARSE), spread(part), ways, outlines)
     model: VisionModel = part.derived["vision"]

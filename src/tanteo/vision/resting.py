@@ -6,12 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.catalogue import cache
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 
 ANY = 0.3
 """Share of parts that lie as somebody put them, each stable pose as likely as the others."""
+
+_KIND, _NUMBERS = "rests1", 18
+"""Of what is kept beside a part in the cache, with its version; numbers of each."""
 
 _SAME = 0.02
 """Directions down that differ less than this are one [rad]."""
@@ -43,7 +47,7 @@ def rests(part: Part, least: float = 0.01) -> tuple[Rest, ...]:
         part: with its mesh; its density is taken as even.
         least: poses that dropped parts take less often than this are left out, but for the best.
     """
-    import trimesh
+    import trimesh  # slow to import
 
     mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
     Ts, shares = trimesh.poses.compute_stable_poses(
@@ -61,6 +65,19 @@ def rests(part: Part, least: float = 0.01) -> tuple[Rest, ...]:
     total = sum(share for _, share in kept)
     out = [_rest(part, d, (1 - ANY) * share / total + ANY / len(kept)) for d, share in kept]
     return tuple(sorted(out, key=lambda rest: -rest.probability))
+
+
+def known_rests(part: Part) -> tuple[Rest, ...]:
+    """The same; what was found before is in the cache, beside the part."""
+    stored = cache.load_derived(part, _KIND)
+    if stored is not None and stored.nbytes % (8 * _NUMBERS) == 0:
+        rows = stored.view(np.float64).reshape(-1, _NUMBERS)
+        if len(rows) and np.isfinite(rows).all():
+            return tuple(Rest(row[:16].reshape(4, 4).copy(), float(row[16]), float(row[17])) for row in rows)
+    found = rests(part)
+    rows = np.array([[*rest.T_table_part.ravel(), rest.probability, rest.height] for rest in found])
+    cache.store_derived(part, _KIND, rows.tobytes())
+    return found
 
 
 def _equal(part: Part, first: FloatArray, second: FloatArray) -> bool:
