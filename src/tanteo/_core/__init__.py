@@ -1,7 +1,7 @@
 """The compiled core: shapes, the likelihood of measurements, and what climbs, proposes and samples on it.
 
-Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` calls it, and
-``active`` for what readings are expected to tell.
+Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` calls it,
+``vision`` for edges in images, and ``active`` for what readings are expected to tell.
 """
 
 from tanteo._core.native import (
@@ -17,6 +17,7 @@ from tanteo._core.native import (
     make_problem,
     make_shape,
     marginals,
+    meet_edges,
     mixture,
     offsets,
     open_shape,
@@ -24,6 +25,7 @@ from tanteo._core.native import (
     propose,
     scores,
     settle,
+    slid_costs,
     slopes,
     version,
 )
@@ -41,6 +43,7 @@ __all__ = [
     "make_problem",
     "make_shape",
     "marginals",
+    "meet_edges",
     "mixture",
     "offsets",
     "open_shape",
@@ -48,6 +51,7 @@ __all__ = [
     "propose",
     "scores",
     "settle",
+    "slid_costs",
     "slopes",
     "version",
 ]

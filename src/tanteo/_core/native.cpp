@@ -1,16 +1,12 @@
 // The door to Python: arrays in, arrays out; every loop runs without the interpreter's lock.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
 #include <memory>
-#include <sstream>
-#include <stdexcept>
-#include <string>
 
+#include "door.hpp"
 #include "likelihood.hpp"
 #include "normal.hpp"
 #include "overlaps.hpp"
@@ -22,105 +18,14 @@
 #define TANTEO_VERSION "unknown"
 #endif
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using namespace tanteo;
+using namespace nb::literals;
 
-using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-using Ints = nb::ndarray<const int32_t, nb::c_contig, nb::device::cpu>;
-using Out = nb::ndarray<nb::numpy, double>;
-using OutInts = nb::ndarray<nb::numpy, int32_t>;
+namespace tanteo {
+void offer_images(nb::module_& m);  // image_door.cpp
+}
 
 namespace {
-
-template <class T>
-nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, std::vector<size_t> shape) {
-    auto* kept = new std::vector<T>(std::move(values));
-    nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-    return nb::ndarray<nb::numpy, T>(kept->data(), shape.size(), shape.data(), owner);
-}
-
-[[noreturn]] void refuse(const char* name, const std::string& what) {
-    throw std::invalid_argument(std::string(name) + ": " + what + ".");
-}
-
-constexpr size_t ANY = static_cast<size_t>(-1);  // as many rows as there are
-
-std::string as_text(const std::vector<size_t>& sizes) {
-    std::string out = "(";
-    for (size_t k = 0; k < sizes.size(); ++k) out += (k ? ", " : "") + (sizes[k] == ANY ? "n" : std::to_string(sizes[k]));
-    return out + (sizes.size() == 1 ? ",)" : ")");
-}
-
-// The door of every array of numbers: it has the shape that is asked for, or is as empty, and all of it is finite.
-// Returns its rows.
-size_t expect(const Doubles& a, const char* name, std::initializer_list<size_t> sizes) {
-    const size_t rows = *sizes.begin() == ANY && a.ndim() ? a.shape(0) : *sizes.begin();
-    size_t count = rows, axis = 1;
-    bool ok = a.ndim() > 0;
-    for (auto size = sizes.begin() + 1; size != sizes.end(); ++size, ++axis) {
-        count *= *size;
-        ok = ok && (a.size() == 0 || (axis < a.ndim() && a.shape(axis) == *size));
-    }
-    ok = ok && a.size() == count && (count == 0 || (a.ndim() == sizes.size() && a.shape(0) == rows));
-    if (!ok) {
-        std::vector<size_t> got;
-        for (size_t k = 0; k < a.ndim(); ++k) got.push_back(a.shape(k));
-        refuse(name, "expected an array " + as_text(sizes) + ", got " + as_text(got));
-    }
-    for (size_t k = 0; k < count; ++k)
-        if (!std::isfinite(a.data()[k])) refuse(name, "expected finite numbers, got nan or inf");
-    return rows;
-}
-
-// A number between two limits.
-double expect(double value, const char* name, double least, double most) {
-    if (!(value >= least && value <= most)) {
-        std::ostringstream what;
-        what << "expected a number from " << least << " to " << most << ", got " << value;
-        refuse(name, what.str());
-    }
-    return value;
-}
-
-// Whole numbers between two limits, and as many as are asked for.
-std::vector<int> expect(const Ints& a, const char* name, size_t count, int64_t least, int64_t most) {
-    if (count != ANY && a.size() != count)
-        refuse(name, "expected " + std::to_string(count) + " numbers, got " + std::to_string(a.size()));
-    for (size_t k = 0; k < a.size(); ++k)
-        if (a.data()[k] < least || a.data()[k] > most)
-            refuse(name, "expected numbers from " + std::to_string(least) + " to " + std::to_string(most) + ", got " +
-                             std::to_string(a.data()[k]));
-    return std::vector<int>(a.data(), a.data() + a.size());
-}
-
-std::vector<double> doubles(const Doubles& a, const char* name, std::initializer_list<size_t> sizes) {
-    expect(a, name, sizes);
-    return std::vector<double>(a.data(), a.data() + a.size());
-}
-
-std::vector<Vec3> vectors(const Doubles& a, const char* name) {
-    std::vector<Vec3> out(expect(a, name, {ANY, 3}));
-    for (size_t k = 0; k < out.size(); ++k) out[k] = load(a.data() + 3 * k);
-    return out;
-}
-
-Vec3 vector(const Doubles& a, const char* name) {
-    expect(a, name, {3});
-    return load(a.data());
-}
-
-std::vector<Pose> poses(const Doubles& Ts, const char* name = "poses") {
-    std::vector<Pose> out(expect(Ts, name, {ANY, 4, 4}));
-    for (size_t k = 0; k < out.size(); ++k) out[k] = load_pose(Ts.data() + 16 * k);
-    return out;
-}
-
-Out poses_out(const std::vector<Pose>& all) {
-    std::vector<double> out(16 * all.size());
-    for (size_t k = 0; k < all.size(); ++k) store_pose(all[k], &out[16 * k]);
-    return array_of(std::move(out), {all.size(), 4, 4});
-}
 
 std::vector<State> states(const Doubles& Ts, const Doubles& zs, const Problem& problem) {
     const size_t D = problem.size() - 6;
@@ -639,4 +544,5 @@ NB_MODULE(native, m) {
     m.def("closest_points", &closest_points, "shape"_a, "points"_a);
     m.def("group_information", &group_information, "weights"_a, "means"_a, "variances"_a, "groups"_a);
     m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);
+    offer_images(m);
 }

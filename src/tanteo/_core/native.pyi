@@ -144,3 +144,25 @@ def distinct(
 def closest_points(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray, Indices]: ...
 def first_hits(shape: Shape, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, Indices]: ...
 def group_information(weights: FloatArray, means: FloatArray, variances: FloatArray, groups: AnyInts) -> FloatArray: ...
+def meet_edges(
+    camera: FloatArray,
+    nearest: AnyInts,
+    pixels: FloatArray,
+    sds: FloatArray,
+    points: FloatArray,
+    tangents: FloatArray,
+    lengths: FloatArray,
+    poses: FloatArray,
+    shown: NDArray[np.bool_],
+    diagonal: float,
+    reach: float,
+) -> tuple[FloatArray, Indices, Indices]: ...
+def slid_costs(
+    distances: NDArray[np.float32],
+    bare: NDArray[np.float32],
+    drawn: AnyInts,
+    inner: AnyInts,
+    slides: AnyInts,
+    most: float,
+    penalty: float,
+) -> FloatArray: ...

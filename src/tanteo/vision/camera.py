@@ -76,6 +76,11 @@ class Camera:
             object.__setattr__(self, "covariance", check_covariance("camera, covariance", self.covariance, 6))
 
     @property
+    def numbers(self) -> FloatArray:
+        """Focal lengths, centre, and the eight coefficients of the lens ``(12,)``, for the core."""
+        return np.r_[self.focal, self.centre, self.distortion, np.zeros(8 - len(self.distortion))]
+
+    @property
     def focal(self) -> FloatArray:
         """Focal lengths ``(2,)`` [px]."""
         return np.array([self.K[0, 0], self.K[1, 1]])

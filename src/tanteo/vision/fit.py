@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
+from tanteo import _core
+from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
-from tanteo.vision.camera import Camera, project_linearised
-from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of
+from tanteo.vision.camera import Camera
+from tanteo.vision.edge_map import EdgeMap
 from tanteo.vision.edges import CORRELATION
-from tanteo.vision.wireframe import Seen, Wireframe, in_camera, see_edges
+from tanteo.vision.wireframe import Seen, Wireframe, see_edges
 
 BIAS = 0.1
 """Standard deviation of what moves a whole edge: shading, blur, wear [px]."""
@@ -73,36 +74,18 @@ def meet(
         seen: what is visible there, if known.
     """
     seen = see_edges(frame, T_camera_part) if seen is None else seen
-    R = T_camera_part[..., None, :3, :3]
-    pixels, D = project_linearised(camera, in_camera(T_camera_part, frame.points))
-    J = D @ R
-    along = (J @ frame.tangents[..., None])[..., 0]
-    scale = np.linalg.norm(along, axis=-1)
-    safe = np.where(scale > 0, scale, 1.0)[..., None]
-    normals = np.stack([-along[..., 1], along[..., 0]], axis=-1) / safe
-    row, column, inside = cell_of(edges.points.shape, pixels)
-    # an edge seen end on is no edge
-    inside &= seen.shown & (scale * frame.diagonal > 1.0)
-    point = edges.nearest[channel_of(np.nan_to_num(normals)), row, column].astype(np.int64)
-    gap = edges.points.pixels[point] - np.nan_to_num(pixels) if len(edges.points) else np.zeros(pixels.shape)
-    off = np.sum(gap * normals, axis=-1)
-    aside = np.abs(gap[..., 0] * normals[..., 1] - gap[..., 1] * normals[..., 0])
-    hits = inside & (point >= 0) & (np.abs(off) < reach) & (aside < max(2.0, 0.5 * reach))
-    nJ = (normals[..., None, :] @ np.nan_to_num(J))[..., 0, :]
-    jacobian = np.concatenate([nJ, SO3.cross(frame.points, nJ)], axis=-1)
-    sds = edges.points.sds[point] if len(edges.points) else np.ones(point.shape)
+    batch, N = T_camera_part.shape[:-2], len(frame.points)
+    numbers, points, inside = _core.meet_edges(
+        camera.numbers, edges.nearest, edges.points.pixels, edges.points.sds, frame.points, frame.tangents,
+        frame.lengths, np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4)),
+        np.ascontiguousarray(seen.shown.reshape(-1, N)), frame.diagonal, reach,
+    )  # fmt: skip
+    n = numbers.reshape(*batch, N, 13)
+    point = points.reshape(*batch, N).astype(np.int64)
     return Met(
-        seen,
-        inside,
-        pixels,
-        normals,
-        np.where(inside, np.nan_to_num(scale) * frame.lengths, 0.0),
-        hits,
-        np.where(hits, off, 0.0),
-        np.where(hits, sds, 1.0),
-        np.where(hits, point, -1),
-        jacobian,
-    )
+        seen, inside.reshape(*batch, N).astype(np.bool_), n[..., :2], n[..., 2:4], n[..., 4], point >= 0, n[..., 5],
+        n[..., 6], point, n[..., 7:],
+    )  # fmt: skip
 
 
 def refine(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, project, rays
@@ -153,14 +154,8 @@ def _costs(model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatA
     inner = _offsets(distances.shape, project(camera, in_camera(Ts, model.inner)) - centre[:, None])
     cell = np.rint(places.pixels / _CELL).astype(np.int64)
     slide = cell[:, 1] * distances.shape[2] + cell[:, 0]
-    out = np.full((len(Ts), len(places.pixels)), np.inf)
-    # yaw by yaw, so that what is looked up stays in the processor's cache
-    for k in range(len(Ts)):
-        share = places.bare.take(inner[k][:, None] + slide, mode="clip").mean(axis=0)
-        on = np.flatnonzero(share < SPILLED)
-        far = distances.take(drawn[k][:, None] + slide[on], mode="clip").mean(axis=0)
-        out[k, on] = far + SPILL * share[on]
-    return out
+    table, bare = np.asarray(distances, dtype=np.float32), np.asarray(places.bare, dtype=np.float32)
+    return _core.slid_costs(table, bare, drawn, inner, slide, SPILLED, SPILL)
 
 
 def _offsets(shape: tuple[int, ...], offsets: FloatArray, channel: IntArray | int = 0) -> IntArray:
