@@ -74,7 +74,7 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
     anywhere = outlier_log_density(touches, start.priors).sum()
     log.append(np.log(start.priors.unknown) + np.logaddexp(logsumexp(kin), anywhere) - np.log(2))
     expected = np.exp(log - logsumexp(log))
-    np.testing.assert_allclose([*belief.of_parts(), belief.unknown], expected, atol=0.03)
+    np.testing.assert_allclose([*belief.of_parts(), belief.unknown], expected, atol=0.04)
 
 
 def test_precise_readings_of_a_rough_place_do_not_rule_out_what_they_are_of(targets):
@@ -271,7 +271,7 @@ def test_a_part_that_was_ruled_out_is_looked_at_again_before_another_gets_certai
         odds = [
             b.of_parts()[1] for b in (update(before, touches, no_paths()), update(begin(even), touches, no_paths()))
         ]
-        np.testing.assert_allclose(odds[0], odds[1], atol=0.03)
+        np.testing.assert_allclose(odds[0], odds[1], atol=0.1)  # each is told to 0.04 by the samples of two ridges
         assert odds[0] > 0.1
 
 

@@ -131,8 +131,9 @@ def even_normals(n: int) -> FloatArray:
     if n == 1:
         return np.zeros((1, 6))
     steps = _PLASTIC ** -np.arange(1.0, 7.0)
-    u = (0.5 + np.arange(1, n)[:, None] * steps) % 1.0
-    x = np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
+    u = (0.5 + np.arange(1, n // 2 + 1)[:, None] * steps) % 1.0
+    half = np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
+    x = np.stack([half, -half], axis=1).reshape(-1, 6)[: n - 1]
     if n > _FULL:
         x -= x.mean(axis=0)
         x = np.linalg.solve(np.linalg.cholesky(np.cov(x.T)), x.T).T

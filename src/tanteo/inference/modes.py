@@ -141,10 +141,9 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     covariance = _covariance(((rest[:, None] * xi).T @ xi + expected) / region.mass, curved, region.ess)
     if not region.is_normal:
         covariance = covariance * _beyond_normal(xi, w, covariance)
-    by_curvature = float(peaks.evidence[best]) + sampler.log_constant
-    log_mass = by_curvature if region.is_normal else float(np.log(region.mass)) + top  # the former has no noise
     return Mode(
-        climber, T, covariance, T_peak, peaks.zs[best], to_origin(climber, peaks.information[best]), log_mass, 0.0, Ts,
+        climber, T, covariance, T_peak, peaks.zs[best], to_origin(climber, peaks.information[best]),
+        float(np.log(region.mass)) + top, 0.0, Ts,
         w / w.sum(), region.ess, region.is_normal,
     )  # fmt: skip
 

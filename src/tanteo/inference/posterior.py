@@ -15,7 +15,7 @@ from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.sampler import Sampler
-from tanteo.inference.search import PartSearch, missing, race
+from tanteo.inference.search import PartSearch, alike, missing, race
 from tanteo.inference.symmetry import log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
 from tanteo.matching.priors import log_sum
@@ -124,7 +124,7 @@ def weigh(
         anywhere: log evidence of an unknown object that is like no part, its prior included.
         rng: of all draws.
     """
-    drawing = zip(searches, priors, rng.spawn(len(searches)), strict=True)
+    drawing = zip(searches, priors, alike(rng, len(searches)), strict=True)
     found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
     evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
     total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)

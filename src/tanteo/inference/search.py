@@ -210,9 +210,9 @@ def race(
         problem: the question.
         parts: large enough for the measurements.
         log_unknown: log evidence of the unknown object, over the prior of one part.
-        rng: of all draws; each part has its own, so that it is searched in the same way whatever the others are.
+        rng: of all draws.
     """
-    searches = [start_search(problem, part, own) for part, own in zip(parts, rng.spawn(len(parts)), strict=True)]
+    searches = [start_search(problem, part, own) for part, own in zip(parts, alike(rng, len(parts)), strict=True)]
     live = _after_a_glance(searches, log_unknown) if len(parts) > 1 else list(searches)
     for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
         if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
@@ -279,6 +279,12 @@ def _try_on_others(searches: Sequence[PartSearch]) -> None:
         poses = [Ts for other, Ts in leading if other is not search]
         if poses:
             search.try_poses(np.concatenate(poses))
+
+
+def alike(rng: np.random.Generator, count: int) -> list[np.random.Generator]:
+    """As many generators, all of which draw the same: what tells parts apart is not their luck."""
+    seed = int(rng.integers(2**63))
+    return [np.random.default_rng(seed) for _ in range(count)]
 
 
 def missing(searches: Sequence[PartSearch]) -> float:

@@ -15,8 +15,9 @@ CONFIDENCE = 0.95
 _NAMED = 5
 """So many parts are named in a message, the rest are counted."""
 
-_SAME = 1e-3
-"""Relative difference of figures up to which two parts fit alike: rounding of their files, another frame."""
+_SAME, _LIKELY = 1e-3, 0.3
+"""Relative difference of figures up to which two parts fit alike: rounding of their files, another frame; and of their
+probabilities, which samples tell."""
 
 
 def verdict(
@@ -122,7 +123,7 @@ def _ambiguous_message(
     of_its_shape: Collection[str] | None,
 ) -> str:
     best, *others = hypotheses
-    alike = [h for h in others if _fit_alike(best, h)]
+    alike = [h for h in others if _fit_alike(best, h, _SAME if of_its_shape is None else _LIKELY)]
     itself = [h for h in others if (h.part, h.file) == (best.part, best.file)]
     near = max(0.1 * best.worst_corner_sd, 1e-9)
     if any(np.allclose(h.T_world_part, best.T_world_part, rtol=0.0, atol=near) for h in itself):
@@ -140,7 +141,8 @@ def _ambiguous_message(
     return f"It is {names[0]}, in one of several poses: sense a face that is not where its others would put it."
 
 
-def _fit_alike(one: Hypothesis, other: Hypothesis) -> bool:
+def _fit_alike(one: Hypothesis, other: Hypothesis, as_likely: float) -> bool:
     """Whether two hypotheses differ in nothing but the part and, it may be, its frame: as likely, as well explained."""
-    first, second = ([h.probability, h.chi2, h.rms] for h in (one, other))
-    return bool(np.allclose(first, second, rtol=_SAME, atol=1e-9))
+    first, second = ([h.chi2, h.rms] for h in (one, other))
+    likely = np.isclose(one.probability, other.probability, rtol=as_likely)
+    return bool(likely and np.allclose(first, second, rtol=_SAME, atol=1e-9))
