@@ -37,11 +37,3 @@ def test_a_pose_that_an_offset_of_sixty_times_the_noise_feigns_is_not_the_answer
     answer = identify_points(touches, no_paths(), [target])
     assert answer.status == "recognized"
     assert off(target.part, answer.hypotheses[0].T_world_part, T)[0] < 1e-3
-
-
-def test_readings_where_errors_are_supposed_to_be_are_where_they_truly_are():
-    target = prepare(read_part(PARTS / "wedge.step"))
-    touches, _ = square_on(target, np.random.default_rng(1), 5)
-    z = np.array([1.0, -2.0, 0.5])
-    np.testing.assert_allclose(touches.supposing(z).points, touches.points + touches.gains @ z)
-    assert touches.supposing(z).gains is touches.gains

@@ -13,9 +13,6 @@ from tanteo.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 
-_SAMPLES = 64
-"""Starts drawn from a rough pose."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
@@ -127,28 +124,6 @@ def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tupl
     return SE3.log(SE3.inverse(T0) @ Ts), L
 
 
-def add_prior(
-    prior: PosePrior | None, part: Part, Ts: Transforms, A: FloatArray, b: FloatArray, rows: IntArray | None = None
-) -> FloatArray:
-    """Add what is known of some poses to their normal equations, in place; its log likelihood ``(S,)``.
-
-    Args:
-        prior: what is known.
-        part: the part.
-        Ts: poses ``(S, 4, 4)``.
-        A: information, that on the pose first ``(S, 6 + D, 6 + D)``.
-        b: gradient ``(S, 6 + D)``.
-        rows: as for :func:`prior_rows`.
-    """
-    if prior is None:
-        return np.zeros(len(Ts))
-    r, J = prior_rows(prior, part, Ts, rows)
-    Jt = np.swapaxes(J, 1, 2)
-    A[:, :6, :6] += Jt @ J
-    b[:, :6] -= (Jt @ r[..., None])[..., 0]
-    return np.asarray(-0.5 * np.sum(r * r, axis=1))
-
-
 def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
     """Height of the part's lowest point over the table ``(S,)`` and its derivative by the pose ``(S, 6)``."""
     n = table.normal @ Ts[:, :3, :3]  # the table's normal in the part
@@ -201,13 +176,3 @@ def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
 def alike(prior: PosePrior | None, part: Part) -> int:
     """How many of a part's symmetric poses are equally probable beforehand: a rough pose names one of them."""
     return 1 if prior is not None and prior.T_world_part is not None else part.symmetry.order
-
-
-def prior_starts(prior: PosePrior | None) -> Transforms:
-    """Poses drawn from one rough pose, itself first ``(S, 4, 4)``; none without one."""
-    if prior is None or prior.T_world_part is None or prior.T_world_part.ndim > 2:
-        return np.zeros((0, 4, 4))
-    assert prior.covariance is not None
-    rng, L = np.random.default_rng(1991), np.linalg.cholesky(prior.covariance)
-    draws = np.concatenate([np.zeros((1, 6)), rng.normal(size=(_SAMPLES - 1, 6))]) @ L.T
-    return np.asarray(prior.T_world_part @ SE3.exp(draws))

@@ -73,14 +73,6 @@ class ContactPoints:
     def __len__(self) -> int:
         return len(self.ids)
 
-    def widened(self, ratio: float) -> ContactPoints:
-        """The same with that many times the noise."""
-        return replace(self, covs=ratio**2 * self.covs, sd=ratio * self.sd)
-
-    def supposing(self, z: FloatArray) -> ContactPoints:
-        """The same if the whitened shared errors ``(D,)`` were about these: where the readings are then."""
-        return replace(self, points=self.points + self.gains @ z)
-
     def take(self, rows: IntArray) -> ContactPoints:
         """Some of the readings."""
         arrays = {
