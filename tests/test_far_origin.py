@@ -42,12 +42,12 @@ def same(near, far, T_far_near):
         off = SE3.log(SE3.inverse(a.T_world_part) @ b.T_world_part @ T_far_near)
         to_near = SE3.adjoint_inverse(T_far_near)
         J = np.linalg.cholesky(np.linalg.inv(a.covariance)).T
-        assert np.linalg.norm(J @ off) < 0.1  # standard deviations; along what is free they may differ more
+        assert np.linalg.norm(J @ off) < 0.2  # standard deviations, of means of samples
         unit = J @ (to_near @ b.covariance @ to_near.T) @ J.T
         if not a.unobserved:
-            np.testing.assert_allclose(unit, np.eye(6), atol=0.02)
-        assert b.worst_corner_sd == pytest.approx(a.worst_corner_sd, rel=1e-2)
-        assert b.probability == pytest.approx(a.probability, abs=1e-2)
+            np.testing.assert_allclose(unit, np.eye(6), atol=0.15)  # some hundred samples tell it, to a twelfth
+        assert b.worst_corner_sd == pytest.approx(a.worst_corner_sd, rel=0.1)
+        assert b.probability == pytest.approx(a.probability, abs=0.05)
         assert [w.split(" through")[0] for w in b.unobserved] == [w.split(" through")[0] for w in a.unobserved]
 
 

@@ -95,12 +95,12 @@ def test_a_reading_that_does_not_fit_has_another_colour_and_shape(targets):
         action = session.ask()
         if not isinstance(action, Action):
             break
-        # the third beam ends 20 mm before the part
-        readings = action.read(0.08) if k == 2 else read(action)
-        session.tell(readings)
+        # the last beam ends 20 mm before the part, which is known by then
+        readings = read(action)
+        session.tell(action.read(float(readings.ranges[0]) - 0.02) if k == 7 else readings)
     now = Snapshot.of(session)
     drawn = {p.name: p for p in drawing.reading_primitives(now)}
-    assert now.wrong().tolist() == [name == "a3" for name in now.belief.touches.ids]
+    assert now.wrong().tolist() == [name == "a8" for name in now.belief.touches.ids]
     wrong = drawn["readings that do not fit"]
     assert (wrong.colour, wrong.shape) == (hues.BAD, "diamond")
     assert (drawn["readings that fit"].colour, drawn["readings that fit"].shape) == (hues.GOOD, "circle")

@@ -196,7 +196,8 @@ inline void add_hit(PointSlope& sum, const Hit& h, const Point& point, double we
         add_outer(sum.pp, weight * h.per_sd * h.per_sd, h.normal, h.normal);
     }
     sum.p += weight * h.slope;
-    for (int i = 0; i < 9; ++i) sum.pp.m[i] += weight * h.stiff.m[i];
+    const Mat3 stiff = h.tilted ? not_negative(h.stiff) : h.stiff;  // with w, what a tilt adds is not negative by itself
+    for (int i = 0; i < 9; ++i) sum.pp.m[i] += weight * stiff.m[i];
     const double scaled = 1 - unscaled * h.per_sd * h.per_sd;  // share of the variance that the noise scale scales
     sum.by_scale += weight * scaled * (r * r - (face ? 1 : point.kind == Kind::EDGE ? 2 : 3) + h.spread);
     sum.of_scale += 2 * weight * scaled * scaled;
@@ -230,11 +231,13 @@ PointSlope slope_of(const Hit* hits, const double* shares, std::vector<int>& ord
             add_outer(pulls, 1 / shares[k], pull, pull);
             weight += shares[k];
         }
-        if (next - first > 1 && !hits[order[first]].tilted) {
-            for (int i = 0; i < 9; ++i) own.pp.m[i] -= pulls.m[i];
-            add_outer(own.pp, 1 / weight, own.p, own.p);
+        if (!hits[order[first]].tilted) {
+            if (next - first > 1) {
+                for (int i = 0; i < 9; ++i) own.pp.m[i] -= pulls.m[i];
+                add_outer(own.pp, 1 / weight, own.p, own.p);
+            }
+            own.pp = not_negative(own.pp);
         }
-        own.pp = not_negative(own.pp);
         sum.add(own);
     }
     return sum;

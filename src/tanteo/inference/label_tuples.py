@@ -140,8 +140,8 @@ def _alike(
     a, b = np.nonzero(fits(0, 1))
     pair, c = np.nonzero(fits(0, 2)[a] & fits(1, 2)[b])
     triples = np.column_stack([a[pair], b[pair], c])
-    handed = np.einsum("ki,ki->k", across[triples[:, 0], triples[:, 1]], N[triples[:, 2]]) * np.linalg.det(n) > 0
-    triples = triples[handed]
+    volumes = np.einsum("ki,ki->k", across[triples[:, 0], triples[:, 1]], N[triples[:, 2]]) * np.sign(np.linalg.det(n))
+    triples = triples[volumes > 0.5 * _INDEPENDENT]  # of the same handedness, and a pose follows
     return triples[np.argsort(triples.sum(axis=1), kind="stable")[:_MOST]]
 
 

@@ -39,6 +39,11 @@ _LESSENED = {
 """What else can be done about an error that all measurements share, by what its name begins with."""
 
 
+_HELD, _TOLD = 0.1, 24
+"""Standard deviation over the size of the part up to which samples say that the ends of faces hold a motion; so many
+samples say it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Explained:
     """A mode with the measurements at its maximum.
@@ -70,7 +75,20 @@ def explained(mode: Mode) -> Explained:
     part, T = mode.prepared.part, mode.T_peak[None]
     at = details_at(mode.climber, T, mode.z[None])
     information = without_spins(part, pose_information(mode.information))
-    return Explained(mode, at, weak_motions(information, part_scale(part), fixed=spins(part)))
+    return Explained(mode, at, _free(mode, information))
+
+
+def _free(mode: Mode, information: FloatArray) -> Tangents:
+    """Motions that nothing resists at the maximum, but for those that the ends of faces hold nearly as well."""
+    part = mode.prepared.part
+    scale, known = part_scale(part), spins(part)
+    free = weak_motions(information, scale, fixed=known)
+    if len(free) == len(known) or mode.ess < _TOLD:
+        return free
+    held = weak_motions(
+        without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64)), scale, _HELD, fixed=known
+    )
+    return held if len(held) < len(free) else free
 
 
 def as_hypothesis(points: ContactPoints, one: Explained, pose: PosePrior | None = None) -> Hypothesis:
@@ -146,6 +164,8 @@ def _covariances(one: Explained) -> tuple[Covariances, Covariances | None]:
     known = without_spins(part, mode.information[:6, :6])
     if len(one.free) > len(spins(part)):
         return covariance, _with_free(None, known, one.free, scale)
+    if len(weak_motions(whole, scale, fixed=spins(part))) > len(one.free):
+        return covariance, covariance  # only samples know it, and they do not part the two
     # by how much the samples differ from the curvature is of the pose, whether the shared errors are known or not
     curved = _with_free(None, whole, one.free, scale)
     given = _with_free(None, known, one.free, scale)
@@ -161,7 +181,11 @@ def _with_free(
         unit = to_unit @ covariance @ to_unit.T
         unit += 1e-10 * np.trace(unit) * np.eye(6)  # few samples agree in some directions
         information = to_unit.T @ np.linalg.inv(unit) @ to_unit
-    return covariance_with_free(information, free, scale)
+    out = covariance_with_free(information, free, scale)
+    if np.diag(out).min() < 0:  # by rounding, of exact readings beside a free motion
+        values, vectors = np.linalg.eigh(out)
+        out = np.asarray((vectors * values.clip(0)) @ vectors.T, dtype=np.float64)
+    return out
 
 
 def _shared_given(mode: Mode) -> SharedGiven | None:
