@@ -39,7 +39,7 @@ _LESSENED = {
 """What else can be done about an error that all measurements share, by what its name begins with."""
 
 
-_HELD, _TOLD = 0.1, 24
+_HELD, _TOLD = 0.05, 24
 """Standard deviation over the size of the part up to which samples say that the ends of faces hold a motion; so many
 samples say it."""
 
