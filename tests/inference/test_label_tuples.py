@@ -112,3 +112,14 @@ def models_of_faces(parts):
     from tanteo.inference import prepare
 
     return {name: prepare(parts[name]) for name in ("bracket_left", "housing", "wedge", "block", "hex_spacer")}
+
+
+def test_a_mirrored_part_is_not_found_by_its_labels(parts):
+    """Eight labelled faces of the right bracket, and the left one is the only candidate."""
+    from tanteo.inference import prepare
+
+    left, right = prepare(parts["bracket_left"]), prepare(parts["bracket_right"])
+    faces = np.argsort(-right.part.planes.areas)[:8]
+    _, touches = scene(right, 11, faces=faces)
+    assert identify_points(touches, no_paths(), [left]).status == "unknown"
+    assert identify_points(touches, no_paths(), [left, right]).best.part == "bracket_right"

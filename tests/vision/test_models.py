@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from random_parts import random_part, write_off
+from tanteo.catalogue import read_parts
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision.camera import Camera
 from tanteo.vision.models import prepare_vision
 from tanteo.vision.outlines import like_outline
-from tanteo.vision.resting import lay, rests
+from tanteo.vision.resting import known_rests, lay, rests
 from tanteo.vision.silhouettes import silhouette, spilled
 from tanteo.vision.wireframe import see_edges, wireframe
 
@@ -138,3 +139,23 @@ def test_a_silhouette_covers_what_rays_meet(tmp_path):
     assert spilled(frame.surface, CAMERA, T[None], mask)[0] == 0
     half = mask & (x < np.nonzero(mask)[1].mean())
     assert spilled(frame.surface, CAMERA, T[None], half)[0] > 0.3 * mask.sum()
+
+
+def test_resting_poses_are_kept_in_the_cache_and_found_anew_where_that_is_damaged(tmp_path, monkeypatch):
+    monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
+    block(tmp_path, 90, 50, 20)
+    file = tmp_path / "block.off"
+    first = known_rests(read_parts([file], unit="mm").parts[0])
+    (kept,) = (tmp_path / "cache").rglob("*.rests1")
+    monkeypatch.setattr("tanteo.vision.resting.rests", lambda part: pytest.fail("it is in the cache"))
+    again = known_rests(read_parts([file], unit="mm").parts[0])
+    assert [(r.probability, r.height) for r in again] == [(r.probability, r.height) for r in first]
+    np.testing.assert_array_equal([r.T_table_part for r in again], [r.T_table_part for r in first])
+    monkeypatch.undo()
+    monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
+    whole = kept.read_bytes()
+    for damaged in (whole[:-9], np.full(18, np.nan).tobytes(), b""):
+        kept.write_bytes(damaged)
+        found = known_rests(read_parts([file], unit="mm").parts[0])
+        np.testing.assert_array_equal([r.T_table_part for r in found], [r.T_table_part for r in first])
+        assert kept.read_bytes() == whole

@@ -55,8 +55,8 @@ void refuse(const char* why) {
 template <class Self, class Visit>
 void Shape::each_array(Self& s, Visit&& visit) {
     visit(s.vertices), visit(s.triangles), visit(s.faces), visit(s.flat_of), visit(s.normals), visit(s.profiles);
-    visit(s.flats), visit(s.places), visit(s.outlines), visit(s.bin_start), visit(s.bin_edges), visit(s.convex_edges), visit(s.edges);
-    visit(s.corners), visit(s.hull), visit(s.face_area), visit(s.samples), visit(s.sample_normals);
+    visit(s.flats), visit(s.places), visit(s.outlines), visit(s.bin_start), visit(s.bin_edges);
+    visit(s.convex_edges), visit(s.edges), visit(s.corners), visit(s.hull), visit(s.face_area), visit(s.samples), visit(s.sample_normals);
     visit(s.triangle_tree.nodes), visit(s.triangle_tree.items), visit(s.flat_tree.nodes), visit(s.flat_tree.items);
     visit(s.edge_tree.nodes), visit(s.edge_tree.items), visit(s.grid), visit(s.grid_triangle);
 }

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.inference.peaks import Climber
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.sampler import Compared, Sampler, roots
+from tanteo.inference.sampler import COUNTS, Compared, Sampler, roots
 from tanteo.inference.symmetry import folded
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
@@ -19,9 +19,6 @@ _SHARED = 0.15
 
 _VALLEY = 5.35
 """Squared Mahalanobis distance within which half of a normal region lies: a maximum there is no mode of its own."""
-
-_COUNTS = 1e-3
-"""Share of a part's mass from which that of a region is told as well as its samples can."""
 
 _DIRECTIONS = 6
 """In which a pose may move."""
@@ -125,9 +122,8 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     best = int(rows[np.argmax(peaks.evidence[rows])])
     T = T_peak = peaks.Ts[best]
     w = W[:, rows].sum(axis=1)
-    region = Compared(w, np.zeros(len(w)), 0.0, np.ones(len(w)))
-    if len(rows) == 1 and w.sum() > _COUNTS * W.sum():
-        region = sampler.compared(best, w)
+    alone = len(rows) == 1 and w.sum() > COUNTS * W.sum()
+    region = sampler.compared(best, w) if alone else Compared.alone(w)
     keep = w + region.normal > 1e-9 * w.max()
     Ts = folded(climber.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=climber.named)
     curved = from_centre(climber, climber.of_pose(peaks.information[best]))

@@ -33,10 +33,13 @@ it is."""
 _OF_SPREAD = 4.0 / 3.0
 """Mean square of a squared length over the square of its mean, of a normal density in six directions."""
 
+_LEFT = 0.2
+"""Share of the samples' own mass that is left at least: where less is, what is known tells nothing of this region."""
+
 _CUT = 0.01
 """Share of a normal region outside of a box from which it is none."""
 
-_COUNTS = 1e-3
+COUNTS = 1e-3
 """Share of a part's mass from which that of a region is told as well as its samples can."""
 
 _COMPARABLE = 30.0
@@ -67,6 +70,11 @@ class Compared:
     normal: FloatArray
     expected: float
     gaps: FloatArray
+
+    @classmethod
+    def alone(cls, weights: FloatArray) -> Compared:
+        """Samples beside nothing: what they say is all there is."""
+        return cls(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)))
 
     @property
     def rest(self) -> FloatArray:
@@ -293,15 +301,16 @@ class Sampler:
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
         if not abs(mass) < _COMPARABLE:
-            return Compared(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)))
+            return Compared.alone(weights)
         H = self.climber.of_pose(self.peaks.information[k][None])[0]
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
         own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
         if own[~np.isfinite(self.log_weights)].sum() > _CUT * own.sum():  # a box that ends in it
-            return Compared(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)))
+            return Compared.alone(weights)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
-        return Compared(weights, factor * own, factor * float(np.exp(mass)), gaps)
+        both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps)
+        return both if both.mass > _LEFT * weights.sum() else Compared.alone(weights)
 
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Log mass and effective samples of each maximum's region ``(m,)``."""
@@ -312,7 +321,7 @@ class Sampler:
         sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
-            for k in np.flatnonzero(sums > _COUNTS * sums.sum()):
+            for k in np.flatnonzero(sums > COUNTS * sums.sum()):
                 one = self.compared(int(k), W[:, k])
                 sums[k], ess[k] = one.mass, one.ess
             return np.log(sums) + top, ess
