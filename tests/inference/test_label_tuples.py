@@ -127,3 +127,18 @@ def test_a_mirrored_part_is_not_found_by_its_labels(parts):
     assert identify_points(touches, no_paths(), [left]).status != "recognized"
     both = identify_points(touches, no_paths(), [left, right])
     assert (both.status, both.best.part) == ("recognized", "bracket_right")
+
+
+@pytest.mark.parametrize("name", ["bracket_left", "wedge", "hex_spacer"])
+def test_every_pose_puts_three_faces_where_the_planes_are(models_of_faces, name):
+    """Not their mirror image, and none of three faces that fix nothing: whatever the angles may be off by."""
+    target = models_of_faces[name]
+    for seed in range(3):
+        _, touches = scene(target, (12, seed), directed=True)
+        planes = labelled_planes(touches)
+        Ts = from_labels(planes, target)
+        assert len(Ts)
+        assert np.isfinite(Ts).all()
+        turned = np.einsum("kij,mj->kmi", Ts[:, :3, :3], target.part.planes.normals)
+        cosines = np.einsum("kmi,ni->kmn", turned, planes.normals).max(axis=1)
+        assert cosines.min() > np.cos(0.15)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
-from tanteo.inference import identify_points, prepare
+from tanteo.inference import Problem, identify_points, prepare
 from tanteo.inference.modes import _beyond_normal, _covariance
-from tanteo.inference.proposals import spread_rows
+from tanteo.inference.proposals import Effort, spread_rows
 from tanteo.inference.sampler import Compared
-from tanteo.inference.search import alike
+from tanteo.inference.search import alike, start_search
 from tanteo.lie import SE3
 from tanteo.matching import Priors
 
@@ -106,3 +106,15 @@ def test_a_part_is_found_among_as_many_strays_as_are_expected(parts):
         assert near or answer.status != "recognized"
         found += near
     assert found >= 7
+
+
+def test_later_rounds_start_from_other_points(parts):
+    target, rng = prepare(parts["block"]), np.random.default_rng(9)
+    p, _ = surface_points(target, 40, rng)
+    search = start_search(Problem(touches_of(p, 1e-4), no_paths(), Priors(radius=0.1)), target, rng)
+    used = []
+    for _ in range(3):
+        search.round(Effort(4, 10, 3, 4))
+        used.append(set(search.climber.rows.tolist()))
+        assert set(search.pairs.ravel().tolist()) <= used[-1]
+    assert len(set.union(*used)) > 20
