@@ -49,7 +49,7 @@ def log_variants(points, part, priors, Ts, zs=None):
     """The same of an object that is like the part but for some of it, at poses and shared errors."""
     climber = start_search(Problem(points, FreeRays.none(), priors), part, np.random.default_rng(0)).climber
     zs = np.zeros((len(Ts), climber.problem.states)) if zs is None else zs
-    return log_density_of_near_variant(details_at(climber, Ts, zs), part.part, priors.clutter, points.places)
+    return log_density_of_near_variant(details_at(climber, Ts, zs), part.part, priors.clutter)
 
 
 def without_modes(start, points, rays):

@@ -190,7 +190,7 @@ class Oracle:
     def _log_group(self, hits, rows, density, rate):
         slip = self.q.mean_rate
         by_area = any(self.q.kinds[j] == 0 and not self.q.directions[j].any() for j in rows)
-        logs = [np.log((1 - rate) * slip * density + rate).sum()]
+        logs = [np.log(rate / (1 - rate)) + self.q.elsewhere, np.log((1 - rate) * slip * density + rate).sum()]
         for face in {face for h in hits for face, _ in h}:
             portion = self._portion(face)
             log = np.log(portion) if face < 0 or by_area else 0.0
@@ -199,7 +199,7 @@ class Oracle:
                 on = sum(w for f, w in h if f == face) / share
                 log += np.log((1 - rate) * ((1 - slip) * on + slip * d) + rate)
             logs.append(log)
-        return np.logaddexp.reduce(logs)
+        return np.log1p(-rate) + np.logaddexp.reduce(logs)
 
     def _portion(self, face):
         """How likely a face is by its area, an edge by its length, a corner by their number."""

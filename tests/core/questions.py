@@ -29,6 +29,7 @@ class Question:
     log_outlier: np.ndarray
     kinds: np.ndarray
     groups: np.ndarray
+    elsewhere: float  # log density of each group off the part, over that of as many outliers
     gains: np.ndarray
     scale_sd: float
     rates: np.ndarray
@@ -44,8 +45,9 @@ class Question:
 
     def core(self):
         """Compiled."""
-        values = (getattr(self, f.name) for f in fields(self))
-        return _core.make_problem(*(np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in values))
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values["elsewhere"] = np.full(self.groups.max(initial=-1) + 1, self.elsewhere)
+        return _core.make_problem(*(np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in values.values()))
 
     @property
     def states(self):
@@ -54,7 +56,7 @@ class Question:
 
     def taken(self, rows):
         """Some of the points, or in another order."""
-        names = [f.name for f in fields(self)][:12]
+        names = [f.name for f in fields(self) if f.name != "elsewhere"][:12]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
@@ -96,7 +98,7 @@ def asked(points, sd, *, rate=0.02):
     return Question(
         points, sd**2 * np.tile(np.eye(3), (n, 1, 1)), np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)),
         np.full(n, np.pi), np.zeros(n), np.full(n, -ball), np.zeros(n, np.int32), np.full(n, -1, np.int32),
-        np.zeros((n, 3, 0)), 0.0, np.array(rates), np.array(weights), rate, np.zeros((0, 9)), none, none,
+        2.0, np.zeros((n, 3, 0)), 0.0, np.array(rates), np.array(weights), rate, np.zeros((0, 9)), none, none,
         np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0),
     )  # fmt: skip
 

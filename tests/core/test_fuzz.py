@@ -19,7 +19,7 @@ from tanteo import _core
 
 COUNT = int(os.environ.get("TANTEO_FUZZ", "60"))
 BLOCK = flat_bodies()["block"]
-ARRAYS = [f.name for f in fields(Question) if f.name not in ("kinds", "groups", "scale_sd", "mean_rate")]
+ARRAYS = [f.name for f in fields(Question) if f.name not in ("kinds", "groups", "elsewhere", "scale_sd", "mean_rate")]
 
 
 def strange_question(body, scale, rng):

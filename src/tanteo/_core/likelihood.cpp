@@ -111,21 +111,24 @@ void Likelihood::view_group(size_t g) {
     }
 }
 
-// Log density of the points of a group: the sum over faces of the product, and that the label means nothing.
+// Log density of the points of a group: the sum over faces of the product, that the label means nothing, and that what it
+// names is not of the part: as often as a point is an outlier.
 double Likelihood::log_group(size_t g, double rate) {
     const std::vector<int>& rows = problem.groups[g];
     GroupView& view = views[g];
     const size_t F = view.faces.size();
     const double slip = problem.mean_rate;
-    view.logs.assign(F + 1, 0.0);
+    view.logs.assign(F + 2, 0.0);
     double top = -1e300, sum = 0;
     for (size_t f = 0; f <= F; ++f) {
         double log = f < F ? view.log_prior[f] : 0;
         for (size_t r = 0; r < rows.size(); ++r)
             log += std::log(labelled_density(view, r, f, seen[rows[r]].density, rate, slip));
-        view.logs[f] = log;
-        top = std::max(top, log);
+        view.logs[f] = log + std::log1p(-rate);
+        top = std::max(top, view.logs[f]);
     }
+    view.logs[F + 1] = std::log(rate) + problem.log_elsewhere[g];
+    top = std::max(top, view.logs[F + 1]);
     for (double& log : view.logs) sum += log = std::exp(log - top);
     for (double& log : view.logs) log /= sum;  // now the probability of each face
     return top + std::log(sum);

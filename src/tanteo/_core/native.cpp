@@ -112,7 +112,7 @@ Mat3 covariance(const double* values, double extra) {
 
 std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
                                       Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier,
-                                      Ints kinds, Ints groups, Doubles gains, double scale_sd, Doubles rates,
+                                      Ints kinds, Ints groups, Doubles log_elsewhere, Doubles gains, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
                                       Doubles prior_log_weights, Doubles table) {
@@ -153,6 +153,7 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
         }
         problem->points.push_back(p);
     }
+    problem->log_elsewhere = doubles(log_elsewhere, "log_elsewhere", {problem->groups.size()});
     problem->rates = doubles(rates, "rates", {ANY});
     problem->rate_weights = doubles(rate_weights, "rate_weights", {problem->rates.size()});
     if (problem->rates.empty()) refuse("rates", "expected some, got none");
@@ -523,7 +524,7 @@ NB_MODULE(native, m) {
           "corners"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
     m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "normals"_a,
-          "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "gains"_a, "scale_sd"_a, "rates"_a,
+          "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "gains"_a, "scale_sd"_a, "rates"_a,
           "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a, "prior_means"_a, "prior_roots"_a,
           "prior_log_weights"_a, "table"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

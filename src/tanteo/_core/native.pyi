@@ -57,6 +57,7 @@ def make_problem(
     log_outlier: FloatArray,
     kinds: AnyInts,
     groups: AnyInts,
+    log_elsewhere: FloatArray,
     gains: FloatArray,
     scale_sd: float,
     rates: FloatArray,

@@ -46,6 +46,7 @@ struct Problem {
     std::vector<Point> points;
     std::vector<double> gains;  // (n, 3, D): true point = point + gain z
     std::vector<std::vector<int>> groups;  // rows of points, one group each
+    std::vector<double> log_elsewhere;  // of each group if it is off the part as a whole, over that of as many outliers
     std::vector<FreeRay> rays;
     std::vector<double> ray_shifts, ray_turns;  // (m, 3, D)
     int shared = 0;                             // D

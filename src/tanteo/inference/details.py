@@ -19,6 +19,9 @@ class Details:
     Attributes:
         log_hit: log density on the part ``(S, n)``.
         log_outlier: as an outlier ``(S, n)``.
+        places: number of the place of each ``(n,)``: points of one label, or of one beam, are of one.
+        log_together: with the first point of each place, log density of all of them on a surface that is not the
+            part's, over that of outliers ``(n,)``.
         log_there: right on the face that it most likely met, wherever that may be ``(S, n)``.
         belongs: probability that it is on the part ``(S, n)``.
         distances: from that face ``(S, n)`` [m].
@@ -31,6 +34,8 @@ class Details:
 
     log_hit: FloatArray
     log_outlier: FloatArray
+    places: IntArray
+    log_together: FloatArray
     log_there: FloatArray
     belongs: FloatArray
     distances: FloatArray
@@ -57,7 +62,8 @@ def details_at(climber: Climber, Ts: Transforms, zs: FloatArray) -> Details:
         hit, there = np.log(table[..., 0]) + outlier, np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
     return Details(
-        hit, np.broadcast_to(outlier, hit.shape), there, table[..., 1], table[..., 2], table[..., 3], table[..., 4],
+        hit, np.broadcast_to(outlier, hit.shape), climber.problem.places, climber.problem.label_odds, there,
+        table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip
 

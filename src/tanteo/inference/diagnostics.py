@@ -54,8 +54,8 @@ def face_elsewhere(points: ContactPoints, one: Explained, unknown: float, priors
     if unknown < _NOTABLE:
         return ""
     part, at = one.mode.prepared.part, one.at
-    anywhere = log_density_elsewhere(at.log_hit, np.array(at.log_outlier), priors.clutter, points.places)
-    if log_density_of_near_variant(at, part, priors.clutter, points.places)[0] < anywhere[0] + np.log(2):
+    anywhere = log_density_elsewhere(at.log_hit, at.log_outlier, priors.clutter, at.places, at.log_together)
+    if log_density_of_near_variant(at, part, priors.clutter)[0] < anywhere[0] + np.log(2):
         return ""
     found = shifted(at, part, priors.clutter)
     k = int(np.argmax(found.log_odds))

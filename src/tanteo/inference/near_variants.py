@@ -60,7 +60,7 @@ class Shifted:
     log_odds: FloatArray
 
 
-def log_density_of_near_variant(at: Details, part: Part, mean: float, places: IntArray | None = None) -> FloatArray:
+def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatArray:
     """Log density of all readings if the object is a near variant of the part ``(S,)``: anywhere else, or by one face.
 
     A face counts with "anywhere" unless the readings say more clearly that it alone is elsewhere.
@@ -69,9 +69,8 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float, places: In
         at: the readings at the poses.
         part: the part.
         mean: rate of outliers that is stated.
-        places: number of the place of each reading ``(n,)``; each has its own if not given.
     """
-    anywhere = log_density_elsewhere(at.log_hit, at.log_outlier, mean, places)
+    anywhere = log_density_elsewhere(at.log_hit, at.log_outlier, mean, at.places, at.log_together)
     found, share = shifted(at, part, mean), _ONE_FACE / len(part.faces)
     log = np.logaddexp(*_at_rate(at, mean)).sum(axis=1)[found.poses] + found.log_odds
     clear = log > anywhere[found.poses]
@@ -82,7 +81,11 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float, places: In
 
 
 def log_density_elsewhere(
-    log_hit: FloatArray, log_outlier: FloatArray, mean: float = 0.0, places: IntArray | None = None
+    log_hit: FloatArray,
+    log_outlier: FloatArray,
+    mean: float = 0.0,
+    places: IntArray | None = None,
+    log_together: FloatArray | float = 0.0,
 ) -> FloatArray:
     """The same if any share of the surface, all shares alike, is anywhere else ``(S,)``.
 
@@ -94,11 +97,13 @@ def log_density_elsewhere(
         log_outlier: if it is elsewhere ``(S, n)``.
         mean: rate of outliers that is stated.
         places: number of the place of each reading ``(n,)``; each has its own if not given.
+        log_together: what readings of a place say more if the surface is elsewhere, with one of them ``(n,)``.
     """
+    elsewhere = log_outlier + log_together
     if places is not None and len(np.unique(places)) < len(places):
-        log_hit, log_outlier = _by_place(log_hit, log_outlier, mean, places)
+        log_hit, elsewhere = _by_place(log_hit, log_outlier, elsewhere, mean, places)
     nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_hit.shape[1]))))
-    return log_sum(log_by_rate(log_hit, log_outlier, *_shares(nodes)), axis=0)
+    return log_sum(log_by_rate(log_hit, elsewhere, *_shares(nodes)), axis=0)
 
 
 def shifted(at: Details, part: Part, mean: float) -> Shifted:
@@ -163,7 +168,7 @@ def _about(
 
 
 def _by_place(
-    log_hit: FloatArray, log_outlier: FloatArray, mean: float, places: IntArray
+    log_hit: FloatArray, log_outlier: FloatArray, elsewhere: FloatArray, mean: float, places: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Log densities of all readings of each place, if the surface is there, outliers among them, and if it is not."""
     order = np.argsort(places, kind="stable")
@@ -172,7 +177,7 @@ def _by_place(
     hit, outlier = log_hit[:, order], log_outlier[:, order]
     rate = np.log(max(mean, _NEVER))
     hit = np.where(several, np.logaddexp(np.log1p(-mean) + hit, rate + outlier), hit)
-    return np.add.reduceat(hit, first, axis=1), np.add.reduceat(outlier, first, axis=1)
+    return np.add.reduceat(hit, first, axis=1), np.add.reduceat(elsewhere[:, order], first, axis=1)
 
 
 @cache

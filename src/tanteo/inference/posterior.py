@@ -93,7 +93,7 @@ def infer(
         rng: of all draws.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
-    anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem.points, centroid, problem.priors)
+    anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
     searches = race(problem, parts, anywhere - prior, rng)
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng)
 
@@ -166,8 +166,8 @@ def _log_variant(climber: Climber, peaks: Peaks, log_masses: FloatArray) -> floa
         return -np.inf
     rows = np.argsort(-log_masses, kind="stable")[:_VARIANTS]
     at = details_at(climber, peaks.Ts[rows], peaks.zs[rows])
-    points, mean = climber.problem.points, climber.problem.priors.clutter
-    variant = log_density_of_near_variant(at, climber.prepared.part, mean, points.places)
+    mean = climber.problem.priors.clutter
+    variant = log_density_of_near_variant(at, climber.prepared.part, mean)
     own = log_density(at.log_hit, np.array(at.log_outlier), mean)
     return float(log_sum(log_masses[rows] + variant - own))
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo import _core
+from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.matching.prior import PosePrior, log_density_within
 from tanteo.matching.priors import Priors
 from tanteo.measurements import ContactPoints, FreeRays
-from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _KINDS = {"edge": 1, "vertex": 2}
 
@@ -43,6 +44,8 @@ class Problem:
         priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
         scale_sd: standard deviation of the log of the noise scale; 0 where the noise is as stated.
         mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
+        groups: number of the label of each point ``(n,)``; -1 where it has none.
+        elsewhere: what labels say of surfaces that are not the part's.
     """
 
     points: ContactPoints
@@ -50,11 +53,32 @@ class Problem:
     priors: Priors
     scale_sd: float = 0.0
     mixtures: dict[int, PoseMixture] = field(default_factory=dict)
+    groups: IntArray = field(init=False, repr=False)
+    elsewhere: Elsewhere = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        groups = groups_of(self.points)
+        object.__setattr__(self, "groups", groups)
+        object.__setattr__(self, "elsewhere", elsewhere(self.points, groups, self.priors.radius))
 
     @property
     def states(self) -> int:
         """Shared errors and noise scale beside the pose."""
         return self.points.gains.shape[2] + (self.scale_sd > 0)
+
+    @property
+    def label_odds(self) -> FloatArray:
+        """What the label of each group says of surfaces that are not the part's, with its first point ``(n,)``."""
+        odds = np.zeros(len(self.points))
+        for g, log in enumerate(self.elsewhere.log_odds):
+            odds[np.argmax(self.groups == g)] = log
+        return odds
+
+    @property
+    def places(self) -> IntArray:
+        """Number of the place of each point ``(n,)``: where one of a label is off the part, all are; so of a beam."""
+        own = np.arange(len(self.points)) if self.points.places is None else self.points.places
+        return np.where(self.groups >= 0, len(self.points) + self.groups, own)
 
     def with_scale(self, sd: float) -> Problem:
         """The same with the noise known to that (log) standard deviation only."""
@@ -94,7 +118,8 @@ class Problem:
         return _core.make_problem(
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
-            np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), groups_of(t), _c(t.gains),
+            np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), self.groups, _c(self.elsewhere.log_odds),
+            _c(t.gains),
             float(self.scale_sd), _c(rates), _c(weights), self.priors.clutter, _c(lines), _c(rays.gains),
             _c(rays.turns), _c(means), _c(roots), _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
@@ -126,17 +151,6 @@ def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     log = np.where(points.directed, -np.log(2 * priors.radius), -ball)
     return np.asarray(log - np.where(points.oriented, np.log(4 * np.pi), 0.0))
-
-
-def groups_of(points: ContactPoints) -> np.ndarray:
-    """Number of the label of each point ``(n,)``; -1 where it has none, or is alone with it and says no more."""
-    counts: dict[tuple[str, str], int] = {}
-    keys = list(zip(points.labels, points.kinds, strict=True))
-    for key in keys:
-        counts[key] = counts.get(key, 0) + 1
-    several = [key for key, count in counts.items() if key[0] and count > 1]
-    number = {key: k for k, key in enumerate(several)}
-    return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
 
 
 def _c(values: FloatArray) -> FloatArray:

@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.inference.problem import outlier_log_density
+from tanteo.inference.labels import log_right_angled
+from tanteo.inference.problem import Problem, outlier_log_density
 from tanteo.matching.priors import Priors, log_sum
 from tanteo.matching.unknown_place import log_place_of_unknown
-from tanteo.measurements import ContactPoints
 from tanteo.typing import FloatArray, Vectors
 
 _LARGER = 1.2
@@ -73,19 +73,23 @@ def _directions() -> Vectors:
     return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
 
 
-def log_anywhere(points: ContactPoints, centroid: Vectors, priors: Priors) -> float:
+def log_anywhere(problem: Problem, centroid: Vectors) -> float:
     """Log density of all readings if the object is none of these: in a ball, which is where the prior has a part.
 
+    Points of one label are of one surface, whatever the object is, and most of its faces run along three perpendicular
+    axes: else every right corner would be proof of whichever part has one.
+
     Args:
-        points: the readings.
+        problem: the question.
         centroid: of the parts, in their frames ``(3,)`` [m].
-        priors: what is assumed beforehand.
     """
+    points, priors, labels = problem.points, problem.priors, problem.elsewhere
     where = whereabouts(points.points, priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
-    return float(outlier_log_density(points, priors).sum() + place + share)
+    shapes = labels.log_odds.sum() + log_right_angled(labels.normals, labels.covariances, priors.right_angled)
+    return float(outlier_log_density(points, priors).sum() + place + share + shapes)
 
 
 def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) -> float:
