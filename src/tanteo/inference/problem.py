@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo import _core
+from tanteo.answers.pose_prior import PosePrior, log_density_within
+from tanteo.answers.priors import Priors
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.prior import PosePrior, log_density_within
-from tanteo.matching.priors import Priors
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import Covariances, FloatArray, Transforms
 
