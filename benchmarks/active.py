@@ -36,10 +36,10 @@ from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan
 from tanteo.active.distinguish import located
 from tanteo.active.policies import POLICIES
 from tanteo.active.utility import expected_information
+from tanteo.answers import Priors
+from tanteo.answers.part_motions import corner_sd
 from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
-from tanteo.matching.part_motions import corner_sd
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Action, Sensing, Session
 

@@ -18,8 +18,8 @@ import tanteo
 from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
 from tanteo.active import Choice, draw, predict
 from tanteo.active.samples import beams
+from tanteo.answers import Priors
 from tanteo.inference import prepare
-from tanteo.matching import Priors
 from tanteo.session import Action
 
 HERE = Path(__file__).parents[1]

@@ -16,9 +16,9 @@ from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo.active import Start
 from tanteo.active.distinguish import laid_on, located
 from tanteo.active.samples import beams
+from tanteo.answers import Priors
 from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 PAIRS = ("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")

@@ -39,7 +39,10 @@ def options(scene, folder):
     if scene.rig:
         found["rig"] = _rig(scene.rig, folder)
     if scene.prior:
-        from tanteo.matching import PosePrior, Priors
+        try:
+            from tanteo.answers import PosePrior, Priors
+        except ModuleNotFoundError:  # before the room was there
+            from tanteo.matching import PosePrior, Priors
 
         found["priors"] = Priors(pose=PosePrior(*scene.prior))
     return found

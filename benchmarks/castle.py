@@ -20,9 +20,9 @@ from common import Table
 
 from bare_scenes import nees, no_paths, off
 from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
+from tanteo.answers import Priors
 from tanteo.inference import Problem, as_hypothesis, explained, identify_points, posterior_about, prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 
 RIGHT = 3e-3, np.radians(1.5)
 

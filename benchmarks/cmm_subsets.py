@@ -18,8 +18,8 @@ import test_cmm_bare as cmm
 
 import tanteo
 from bare_scenes import no_paths
+from tanteo.answers import Priors
 from tanteo.inference import Problem, explained, identify_points, posterior_about, prepare
-from tanteo.matching import Priors
 
 
 def leaves_free(touches, block, truth):

@@ -41,9 +41,9 @@ from bare_scenes import (
 )
 from sensing_scenes import drawn_truth
 from tanteo.active import around, begin, update
+from tanteo.answers import PosePrior, Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 KINDS = {

@@ -16,9 +16,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from bare_scenes import surface_points, touches_of
+from tanteo.answers import Priors
 from tanteo.inference import Problem, identify_points, posterior_about, prepare
 from tanteo.lie import SE3, SO3
-from tanteo.matching import Priors
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.shapes import Surface

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from tanteo.answers.part_motions import without_spin
 from tanteo.features import SharedError
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
-from tanteo.matching.belief import squared_gaps, without_spin
+from tanteo.matching.belief import squared_gaps
 from tanteo.measurements import ContactPoints, FreeRays, as_contact_points
 from tanteo.parts import exact_faces
 from tanteo.sensors import Readings, measure

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.stats import chi2
 
 import tanteo
+from tanteo.answers import Priors
 from tanteo.inference import Problem, identify_points, posterior_about, prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.measurements import FreeRays, as_contact_points
 from tanteo.sensors import measure
 

@@ -13,9 +13,9 @@ import pytest
 
 import tanteo
 from tanteo.active import Stop, around, at_pose, probe_of
+from tanteo.answers import PosePrior, Priors
 from tanteo.errors import InputError
 from tanteo.inference import prepare
-from tanteo.matching import PosePrior, Priors
 from tanteo.sensors import Readings, sensor_preset
 from tanteo.session import Sensing, Session
 from tanteo.vision import prepare_vision

@@ -9,10 +9,10 @@ import pytest
 
 from tanteo import Readings, identify, read_part
 from tanteo.active import Probe, at_pose
+from tanteo.answers import PosePrior, Priors
+from tanteo.answers.pose_prior import Table
 from tanteo.errors import InputError
 from tanteo.limits import LARGEST, LEAST_SD, check_length, check_places, check_spreads
-from tanteo.matching import PosePrior, Priors
-from tanteo.matching.prior import Table
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Sensing
 

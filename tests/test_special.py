@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import special as scipy_special
 
-from tanteo.special import binomial_cdf, chi2_survival, jacobi_nodes, laguerre_nodes, legendre_nodes
+from tanteo.special import binomial_cdf, chi2_survival, jacobi_nodes, laguerre_nodes, legendre_nodes, log_sum
 
 
 @pytest.mark.parametrize("dof", [1, 2, 3, 6, 11, 50, 401])
@@ -19,6 +19,15 @@ def test_binomial_is_scipys():
     p = np.array([0.0, 1e-6, 0.1, 0.7, 1.0])
     for k, n in ((0, 3), (2, 3), (3, 3), (5, 40), (39, 40)):
         np.testing.assert_allclose(binomial_cdf(k, n, p), scipy_special.bdtr(k, n, p), rtol=1e-10, atol=1e-12)
+
+
+def test_log_sum_is_scipys():
+    rng = np.random.default_rng(3)
+    log = rng.normal(0, 300, size=(4, 5, 6))
+    log[1], log[2, 3] = -np.inf, -np.inf
+    for axis in (None, 0, 1, 2, (0, 2)):
+        np.testing.assert_allclose(log_sum(log, axis), scipy_special.logsumexp(log, axis), rtol=1e-14)
+    assert log_sum([]) == -np.inf
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12, 30])

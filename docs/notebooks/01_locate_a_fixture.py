@@ -14,8 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import tanteo
+from tanteo.answers import PosePrior, Priors
 from tanteo.lie import SE3, SO3
-from tanteo.matching import PosePrior, Priors
 from tanteo.sensors import Readings
 
 # %%

@@ -17,9 +17,9 @@ import numpy as np
 
 from tanteo import read_part
 from tanteo.active import Probe, at_pose, plan
+from tanteo.answers import PosePrior, Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors
 from tanteo.sensors import Readings
 from tanteo.sensors.law import NoiseLaw
 from tanteo.session import Sensing

@@ -16,12 +16,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tanteo.answers import Recognition
     from tanteo.catalogue import read_parts
     from tanteo.errors import TanteoError
     from tanteo.features import Feature
     from tanteo.io import read_readings
     from tanteo.localization import ModelFeature, Pairing, estimate_pose
-    from tanteo.matching import Recognition, identify_features
+    from tanteo.matching import identify_features
     from tanteo.parts import Part, read_part
     from tanteo.recognition import identify, locate
     from tanteo.sensors import Readings
@@ -34,7 +35,7 @@ _HOME = {
     "Pairing": "localization",
     "Part": "parts",
     "Readings": "sensors",
-    "Recognition": "matching",
+    "Recognition": "answers",
     "TanteoError": "errors",
     "estimate_pose": "localization",
     "identify": "recognition",

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from tanteo.errors import TanteoError
 
 if TYPE_CHECKING:
-    from tanteo.matching import Hypothesis, Recognition
+    from tanteo.answers import Hypothesis, Recognition
     from tanteo.parts import Part
     from tanteo.sensors import Readings
     from tanteo.typing import Transforms

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
+from tanteo.answers.priors import Priors
+from tanteo.answers.question import check_question, with_elapsed
+from tanteo.answers.results import Recognition
 from tanteo.errors import InputError
 from tanteo.inference import identify_points
 from tanteo.limits import check_length
-from tanteo.matching.priors import Priors
-from tanteo.matching.question import check_question, with_elapsed
-from tanteo.matching.results import Recognition
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part
 from tanteo.parts.several import as_part

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tanteo.answers.results import Recognition
 from tanteo.inference import gone_through, prepare_all
-from tanteo.matching.results import Recognition
 from tanteo.measurements import FreeRays
 from tanteo.parts import Part
 from tanteo.sensors import PointMeasurements, Readings, say_repeated, say_stuck

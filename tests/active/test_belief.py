@@ -13,10 +13,10 @@ from scipy.stats import betabinom, binom, multivariate_normal, multivariate_t
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import drawn_truth, log_densities, log_variants, rough
 from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
+from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.inference import identify_points, outlier_log_density, prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.measurements import FreeRays
 from tanteo.parts import read_part
 

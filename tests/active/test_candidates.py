@@ -12,11 +12,11 @@ from sensing_scenes import LASER, rough
 from tanteo.active import at_pose, begin, probe_of, propose
 from tanteo.active.candidates import Candidates, has_room, within_cone
 from tanteo.active.samples import beams
+from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.sensors import sensor_preset
 from tanteo.shapes import signed_distance

@@ -11,11 +11,11 @@ from sensing_scenes import LASER
 from tanteo.active import at_pose, begin
 from tanteo.active.explain import explain
 from tanteo.active.start import Start
+from tanteo.answers import Priors
+from tanteo.answers.part_motions import corner_moves
+from tanteo.answers.pose_prior import PosePrior, prior_rows
 from tanteo.inference import information_by_point, prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
-from tanteo.matching.part_motions import corner_moves
-from tanteo.matching.prior import PosePrior, prior_rows
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
 from tanteo.session import Sensing, Session

@@ -16,11 +16,11 @@ from tanteo.active import Probe, Start, at_pose, distinguish, places_of, plan, p
 from tanteo.active.design import design_of
 from tanteo.active.distinguish import laid_on, located
 from tanteo.active.samples import beams
+from tanteo.answers import PosePrior, Priors
+from tanteo.answers.part_motions import corner_sd
 from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.lie import SE3, SO3
-from tanteo.matching import PosePrior, Priors
-from tanteo.matching.part_motions import corner_sd
 from tanteo.parts import read_part
 from tanteo.sensors import Readings, sensor_preset
 from tanteo.sensors.law import NoiseLaw

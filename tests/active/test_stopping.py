@@ -12,10 +12,10 @@ from scipy.special import entr
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import log_densities, rough
 from tanteo.active import Start, Stop, around, at_pose, begin, chance_within, corner_distances, update, worst_corner
+from tanteo.answers import Priors
+from tanteo.answers.part_motions import corner_sd
 from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
-from tanteo.matching.part_motions import corner_sd
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

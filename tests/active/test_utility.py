@@ -23,11 +23,11 @@ from tanteo.active import (
 )  # fmt: skip
 from tanteo.active.samples import beams
 from tanteo.active.utility import about_mode, about_pose
+from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
 from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.sensors import robot_preset, sensor_preset
 from tanteo.sensors.law import NoiseLaw

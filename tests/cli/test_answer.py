@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tanteo import __version__
+from tanteo.answers import Hypothesis, Recognition
 from tanteo.cli.answer import answer_lines
 from tanteo.io import recognition_document, recognition_json
 from tanteo.lie import SE3, SO3
-from tanteo.matching import Hypothesis, Recognition
 
 T = SE3.from_parts(
     SO3.axis_rotation(2, np.deg2rad(30)) @ SO3.axis_rotation(1, np.deg2rad(20)) @ SO3.axis_rotation(0, np.deg2rad(10)),

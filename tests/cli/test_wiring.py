@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from tanteo.matching import Hypothesis, Recognition
+from tanteo.answers import Hypothesis, Recognition
 
 READINGS = (
     "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,hand_qz\n"

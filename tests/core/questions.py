@@ -47,7 +47,8 @@ class Question:
         """Compiled."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         values["elsewhere"] = np.full(self.groups.max(initial=-1) + 1, self.elsewhere)
-        return _core.make_problem(*(np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in values.values()))
+        made = (np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in values.values())
+        return _core.make_problem(*made)
 
     @property
     def states(self):

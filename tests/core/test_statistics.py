@@ -12,11 +12,11 @@ from scipy.stats import chi2, kstest
 from core.questions import random_pose
 from random_parts import random_part
 from tanteo import _core
+from tanteo.answers import Priors
 from tanteo.inference.posterior import infer
 from tanteo.inference.prepared import prepare
 from tanteo.inference.problem import Problem
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.measurements import ContactPoints, FreeRays
 
 SD = 3e-4

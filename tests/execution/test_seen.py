@@ -10,12 +10,12 @@ import pytest
 
 from sensing_scenes import LASER, true_range
 from tanteo.active import around
+from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.execution import part_seen, seen_start
 from tanteo.inference import prepare
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.session import Sensing, Session
 from tanteo.vision import find_edges, find_regions, fit_camera, see_table

@@ -10,9 +10,9 @@ from scipy.stats import chi2
 
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, surface_points
 from tanteo import Readings, locate
+from tanteo.answers import Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3, SO3
-from tanteo.matching import Priors
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -10,9 +10,9 @@ import pytest
 import trimesh
 
 from bare_scenes import box_centred_pose, no_paths, off, oriented, surface_points, touches_of
+from tanteo.answers import PosePrior, Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

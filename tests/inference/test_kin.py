@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bare_scenes import SENSORS, box_centred_pose, inside, nees, scene
+from tanteo.answers import Priors
 from tanteo.inference import identify_points, prepare
-from tanteo.matching import Priors
 from tanteo.measurements import FreeRays
 
 LASER = SENSORS[1]

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
+from tanteo.answers import Priors
 from tanteo.inference import Problem, identify_points, prepare
 from tanteo.inference.modes import _beyond_normal, _covariance
 from tanteo.inference.proposals import Effort, spread_rows
 from tanteo.inference.sampler import Compared
 from tanteo.inference.search import alike, start_search
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 
 
 def drawn(n, seed, bend=0.0, scale=1.0):

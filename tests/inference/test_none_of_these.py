@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
+from tanteo.answers import PosePrior, Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.inference.unknown import whereabouts
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors
 from tanteo.parts import read_part
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tanteo.answers import PosePrior, Priors, Table
+from tanteo.answers.pose_prior import prior_rows
 from tanteo.errors import InputError
 from tanteo.inference import identify_points
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors, Table
-from tanteo.matching.prior import prior_rows
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import read_part
 

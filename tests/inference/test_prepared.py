@@ -10,10 +10,10 @@ import pytest
 
 from bare_scenes import no_paths, touches_of
 from tanteo import _core
+from tanteo.answers.priors import Priors, sized
 from tanteo.catalogue import cache, read_parts
 from tanteo.inference import PreparedPart, Problem, prepared
 from tanteo.lie import SE3
-from tanteo.matching.priors import Priors, sized
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "parts"
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, nees, no_paths, off, surface_points, touches_of
+from tanteo.answers import PosePrior, Priors, Recognition, Table
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors, Recognition, Table
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

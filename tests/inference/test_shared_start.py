@@ -7,9 +7,9 @@ import pytest
 
 import tanteo
 from bare_scenes import Sensing, beams, box_centred_pose, mounted, nees, scene, surface_points, touches_of
+from tanteo.answers import PosePrior, Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors
 from tanteo.measurements import FreeRays
 
 LASER = Sensing("laser", 5e-5, True, (20,))

@@ -8,10 +8,10 @@ import pytest
 
 import tanteo
 from bare_scenes import inside, nees, no_paths, surface_points, touches_of
+from tanteo.answers import PosePrior, Priors
+from tanteo.answers.priors import sized
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors
-from tanteo.matching.priors import sized
 
 FOLDER = Path(__file__).parents[2] / "examples" / "parts"
 ROUGH = np.diag(np.repeat([3e-3, np.radians(2)], 3)) ** 2

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, surface_points, touches_of
+from tanteo.answers import Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

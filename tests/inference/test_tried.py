@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bare_scenes import Sensing, box_centred_pose, nees, no_paths, scene
+from tanteo.answers import Priors
 from tanteo.inference import identify_points, prepare
-from tanteo.matching import Priors
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

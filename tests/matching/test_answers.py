@@ -9,10 +9,11 @@ import pytest
 
 from random_parts import write_off
 from scenes import clutter_touch, random_pose, sensed_edge, sensed_planes, sensed_vertex
+from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.features import CIRCLE, PLANE, Feature
 from tanteo.lie import SE3
-from tanteo.matching import Priors, identify_features, prepare
+from tanteo.matching import identify_features, prepare
 from tanteo.parts import read_part
 
 SD = 1e-4

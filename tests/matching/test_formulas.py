@@ -7,19 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import logsumexp
 
 from scenes import points_on_plane, random_pose, sensed_edge, sensed_planes, sensed_vertex, surface_touches, touch
+from tanteo.answers import PosePrior, Priors, Table
+from tanteo.answers.part_motions import corner_sd, excuse, part_scale, spins, where_to_sense, without_spins
+from tanteo.answers.pose_prior import alike, prior_log_density, prior_residuals, prior_rows
 from tanteo.features import SharedError, SharedTerm
 from tanteo.lie import SE3, SO3
 from tanteo.localization import covariance_with_free
-from tanteo.matching import PosePrior, Priors, Table
 from tanteo.matching.belief import equivalent, squared_gaps
 from tanteo.matching.evidence import log_evidence, pose_volume
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
-from tanteo.matching.part_motions import corner_sd, excuse, part_scale, spins, where_to_sense, without_spins
-from tanteo.matching.prior import alike, prior_log_density, prior_residuals, prior_rows
-from tanteo.matching.priors import log_sum
 from tanteo.matching.sensed import sense
 from tanteo.matching.tree import interpret
 from tanteo.matching.unknown import _log_places
@@ -232,15 +230,6 @@ def test_a_free_slide_is_resisted_by_a_face_across_it(parts):
         words = where_to_sense(part, np.eye(4), np.eye(6)[axis])
         face = next(f for f in part.faces if f"sense {f.name} of block" in words)
         assert abs(face.axis_direction[axis]) == pytest.approx(1)
-
-
-def test_log_sum_is_scipys():
-    rng = np.random.default_rng(3)
-    log = rng.normal(0, 300, size=(4, 5, 6))
-    log[1], log[2, 3] = -np.inf, -np.inf
-    for axis in (None, 0, 1, 2, (0, 2)):
-        np.testing.assert_allclose(log_sum(log, axis), logsumexp(log, axis), rtol=1e-14)
-    assert log_sum([]) == -np.inf
 
 
 def test_residuals_of_a_prior_are_those_of_its_rows():

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from scenes import random_pose, sensed_planes
+from tanteo.answers import Priors
 from tanteo.lie import SE3
 from tanteo.localization.start import first_pose
-from tanteo.matching import Priors, tree
+from tanteo.matching import tree
 from tanteo.matching.evidence import log_evidence, perfect_evidence
 from tanteo.matching.freedom import free_projector, pose_scale
 from tanteo.matching.pairings import build

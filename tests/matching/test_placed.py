@@ -11,9 +11,9 @@ from scipy.stats import chi2
 from bare_scenes import nees
 from scenes import points_on_plane, random_pose
 from tanteo import Readings, identify
+from tanteo.answers import PosePrior, Priors, Table
+from tanteo.inference.unknown_place import log_between
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors, Table
-from tanteo.matching.unknown_place import log_between
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenes import points_on_plane, touch
-from tanteo.matching import Priors
+from tanteo.answers import Priors
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.sensed import sense
 from tanteo.matching.unknown import right_angled_family

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from report_scenes import TRUTH, touches
+from tanteo.answers import PosePrior, Priors
+from tanteo.answers.part_motions import corner_moves
 from tanteo.lie import SE3
-from tanteo.matching import PosePrior, Priors
-from tanteo.matching.part_motions import corner_moves
 from tanteo.recognition import locate
 from tanteo.report import find_contacts, gather, make_budget
 from tanteo.sensors import Readings, robot_preset

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from report_scenes import SD, ball, touches
+from tanteo.answers import Recognition
 from tanteo.errors import InputError
-from tanteo.matching import Recognition
 from tanteo.recognition import identify, locate
 from tanteo.report import Run, Section, element, gather, report_page, write_report
 from tanteo.report.words import headline, percent

@@ -155,7 +155,7 @@ def test_the_simulator_knows_no_estimator():
     code = (
         "import sys, tanteo.simulator, tanteo.motion;"
         "print([m for m in sys.modules if m.split('.')[1:2] and m.split('.')[0] == 'tanteo' and m.split('.')[1] in "
-        "('fitting', 'localization', 'matching', 'active', 'constraints', 'acquisition', 'parts')])"
+        "('fitting', 'localization', 'answers', 'matching', 'active', 'constraints', 'acquisition', 'parts')])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"

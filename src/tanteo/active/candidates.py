@@ -9,9 +9,9 @@ import numpy as np
 from tanteo.active.belief import Belief
 from tanteo.active.probe import Probe
 from tanteo.active.samples import draw, even_normals, predict
+from tanteo.answers.part_motions import box_corners
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
-from tanteo.matching.part_motions import box_corners
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _LIVE = 0.003

@@ -15,9 +15,9 @@ from tanteo.active.places import Places, places_of
 from tanteo.active.probe import Probe
 from tanteo.active.samples import beams, even_normals
 from tanteo.active.start import Start
+from tanteo.answers.part_motions import observed_covariance
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import observed_covariance
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 _CANDIDATES = 800

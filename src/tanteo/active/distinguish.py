@@ -13,10 +13,10 @@ from tanteo.active.rays import has_cone
 from tanteo.active.samples import draw, predict
 from tanteo.active.start import Start
 from tanteo.active.utility import about_mode
+from tanteo.answers import Priors
+from tanteo.answers.part_motions import corner_moves
 from tanteo.inference import PreparedPart, Problem, identify_points, prepare_all, settle
 from tanteo.lie import SE3
-from tanteo.matching import Priors
-from tanteo.matching.part_motions import corner_moves
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors

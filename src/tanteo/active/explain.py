@@ -11,8 +11,8 @@ import numpy as np
 from tanteo.active.belief import Belief, begin
 from tanteo.active.start import Start
 from tanteo.active.stopping import worst_corner
+from tanteo.answers.part_motions import corner_moves, motion_words, observed_covariance, spins
 from tanteo.inference import NEGLIGIBLE, explained, face_names, information_by_point
-from tanteo.matching.part_motions import corner_moves, motion_words, observed_covariance, spins
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Transforms
 

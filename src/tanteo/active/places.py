@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.answers.part_motions import box_corners, point_moves
 from tanteo.errors import InputError
-from tanteo.matching.part_motions import box_corners, point_moves
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Vectors
 

@@ -27,8 +27,8 @@ from tanteo.active.plan_words import (
 )
 from tanteo.active.probe import Probe
 from tanteo.active.start import Start
+from tanteo.answers.part_motions import corner_sd, observed_covariance
 from tanteo.errors import InputError
-from tanteo.matching.part_motions import corner_sd, observed_covariance
 from tanteo.typing import Covariances, IntArray, Transforms, Vectors
 
 _BETTER = 10.0

@@ -10,10 +10,10 @@ from scipy.special import entr
 from tanteo.active.belief import Belief
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.samples import even_normals
+from tanteo.answers.part_motions import observed_covariance, without_spin
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_count, check_length, check_number
-from tanteo.matching.part_motions import observed_covariance, without_spin
 from tanteo.typing import FloatArray
 
 _SAMPLES = 2048

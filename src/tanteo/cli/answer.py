@@ -11,7 +11,7 @@ from tanteo.io.poses import pose_as_brand
 from tanteo.lie import SO3
 
 if TYPE_CHECKING:
-    from tanteo.matching import Hypothesis, Recognition
+    from tanteo.answers import Hypothesis, Recognition
 
 _MOST_NAMES = 12
 

@@ -12,8 +12,8 @@ from tanteo.cli.scale import meant_directions, meant_units
 from tanteo.errors import TanteoError
 
 if TYPE_CHECKING:
+    from tanteo.answers import Recognition
     from tanteo.cli.scale import Scale
-    from tanteo.matching import Recognition
     from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings
     from tanteo.typing import Vectors

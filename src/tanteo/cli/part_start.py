@@ -16,10 +16,10 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start
+    from tanteo.answers import PosePrior
     from tanteo.cli.image_start import View
     from tanteo.cli.sensing_part import PartOptions
     from tanteo.io.scene_toml import SceneFile
-    from tanteo.matching import PosePrior
     from tanteo.parts import Part
 
 
@@ -61,8 +61,8 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
     import numpy as np
 
     from tanteo.active import Start, around
+    from tanteo.answers import Priors
     from tanteo.inference import prepare
-    from tanteo.matching import Priors
 
     if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
         raise MisuseError("--near, --prior: expected a rough pose and nothing else, got a table or a box. Say --near.")
@@ -81,8 +81,8 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
 
 def nothing_seen(*, as_json: bool) -> NoReturn:
     """The answer where no hand is sent."""
+    from tanteo.answers import Recognition
     from tanteo.io import recognition_json
-    from tanteo.matching import Recognition
 
     message = (
         "the image shows no part on the table, and no rough place is known. Say --near, or check image and camera."

@@ -14,7 +14,7 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Probe
-    from tanteo.matching import PosePrior
+    from tanteo.answers import PosePrior
 
 
 _CONFIDENCE, _MOST = 0.95, 30

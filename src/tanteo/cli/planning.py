@@ -19,7 +19,7 @@ from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
     from tanteo.active import Distinction, Plan, Probe
-    from tanteo.matching import PosePrior
+    from tanteo.answers import PosePrior
     from tanteo.parts import Part
     from tanteo.typing import Vectors
 

@@ -11,8 +11,8 @@ from tanteo.cli.options import MisuseError, misuse
 from tanteo.cli.printing import complain
 
 if TYPE_CHECKING:
+    from tanteo.answers import PosePrior
     from tanteo.io import Brand
-    from tanteo.matching import PosePrior
     from tanteo.typing import FloatArray
 
 TableAt = Annotated[
@@ -57,8 +57,8 @@ def read_pose_prior(table: str | None, box: str | None, near: str | None, file: 
     """
     if table is box is near is file is None:
         return None
+    from tanteo.answers import PosePrior
     from tanteo.io import BRANDS, parse_box, parse_near, parse_table, prior_brand, read_prior
-    from tanteo.matching import PosePrior
 
     with misuse():
         frame = None if near is None else parse_near(near, "--near")

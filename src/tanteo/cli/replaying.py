@@ -17,8 +17,8 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active.explain import Explanation
+    from tanteo.answers import Recognition
     from tanteo.io.session_record import SessionRecord
-    from tanteo.matching import Recognition
 
 _SHOWN = 5
 """Differences that are listed."""

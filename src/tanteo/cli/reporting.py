@@ -12,7 +12,7 @@ from tanteo.cli.printing import emit, printable
 from tanteo.cli.targets import check_target, writing
 
 if TYPE_CHECKING:
-    from tanteo.matching import PosePrior, Recognition
+    from tanteo.answers import PosePrior, Recognition
     from tanteo.parts import Part
     from tanteo.report import Run
     from tanteo.sensors import Readings, Rig

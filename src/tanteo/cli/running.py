@@ -21,8 +21,8 @@ from tanteo.cli.targets import check_different, parts_read
 from tanteo.errors import PartError, ReadingsError, TanteoError
 
 if TYPE_CHECKING:
+    from tanteo.answers import PosePrior, Priors, Recognition
     from tanteo.cli.scale import Scale
-    from tanteo.matching import PosePrior, Priors, Recognition
     from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings, Rig
 
@@ -149,7 +149,7 @@ def _print(result: Recognition, pose: PosePrior | None, *, as_json: bool, verbos
 
 def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:
     """What is assumed beforehand; None for what always is."""
-    from tanteo.matching import Priors
+    from tanteo.answers import Priors
 
     said = {"clutter": options.strays, "unknown": options.none}
     given = {name: value for name, value in said.items() if value is not None}

@@ -21,10 +21,10 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start, Stop
+    from tanteo.answers import PosePrior
     from tanteo.cli.image_start import ImageOptions
     from tanteo.execution import Executed, Visit
     from tanteo.io.scene_toml import SceneFile
-    from tanteo.matching import PosePrior
     from tanteo.motion import Rules
     from tanteo.session import Session
     from tanteo.simulator import SimulatedHand

@@ -21,9 +21,9 @@ from tanteo.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from tanteo.active import Start
+    from tanteo.answers import PosePrior
     from tanteo.cli.image_start import ImageOptions
     from tanteo.io.scene_toml import SceneFile
-    from tanteo.matching import PosePrior
     from tanteo.viewer import Show
 
 _PORTS = 65535

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.active import Belief, Start
+from tanteo.answers.part_motions import box_corners
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import box_corners
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import FloatArray, IntArray, Transforms
 

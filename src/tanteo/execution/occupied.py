@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.answers.part_motions import box_corners
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import box_corners
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 _STEP, FAR = 0.008, 0.045

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.active import Start, from_hypotheses
+from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.parts import Part
 from tanteo.vision import Sight, Sighting
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.answers.priors import Priors
+from tanteo.answers.results import Hypothesis
 from tanteo.inference.near_variants import log_density_elsewhere, log_density_of_near_variant, shifted
 from tanteo.inference.outliers import so_many
 from tanteo.inference.result import Explained
-from tanteo.matching.priors import Priors
-from tanteo.matching.results import Hypothesis
 from tanteo.measurements import ContactPoints
 
 _NOTABLE = 0.05

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.answers.part_motions import observed_covariance
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SO3
 from tanteo.localization import SharedGiven
-from tanteo.matching.part_motions import observed_covariance
 from tanteo.measurements import FreeRays
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 

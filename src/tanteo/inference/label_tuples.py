@@ -11,8 +11,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.labels import groups_of
+from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SO3
-from tanteo.matching.priors import log_sum
 from tanteo.measurements import ContactPoints
+from tanteo.special import log_sum
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 _FLAT = 0.5
@@ -25,7 +25,7 @@ _FREE = 8 * np.pi**2 / 24
 """Attitudes of three perpendicular axes: those of a body, of which 24 have the same axes."""
 
 _TRIED, _STEPS = 32, 4
-"""Pairs of directions that axes are proposed from, the ones that are nearest to perpendicular, and steps to the peak."""
+"""Pairs of directions that axes are proposed from, those nearest to perpendicular, and steps to the peak."""
 
 _SAME = 0.02
 """Attitudes closer than this are one [rad]: far less than what the axes of two objects are apart."""

@@ -14,9 +14,8 @@ import numpy as np
 
 from tanteo.inference.details import Details
 from tanteo.inference.outliers import log_by_rate
-from tanteo.matching.priors import log_sum
 from tanteo.parts import Part
-from tanteo.special import legendre_nodes
+from tanteo.special import legendre_nodes, log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 _SHARES = 12

@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.matching.priors import log_sum
-from tanteo.special import binomial_cdf, jacobi_nodes, laguerre_nodes
+from tanteo.special import binomial_cdf, jacobi_nodes, laguerre_nodes, log_sum
 from tanteo.typing import FloatArray
 
 _SHAPE = 0.5

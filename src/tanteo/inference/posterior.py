@@ -18,7 +18,7 @@ from tanteo.inference.sampler import Sampler
 from tanteo.inference.search import PartSearch, alike, missing, race
 from tanteo.inference.symmetry import log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
-from tanteo.matching.priors import log_sum
+from tanteo.special import log_sum
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 NEGLIGIBLE = 12.0

@@ -11,16 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.answers.part_motions import part_scale
+from tanteo.answers.pose_prior import in_box, prior_rows
+from tanteo.answers.priors import Priors
+from tanteo.answers.results import Hypothesis
 from tanteo.inference.modes import Mode
 from tanteo.inference.outliers import so_many
 from tanteo.inference.peaks import Climber
 from tanteo.inference.posterior import Posterior
 from tanteo.inference.result import Explained, explained
 from tanteo.localization import pose_information, weak_motions
-from tanteo.matching.part_motions import part_scale
-from tanteo.matching.prior import in_box, prior_rows
-from tanteo.matching.priors import Priors
-from tanteo.matching.results import Hypothesis
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Transforms
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo import _core
+from tanteo.answers.pose_prior import PosePrior, log_density_within
+from tanteo.answers.priors import Priors
 from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.prior import PosePrior, log_density_within
-from tanteo.matching.priors import Priors
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
@@ -118,10 +118,9 @@ class Problem:
         return _core.make_problem(
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
-            np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), self.groups, _c(self.elsewhere.log_odds),
-            _c(t.gains),
-            float(self.scale_sd), _c(rates), _c(weights), self.priors.clutter, _c(lines), _c(rays.gains),
-            _c(rays.turns), _c(means), _c(roots), _c(log_weights),
+            np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), self.groups,
+            _c(self.elsewhere.log_odds), _c(t.gains), float(self.scale_sd), _c(rates), _c(weights),
+            self.priors.clutter, _c(lines), _c(rays.gains), _c(rays.turns), _c(means), _c(roots), _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
         )  # fmt: skip
 

@@ -7,6 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from tanteo.answers.priors import Priors, sized
+from tanteo.answers.question import Clock, check_question
+from tanteo.answers.results import Recognition
+from tanteo.answers.verdict import CONFIDENCE, verdict
 from tanteo.features import SharedError
 from tanteo.inference.diagnostics import face_elsewhere, left_out, mostly_on, not_on_it, scattered
 from tanteo.inference.posterior import Posterior, infer, with_scale
@@ -14,10 +18,6 @@ from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior, explains, without_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import Explained, as_hypothesis, explained, what_limits, worst_reading
-from tanteo.matching.priors import Priors, sized
-from tanteo.matching.question import Clock, check_question
-from tanteo.matching.results import Recognition
-from tanteo.matching.verdict import CONFIDENCE, verdict
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 

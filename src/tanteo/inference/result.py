@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo import _core
+from tanteo.answers.hypothesis import hypothesis_at
+from tanteo.answers.part_motions import corner_sd, part_scale, spins, without_spins
+from tanteo.answers.pose_prior import PosePrior, prior_rows
+from tanteo.answers.results import Hypothesis
 from tanteo.features import SharedError
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
 from tanteo.lie import SE3, SO3
 from tanteo.localization import SharedGiven, covariance_with_free, pose_information, weak_motions
-from tanteo.matching.hypothesis import hypothesis_at
-from tanteo.matching.part_motions import corner_sd, part_scale, spins, without_spins
-from tanteo.matching.prior import PosePrior, prior_rows
-from tanteo.matching.results import Hypothesis
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import Covariances, FloatArray, Tangents
 

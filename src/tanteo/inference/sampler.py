@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
+from tanteo.answers.pose_prior import in_box
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.symmetry import is_held, log_gauge
-from tanteo.matching.prior import in_box
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
 FREEDOM = 4.0

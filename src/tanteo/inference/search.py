@@ -29,7 +29,7 @@ from tanteo.inference.proposals import (
     turned,
 )
 from tanteo.inference.symmetry import log_orbit
-from tanteo.matching.priors import log_sum
+from tanteo.special import log_sum
 from tanteo.typing import BoolArray, Indices, Transforms
 
 _MISSING, _OFTEN = 0.02, 4

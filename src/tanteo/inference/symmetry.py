@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.answers.part_motions import without_spin
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import without_spin
 from tanteo.typing import FloatArray, Transforms
 
 GAUGE_SD = 0.1

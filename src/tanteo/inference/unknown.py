@@ -7,10 +7,11 @@ from functools import cache
 
 import numpy as np
 
+from tanteo.answers.priors import Priors
 from tanteo.inference.labels import log_right_angled
 from tanteo.inference.problem import Problem, outlier_log_density
-from tanteo.matching.priors import Priors, log_sum
-from tanteo.matching.unknown_place import log_place_of_unknown
+from tanteo.inference.unknown_place import log_place_of_unknown
+from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Vectors
 
 _LARGER = 1.2

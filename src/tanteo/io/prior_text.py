@@ -7,12 +7,12 @@ import re
 import numpy as np
 import numpy.typing as npt
 
+from tanteo.answers import Table
 from tanteo.errors import InputError
 from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
 from tanteo.io.poses import BRANDS, pose_from_brand
 from tanteo.io.table import LARGEST
 from tanteo.io.units import parse_lengths, parse_lengths_angles
-from tanteo.matching import Table
 from tanteo.typing import FloatArray, Transforms
 
 _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"

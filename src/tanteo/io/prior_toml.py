@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from tanteo.answers import PosePrior, Table
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import UncertainFrame, from_ros_covariance
 from tanteo.io.poses import BRANDS, Brand, brand, pose_from_brand
 from tanteo.io.prior_text import check_rough, rough_pose
 from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
-from tanteo.matching import PosePrior, Table
 from tanteo.typing import FloatArray, Transforms
 
 _TABLES = ("table", "box", "near")

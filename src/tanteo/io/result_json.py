@@ -14,8 +14,8 @@ from tanteo.lie import SO3
 from tanteo.typing import FloatArray
 
 if TYPE_CHECKING:
+    from tanteo.answers import Hypothesis, Recognition
     from tanteo.execution import Executed, Visit
-    from tanteo.matching import Hypothesis, Recognition
 
 SCHEMA = "tanteo.recognition/1"
 

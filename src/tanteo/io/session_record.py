@@ -10,6 +10,7 @@ from typing import Any
 
 from tanteo import __version__
 from tanteo.active import Belief, Candidates, Policy, Probe, Start, Stop
+from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart, prepare_all
 from tanteo.io.part_files import PartFile, part_file, parts_of
@@ -23,7 +24,6 @@ from tanteo.io.record_values import (
     told_of,
 )
 from tanteo.io.result_json import recognition_document
-from tanteo.matching import Priors
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.session import Action, Sensing, Session, Told

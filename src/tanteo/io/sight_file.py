@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from tanteo.answers.results import Recognition
 from tanteo.io.result_json import document_json, recognition_document
-from tanteo.matching.results import Recognition
 
 if TYPE_CHECKING:
     from tanteo.vision import Descriptors, Question, Sight, Sighting

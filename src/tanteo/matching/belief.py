@@ -7,18 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.answers.part_motions import without_spin
+from tanteo.answers.priors import Priors
 from tanteo.lie import SE3
 from tanteo.localization.solve import pose_information, take
 from tanteo.matching.evidence import log_evidence, perfect_evidence
 from tanteo.matching.freedom import free_projector, pose_scale
 from tanteo.matching.model import PartModel
-from tanteo.matching.part_motions import without_spin
-from tanteo.matching.priors import Priors, log_sum
 from tanteo.matching.sensed import Sensed
 from tanteo.matching.tree import Gates, Interpretations, interpret, pair_gates
 from tanteo.matching.unknown import log_unknown
 from tanteo.matching.verify import within_extent
 from tanteo.parts import Part
+from tanteo.special import log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms
 
 NEGLIGIBLE = 10.0

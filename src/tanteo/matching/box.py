@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.inference.unknown_place import log_between
 from tanteo.lie import SE3, SO3
-from tanteo.matching.unknown_place import log_between
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.answers.priors import Priors
 from tanteo.localization.solve import assemble, pose_information
 from tanteo.matching.freedom import NOTHING, free_projector, pose_scale
 from tanteo.matching.model import PartModel
 from tanteo.matching.pairings import decode, self_pairings
-from tanteo.matching.priors import Priors
 from tanteo.matching.sensed import Sensed
 from tanteo.matching.tree import Interpretations
 from tanteo.typing import BoolArray, FloatArray

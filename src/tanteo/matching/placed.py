@@ -12,18 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.answers.part_motions import part_scale
+from tanteo.answers.pose_prior import PosePrior, log_density_within, prior_rows
 from tanteo.features import SharedError, shared_root, stacked_covariance
+from tanteo.inference.unknown_place import log_place_of_unknown
 from tanteo.lie import SE3, SO3
 from tanteo.localization import PoseEstimate, SharedGiven
 from tanteo.matching.belief import Mode
 from tanteo.matching.box import SURE, left_by
 from tanteo.matching.model import PartModel
-from tanteo.matching.part_motions import part_scale
-from tanteo.matching.prior import PosePrior, log_density_within, prior_rows
-from tanteo.matching.priors import log_sum
-from tanteo.matching.unknown_place import log_place_of_unknown
 from tanteo.parts import Part
-from tanteo.special import chi2_survival
+from tanteo.special import chi2_survival, log_sum
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 
 _STEPS, _SETTLED = 20, 1e-9

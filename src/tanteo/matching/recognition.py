@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tanteo.answers.hypothesis import hypothesis_at
+from tanteo.answers.part_motions import part_scale
+from tanteo.answers.priors import Priors, sized
+from tanteo.answers.question import Clock, check_question
+from tanteo.answers.results import Hypothesis, Recognition
+from tanteo.answers.verdict import verdict
 from tanteo.features import SharedError
 from tanteo.lie import SE3
 from tanteo.localization import ModelFeature, Pairing, estimate_pose
 from tanteo.matching.belief import Mode, believe
 from tanteo.matching.freedom import NOTHING
-from tanteo.matching.hypothesis import hypothesis_at
 from tanteo.matching.model import PartModel, prepare
 from tanteo.matching.pairings import decode
-from tanteo.matching.part_motions import part_scale
 from tanteo.matching.placed import Beside, Located, place, weigh_beside
-from tanteo.matching.priors import Priors, sized
 from tanteo.matching.published import believe_as_published
-from tanteo.matching.question import Clock, check_question
-from tanteo.matching.results import Hypothesis, Recognition
 from tanteo.matching.sensed import Sensed, sense
-from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.typing import Transforms
 

@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from tanteo.answers.priors import OFTEN, Priors
 from tanteo.features import Feature
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import scaled_solve
@@ -20,10 +21,10 @@ from tanteo.matching.candidates import Candidates
 from tanteo.matching.evidence import clutter_densities, direction_densities, log_evidence, perfect_evidence
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import PartModel
-from tanteo.matching.priors import OFTEN, Priors, log_sum
 from tanteo.matching.sensed import Sensed, sense
 from tanteo.matching.tree import TURNS, interpret, pair_gates
 from tanteo.matching.unknown_pairs import most_gain, pair_gains, pairs_of
+from tanteo.special import log_sum
 from tanteo.typing import BoolArray, FloatArray
 
 SMALL = 5.0

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.answers.priors import Priors
 from tanteo.matching.freedom import NOTHING
 from tanteo.matching.model import PartModel
 from tanteo.matching.pairings import decode
-from tanteo.matching.priors import Priors
 from tanteo.matching.sensed import Sensed
 from tanteo.typing import FloatArray, IntArray
 

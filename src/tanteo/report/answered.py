@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tanteo.matching import Recognition
+from tanteo.answers import Recognition
 from tanteo.report.charts import bar
 from tanteo.report.html import Html, element, join
 from tanteo.report.page import Front, fact_list

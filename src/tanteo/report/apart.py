@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Distinction, Probe
+from tanteo.answers.part_motions import box_corners
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import box_corners
 from tanteo.parts import Part
 from tanteo.report.answered import switch_row
 from tanteo.report.html import Html, element, join, table

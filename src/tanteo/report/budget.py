@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.matching.part_motions import corner_moves, part_scale, spins
-from tanteo.matching.prior import prior_rows
+from tanteo.answers.part_motions import corner_moves, part_scale, spins
+from tanteo.answers.pose_prior import prior_rows
 from tanteo.parts import Part
 from tanteo.report.contacts import Contacts
 from tanteo.report.sensed import Sensed

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.answers import Hypothesis
 from tanteo.lie import SE3, SO3
-from tanteo.matching import Hypothesis
 from tanteo.parts import Part, exact_faces
 from tanteo.report.sensed import Sensed
 from tanteo.shapes import Surface, signed_distance

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.answers.part_motions import corner_moves, motion_words
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import corner_moves, motion_words
 from tanteo.parts import Part
 from tanteo.report.words import brief
 from tanteo.typing import Covariances, Tangents, Transforms

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
+from tanteo.answers.part_motions import box_corners
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import box_corners
 from tanteo.parts import Part
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.drawn import feature_lines

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.active.explain import Direction
-from tanteo.matching.prior import prior_rows
+from tanteo.answers.pose_prior import prior_rows
 from tanteo.report.html import Html, element, join, table
 from tanteo.report.scene import Candidate
 from tanteo.report.section import Section

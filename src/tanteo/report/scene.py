@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.matching import Hypothesis
+from tanteo.answers import Hypothesis
 from tanteo.parts import Part
 from tanteo.report.contacts import Contacts
 from tanteo.report.drawn import draw_part

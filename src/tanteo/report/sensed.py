@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.matching import PosePrior
+from tanteo.answers import PosePrior
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.session import Sensing
 from tanteo.typing import Covariances, FloatArray

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.matching import Hypothesis, Recognition
-from tanteo.matching.part_motions import corner_sd
-from tanteo.matching.verdict import CONFIDENCE
+from tanteo.answers import Hypothesis, Recognition
+from tanteo.answers.part_motions import corner_sd
+from tanteo.answers.verdict import CONFIDENCE
 from tanteo.parts import Part
 from tanteo.report.sensed import Sensed
 

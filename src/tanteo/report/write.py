@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tanteo.active.explain import explain
+from tanteo.answers import Recognition
 from tanteo.errors import InputError
-from tanteo.matching import Recognition
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.report.answered import answer_front

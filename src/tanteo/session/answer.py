@@ -9,13 +9,13 @@ from scipy.special import chdtrc
 
 from tanteo.active import Belief, Stop, worst_corner
 from tanteo.active.places import places_of
+from tanteo.answers import Hypothesis, PosePrior, Recognition
+from tanteo.answers.pose_prior import prior_residuals
+from tanteo.answers.results import Status
+from tanteo.answers.verdict import CONFIDENCE, doubt, verdict
 from tanteo.errors import InputError
 from tanteo.inference import Explained, as_hypothesis, explained, face_elsewhere, p_of_prior, worst_reading
 from tanteo.limits import SUSPECT
-from tanteo.matching import Hypothesis, PosePrior, Recognition
-from tanteo.matching.prior import prior_residuals
-from tanteo.matching.results import Status
-from tanteo.matching.verdict import CONFIDENCE, doubt, verdict
 from tanteo.measurements import ContactPoints
 from tanteo.session.moved import moved
 from tanteo.session.values import Step, Told

@@ -21,9 +21,9 @@ from tanteo.active import (
     propose,
     update,
 )
+from tanteo.answers import PosePrior, Recognition
 from tanteo.errors import check_kind
 from tanteo.limits import check_count
-from tanteo.matching import PosePrior, Recognition
 from tanteo.sensors import Readings, concatenate, say_stuck
 from tanteo.sensors.readings import check_readings_kind
 from tanteo.session.again import once_more

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tanteo.answers.hypothesis import hypothesis_at
+from tanteo.answers.part_motions import part_scale, spins, without_spins
+from tanteo.answers.results import Hypothesis, Status
+from tanteo.answers.verdict import verdict
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, weak_motions
-from tanteo.matching.hypothesis import hypothesis_at
-from tanteo.matching.part_motions import part_scale, spins, without_spins
-from tanteo.matching.results import Hypothesis, Status
-from tanteo.matching.verdict import verdict
 from tanteo.parts import Part
 from tanteo.typing import Transforms
 from tanteo.vision.belief import Belief, Mode

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.answers.results import Recognition
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.matching.results import Recognition
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged

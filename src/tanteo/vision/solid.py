@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
+from tanteo.answers.part_motions import box_corners
+from tanteo.answers.results import Recognition
 from tanteo.lie import SE3
-from tanteo.matching.part_motions import box_corners
-from tanteo.matching.results import Recognition
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged

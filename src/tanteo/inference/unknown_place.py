@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.answers.pose_prior import PosePrior
 from tanteo.lie import SE3, SO3
-from tanteo.matching.prior import PosePrior
 from tanteo.typing import FloatArray, Vectors
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.answers.part_motions import corner_sd, excuse, part_scale, where_to_sense, world_axis
+from tanteo.answers.results import Hypothesis
 from tanteo.localization import SharedGiven, describe_motion
-from tanteo.matching.part_motions import corner_sd, excuse, part_scale, where_to_sense, world_axis
-from tanteo.matching.results import Hypothesis
 from tanteo.parts import Part
 from tanteo.special import chi2_survival
 from tanteo.typing import Covariances, Tangents, Transforms

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-import numpy.typing as npt
-
+from tanteo.answers.pose_prior import PosePrior
 from tanteo.errors import InputError
 from tanteo.limits import check_length, check_number
-from tanteo.matching.prior import PosePrior
-from tanteo.typing import FloatArray
 
 OFTEN = 0.99
 """More features than this cannot be said to be clutter: nothing would be left of the part."""
@@ -59,20 +55,6 @@ class Priors:
         if self.clutter > OFTEN:
             raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.clutter}. Say less.")
         check_length("priors, radius", self.radius)
-
-
-def log_sum(log: npt.ArrayLike, axis: int | tuple[int, ...] | None = None) -> FloatArray:
-    """``log(sum(exp(log)))`` over some axes: SciPy's, in a tenth of its time on the small arrays of a loop.
-
-    Args:
-        log: none of them plus infinity or NaN; the sum of minus infinities, or of nothing, is minus infinity.
-        axis: over which it sums; all, if not given.
-    """
-    log = np.asarray(log, dtype=np.float64)
-    top = log.max(axis=axis, keepdims=True, initial=-np.inf)
-    top[np.isneginf(top)] = 0.0
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log(np.exp(log - top).sum(axis=axis)) + top.squeeze(axis))
 
 
 def sized(priors: Priors | None, radius: float) -> Priors:

@@ -6,10 +6,10 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from tanteo.answers.priors import Priors
+from tanteo.answers.results import Recognition
 from tanteo.errors import InputError, check_kind
 from tanteo.limits import check_count, check_number
-from tanteo.matching.priors import Priors
-from tanteo.matching.results import Recognition
 from tanteo.parts.several import as_parts
 
 
@@ -28,7 +28,7 @@ def check_question(parts: Any, alpha: float, top: int, seed: int, priors: Priors
     check_count("top", top, 1)
     check_count("seed", seed, 0)
     if priors is not None:
-        check_kind("priors", priors, Priors, "What is known of the pose is Priors(pose=...), from tanteo.matching.")
+        check_kind("priors", priors, Priors, "What is known of the pose is Priors(pose=...), from tanteo.answers.")
     return found
 
 

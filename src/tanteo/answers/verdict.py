@@ -6,8 +6,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from tanteo.answers.results import Hypothesis, Status
 from tanteo.limits import SUSPECT
-from tanteo.matching.results import Hypothesis, Status
 
 CONFIDENCE = 0.95
 """Posterior from which one answer is given as the answer."""
