@@ -20,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from random_parts import random_part
 from scenes import clutter_touch, random_pose, sensed_edge, surface_planes, surface_touches
 from tanteo.answers import Priors
-from tanteo.matching import identify_features, prepare
+from tanteo import identify_features
+from tanteo.inference import prepare
 
 PARTS, SCENES = 8, 50
 """Parts in a catalogue, and scenes for each catalogue."""
@@ -38,14 +39,14 @@ def scenes_of(task):
     with tempfile.TemporaryDirectory() as folder:
         parts = [random_part(Path(folder, f"part{k}.off"), rng, SLANTED) for k in range(PARTS + count)]
     models = [prepare(part) for part in parts[:PARTS]]
-    priors = Priors(radius=max(model.radius for model in models), **settings)
+    priors = Priors(radius=max(model.part.radius for model in models), **settings)
     return [_scene(rng, mode, models, parts[PARTS + k], priors) for k in range(count)]
 
 
 def _scene(rng, mode, models, absent, priors):
     unknown = rng.uniform() < priors.unknown
-    true = None if unknown else models[rng.integers(len(models))].name
-    part = absent if unknown else next(model.part for model in models if model.name == true)
+    true = None if unknown else models[rng.integers(len(models))].part.name
+    part = absent if unknown else next(model.part for model in models if model.part.name == true)
     T = random_pose(rng, priors.radius)
     features = draw(rng, mode, part, T, priors)
     answer = identify_features(features, models, priors=priors, top=100)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tanteo.matching import prepare
+from tanteo.inference import prepare
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tanteo.features import Feature
     from tanteo.io import read_readings
     from tanteo.localization import ModelFeature, Pairing, estimate_pose
-    from tanteo.matching import identify_features
+    from tanteo.inference import identify_features
     from tanteo.parts import Part, read_part
     from tanteo.recognition import identify, locate
     from tanteo.sensors import Readings
@@ -39,7 +39,7 @@ _HOME = {
     "TanteoError": "errors",
     "estimate_pose": "localization",
     "identify": "recognition",
-    "identify_features": "matching",
+    "identify_features": "inference",
     "locate": "recognition",
     "read_part": "parts",
     "read_parts": "catalogue",

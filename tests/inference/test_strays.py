@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.special import betaln, expit
 from scipy.stats import beta, betabinom
 
-from tanteo.inference.near_variants import log_density_elsewhere
+from tanteo.inference.near_variants import by_place, log_density_elsewhere
 from tanteo.inference.outliers import log_density, on_surface, outlier_rates, so_many
 
 
@@ -107,9 +107,9 @@ def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_stray():
     off, on, stray = -300.0, 4.0, 1.0
     hit, other = np.array([[on, on, off, on]]), np.full((1, 4), stray)
     alone = log_density_elsewhere(hit[:, :3], other[:, :3])
-    own = log_density_elsewhere(hit, other, 0.02, np.arange(4))
+    own = log_density_elsewhere(*by_place(hit, other, 0.02, np.arange(4)))
     np.testing.assert_allclose(own, log_density_elsewhere(hit, other))
-    together = log_density_elsewhere(hit, other, 0.02, np.array([0, 1, 2, 2]))
+    together = log_density_elsewhere(*by_place(hit, other, 0.02, np.array([0, 1, 2, 2])))
     share = np.linspace(0, 1, 200_001)
     place = (1 - share) * 0.02 * np.exp(stray) * (0.98 * np.exp(on) + 0.02 * np.exp(stray)) + share * np.exp(2 * stray)
     each = (1 - share) * np.exp(on) + share * np.exp(stray)

@@ -19,7 +19,7 @@ double Likelihood::at(const State& state, bool with_slope) {
         gradient.assign(K, 0.0);
         information.assign(static_cast<size_t>(K) * K, 0.0);
     }
-    double log = combine();
+    double log = log_points = combine();
     if (with_slope) add_points(state);
     log += add_rays(state);
     log += add_priors(state, with_slope);
@@ -113,7 +113,7 @@ void Likelihood::view_group(size_t g) {
 
 // Log density of the points of a group: the sum over faces of the product, that the label means nothing, and that what it
 // names is not of the part: as often as a point is an outlier.
-double Likelihood::log_group(size_t g, double rate) {
+double Likelihood::log_group(size_t g, double rate, bool anywhere) {
     const std::vector<int>& rows = problem.groups[g];
     GroupView& view = views[g];
     const size_t F = view.faces.size();
@@ -127,7 +127,7 @@ double Likelihood::log_group(size_t g, double rate) {
         view.logs[f] = log + std::log1p(-rate);
         top = std::max(top, view.logs[f]);
     }
-    view.logs[F + 1] = std::log(rate) + problem.log_elsewhere[g];
+    view.logs[F + 1] = anywhere ? std::log(rate) + problem.log_elsewhere[g] : -1e300;
     top = std::max(top, view.logs[F + 1]);
     for (double& log : view.logs) sum += log = std::exp(log - top);
     for (double& log : view.logs) log /= sum;  // now the probability of each face

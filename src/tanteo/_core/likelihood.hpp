@@ -71,9 +71,13 @@ class Likelihood {
     std::vector<char> coarse;        // whether a point counts where noise is blurred; empty: all do
     double blur = 0, blur_turn = 0;  // added to the noise of points [m] and normals [rad]: coarse to fine
     std::vector<double> gradient, information;
+    double log_points = 0;  // of the points alone
     std::vector<Seen> seen;
     std::vector<Hit> hits;
     std::vector<BallSees> ball_sees, faces_near;  // of one ball: by hit, and all flats
+
+    // of a group if what it names is of the part, over that of as many outliers; after at()
+    double log_on_part(size_t g) { return log_group(g, problem.mean_rate, false); }
 
   private:
     const Shape& shape;
@@ -95,7 +99,7 @@ class Likelihood {
     bool blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const;
     double combine();
     void view_group(size_t g);
-    double log_group(size_t g, double rate);
+    double log_group(size_t g, double rate, bool anywhere = true);
     static double labelled_density(const GroupView& view, size_t r, size_t f, double density, double rate, double slip);
     void share_group(size_t g, double rate, double weight);
     void share_hits(size_t g);

@@ -225,17 +225,21 @@ double right_there(const Shape& shape, const Point& point, const Vec3& normal) {
 
 // Of every point at every pose: density on the part over that of an outlier, probability that it belongs, and of the
 // likeliest place: distance, one over its sd, tilt of the normal in sds, density if it were right on it, normal; and
-// where the point is in the part. Faces: that of the place.
+// where the point is in the part. Faces: that of the place. And the log densities of all points together, and of each
+// group on the part.
 nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
     const std::vector<State> all = states(Ts, zs, problem);
     const size_t S = all.size(), n = problem.points.size();
-    std::vector<double> table(S * n * 12);
+    const size_t G = problem.groups.size();
+    std::vector<double> table(S * n * 12), together(S), groups(S * G);
     std::vector<int32_t> faces(S * n, -1);
     {
         nb::gil_scoped_release release;
         Likelihood likelihood(shape, problem);
         for (size_t k = 0; k < S; ++k) {
             likelihood.at(all[k], false);
+            together[k] = likelihood.log_points;
+            for (size_t g = 0; g < G; ++g) groups[k * G + g] = likelihood.log_on_part(g);
             for (size_t j = 0; j < n; ++j) {
                 const Seen& s = likelihood.seen[j];
                 double* row = &table[(k * n + j) * 12];
@@ -270,7 +274,8 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
             }
         }
     }
-    return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(faces), {S, n}));
+    return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(faces), {S, n}),
+                          array_of(std::move(together), {S}), array_of(std::move(groups), {S, G}));
 }
 
 std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,

@@ -78,7 +78,12 @@ def slopes(
     poses: FloatArray,
     shared: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]: ...
-def details(shape: Shape, problem: Problem, poses: FloatArray, shared: FloatArray) -> tuple[FloatArray, Indices]: ...
+def details(
+    shape: Shape,
+    problem: Problem,
+    poses: FloatArray,
+    shared: FloatArray,
+) -> tuple[FloatArray, Indices, FloatArray, FloatArray]: ...
 def propose(
     shape: Shape,
     problem: Problem,

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         Feature,
         SharedError,
         SharedTerm,
+        Sides,
         collect_shared,
         cross_covariance,
         feature_covariance,
@@ -48,6 +49,7 @@ __all__ = [
     "FeatureKind",
     "SharedError",
     "SharedTerm",
+    "Sides",
     "binding",
     "collect_shared",
     "cross_covariance",
@@ -65,7 +67,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "feature": (
-            "Feature SharedError SharedTerm collect_shared cross_covariance feature_covariance "
+            "Feature SharedError SharedTerm Sides collect_shared cross_covariance feature_covariance "
             "shared_root stacked_covariance"
         ),
         "kinds": "CIRCLE CONE CYLINDER EDGE HALF_EDGE KINDS PLANE SPHERE VERTEX FeatureKind binding feature_kind",

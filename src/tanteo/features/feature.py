@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -84,6 +85,10 @@ class Feature:
         object.__setattr__(self, "T_world_feature", T)
         object.__setattr__(self, "P", check_covariance(f"{name}, P", self.P, self.kind.size))
         object.__setattr__(self, "support", frozen_array(self.support).reshape(-1, 3))
+
+
+Sides: TypeAlias = Feature | tuple[Feature, Feature]
+"""A feature; a plane whose outward side is unknown is a pair, once with either."""
 
 
 def feature_covariance(feature: Feature) -> Covariances:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.constraints import chi2_p_value
 from tanteo.errors import DegenerateError, InputError, SideError
-from tanteo.features import PLANE, Feature
+from tanteo.features import PLANE, Feature, Sides
 from tanteo.fitting.agreement import Bending, bending, jointly
 from tanteo.fitting.edge import fit_edge
 from tanteo.fitting.estimate import FitReport, SharedReadings
@@ -23,9 +23,6 @@ from tanteo.typing import Covariances, FloatArray, Vectors
 
 _LEAST = {"edge": 2, "vertex": 1}
 """Readings that a feature takes at least; three of a plane."""
-
-Sides = Feature | tuple[Feature, Feature]
-"""A feature, or both readings of a plane whose outward side is unknown."""
 
 
 def fit_group(

@@ -6,6 +6,7 @@ from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
     from tanteo.inference.diagnostics import face_elsewhere
+    from tanteo.inference.features import identify_features
     from tanteo.inference.free_space import gone_through
     from tanteo.inference.modes import Mode
     from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer
@@ -37,6 +38,7 @@ __all__ = [
     "face_elsewhere",
     "face_names",
     "gone_through",
+    "identify_features",
     "identify_points",
     "infer",
     "information_by_point",
@@ -55,6 +57,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "diagnostics": "face_elsewhere",
+        "features": "identify_features",
         "free_space": "gone_through",
         "modes": "Mode",
         "posterior": "NEGLIGIBLE Posterior infer",

@@ -19,9 +19,11 @@ class Details:
     Attributes:
         log_hit: log density on the part ``(S, n)``.
         log_outlier: as an outlier ``(S, n)``.
-        places: number of the place of each ``(n,)``: points of one label, or of one beam, are of one.
-        log_together: with the first point of each place, log density of all of them on a surface that is not the
-            part's, over that of outliers ``(n,)``.
+        places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
+        groups: number of the label of each ``(n,)``; -1 without.
+        log_groups: log density of the points of each label on the part ``(S, G)``.
+        log_elsewhere: the same on a surface of their own, which is not the part's ``(G,)``.
+        log_points: log density of all points, labels and outliers as they are weighed ``(S,)``.
         log_there: right on the face that it most likely met, wherever that may be ``(S, n)``.
         belongs: probability that it is on the part ``(S, n)``.
         distances: from that face ``(S, n)`` [m].
@@ -34,8 +36,11 @@ class Details:
 
     log_hit: FloatArray
     log_outlier: FloatArray
-    places: IntArray
-    log_together: FloatArray
+    places: IntArray | None
+    groups: IntArray
+    log_groups: FloatArray
+    log_elsewhere: FloatArray
+    log_points: FloatArray
     log_there: FloatArray
     belongs: FloatArray
     distances: FloatArray
@@ -54,15 +59,18 @@ class Details:
 def details_at(climber: Climber, Ts: Transforms, zs: FloatArray) -> Details:
     """The measurements at poses ``(S, 4, 4)`` and other states ``(S, D)``."""
     points = climber.problem.points
-    table, faces = _core.details(
+    table, faces, log_points, log_groups = _core.details(
         climber.prepared.shape, climber.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
     )
     outlier = outlier_log_density(points, climber.problem.priors)
     with np.errstate(divide="ignore"):
         hit, there = np.log(table[..., 0]) + outlier, np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
+    groups = climber.problem.groups
+    of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[1])])
     return Details(
-        hit, np.broadcast_to(outlier, hit.shape), climber.problem.places, climber.problem.label_odds, there,
+        hit, np.broadcast_to(outlier, hit.shape), points.places, groups, log_groups + of_groups,
+        climber.problem.elsewhere.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip

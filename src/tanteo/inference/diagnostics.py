@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.answers.priors import Priors
 from tanteo.answers.results import Hypothesis
-from tanteo.inference.near_variants import log_density_elsewhere, log_density_of_near_variant, shifted
+from tanteo.inference.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
 from tanteo.inference.outliers import so_many
 from tanteo.inference.result import Explained
 from tanteo.measurements import ContactPoints
@@ -54,7 +54,7 @@ def face_elsewhere(points: ContactPoints, one: Explained, unknown: float, priors
     if unknown < _NOTABLE:
         return ""
     part, at = one.mode.prepared.part, one.at
-    anywhere = log_density_elsewhere(at.log_hit, at.log_outlier, priors.clutter, at.places, at.log_together)
+    anywhere = log_density_by_surfaces(at, priors.clutter)
     if log_density_of_near_variant(at, part, priors.clutter)[0] < anywhere[0] + np.log(2):
         return ""
     found = shifted(at, part, priors.clutter)

@@ -69,7 +69,7 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatAr
         part: the part.
         mean: rate of outliers that is stated.
     """
-    anywhere = log_density_elsewhere(at.log_hit, at.log_outlier, mean, at.places, at.log_together)
+    anywhere = log_density_by_surfaces(at, mean)
     found, share = shifted(at, part, mean), _ONE_FACE / len(part.faces)
     log = np.logaddexp(*_at_rate(at, mean)).sum(axis=1)[found.poses] + found.log_odds
     clear = log > anywhere[found.poses]
@@ -79,30 +79,29 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatAr
     return np.asarray(np.logaddexp(left + anywhere, one_face))
 
 
-def log_density_elsewhere(
-    log_hit: FloatArray,
-    log_outlier: FloatArray,
-    mean: float = 0.0,
-    places: IntArray | None = None,
-    log_together: FloatArray | float = 0.0,
-) -> FloatArray:
-    """The same if any share of the surface, all shares alike, is anywhere else ``(S,)``.
-
-    At one place the surface is there or elsewhere for all readings: where one of them is on the part, the others
-    are outliers of the sensor, whatever the object is.
+def log_density_by_surfaces(at: Details, mean: float) -> FloatArray:
+    """The same if any share of the surface is anywhere else ``(S,)``: what one label names, or one beam meets, as one.
 
     Args:
-        log_hit: log density of each reading if it is on the surface of the part that is known ``(S, n)``.
-        log_outlier: if it is elsewhere ``(S, n)``.
+        at: the readings at the poses.
         mean: rate of outliers that is stated.
-        places: number of the place of each reading ``(n,)``; each has its own if not given.
-        log_together: what readings of a place say more if the surface is elsewhere, with one of them ``(n,)``.
     """
-    elsewhere = log_outlier + log_together
-    if places is not None and len(np.unique(places)) < len(places):
-        log_hit, elsewhere = _by_place(log_hit, log_outlier, elsewhere, mean, places)
-    nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_hit.shape[1]))))
-    return log_sum(log_by_rate(log_hit, elsewhere, *_shares(nodes)), axis=0)
+    alone = at.groups < 0
+    places = None if at.places is None else at.places[alone]
+    on, off = by_place(at.log_hit[:, alone], at.log_outlier[:, alone], mean, places)
+    labelled = np.broadcast_to(at.log_elsewhere, at.log_groups.shape)
+    return log_density_elsewhere(np.concatenate([on, at.log_groups], axis=1), np.concatenate([off, labelled], axis=1))
+
+
+def log_density_elsewhere(log_on: FloatArray, log_off: FloatArray) -> FloatArray:
+    """Log density of all readings if any share of the surface, all shares alike, is anywhere else ``(S,)``.
+
+    Args:
+        log_on: log density of what was sensed at each place if the surface is that of the part ``(S, P)``.
+        log_off: if it is elsewhere ``(S, P)``.
+    """
+    nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
+    return log_sum(log_by_rate(log_on, log_off, *_shares(nodes)), axis=0)
 
 
 def shifted(at: Details, part: Part, mean: float) -> Shifted:
@@ -166,17 +165,29 @@ def _about(
     return offset, np.sum(same & off[pose] & (hit > outlier), axis=1).astype(np.float64), np.asarray(odds)
 
 
-def _by_place(
-    log_hit: FloatArray, log_outlier: FloatArray, elsewhere: FloatArray, mean: float, places: IntArray
+def by_place(
+    log_hit: FloatArray, log_outlier: FloatArray, mean: float, places: IntArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Log densities of all readings of each place, if the surface is there, outliers among them, and if it is not."""
+    """Log densities of all readings of each place, if the surface is there, and if it is not ``(S, P)``.
+
+    At one place the surface is there or elsewhere for all readings: where one of them is on the part, the others
+    are outliers of the sensor, whatever the object is.
+
+    Args:
+        log_hit: log density of each reading if it is on the part ``(S, n)``.
+        log_outlier: if it is elsewhere ``(S, n)``.
+        mean: rate of outliers that is stated.
+        places: number of the place of each reading ``(n,)``; each has its own if not given.
+    """
+    if places is None or len(np.unique(places)) == len(places):
+        return log_hit, log_outlier
     order = np.argsort(places, kind="stable")
     first, count = np.unique(places[order], return_index=True, return_counts=True)[1:]
     several = np.repeat(count > 1, count)
     hit, outlier = log_hit[:, order], log_outlier[:, order]
     rate = np.log(max(mean, _NEVER))
     hit = np.where(several, np.logaddexp(np.log1p(-mean) + hit, rate + outlier), hit)
-    return np.add.reduceat(hit, first, axis=1), np.add.reduceat(elsewhere[:, order], first, axis=1)
+    return np.add.reduceat(hit, first, axis=1), np.add.reduceat(outlier, first, axis=1)
 
 
 @cache

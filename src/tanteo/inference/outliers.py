@@ -15,6 +15,9 @@ _SHAPE = 0.5
 _NODES = 4
 """Nodes of the quadrature over the rate: so many at least."""
 
+_LEAST_RATE = 1e-290
+"""No reading tells a smaller rate from none, and its logarithm is still a number."""
+
 _RARE = 1e-3
 """Below this mean a beta density is a gamma density."""
 
@@ -33,7 +36,7 @@ def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
 def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     if mean < _RARE:
         x, w = laguerre_nodes(nodes, _SHAPE - 1)
-        return np.minimum(mean / _SHAPE * x, 1.0), w
+        return np.clip(mean / _SHAPE * x, _LEAST_RATE, 1.0), w
     x, w = jacobi_nodes(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
     return (1 + x) / 2, w
 

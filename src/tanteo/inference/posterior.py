@@ -10,7 +10,6 @@ import numpy as np
 from tanteo.inference.details import details_at
 from tanteo.inference.modes import Mode, modes_of
 from tanteo.inference.near_variants import log_density_of_near_variant
-from tanteo.inference.outliers import log_density
 from tanteo.inference.peaks import Climber, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
@@ -168,8 +167,7 @@ def _log_variant(climber: Climber, peaks: Peaks, log_masses: FloatArray) -> floa
     at = details_at(climber, peaks.Ts[rows], peaks.zs[rows])
     mean = climber.problem.priors.clutter
     variant = log_density_of_near_variant(at, climber.prepared.part, mean)
-    own = log_density(at.log_hit, np.array(at.log_outlier), mean)
-    return float(log_sum(log_masses[rows] + variant - own))
+    return float(log_sum(log_masses[rows] + variant - at.log_points))
 
 
 def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:

@@ -66,20 +66,6 @@ class Problem:
         """Shared errors and noise scale beside the pose."""
         return self.points.gains.shape[2] + (self.scale_sd > 0)
 
-    @property
-    def label_odds(self) -> FloatArray:
-        """What the label of each group says of surfaces that are not the part's, with its first point ``(n,)``."""
-        odds = np.zeros(len(self.points))
-        for g, log in enumerate(self.elsewhere.log_odds):
-            odds[np.argmax(self.groups == g)] = log
-        return odds
-
-    @property
-    def places(self) -> IntArray:
-        """Number of the place of each point ``(n,)``: where one of a label is off the part, all are; so of a beam."""
-        own = np.arange(len(self.points)) if self.points.places is None else self.points.places
-        return np.where(self.groups >= 0, len(self.points) + self.groups, own)
-
     def with_scale(self, sd: float) -> Problem:
         """The same with the noise known to that (log) standard deviation only."""
         return replace(self, scale_sd=sd)

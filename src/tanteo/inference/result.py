@@ -39,6 +39,9 @@ _LESSENED = {
 """What else can be done about an error that all measurements share, by what its name begins with."""
 
 
+_ACROSS = {"edge": 2, "vertex": 3}
+"""Directions in which a point of an edge, or of a vertex, can be off; of a face it is one."""
+
 _HELD, _TOLD = 0.05, 24
 """Standard deviation over the size of the part up to which samples say that the ends of faces hold a motion; so many
 samples say it."""
@@ -65,9 +68,10 @@ class Explained:
 
     def chi_square(self) -> tuple[float, int]:
         """Of the points that belong and their normals, and the degrees of freedom if no motion is free."""
-        belongs, tilts = self.belongs, self.at.tilts[0]
+        belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.climber.problem.points.kinds
         chi2 = float(np.sum(self.at.residuals[0, belongs] ** 2) + np.sum(tilts[belongs] ** 2))
-        return chi2, int(belongs.sum()) + 2 * int(np.count_nonzero(tilts[belongs])) - 6
+        dof = sum(_ACROSS.get(kind, 1) for kind, on in zip(kinds, belongs, strict=True) if on)
+        return chi2, dof + 2 * int(np.count_nonzero(tilts[belongs])) - 6
 
 
 def explained(mode: Mode) -> Explained:

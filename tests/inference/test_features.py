@@ -13,7 +13,8 @@ from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.features import CIRCLE, PLANE, Feature
 from tanteo.lie import SE3
-from tanteo.matching import identify_features, prepare
+from tanteo import identify_features
+from tanteo.inference import prepare
 from tanteo.parts import read_part
 
 SD = 1e-4
@@ -102,7 +103,7 @@ def test_near_twins_are_ambiguous_without_the_step(models):
 
 
 def test_a_mirrored_part_is_refused(models):
-    """Every unsigned pairwise constraint agrees, and the published method accepts both; the joint test does not."""
+    """Every unsigned pairwise constraint agrees; the pose that all of them need does not exist."""
     pair = [models["bracket_left"], models["bracket_right"]]
     for true, false in (("bracket_left", "bracket_right"), ("bracket_right", "bracket_left")):
         part, rng = models[true].part, np.random.default_rng(44)
@@ -112,12 +113,7 @@ def test_a_mirrored_part_is_refused(models):
         assert answer.status == "recognized"
         assert answer.hypotheses[0].part == true
         assert by_part(answer).get(false, 0.0) < 1e-3
-        assert (
-            identify_features(features, [models[false]]).hypotheses == ()
-            or by_part(identify_features(features, [models[false]]))[false] < 1e-3
-        )
-        printed = identify_features(features, pair, as_published=True, alpha=0.001, top=100)
-        assert {h.part for h in printed.hypotheses} == {true, false}
+        assert identify_features(features, [models[false]]).status == "unknown"
 
 
 @pytest.mark.parametrize(("name", "order"), [("square_post", 4), ("hex_spacer", 12), ("block", 4), ("t_slot", 2)])
@@ -207,8 +203,9 @@ def test_planes_of_unknown_side(models):
         answer = identify_features(pairs, [models[name], models["block"]])
         assert answer.hypotheses[0].part == name
         sure = identify_features(features, [models[name], models["block"]])
-        gap = SE3.log(SE3.inverse(answer.hypotheses[0].T_world_part) @ sure.hypotheses[0].T_world_part)
-        assert np.linalg.norm(gap) < 1e-6
+        best = answer.hypotheses[0]
+        gap = SE3.log(SE3.inverse(best.T_world_part) @ sure.hypotheses[0].T_world_part)
+        assert gap @ np.linalg.solve(best.covariance, gap) < 0.1**2
 
 
 def test_too_little_is_insufficient_and_says_what_is_free(models):
@@ -238,7 +235,7 @@ def test_edges_and_corners_with_planes(models):
         best = answer.hypotheses[0]
         assert (best.part, best.outliers) == (name, ())
         assert np.linalg.norm(SE3.log(SE3.inverse(best.T_world_part) @ T)[:3]) < 8 * best.worst_corner_sd
-        assert dict(best.pairings)[f"v{corners[0]}"] == f"corner {corners[0]}"
+        assert dict(best.pairings)[f"v{corners[0]}"] == f"vertex {corners[0]}"
 
 
 def test_order_does_not_matter_and_twice_is_the_same(models):
@@ -255,7 +252,8 @@ def test_order_does_not_matter_and_twice_is_the_same(models):
         for h, g in zip(a.hypotheses, b.hypotheses, strict=True):
             assert h.part == g.part
             assert g.probability == pytest.approx(h.probability, rel=tolerance, abs=1e-12)
-            np.testing.assert_allclose(g.T_world_part, h.T_world_part, atol=1e-7 * (tolerance > 0))
+            gap = SE3.log(SE3.inverse(h.T_world_part) @ g.T_world_part)
+            assert gap @ np.linalg.solve(h.covariance, gap) < (0.1 if tolerance else 1e-6) ** 2
 
 
 def test_another_world_gives_the_same_answer_there(models):
@@ -326,26 +324,18 @@ def test_unknown_prior_counts(models):
     np.testing.assert_allclose(odds, odds[0], rtol=1e-3)
 
 
-def test_a_contradiction_names_the_label_that_agrees_least(parts):
-    """More noise than stated: of the planes that the answer uses, the worst by its own noise, counted here by hand."""
+def test_more_noise_than_stated_is_told_and_widens_the_covariance(parts):
     rng = np.random.default_rng(12)
-    part, T = parts["bracket_left"], random_pose(rng)
-    features = [replace(f, P=f.P / 1.6**2) for f in all_planes(part, T, rng)]
-    answer = identify_features(features, [part], alpha=0.01)
-    assert answer.status == "unknown"
-    distances = []
-    for k, feature in zip(usable(part), features, strict=True):
-        model = SE3.inverse(answer.hypotheses[0].T_world_part @ part.planes.Ts_part_feature[k])
-        T_feature_model = SE3.inverse(model @ feature.T_world_feature)
-        n, height = T_feature_model[:3, 2], T_feature_model[:3, 2] @ T_feature_model[:3, 3]
-        p = np.array([height, -n[1], n[0]])  # where the model's plane is, as a perturbation of the sensed one
-        used = feature.readings[0] not in answer.hypotheses[0].outliers
-        distances.append(used * (p @ np.linalg.solve(feature.P, p)))
-    worst = features[int(np.argmax(distances))].label
-    assert f"most of all the readings of '{worst}' on plane" in answer.message
+    part = parts["bracket_left"]
+    features = all_planes(part, random_pose(rng), rng)
+    true = identify_features(features, [part]).hypotheses[0]
+    bold = identify_features([replace(f, P=f.P / 1.6**2) for f in features], [part])
+    assert bold.status == "recognized"
+    assert "The readings scatter 1." in bold.message
+    assert bold.hypotheses[0].worst_corner_sd == pytest.approx(true.worst_corner_sd, rel=0.3)
 
 
 def test_nothing_sensed_is_not_enough(parts):
     answer = identify_features([], [parts["block"]])
     assert (answer.status, answer.hypotheses) == ("insufficient", ())
-    assert "sense three faces" in answer.message
+    assert "sense 3 places or more" in answer.message

@@ -1,0 +1,173 @@
+"""Sensed features as labelled points: planes, edges and vertices with their covariance, world frame, metres.
+
+A plane is as good as a few of the points where it was felt, an edge as good as two points of it, with variances that
+give the feature's own covariance. So features are measurements like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.features import Feature, Sides, collect_shared, shared_root
+from tanteo.lie import SE3
+from tanteo.measurements.points import ContactPoints
+from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
+
+_SLIGHT, _CLOSE = 1e-6, 0.05
+"""Points that say less than this share of what the one that says most does are left out; so closely, in proportion, the
+points have to say what the plane does."""
+
+
+def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> ContactPoints:
+    """The points that say of the part what the features say; rows of one feature have its label as their id.
+
+    Args:
+        features: planes, edges and vertices.
+        tolerance: sd of the made surface against its CAD [m].
+
+    Raises:
+        InputError: another kind of feature; a plane of unknown side that was not sensed at points that spread.
+    """
+    views = [given if isinstance(given, tuple) else (given,) for given in features]
+    errors, _, gains = collect_shared([view[0] for view in views])
+    root = shared_root(errors)
+    names = _names([view[0] for view in views])
+    rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, gains, strict=True)]
+    kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
+    counts = [len(block[0]) for block in rows]
+    points, covs, directions, normals, sds, gained = (np.concatenate(column) for column in zip(*columns, strict=True))
+    covs = covs + tolerance**2 * np.eye(3)
+    return ContactPoints(
+        tuple(np.repeat(names, counts).tolist()), points, covs, np.zeros(len(points)), directions, normals, sds,
+        np.zeros(len(points)), gained, np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
+        labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(np.repeat(kinds, counts).tolist()),
+    )  # fmt: skip
+
+
+_Columns: TypeAlias = tuple[Vectors, Covariances, Vectors, Vectors, FloatArray, FloatArray]
+
+
+def _none(D: int) -> _Columns:
+    return np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3, D))
+
+
+def _names(features: Sequence[Feature]) -> list[str]:
+    """Their labels, each once."""
+    names = list[str]()
+    for k, feature in enumerate(features, start=1):
+        name = feature.label or f"feature {k}"
+        names.append(f"{name} ({k})" if name in names else name)
+    return names
+
+
+def _rows(view: tuple[Feature, ...], name: str, gain: FloatArray) -> _Columns:
+    feature = view[0]
+    kind = feature.kind.name
+    if not np.linalg.eigvalsh(feature.P).min() > 0:
+        raise InputError(f"feature {name!r}, P: expected a positive variance in every direction, got zero.")
+    if kind == "plane":
+        return _of_plane(feature, name, gain, sided=len(view) == 1)
+    if kind == "edge":
+        return _of_edge(feature, gain)
+    if kind == "vertex":
+        R = feature.T_world_feature[:3, :3]
+        return _plain(feature.T_world_feature[None, :3, 3], (R @ feature.P @ R.T)[None], (R @ gain)[None])
+    raise InputError(
+        f"feature {name!r}: expected a plane, edge or vertex, got a {kind}. Curved features are not matched yet; give "
+        "the points that were sensed on it."
+    )
+
+
+def _plain(points: Vectors, covs: Covariances, gains: FloatArray) -> _Columns:
+    none = np.zeros(points.shape)
+    return points, covs, none, none, np.full(len(points), np.pi), gains
+
+
+def _of_plane(feature: Feature, name: str, gain: FloatArray, *, sided: bool) -> _Columns:
+    """Points where the plane was felt that say what it says; or one with its normal, where no such points do."""
+    T, local = feature.T_world_feature, SE3.apply(SE3.inverse(feature.T_world_feature), feature.support)[:, :2]
+    normal, levers = T[:3, 2], np.column_stack([np.ones(len(local)), local[:, 1], -local[:, 0]])
+    rows, variances = _as_good(levers, feature.P)
+    if len(rows):
+        heights = np.sqrt(variances) * _scatter(levers[rows] / np.sqrt(variances)[:, None])
+        points = SE3.apply(T, np.column_stack([local[rows], heights]))
+        columns = _plain(points, variances[:, None, None] * np.eye(3), _along(normal, levers[rows] @ gain))
+        return (*columns[:2], np.tile(-normal, (len(rows), 1)) * sided, *columns[3:])
+    if not sided:
+        raise InputError(
+            f"plane {name!r}: expected the points where it was sensed (support), spread as far as its tilts are known "
+            "well, because its outward side is unknown. Give them, or the side."
+        )
+    x, y = local.mean(axis=0) if len(local) else np.zeros(2)
+    lever = np.array([[1.0, y, -x]])
+    variance = float((lever @ feature.P @ lever.T)[0, 0])
+    tilt = float(np.sqrt(np.linalg.eigvalsh(feature.P[1:, 1:])[-1]))
+    point = SE3.apply(T, np.array([[x, y, 0.0]]))
+    return (
+        point,
+        variance * np.eye(3)[None],
+        0 * normal[None],
+        normal[None],
+        np.array([tilt]),
+        _along(normal, lever @ gain),
+    )
+
+
+def _as_good(levers: FloatArray, P: Covariances) -> tuple[IntArray, FloatArray]:
+    """Rows of points, and variances of their heights, that give a plane of covariance ``P``; none where none do.
+
+    A plane's height at a point is ``lever . (z, wx, wy)``, so that points say the sum of ``lever lever' / variance``.
+    """
+    from scipy.optimize import nnls  # slow to import
+
+    if len(levers) < 3:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    units = np.sqrt(np.diag(P))
+    wanted, a, b = np.linalg.inv(P / np.outer(units, units)), *np.triu_indices(3)
+    A = levers * units / np.abs(levers * units).max()
+    weights, miss = nnls((A[:, a] * A[:, b]).T, wanted[a, b])
+    rows = np.flatnonzero(weights > _SLIGHT * weights.max())
+    if miss > _CLOSE * np.linalg.norm(wanted) or np.linalg.matrix_rank(A[rows]) < 3:
+        return rows[:0], weights[:0]
+    return rows, np.abs(levers * units).max() ** 2 / weights[rows]
+
+
+def _scatter(A: FloatArray) -> FloatArray:
+    """By how many standard deviations points are off the plane that they give, as such points are on average.
+
+    Points are never exactly in a plane: from none that is off, the joint test would think the noise smaller.
+    """
+    free = np.linalg.svd(A)[0][:, 3:]
+    off = free @ free.T @ np.where(np.arange(len(A)) % 2, -1.0, 1.0) if free.size else np.zeros(len(A))
+    size = np.linalg.norm(off)
+    return off * np.sqrt(free.shape[1]) / size if size > 1e-9 else off
+
+
+def _along(direction: Vectors, gains: FloatArray) -> FloatArray:
+    return direction[:, None] * gains[:, None]
+
+
+def _of_edge(feature: Feature, gain: FloatArray) -> _Columns:
+    """Two points of the edge, about where it is known best."""
+    T = feature.T_world_feature
+    turn = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]])  # (y, z, wy, wz) of (y, z, wz, -wy)
+    information = turn.T @ np.linalg.inv(feature.P) @ turn
+    # y + x wz and z - x wy at places of mean m and mean square q say: n (1, m; m, q) (x) inverse covariance
+    across = np.linalg.inv(information[:2, :2])
+    m = float(np.trace(information[2:, :2] @ across)) / 2
+    q = float(np.linalg.eigvals(information[2:, 2:] @ across).real.min())
+    spread = np.sqrt(max(q - m**2, 0.0))
+    if len(feature.support) > 1:
+        along = SE3.apply(SE3.inverse(T), feature.support)[:, 0]
+        spread = min(spread, float(np.abs(along - m).max()))
+    x = m + spread * np.array([-1.0, 1.0])
+    cov = np.zeros((3, 3))
+    cov[1:, 1:] = 2 * across
+    cov[0, 0] = np.trace(across)  # along it, where nothing was measured, as across
+    world = T[:3, :3] @ cov @ T[:3, :3].T
+    lever = np.array([[[0, 0, 0, 0], [1, 0, 0, s], [0, 1, -s, 0]] for s in x])
+    return _plain(SE3.apply(T, np.column_stack([x, 0 * x, 0 * x])), np.tile(world, (2, 1, 1)), T[:3, :3] @ lever @ gain)
