@@ -86,8 +86,8 @@ def one(over: str, number: int) -> dict[str, float]:
     base = resident()
     calls: list[float] = []
     for k in range(SCENES + 1):
-        scene = _scene(targets[len(targets) // 2], count, with_normals, np.random.default_rng((k, count)))
-        calls.append(_call(targets, scene))
+        touches = scene(targets[len(targets) // 2], count, with_normals, np.random.default_rng((k, count)))
+        calls.append(_call(targets, touches))
         if calls[0] > LONG:
             break
     calls = calls[1:] or calls
@@ -127,7 +127,7 @@ def blob(meridians: int, bands: int) -> tuple[np.ndarray, np.ndarray]:
     return d * size[:, None] * [40.0, 30.0, 22.0], np.concatenate(triangles)
 
 
-def _scene(target: PreparedPart, count: int, with_normals: bool, rng: np.random.Generator) -> ContactPoints:
+def scene(target: PreparedPart, count: int, with_normals: bool, rng: np.random.Generator) -> ContactPoints:
     T = box_centred_pose(rng)
     p, n = surface_points(target, count, rng)
     points = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
@@ -154,19 +154,19 @@ def _warm(rng: np.random.Generator) -> None:
     with tempfile.TemporaryDirectory() as folder:
         target = prepare(random_part(Path(folder) / "warm.off", rng, slanted=0.0))
     for normals in (False, True):
-        _call([target], _scene(target, USUAL, normals, rng))
+        _call([target], scene(target, USUAL, normals, rng))
 
 
 def resident() -> float:
     """Memory in use now, what was freed given back [MB]."""
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
-    return _status("VmRSS")
+    return status("VmRSS")
 
 
 def high_water() -> float:
     """The most memory in use since ``start_again`` [MB]."""
-    return _status("VmHWM")
+    return status("VmHWM")
 
 
 def start_again() -> None:
@@ -174,7 +174,7 @@ def start_again() -> None:
     Path("/proc/self/clear_refs").write_text("5")
 
 
-def _status(name: str) -> float:
+def status(name: str) -> float:
     lines = Path("/proc/self/status").read_text().splitlines()
     return float(next(line for line in lines if line.startswith(name)).split()[1]) / 1024
 
