@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from tanteo.catalogue import read_parts
     from tanteo.errors import TanteoError
     from tanteo.features import Feature
+    from tanteo.inference import identify_features
     from tanteo.io import read_readings
     from tanteo.localization import ModelFeature, Pairing, estimate_pose
-    from tanteo.inference import identify_features
     from tanteo.parts import Part, read_part
     from tanteo.recognition import identify, locate
     from tanteo.sensors import Readings

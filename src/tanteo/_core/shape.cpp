@@ -66,7 +66,7 @@ double point_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c
 }
 
 Closest Shape::closest(const Vec3& p, int guess) const {
-    Closest best;
+    Closest best = closest_of(p, guess);
     const auto look = [&](int t, double limit) {
         Vec3 q;
         const double d2 = point_triangle(p, vertices[triangles[3 * t]], vertices[triangles[3 * t + 1]],
@@ -78,16 +78,26 @@ Closest Shape::closest(const Vec3& p, int guess) const {
         }
         return d2;
     };
-    look(guess, 1e300);
     triangle_tree.closest(p, best.squared, look);
     return best;
 }
 
-Closest Shape::closest(const Vec3& p) const {
+Closest Shape::closest(const Vec3& p) const { return closest(p, near_triangle(p)); }
+
+Closest Shape::closest_about(const Vec3& p) const { return closest_of(p, near_triangle(p)); }
+
+Closest Shape::closest_of(const Vec3& p, int triangle) const {
+    Closest at;
+    at.triangle = triangle;
+    const int* corner = &triangles[3 * triangle];
+    at.squared = point_triangle(p, vertices[corner[0]], vertices[corner[1]], vertices[corner[2]], at.point);
+    return at;
+}
+
+int Shape::near_triangle(const Vec3& p) const {
     const Cell cell = cell_of(p);
     const size_t row = grid_shape[2], plane = row * grid_shape[1];
-    const size_t near = (cell.f[0] > 0.5) * plane + (cell.f[1] > 0.5) * row + (cell.f[2] > 0.5);
-    return closest(p, grid_triangle[cell.node + near]);
+    return grid_triangle[cell.node + (cell.f[0] > 0.5) * plane + (cell.f[1] > 0.5) * row + (cell.f[2] > 0.5)];
 }
 
 double Shape::cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle) const {

@@ -92,6 +92,7 @@ class Shape : public ShapeNumbers {
     std::vector<unsigned char> bytes() const;
 
     Closest closest(const Vec3& p) const;
+    Closest closest_about(const Vec3& p) const;  // of the triangle next to the middle of its cell
     // first triangle that a ray meets: distance (infinite for none), triangle
     double cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle = nullptr) const;
     // distance to the surface from the grid, not signed; rough far away
@@ -129,6 +130,8 @@ class Shape : public ShapeNumbers {
     };
     Cell cell_of(const Vec3& p) const;
     Closest closest(const Vec3& p, int guess) const;
+    Closest closest_of(const Vec3& p, int triangle) const;
+    int near_triangle(const Vec3& p) const;
     template <class Self, class Visit>
     static void each_array(Self& shape, Visit&& visit);
 

@@ -10,6 +10,7 @@ constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
 constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no more about which maximum is near
 constexpr int FIRST_STEPS = 6;        // until climbs are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
+constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
 constexpr double ROUGHLY = 0.1;       // a gain that ends a climb that is not the last
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
@@ -40,7 +41,7 @@ double settle_step(const Shape& shape, const Problem& problem, const std::vector
         const Point& point = problem.points[j];
         if (point.kind != Kind::FACE) continue;
         const Vec3 p = into_part(pose, point.at);
-        const Closest c = shape.closest(p);
+        const Closest c = scale > COARSE * shape.grid_step ? shape.closest_about(p) : shape.closest(p);
         const Vec3& n = shape.normals[c.triangle];
         double far = std::sqrt(c.squared);
         Vec3 g = far > 1e-7 * shape.diagonal ? (1 / far) * (p - c.point) : n;

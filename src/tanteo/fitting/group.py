@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.constraints import chi2_p_value
 from tanteo.errors import DegenerateError, InputError, SideError
-from tanteo.features import PLANE, Feature, Sides
+from tanteo.features import PLANE, Sides
 from tanteo.fitting.agreement import Bending, bending, jointly
 from tanteo.fitting.edge import fit_edge
 from tanteo.fitting.estimate import FitReport, SharedReadings

@@ -11,7 +11,7 @@ from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints
-from tanteo.typing import FloatArray, Indices, Transforms
+from tanteo.typing import FloatArray, Indices, Transforms, Vectors
 
 FEW = 12
 """Points on which proposals are scored: more tell no more at this precision."""
@@ -26,6 +26,13 @@ _SPINS = 24
 """Turns about the line of two points, where no normal says which: one in a quarter of a radian."""
 
 
+_CLIMBED = 0.25
+"""Share of the blur of proposals with which climbs begin, where steps to the nearest surface have led."""
+
+_SLIDES = 12
+"""Slides of a pose: as many as it has half turns."""
+
+
 @dataclass(frozen=True, slots=True)
 class Effort:
     """How much is proposed in one round.
@@ -35,14 +42,14 @@ class Effort:
         per_pair: pairs of surface places for each.
         keep: proposals of each pair that are settled.
         climb: of all of them that are climbed.
-        turn: of the best maxima afterwards that are turned in their place.
+        move: of the best maxima afterwards that are turned in their place, and slid.
     """
 
     pairs: int = 12
     per_pair: int = 40
     keep: int = 7
     climb: int = 40
-    turn: int = 0
+    move: int = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +58,7 @@ class Scales:
 
     Attributes:
         blur: error of a proposal: the spacing of surface places, or the noise [m].
-        settle: scales of the steps to the nearest surface, from coarse to fine [m].
+        settle: scales of the steps to the nearest surface, from coarse to that of the first climb [m].
         blurs: noise added in climbs before the last [m].
     """
 
@@ -71,9 +78,9 @@ def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     spread = 2 * float(np.quantile(off, 0.75))
     wide = float(np.hypot(sd, shared))
     blur = max(min(prepared.spacing, spread / 8), 1.5 * wide)
-    end = max(2 * sd, shared, 1e-3 * blur)
+    end = max(2 * sd, shared, _CLIMBED * blur)
     count = max(6, int(np.ceil(np.log(1.5 * blur / end) / 0.25)) + 1)
-    blurs = 0.25 * blur * 0.3 ** np.arange(8)
+    blurs = _CLIMBED * blur * 0.3 ** np.arange(8)
     settle = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
     return Scales(blur, settle, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
 
@@ -167,11 +174,30 @@ def scores_of(core: _core.Problem, prepared: PreparedPart, rows: Indices, Ts: Tr
     return np.asarray(_core.scores(prepared.shape, core, rows, np.ascontiguousarray(Ts), scales.blur, _TILT))
 
 
+def moved(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Transforms:
+    """Poses beside poses, which explain many of the same points: the part turned in its place, or slid along itself."""
+    return np.concatenate([turned(prepared, Ts), slid(prepared, Ts, rng)])
+
+
+def slid(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Transforms:
+    """Poses with the part slid along its axes, by up to half its length: from one wall, or step, to the next."""
+    axes, size = _axes(prepared), np.ptp(prepared.part.box, axis=0)
+    which = rng.integers(len(axes), size=(len(Ts), _SLIDES))
+    ways = rng.uniform(-0.5, 0.5, size=which.shape) * (np.abs(axes) @ size)[which]
+    slides = np.tile(np.eye(4), (*which.shape, 1, 1))
+    slides[..., :3, 3] = ways[..., None] * axes[which]
+    return np.ascontiguousarray((Ts[:, None] @ slides).reshape(-1, 4, 4))
+
+
+def _axes(prepared: PreparedPart) -> Vectors:
+    """Of the part's frame and of its surface, which are those of most faces ``(6, 3)``."""
+    return np.concatenate([np.eye(3), np.linalg.eigh(np.cov(prepared.samples.T))[1].T])
+
+
 def turned(prepared: PreparedPart, Ts: Transforms) -> Transforms:
     """Poses with the part turned in its place by half turns, after which many a part nearly fills its old place."""
     part = prepared.part
-    principal = np.linalg.eigh(np.cov(prepared.samples.T))[1].T
-    axes = np.concatenate([np.eye(3), principal])
+    axes = _axes(prepared)
     middles = np.stack([part.box.mean(axis=0), prepared.samples.mean(axis=0)]).repeat(3, axis=0)
     R = 2 * axes[:, :, None] * axes[:, None] - np.eye(3)
     turns = SE3.from_parts(R, middles - SE3.apply(R, middles))

@@ -23,10 +23,10 @@ from tanteo.inference.proposals import (
     far_pairs,
     from_pairs,
     from_prior,
+    moved,
     scales_for,
     scores_of,
     spread_rows,
-    turned,
 )
 from tanteo.inference.symmetry import log_orbit
 from tanteo.special import log_sum
@@ -39,13 +39,15 @@ one to which four pairs led is missed in one of sixteen searches."""
 _BITS, _CERTAIN = 60, 0b1111
 """Pairs and draws that are told apart, and what labels lead to: as good as found by several."""
 
-_ROUNDS, _HOPELESS_ROUNDS = 8, 4
-"""Rounds at most; and where the unknown object explains the measurements better than all that was found."""
+_ROUNDS, _HOPELESS, _LEAST_ROUNDS = 12, 24, 4
+"""Rounds at most: of few precise points one finds the pose with a third or more of probability. Where the unknown
+object explains the measurements better than all that was found, so many rounds of all parts together, but no fewer of
+each than the last."""
 
 _PAIRS = 12
 """Pairs of points that are proposed from."""
 
-_GLANCE, _LOOK = Effort(6, 16, 3, 8), Effort(12, 40, 7, 40, 3)
+_GLANCE, _LOOK = Effort(6, 16, 3, 8, 0), Effort(12, 40, 7, 40, 3)
 """First rounds of many parts."""
 
 _GLANCED = 24
@@ -124,8 +126,8 @@ class PartSearch:
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
         self.draw(effort.climb)
-        if len(self.peaks) and effort.turn:
-            self.try_poses(turned(climber.prepared, self.peaks.Ts[: effort.turn]))
+        if len(self.peaks) and effort.move:
+            self.try_poses(moved(climber.prepared, self.peaks.Ts[: effort.move], self.rng))
         self.rounds += 1
 
     def _take_other_points(self) -> None:
@@ -224,11 +226,12 @@ def race(
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)
         hopeless = total < log_unknown
+        most = min(_ROUNDS, max(_LEAST_ROUNDS, _HOPELESS // len(live))) if hopeless else _ROUNDS
         left = [
             s
             for s in live
-            if s.rounds < (_HOPELESS_ROUNDS if hopeless else _ROUNDS)
-            and (s.log_rare() > total + np.log(_MISSING) or (s is best and s.rounds < 4 and s.doubtful()))
+            if s.rounds < most
+            and (s.log_rare() > total + np.log(_MISSING) or (s is best and s.doubtful()))
         ]
         for search in left:
             search.round(Effort())
