@@ -183,10 +183,12 @@ def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Rounds of sampling, until every mode that matters has enough."""
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
     wants = [_first(s.peaks.evidence + s.log_constant - total, trusted=s.trusted) for s in samplers]
-    for k in range(_ROUNDS):
+    count = 0
+    for k in range(2 * _ROUNDS):
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.draw(want)
-        if k == _ROUNDS - 1:
+        before, count = count, sum(len(s.peaks) for s in samplers)
+        if k >= _ROUNDS - 1 and count == before:  # maxima that samples have just shown are sampled, too
             break
         if k == 0:
             _spread(samplers, log_none)

@@ -19,6 +19,9 @@ FEW = 12
 _TILT = 0.25
 """Of a sensed normal against that of a place of the surface [rad]."""
 
+_ORIENTED = 4
+"""Times as many pairs of surface places where normals say which turn about their line is right: each is so much less."""
+
 _EACH, _BEYOND = 30, 1.2
 """Draws of the prior that are scored for each that is settled, and their spread in that of the prior."""
 
@@ -128,10 +131,22 @@ def from_pairs(
     scales: Scales,
     effort: Effort,
     seed: int,
+    *,
+    oriented: bool = False,
 ) -> Transforms:
     """Poses that put two points on the surface, the others near it, best first."""
     Ts, _ = _core.propose(
-        prepared.shape, core, rows, pairs, effort.per_pair, _SPINS, scales.blur, scales.blur, _TILT, effort.keep, seed
+        prepared.shape,
+        core,
+        rows,
+        pairs,
+        effort.per_pair * (_ORIENTED if oriented else 1),
+        _SPINS,
+        scales.blur,
+        scales.blur,
+        _TILT,
+        effort.keep,
+        seed,
     )
     return Ts
 

@@ -50,6 +50,9 @@ _WORTH, _STEEP, _HALVINGS = 32, 2.0, 7
 """Samples from which a component is fitted; how far the log density may fall within its width, and how often that is
 halved: a normal density falls by half of its square there."""
 
+_AWAY = 1e3
+"""Diagonals of the part at which it is out of reach of all points."""
+
 _STRANGE, _LOOKED_AT = 0.1, 4
 """Share of all weights at which a sample is climbed from; so many of them at a time."""
 
@@ -132,6 +135,7 @@ class Sampler:
     local: BoolArray = field(init=False)
     _fitted: BoolArray = field(init=False)
     _images: Transforms = field(init=False)
+    _untouched: float = field(init=False)
 
     def __post_init__(self) -> None:
         D, peaks = self.climber.problem.states, self.peaks
@@ -142,6 +146,12 @@ class Sampler:
         turns = self.climber.prepared.part.symmetry.Ts
         self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
         self._fitted, self.local = np.full(len(peaks), self.trusted), np.zeros(len(peaks), dtype=bool)
+        far = np.eye(4)
+        far[:3, 3] = peaks.Ts[0, :3, 3] + _AWAY * self.climber.prepared.part.diagonal
+        shape, core = self.climber.prepared.shape, self.climber.core
+        self._untouched = -np.inf
+        if len(self.climber.problem.points):
+            self._untouched = float(_core.log_densities(shape, core, far[None], np.zeros((1, D)))[0])
 
     def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
         """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""
@@ -239,13 +249,17 @@ class Sampler:
         """Log of prior times likelihood over shifts and turns, and the other states there."""
         climber = self.climber
         log, zs = _core.marginals(climber.prepared.shape, climber.core, Ts, np.ascontiguousarray(zs))
-        log = log + self.log_constant
+        log = self._touched(log) + self.log_constant
         if is_held(climber.prepared, named=climber.named):
             log += log_gauge(climber.prepared, Ts, self.peaks.Ts[0])
         pose = climber.problem.priors.pose
         if pose is not None and pose.box is not None:
             log[~in_box(pose, climber.prepared.part, Ts)] = -np.inf
         return log, zs
+
+    def _touched(self, log: FloatArray) -> FloatArray:
+        """Log densities without that no point is of the part, which is as dense wherever the part may be."""
+        return np.asarray(log + np.log(np.maximum(-np.expm1(np.minimum(self._untouched - log, 0.0)), 1e-300)))
 
     def is_possible(self, T: Transforms) -> bool:
         """Whether a pose ``(4, 4)`` is in the box, if there is one."""

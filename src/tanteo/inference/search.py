@@ -121,7 +121,12 @@ class PartSearch:
         for i in range(count):
             pair = np.ascontiguousarray(self.pairs[[(k * count + i) % len(self.pairs)]])
             seed = int(self.rng.integers(2**63))
-            poses.append(from_pairs(climber.core, climber.prepared, climber.rows, pair, climber.scales, effort, seed))
+            both = bool(climber.problem.points.oriented[pair].all())
+            poses.append(
+                from_pairs(
+                    climber.core, climber.prepared, climber.rows, pair, climber.scales, effort, seed, oriented=both
+                )
+            )
             groups.append(1 << ((k * count + i) % _BITS))
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
@@ -215,7 +220,7 @@ def race(
         rng: of all draws.
     """
     searches = [start_search(problem, part, own) for part, own in zip(parts, alike(rng, len(parts)), strict=True)]
-    live = _after_a_glance(searches, log_unknown) if len(parts) > 1 else list(searches)
+    live = _after_a_glance(searches) if len(parts) > 1 else list(searches)
     for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
         if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
             search.round(_LOOK)
@@ -230,8 +235,7 @@ def race(
         left = [
             s
             for s in live
-            if s.rounds < most
-            and (s.log_rare() > total + np.log(_MISSING) or (s is best and s.doubtful()))
+            if s.rounds < most and (s.log_rare() > total + np.log(_MISSING) or (s is best and s.doubtful()))
         ]
         for search in left:
             search.round(Effort())
@@ -241,19 +245,21 @@ def race(
     return searches
 
 
-def _after_a_glance(searches: Sequence[PartSearch], log_unknown: float) -> list[PartSearch]:
-    """Which parts are still in after a glance at each: with a few of many points, which is as fair to all of them."""
+def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
+    """Which parts are still in after a glance at each: with a few of many points, which is as fair to all of them.
+
+    The unknown object is no rival yet: a glance misses the pose of the right part often.
+    """
     problem = searches[0].climber.problem
     rows = spread_rows(problem.points, _GLANCED)
     glances = list(searches)
     if len(rows) < len(problem.points):
         few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
         glances = [replace(start_search(few, s.climber.prepared, s.rng), planes=s.planes) for s in searches]
-        log_unknown = -np.inf
     for glance in glances:
         glance.round(_GLANCE)
     _try_on_others(glances)
-    kept = {id(glance) for glance in _still_in(glances, log_unknown, _BEHIND[0])}
+    kept = {id(glance) for glance in _still_in(glances, -np.inf, _BEHIND[0])}
     live = [(s, glance) for s, glance in zip(searches, glances, strict=True) if id(glance) in kept]
     for search, glance in live:
         if search is not glance:
