@@ -109,7 +109,7 @@ class Oracle:
 
     def _log_touch(self, j, t, C, R):
         log = norm.logpdf(t.gap / t.sd) - np.log(t.sd) + np.log(max(t.share, 1e-300))
-        log += self._aimed(t.normal, R.T @ self.q.directions[j])
+        log += self._aimed(t.normal, R.T @ self.q.directions[j], R.T @ self.q.sides[j])
         return log + self._tilted(j, t.normal, R.T @ self.q.normals[j], C, t.bends)
 
     def _sagitta(self):
@@ -127,10 +127,10 @@ class Oracle:
         spread = frame @ C @ frame.T - np.outer(along, along) * (n @ C @ n)
         return share(flat.outline, frame @ (p - flat.origin) - along * gap, spread, self.cuts.seen)
 
-    def _aimed(self, n, d):
-        """Undirected points are even over the area; a beam meets a face by the cosine of its incidence."""
+    def _aimed(self, n, d, side):
+        """Undirected points are even over the area, on their side; a beam meets a face by the cosine of incidence."""
         if not d.any():
-            return -np.log(self.area)
+            return -np.log(self.area) + (np.log(LOOKS_AWAY) if n @ side < 0 else 0.0)
         return np.log(max(-n @ d, GRAZING) if n @ d < 0 else LOOKS_AWAY)
 
     def _tilted(self, j, n, m, C, bends):

@@ -23,6 +23,7 @@ class Question:
     extra: np.ndarray
     radii: np.ndarray
     directions: np.ndarray
+    sides: np.ndarray
     normals: np.ndarray
     normal_sds: np.ndarray
     reach: np.ndarray
@@ -57,7 +58,7 @@ class Question:
 
     def taken(self, rows):
         """Some of the points, or in another order."""
-        names = [f.name for f in fields(self) if f.name != "elsewhere"][:12]
+        names = [f.name for f in fields(self) if f.name != "elsewhere"][:13]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
@@ -97,7 +98,7 @@ def asked(points, sd, *, rate=0.02):
     none = np.zeros((0, 3, 0))
     ball = np.log(4 / 3 * np.pi * RADIUS**3)
     return Question(
-        points, sd**2 * np.tile(np.eye(3), (n, 1, 1)), np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)),
+        points, sd**2 * np.tile(np.eye(3), (n, 1, 1)), np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
         np.full(n, np.pi), np.zeros(n), np.full(n, -ball), np.zeros(n, np.int32), np.full(n, -1, np.int32),
         2.0, np.zeros((n, 3, 0)), 0.0, np.array(rates), np.array(weights), rate, np.zeros((0, 9)), none, none,
         np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0),
@@ -117,6 +118,11 @@ def directed(q, normals, rng, *, reach=0.0):
     d = -normals + 0.5 * rng.normal(size=normals.shape)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     return replace(q, directions=d, reach=np.full(len(d), reach), log_outlier=np.full(len(d), -np.log(2 * RADIUS)))
+
+
+def sided(q, normals, rng):
+    """Points of which only the side of the material is known, some of them of the wrong one."""
+    return replace(q, sides=np.where(rng.uniform(size=(len(normals), 1)) < 0.1, -1, 1) * normals)
 
 
 def oriented(q, normals, rng, tilt=0.05):

@@ -16,6 +16,7 @@ from core.questions import (
     near_pose,
     oriented,
     random_pose,
+    sided,
     touched,
     with_prior,
     with_rays,
@@ -67,6 +68,10 @@ def _labelled_beams(q, normals, body, T, rng):
     return _labels(directed(q, normals, rng), normals, body, T, rng)
 
 
+def _labelled_sides(q, normals, body, T, rng):
+    return _labels(sided(q, normals, rng), normals, body, T, rng)
+
+
 def _shared(q, normals, body, T, rng):
     return with_shared(with_rays(q, body, T, rng), 3, rng)
 
@@ -89,7 +94,7 @@ def _prior(q, normals, body, T, rng):
 
 KINDS = [
     _plain, _anisotropic, _beams, _blunt_beams, _normals, _uneven_normals, _tips, _uneven_tips, _labels,
-    _labelled_beams, _shared, _scale, _rays, _cones, _prior,
+    _labelled_beams, _labelled_sides, _shared, _scale, _rays, _cones, _prior,
 ]  # fmt: skip
 OF_FACES = [_plain, _anisotropic, _blunt_beams, _normals, _uneven_normals, _tips, _uneven_tips, _scale]
 

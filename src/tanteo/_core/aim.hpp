@@ -17,6 +17,13 @@ inline double aimed(const Vec3& n, const Vec3& d) {
     return cosine > 0 ? std::max(cosine, GRAZING) : LOOKS_AWAY;
 }
 
+// Density of a point on a surface of that normal (part), beside what its distance says: by the direction d of the sensor,
+// or even by area, on the side that is known.
+inline double met(const Point& point, const Vec3& n, const Vec3& d, double per_area) {
+    if (point.directed) return aimed(n, d);
+    return point.sided && dot(n, d) > 0 ? LOOKS_AWAY * per_area : per_area;
+}
+
 // Density of a sensed normal m about that of the surface, n, by its tilts to e[0] and e[1]: as uncertain as the sensor
 // is, and as the surface turns, by its bends, where the point may be.
 inline double tilt_density(const Vec3* e, const double* bend, const Vec3& n, const Mat3& C, const Vec3& m,

@@ -105,7 +105,7 @@ void Likelihood::look(const State& state, int j, bool with_slope) {
 void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope) {
     const Vec3& p = seen[j].in_part;
     const double widest = std::sqrt(point.isotropic ? C(0, 0) : C(0, 0) + C(1, 1) + C(2, 2));
-    const Vec3 d = point.directed ? transposed_times(R, point.direction) : Vec3{};
+    const Vec3 d = point.sided ? transposed_times(R, point.direction) : Vec3{};
     const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
     const double per_area = 1 / shape.area;
     const bool ball = point.radius > (blur > 0 ? ROUGH_BALL : BALL) * widest;
@@ -132,7 +132,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
         const double r = (plane.distance - point.radius) * per_sd;
         const bool inside = kept_off && r < 0 && plane.distance > -point.radius;  // of a face: it may not touch another
         if (std::fabs(r) > reach && !inside) return;
-        double weight = point.directed ? aimed(n, d) : per_area;
+        double weight = met(point, n, d, per_area);
         weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
         Hit hit;
         hit.tilted = 0;
@@ -186,7 +186,7 @@ bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, co
     if (place.face < 0 || bent > BENT) return false;
     const Vec3 n = (1 / length) * place.normal;
     const double turn = std::sqrt(2 * std::max(bent, 0.0));  // of the normals, about
-    if (point.radius * turn > place.size || (point.directed && std::fabs(dot(n, d)) < 2 * turn)) return false;
+    if (point.radius * turn > place.size || (point.sided && std::fabs(dot(n, d)) < 2 * turn)) return false;
     Mat3 S = C;
     for (int i = 0; i < 9; ++i) S.m[i] += place.spread.m[i];
     const Vec3 off = p - place.middle - point.radius * n, Sn = S * n;
@@ -198,7 +198,7 @@ bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, co
     const double q = dot(off, load(pull));
     if (q > reach * reach) return true;
     Hit hit;
-    hit.weight = (point.directed ? aimed(place.normal, d) : 1 / shape.area) * place.area / (L[0] * L[4] * L[8]) *
+    hit.weight = met(point, place.normal, d, 1 / shape.area) * place.area / (L[0] * L[4] * L[8]) *
                  fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - point.log_outlier);
     if (!(hit.weight >= NOTHING * problem.mean_rate)) return true;
     hit.per_sd = 1 / std::sqrt(dot(n, Sn));

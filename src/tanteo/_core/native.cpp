@@ -111,7 +111,7 @@ Mat3 covariance(const double* values, double extra) {
 }
 
 std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
-                                      Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier,
+                                      Doubles sides, Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier,
                                       Ints kinds, Ints groups, Doubles log_elsewhere, Doubles gains, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
@@ -123,6 +123,7 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
         expect(*column, name, {n});
     expect(covs, "covs", {n, 3, 3});
     expect(directions, "directions", {n, 3});
+    expect(sides, "sides", {n, 3});
     expect(normals, "normals", {n, 3});
     const std::vector<int> kind = expect(kinds, "kinds", n, 0, 2), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
     problem->gains = doubles(gains, "gains", {n, 3, D});
@@ -138,6 +139,8 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
         p.direction = load(directions.data() + 3 * k);
         p.normal = load(normals.data() + 3 * k);
         p.directed = squared(p.direction) > 0;
+        if (!p.directed) p.direction = -load(sides.data() + 3 * k);
+        p.sided = squared(p.direction) > 0;
         p.oriented = squared(p.normal) > 0;
         p.normal_sd = expect(normal_sds.data()[k], "normal_sds", p.oriented ? 1e-12 : -1e300, 1e300);
         p.reach = reach.data()[k];
@@ -528,10 +531,10 @@ NB_MODULE(native, m) {
     m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
           "corners"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
-    m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "normals"_a,
-          "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "gains"_a, "scale_sd"_a, "rates"_a,
-          "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a, "prior_means"_a, "prior_roots"_a,
-          "prior_log_weights"_a, "table"_a);
+    m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "sides"_a,
+          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "gains"_a,
+          "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a,
+          "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("slopes", &slopes, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("details", &details, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

@@ -51,6 +51,7 @@ def make_problem(
     extra: FloatArray,
     radii: FloatArray,
     directions: FloatArray,
+    sides: FloatArray,
     normals: FloatArray,
     normal_sds: FloatArray,
     reach: FloatArray,

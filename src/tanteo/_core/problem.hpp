@@ -14,14 +14,14 @@ struct Point {
     Mat3 cov;           // of the sensor alone
     double extra = 0;   // variance that the noise scale leaves alone: the tolerance of the part
     double radius = 0;  // of the ball
-    Vec3 direction;     // into the material; zero where it is not known
+    Vec3 direction;     // of the sensor, into the material; or about into it, where only the side is known; else zero
     Vec3 normal;        // sensed, outward; zero where it was not
     double normal_sd = 1;
     double reach = 0;       // free path before the point along its direction
     double log_outlier = 0; // density if it is an outlier
     Kind kind = Kind::FACE;
     int group = -1;  // of rows that share one face
-    bool directed = false, oriented = false, isotropic = false;
+    bool directed = false, sided = false, oriented = false, isotropic = false;
 };
 
 // A straight path on which nothing was met.

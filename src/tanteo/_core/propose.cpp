@@ -35,15 +35,14 @@ double score(const Shape& shape, const Problem& problem, const std::vector<int>&
     double sum = 0;
     for (const int j : rows) {
         const Point& point = problem.points[j];
-        if (point.kind != Kind::FACE) continue;
         int flat = 0;
-        const bool faces = point.oriented || point.directed;
+        const bool faces = point.oriented || point.sided;
         const double f = shape.field(into_part(pose, point.at), faces ? &flat : nullptr) - point.radius;
         double cost = f * f * per;
         if (faces) {
             const Vec3 n = pose.R * shape.flats[flat].normal;
             if (point.oriented) cost += 2 * (1 - dot(n, point.normal)) * per_tilt;
-            if (point.directed && dot(n, point.direction) > 0.1) cost += WRONG_SIDE;
+            if (point.sided && dot(n, point.direction) > 0.1) cost += WRONG_SIDE;
         }
         sum += std::min(cost, CAP);
         if (sum > limit) break;

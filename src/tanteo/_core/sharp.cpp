@@ -55,7 +55,7 @@ void Likelihood::meet_sharp(const Ball& ball, const BallSees& sees, const Vec3 a
     const double r = sees.gap * ball.per_sd;
     Hit hit;
     hit.tilted = 0;
-    hit.weight = sees.share * (point.directed ? aimed(sees.normal, ball.along) : 1 / shape.area) * ball.per_sd *
+    hit.weight = sees.share * met(point, sees.normal, ball.along, 1 / shape.area) * ball.per_sd *
                  fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - point.log_outlier);
     if (point.oriented)
         hit.weight *= tilt_density(across, bend, sees.normal, ball.C, ball.felt, ball.normal_variance, hit);

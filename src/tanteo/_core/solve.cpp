@@ -39,7 +39,6 @@ double settle_step(const Shape& shape, const Problem& problem, const std::vector
     double A[36] = {0}, b[6] = {0}, total = 0;
     for (const int j : rows) {
         const Point& point = problem.points[j];
-        if (point.kind != Kind::FACE) continue;
         const Vec3 p = into_part(pose, point.at);
         const Closest c = scale > COARSE * shape.grid_step ? shape.closest_about(p) : shape.closest(p);
         const Vec3& n = shape.normals[c.triangle];
@@ -62,7 +61,7 @@ double settle_step(const Shape& shape, const Problem& problem, const std::vector
         // the point moves by -v + y x w
         double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
         double w = 1 / (1 + 0.25 * r * r);
-        if (point.directed && dot(n, transposed_times(pose.R, point.direction)) > 0) {
+        if (point.sided && dot(n, transposed_times(pose.R, point.direction)) > 0) {
             total += 4;
             continue;
         }

@@ -69,7 +69,7 @@ def labelled_planes(points: ContactPoints) -> Planes:
         n, width = axes[2], sizes[1] / np.sqrt(len(rows))
         if sizes[2] > _FLAT * sd * np.sqrt(len(rows)) or width < _FLAT * sd:
             continue
-        toward = points.directions[rows].sum(axis=0) @ n
+        toward = points.inward[rows].sum(axis=0) @ n
         n = -n if toward > 0 else n
         span = np.linalg.norm(p - middle, axis=1).max()
         tilt = sd / (width * np.sqrt(len(rows)))

@@ -7,6 +7,7 @@ a face; and most objects that people make have faces along three perpendicular a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,8 +19,12 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 _FLAT = 0.5
 """Share of labelled surfaces that are flat: nothing is known of it, and it matters by a factor of two at most."""
 
-_LEAST = {"vertex": 2}
-"""Points from which they may miss each other; of planes and lines three, which two always share."""
+_AGAIN, _ALIKE = 0.5, 3.0
+"""Share of faces that look the same way as one before which are that one: unknown, as above; and the standard deviations
+within which they look the same way."""
+
+_OF_TWO = "edge", "vertex"
+"""Kinds of which two points tell something: the direction of an edge, or that they meet."""
 
 _FREE = 8 * np.pi**2 / 24
 """Attitudes of three perpendicular axes: those of a body, of which 24 have the same axes."""
@@ -32,18 +37,36 @@ _SAME = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Facets:
+    """Pieces of planes that the measurements show: labelled planes, and sensed normals with their points; and edges.
+
+    Attributes:
+        normals: outward, or of either sign where nobody knows; of edges their directions ``(K, 3)``.
+        covariances: of them ``(K, 3, 3)`` [rad^2].
+        points: of each ``(K, 3)`` [m].
+        variances: of these along the normal, infinite for edges ``(K,)`` [m^2].
+    """
+
+    normals: Vectors
+    covariances: Covariances
+    points: Vectors
+    variances: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.normals)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Elsewhere:
-    """Labelled points off the part, beside as many outliers that know nothing of each other.
+    """Measurements off the part, beside as many outliers that know nothing of each other.
 
     Attributes:
         log_odds: of each group, log density of its points on a surface of their own, over that of outliers ``(G,)``.
-        normals: directions that the measurements show, of labelled planes and of sensed normals ``(K, 3)``.
-        covariances: of them ``(K, 3, 3)``.
+        facets: what is known of surfaces.
     """
 
     log_odds: FloatArray
-    normals: Vectors
-    covariances: Covariances
+    facets: Facets
 
 
 def groups_of(points: ContactPoints) -> IntArray:
@@ -65,37 +88,45 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
         groups: of :func:`groups_of`.
         radius: of the ball in which the object is [m].
     """
-    alone = points.oriented & (groups < 0)
-    normals, covariances = list(points.normals[alone]), list(points.normal_sds[alone, None, None] ** 2 * np.eye(3))
+    alone = np.flatnonzero(points.oriented & (groups < 0))
+    n, sd = points.normals[alone], points.normal_sds[alone]
+    at = points.points[alone] - points.radii[alone, None] * n
+    variances = np.einsum("ni,nij,nj->n", n, points.covs[alone], n)
+    rows = list(zip(n, sd[:, None, None] ** 2 * np.eye(3), at, variances, strict=True))
     log_odds = np.zeros(groups.max(initial=-1) + 1)
     for g in range(len(log_odds)):
-        rows = np.flatnonzero(groups == g)
-        kind = points.kinds[rows[0]]
-        if len(rows) < _LEAST.get(kind, 3):
+        own = points.take(np.flatnonzero(groups == g))
+        if len(own) < 3 and own.kinds[0] not in _OF_TWO:
             continue
-        log, normal, covariance = _shared(points.take(rows), kind, radius)
-        log_odds[g] = np.logaddexp(np.log(_FLAT) + log, np.log1p(-_FLAT))
-        if kind not in ("edge", "vertex") and log > 0:
-            normals.append(normal)
-            covariances.append(covariance)
-    return Elsewhere(log_odds, np.array(normals).reshape(-1, 3), np.array(covariances).reshape(-1, 3, 3))
+        log, facet = _shared(own, radius)
+        if len(own) > 2 or own.kinds[0] == "vertex":
+            log_odds[g] = np.logaddexp(np.log(_FLAT) + log, np.log1p(-_FLAT))
+        if facet is not None and log > 0:
+            rows.append(facet)
+    columns = (
+        zip(*rows, strict=True) if rows else (np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0))
+    )
+    return Elsewhere(log_odds, Facets(*(np.array(column) for column in columns)))
 
 
-def _shared(points: ContactPoints, kind: str, radius: float) -> tuple[float, Vectors, Covariances]:
-    """Log density of points on one plane, line or point that is anywhere, over that of outliers; its axis.
+_Row: TypeAlias = tuple[Vectors, Covariances, Vectors, FloatArray]
+
+
+def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
+    """Log density of points on one plane, line or point that is anywhere, over that of outliers; what is known of a plane.
 
     The integral over the plane, line or point is Laplace's, about their least squares fit.
     """
     middle = points.points.mean(axis=0)
     _, _, axes = np.linalg.svd(points.points - middle)
-    free = {"vertex": 0, "edge": 1}.get(kind, 2)  # directions along what they share come first
+    free = {"vertex": 0, "edge": 1}.get(points.kinds[0], 2)  # directions along what they share come first
     across, along = axes[free:], axes[:free]
     off = (points.points - middle) @ across.T
     if free == 2:
         off = off - _outward(points, across[0]) * points.radii[:, None]
     m, ball = len(across), 4 / 3 * np.pi * radius**3
     room = {1: 2 * radius, 2: np.pi * radius**2, 3: ball}[m]
-    turns = {1: 4 * np.pi if points.directed.any() else 2 * np.pi, 2: 2 * np.pi, 3: 1.0}[m]
+    turns = {1: 4 * np.pi if points.inward.any() else 2 * np.pi, 2: 2 * np.pi, 3: 1.0}[m]
     lever = (points.points - middle) @ along.T
     levers = [lever[:, k, None, None] * np.eye(m) for k in range(free)]
     J = np.concatenate([np.broadcast_to(np.eye(m), (len(points), m, m)), *levers, -across @ points.gains], axis=2)
@@ -109,28 +140,62 @@ def _shared(points: ContactPoints, kind: str, radius: float) -> tuple[float, Vec
     chi2 = float(np.einsum("na,nab,nb->", off, W, off) - pull @ best)
     log = -np.log(room * turns) + 0.5 * states * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - 0.5 * chi2
     log += len(points) * (np.log(room) - 0.5 * m * np.log(2 * np.pi)) - 0.5 * np.linalg.slogdet(S)[1].sum()
-    if free != 2:
-        return float(log), np.zeros(3), np.zeros((3, 3))
+    C = np.linalg.inv(H)
+    if free == 1:
+        direction = along[0] + best[2:4] @ across
+        direction /= np.linalg.norm(direction)
+        return float(log), (direction, across.T @ C[2:4, 2:4] @ across, middle, np.array(np.inf))
+    if free == 0:
+        return float(log), None
     normal = across[0] - best[1:3] @ along
     normal /= np.linalg.norm(normal)
     if points.directed.any():
         log += float(np.log(np.maximum(np.abs(points.directions[points.directed] @ normal), 1e-3)).sum())
-    return float(log), normal, along.T @ np.linalg.inv(H)[1:3, 1:3] @ along
+    return float(log), (normal, along.T @ C[1:3, 1:3] @ along, middle + best[0] * across[0], C[0, 0])
 
 
 def _outward(points: ContactPoints, normal: Vectors) -> float:
     """1 where the normal looks towards the sensor, -1 where away; 1 where nobody knows."""
-    return -1.0 if float(np.sum(points.directions @ normal)) > 0 else 1.0
+    return -1.0 if float(np.sum(points.inward @ normal)) > 0 else 1.0
 
 
-def log_right_angled(normals: Vectors, covariances: Covariances, share: float) -> float:
-    """Log density of directions of which a share run along three perpendicular axes, over that if they could be any.
+def log_of_one_object(facets: Facets, share: float, radius: float) -> float:
+    """Log density of facets if they are of one object that people made, over that if they know nothing of each other."""
+    return log_right_angled(facets, share) + log_level(facets, radius)
+
+
+def log_level(facets: Facets, radius: float) -> float:
+    """The same of where they are: a face that looks the same way as one before may be that one.
 
     Args:
-        normals: the directions ``(K, 3)``; of either sign.
-        covariances: of them ``(K, 3, 3)`` [rad^2].
+        facets: pieces of planes.
+        radius: of the object [m].
+    """
+    n, total = facets.normals, 0.0
+    for k in range(1, len(facets)):
+        tilts = facets.covariances[:k] + facets.covariances[k]
+        turned = n[:k] - n[k]
+        alike = np.sum(turned**2, axis=1) < _ALIKE**2 * np.trace(tilts, axis1=1, axis2=2)
+        alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
+        if not alike.any():
+            continue
+        way = facets.points[k] - facets.points[:k][alike]
+        off = np.sum(way * n[:k][alike], axis=1)
+        levers = np.einsum("ki,kij,kj->k", way, facets.covariances[:k][alike], way)
+        variance = facets.variances[:k][alike] + facets.variances[k] + levers
+        log = np.log(2 * radius) - 0.5 * np.log(2 * np.pi * variance) - 0.5 * off**2 / variance
+        total += float(np.logaddexp(np.log(_AGAIN) + log.max(), np.log1p(-_AGAIN)))
+    return total
+
+
+def log_right_angled(facets: Facets, share: float) -> float:
+    """The same of their directions, of which a share run along three perpendicular axes.
+
+    Args:
+        facets: pieces of planes.
         share: of faces along the axes.
     """
+    normals, covariances = facets.normals, facets.covariances
     k = len(normals)
     if k < 2:
         return 0.0

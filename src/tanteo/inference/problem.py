@@ -103,7 +103,7 @@ class Problem:
         means, roots, log_weights = self._normals(prepared)
         return _core.make_problem(
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
-            _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
+            _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
             np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), self.groups,
             _c(self.elsewhere.log_odds), _c(t.gains), float(self.scale_sd), _c(rates), _c(weights),
             self.priors.clutter, _c(lines), _c(rays.gains), _c(rays.turns), _c(means), _c(roots), _c(log_weights),

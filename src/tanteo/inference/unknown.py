@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from tanteo.answers.priors import Priors
-from tanteo.inference.labels import log_right_angled
+from tanteo.inference.labels import log_of_one_object
 from tanteo.inference.problem import Problem, outlier_log_density
 from tanteo.inference.unknown_place import log_place_of_unknown
 from tanteo.special import log_sum
@@ -89,7 +89,7 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
-    shapes = labels.log_odds.sum() + log_right_angled(labels.normals, labels.covariances, priors.right_angled)
+    shapes = labels.log_odds.sum() + log_of_one_object(labels.facets, priors.right_angled, priors.radius)
     return float(outlier_log_density(points, priors).sum() + place + share + shapes)
 
 

@@ -39,12 +39,13 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, gains, strict=True)]
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
-    points, covs, directions, normals, sds, gained = (np.concatenate(column) for column in zip(*columns, strict=True))
+    points, covs, sides, normals, sds, gained = (np.concatenate(column) for column in zip(*columns, strict=True))
     covs = covs + tolerance**2 * np.eye(3)
     return ContactPoints(
-        tuple(np.repeat(names, counts).tolist()), points, covs, np.zeros(len(points)), directions, normals, sds,
+        tuple(np.repeat(names, counts).tolist()), points, covs, np.zeros(len(points)), np.zeros(points.shape),
+        normals, sds,
         np.zeros(len(points)), gained, np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
-        labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(np.repeat(kinds, counts).tolist()),
+        labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(np.repeat(kinds, counts).tolist()), sides=sides,
     )  # fmt: skip
 
 
@@ -96,7 +97,7 @@ def _of_plane(feature: Feature, name: str, gain: FloatArray, *, sided: bool) -> 
         heights = np.sqrt(variances) * _scatter(levers[rows] / np.sqrt(variances)[:, None])
         points = SE3.apply(T, np.column_stack([local[rows], heights]))
         columns = _plain(points, variances[:, None, None] * np.eye(3), _along(normal, levers[rows] @ gain))
-        return (*columns[:2], np.tile(-normal, (len(rows), 1)) * sided, *columns[3:])
+        return (*columns[:2], np.tile(normal, (len(rows), 1)) * sided, *columns[3:])
     if not sided:
         raise InputError(
             f"plane {name!r}: expected the points where it was sensed (support), spread as far as its tilts are known "

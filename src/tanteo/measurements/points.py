@@ -37,6 +37,7 @@ class ContactPoints:
         places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
         labels: names of what the points were sensed on ``(n,)``, '' for none: points of one label share one face.
         kinds: of what was sensed: ``point`` or ``plane`` for faces, ``edge``, ``vertex``.
+        sides: about outward, where only the side of the material is known ``(n, 3)``; zero elsewhere, or if not given.
         directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
         oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
         variance: of every point in every direction, where it is one for all [m2]; NaN otherwise, and for no point;
@@ -57,6 +58,7 @@ class ContactPoints:
     places: IntArray | None = None
     labels: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
+    sides: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     directed: BoolArray = field(init=False, repr=False)
     oriented: BoolArray = field(init=False, repr=False)
     variance: float = field(init=False, repr=False)
@@ -66,6 +68,8 @@ class ContactPoints:
         alike = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v))
         for name, none in (("labels", ""), ("kinds", "point")):
             object.__setattr__(self, name, getattr(self, name) or (none,) * len(self.ids))
+        if len(self.sides) != len(self.ids):
+            object.__setattr__(self, "sides", np.zeros((len(self.ids), 3)))
         object.__setattr__(self, "directed", np.any(self.directions != 0, axis=1))
         object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
         object.__setattr__(self, "variance", v if alike and len(self.covs) else float("nan"))
@@ -73,11 +77,27 @@ class ContactPoints:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @property
+    def inward(self) -> Vectors:
+        """Into the material, as far as directions or sides say ``(n, 3)``; zero where nothing does."""
+        return np.where(self.directed[:, None], self.directions, -self.sides)
+
     def take(self, rows: IntArray) -> ContactPoints:
         """Some of the readings."""
         arrays = {
             name: getattr(self, name)[rows]
-            for name in ("points", "covs", "radii", "directions", "normals", "normal_sds", "reach", "gains", "sd")
+            for name in (
+                "points",
+                "covs",
+                "radii",
+                "directions",
+                "sides",
+                "normals",
+                "normal_sds",
+                "reach",
+                "gains",
+                "sd",
+            )
         }
         places = None if self.places is None else self.places[rows]
         names = {name: tuple(getattr(self, name)[i] for i in rows) for name in ("ids", "labels", "kinds")}
