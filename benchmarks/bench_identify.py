@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from common import Table, seconds
 
+from tanteo import identify_features
 from tanteo.features import PLANE, Feature
+from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.matching import identify_features, prepare
 from tanteo.parts import Part, read_part
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"

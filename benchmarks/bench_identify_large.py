@@ -8,8 +8,9 @@ import numpy as np
 from bench_identify import sense
 from common import Table, seconds
 
+from tanteo import identify_features
 from tanteo.catalogue import read_parts
-from tanteo.matching import identify_features, prepare
+from tanteo.inference import prepare
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 PLANES = (52, 70)

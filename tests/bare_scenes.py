@@ -12,7 +12,6 @@ from tanteo.features import SharedError
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
-from tanteo.matching.belief import squared_gaps
 from tanteo.measurements import ContactPoints, FreeRays, as_contact_points
 from tanteo.parts import exact_faces
 from tanteo.sensors import Readings, measure
@@ -208,9 +207,10 @@ def box_centred_pose(rng, spread=0.5):
 
 def holds(target, maxima, one):
     """Whether a maximum is among others, up to symmetry."""
-    Ts, information = np.broadcast_to(one.Ts[0], maxima.Ts.shape), pose_information(one.information)
-    gaps = squared_gaps(target.part, maxima.Ts, Ts, np.broadcast_to(information[0], (len(Ts), 6, 6)))
-    return gaps.min(initial=np.inf) < 20
+    information = pose_information(one.information)[0]
+    gaps = SE3.inverse(one.Ts[0]) @ (maxima.Ts[:, None] @ target.part.symmetry.Ts)
+    xi = SE3.log(without_spin(target.part, gaps) if target.part.symmetry.continuous else gaps)
+    return np.einsum("nsi,ij,nsj->ns", xi, information, xi).min(initial=np.inf) < 20
 
 
 def nees(part, T, covariance, truth):

@@ -34,7 +34,7 @@ def test_every_room_keeps_its_promises(room):
 
 
 def test_import_loads_nothing_heavy():
-    rooms = "tanteo.answers, tanteo.matching, tanteo.io, tanteo.catalogue, tanteo.parts"
+    rooms = "tanteo.answers, tanteo.paper, tanteo.io, tanteo.catalogue, tanteo.parts"
     code = f"import sys, tanteo, {rooms}; print([m for m in {HEAVY} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"

@@ -86,7 +86,7 @@ def identify(
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     placed = priors is not None and priors.pose is not None
     if as_published:
-        return _as_published(measured, parts, tolerance, alpha, top, priors, seed, start, placed=placed)
+        return _as_published(measured, parts, tolerance, alpha, top, seed, start, placed=placed)
     points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
@@ -103,7 +103,6 @@ def _as_published(
     tolerance: float,
     alpha: float,
     top: int,
-    priors: Priors | None,
     seed: int,
     start: float,
     *,
@@ -111,7 +110,7 @@ def _as_published(
 ) -> Recognition:
     """The constraints and tests of the 1991 paper as printed, of features fitted to labelled readings."""
     from tanteo.fitting import fit_labelled
-    from tanteo.matching.recognition import identify_features
+    from tanteo.paper import identify_as_published
 
     sensed = fit_labelled(measured, tolerance)
     _require_labels_alone(bare=bool(len(sensed.bare)), placed=placed)
@@ -119,10 +118,7 @@ def _as_published(
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
-    answer = identify_features(
-        sensed.features, parts, tolerance=tolerance, alpha=alpha, top=top, as_published=True, priors=priors,
-        shared=measured.shared,
-    )  # fmt: skip
+    answer = identify_as_published(sensed.features, parts, alpha=alpha, top=top)
     return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
 
 

@@ -36,7 +36,7 @@ class Cuts:
 
 
 EXACT = Cuts(np.inf, np.inf, 0.0, np.inf)
-GRAZING, LOOKS_AWAY, BEHIND, IN_FRONT = 0.02, 1e-6, 2e-22, 4.0
+GRAZING, CLEARLY, LOOKS_AWAY, BEHIND, IN_FRONT = 0.02, 0.1, 1e-6, 2e-22, 4.0
 
 
 class Oracle:
@@ -130,7 +130,7 @@ class Oracle:
     def _aimed(self, n, d, side):
         """Undirected points are even over the area, on their side; a beam meets a face by the cosine of incidence."""
         if not d.any():
-            return -np.log(self.area) + (np.log(LOOKS_AWAY) if n @ side < 0 else 0.0)
+            return -np.log(self.area) + (np.log(LOOKS_AWAY) if n @ side < -CLEARLY else 0.0)
         return np.log(max(-n @ d, GRAZING) if n @ d < 0 else LOOKS_AWAY)
 
     def _tilted(self, j, n, m, C, bends):
@@ -184,13 +184,13 @@ class Oracle:
         log = np.log((1 - rate) * density[alone] + rate).sum()
         for g in range(groups.max(initial=-1) + 1):
             rows = np.flatnonzero(groups == g)
-            log += self._log_group([hits[j] for j in rows], rows, density[rows], rate)
+            log += self._log_group([hits[j] for j in rows], rows, density[rows], self.q.mean_rate)
         return log
 
     def _log_group(self, hits, rows, density, rate):
-        slip = self.q.mean_rate
+        slip = rate
         by_area = any(self.q.kinds[j] == 0 and not self.q.directions[j].any() for j in rows)
-        logs = [np.log(rate / (1 - rate)) + self.q.elsewhere, np.log((1 - rate) * slip * density + rate).sum()]
+        logs = [np.log(slip / (1 - slip)) + self.q.elsewhere, np.log((1 - rate) * slip * density + rate).sum()]
         for face in {face for h in hits for face, _ in h}:
             portion = self._portion(face)
             log = np.log(portion) if face < 0 or by_area else 0.0
@@ -199,7 +199,7 @@ class Oracle:
                 on = sum(w for f, w in h if f == face) / share
                 log += np.log((1 - rate) * ((1 - slip) * on + slip * d) + rate)
             logs.append(log)
-        return np.log1p(-rate) + np.logaddexp.reduce(logs)
+        return np.log1p(-slip) + np.logaddexp.reduce(logs)
 
     def _portion(self, face):
         """How likely a face is by its area, an edge by its length, a corner by their number."""

@@ -98,7 +98,7 @@ def asked(points, sd, *, rate=0.02):
     none = np.zeros((0, 3, 0))
     ball = np.log(4 / 3 * np.pi * RADIUS**3)
     return Question(
-        points, sd**2 * np.tile(np.eye(3), (n, 1, 1)), np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
+        points, sd**2 * np.tile(np.eye(3), (n, 1, 1)), np.zeros(n), np.zeros(n), *np.zeros((3, n, 3)),
         np.full(n, np.pi), np.zeros(n), np.full(n, -ball), np.zeros(n, np.int32), np.full(n, -1, np.int32),
         2.0, np.zeros((n, 3, 0)), 0.0, np.array(rates), np.array(weights), rate, np.zeros((0, 9)), none, none,
         np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0),

@@ -9,12 +9,12 @@ import pytest
 
 from random_parts import write_off
 from scenes import clutter_touch, random_pose, sensed_edge, sensed_planes, sensed_vertex
+from tanteo import identify_features
 from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.features import CIRCLE, PLANE, Feature
-from tanteo.lie import SE3
-from tanteo import identify_features
 from tanteo.inference import prepare
+from tanteo.lie import SE3
 from tanteo.parts import read_part
 
 SD = 1e-4

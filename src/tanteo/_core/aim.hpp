@@ -9,6 +9,7 @@ namespace tanteo {
 
 constexpr double GRAZING = 0.02;     // least cosine of incidence: a beam along a face does not measure it
 constexpr double LOOKS_AWAY = 1e-6;  // density of a beam that met a face from behind
+constexpr double CLEARLY = 0.1;       // cosine from which a face looks away from a side that is about known: not beside it
 constexpr double BEHIND = 2e-22;     // of a sensed normal that points into the part
 
 // Density of a sensor that came along d, by the normal n of what it met.
@@ -21,7 +22,7 @@ inline double aimed(const Vec3& n, const Vec3& d) {
 // or even by area, on the side that is known.
 inline double met(const Point& point, const Vec3& n, const Vec3& d, double per_area) {
     if (point.directed) return aimed(n, d);
-    return point.sided && dot(n, d) > 0 ? LOOKS_AWAY * per_area : per_area;
+    return point.sided && dot(n, d) > CLEARLY ? LOOKS_AWAY * per_area : per_area;
 }
 
 // Density of a sensed normal m about that of the surface, n, by its tilts to e[0] and e[1]: as uncertain as the sensor

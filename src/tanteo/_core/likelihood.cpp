@@ -26,7 +26,7 @@ double Likelihood::at(const State& state, bool with_slope) {
     return log;
 }
 
-// All points together, the outlier rate integrated out; afterwards each hit has its share. A label counts where nothing
+// All points together, the outlier rate of those without label integrated out; afterwards each hit has its share. A label counts where nothing
 // is blurred: a face that is only near must not be shut out while a climb is on its way.
 double Likelihood::combine() {
     const bool labels = blur == 0;
@@ -48,7 +48,6 @@ double Likelihood::combine() {
                 product = 1;
             }
         }
-        for (size_t g = 0; g < groups; ++g) log += log_group(g, rate);
         node_log[k] = log + std::log(product) + std::log(problem.rate_weights[k]);
     }
     double top = -1e300, sum = 0;
@@ -66,8 +65,8 @@ double Likelihood::combine() {
         for (int k = s.first; k < s.first + s.count; ++k) hit_share[k] = s.belongs * hits[k].weight / s.density;
     }
     for (size_t g = 0; g < views.size(); ++g) {
-        views[g].weights.assign(views[g].on_face.size() + problem.groups[g].size(), 0.0);
-        for (int k = 0; k < nodes; ++k) share_group(g, problem.rates[k], node_log[k] / sum);
+        base += log_group(g);
+        share_group(g);
         share_hits(g);
     }
     return base + top + std::log(sum);
@@ -112,22 +111,23 @@ void Likelihood::view_group(size_t g) {
 }
 
 // Log density of the points of a group: the sum over faces of the product, that the label means nothing, and that what it
-// names is not of the part: as often as a point is an outlier.
-double Likelihood::log_group(size_t g, double rate, bool anywhere) {
+// names is not of the part. Such labels, and outliers among labelled points, are as rare as is stated: a sensor may make
+// many outliers, but nobody gives many labels that contradict each other.
+double Likelihood::log_group(size_t g, bool anywhere) {
     const std::vector<int>& rows = problem.groups[g];
     GroupView& view = views[g];
     const size_t F = view.faces.size();
-    const double slip = problem.mean_rate;
+    const double rare = problem.mean_rate;
     view.logs.assign(F + 2, 0.0);
     double top = -1e300, sum = 0;
     for (size_t f = 0; f <= F; ++f) {
         double log = f < F ? view.log_prior[f] : 0;
         for (size_t r = 0; r < rows.size(); ++r)
-            log += std::log(labelled_density(view, r, f, seen[rows[r]].density, rate, slip));
-        view.logs[f] = log + std::log1p(-rate);
+            log += std::log(labelled_density(view, r, f, seen[rows[r]].density));
+        view.logs[f] = log + std::log1p(-rare);
         top = std::max(top, view.logs[f]);
     }
-    view.logs[F + 1] = anywhere ? std::log(rate) + problem.log_elsewhere[g] : -1e300;
+    view.logs[F + 1] = anywhere ? std::log(rare) + problem.log_elsewhere[g] : -1e300;
     top = std::max(top, view.logs[F + 1]);
     for (double& log : view.logs) sum += log = std::exp(log - top);
     for (double& log : view.logs) log /= sum;  // now the probability of each face
@@ -136,24 +136,24 @@ double Likelihood::log_group(size_t g, double rate, bool anywhere) {
 
 // Density of a labelled point over that of an outlier if the label's face is this one; beyond the last: if it means
 // nothing.
-double Likelihood::labelled_density(const GroupView& view, size_t r, size_t f, double density, double rate, double slip) {
-    const double on = f < view.faces.size() ? (1 - slip) * view.on_face[r * view.faces.size() + f] : 0.0;
-    return (1 - rate) * (on + slip * density) + rate;
+double Likelihood::labelled_density(const GroupView& view, size_t r, size_t f, double density) const {
+    const double rare = problem.mean_rate;
+    const double on = f < view.faces.size() ? (1 - rare) * view.on_face[r * view.faces.size() + f] : 0.0;
+    return (1 - rare) * (on + rare * density) + rare;
 }
 
-// Adds what a rate of that weight makes of each face's points: first by face, then whatever the face.
-void Likelihood::share_group(size_t g, double rate, double weight) {
-    log_group(g, rate);
+// How much each point counts by face, then whatever the face; after log_group.
+void Likelihood::share_group(size_t g) {
     const std::vector<int>& rows = problem.groups[g];
     GroupView& view = views[g];
     const size_t F = view.faces.size();
-    const double slip = problem.mean_rate;
+    const double rare = problem.mean_rate;
+    view.weights.assign(rows.size() * (F + 1), 0.0);
     for (size_t r = 0; r < rows.size(); ++r)
         for (size_t f = 0; f <= F; ++f) {
-            const double share =
-                weight * view.logs[f] * (1 - rate) / labelled_density(view, r, f, seen[rows[r]].density, rate, slip);
-            if (f < F) view.weights[r * F + f] += share * (1 - slip);
-            view.weights[rows.size() * F + r] += share * slip;
+            const double share = view.logs[f] * (1 - rare) / labelled_density(view, r, f, seen[rows[r]].density);
+            if (f < F) view.weights[r * F + f] += share * (1 - rare);
+            view.weights[rows.size() * F + r] += share * rare;
         }
 }
 

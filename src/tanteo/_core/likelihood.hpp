@@ -77,7 +77,7 @@ class Likelihood {
     std::vector<BallSees> ball_sees, faces_near;  // of one ball: by hit, and all flats
 
     // of a group if what it names is of the part, over that of as many outliers; after at()
-    double log_on_part(size_t g) { return log_group(g, problem.mean_rate, false); }
+    double log_on_part(size_t g) { return log_group(g, false); }
 
   private:
     const Shape& shape;
@@ -99,9 +99,9 @@ class Likelihood {
     bool blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const;
     double combine();
     void view_group(size_t g);
-    double log_group(size_t g, double rate, bool anywhere = true);
-    static double labelled_density(const GroupView& view, size_t r, size_t f, double density, double rate, double slip);
-    void share_group(size_t g, double rate, double weight);
+    double log_group(size_t g, bool anywhere = true);
+    double labelled_density(const GroupView& view, size_t r, size_t f, double density) const;
+    void share_group(size_t g);
     void share_hits(size_t g);
     void add_points(const State& state);
     double add_rays(const State& state);

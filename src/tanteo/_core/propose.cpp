@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "aim.hpp"
 #include "normal.hpp"
 
 namespace tanteo {
@@ -42,7 +43,7 @@ double score(const Shape& shape, const Problem& problem, const std::vector<int>&
         if (faces) {
             const Vec3 n = pose.R * shape.flats[flat].normal;
             if (point.oriented) cost += 2 * (1 - dot(n, point.normal)) * per_tilt;
-            if (point.sided && dot(n, point.direction) > 0.1) cost += WRONG_SIDE;
+            if (point.sided && dot(n, point.direction) > CLEARLY) cost += WRONG_SIDE;
         }
         sum += std::min(cost, CAP);
         if (sum > limit) break;

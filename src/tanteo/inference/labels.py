@@ -20,11 +20,14 @@ _FLAT = 0.5
 """Share of labelled surfaces that are flat: nothing is known of it, and it matters by a factor of two at most."""
 
 _AGAIN, _ALIKE = 0.5, 3.0
-"""Share of faces that look the same way as one before which are that one: unknown, as above; and the standard deviations
-within which they look the same way."""
+"""Share of faces that look the same way as one before which are that one, as unknown as the last; the standard
+deviations within which they look the same way."""
 
 _OF_TWO = "edge", "vertex"
 """Kinds of which two points tell something: the direction of an edge, or that they meet."""
+
+_SIZES = 6
+"""Sizes of faces and edges, each half of the last, that are equally likely: from the object's to a thirtieth of it."""
 
 _FREE = 8 * np.pi**2 / 24
 """Attitudes of three perpendicular axes: those of a body, of which 24 have the same axes."""
@@ -113,7 +116,7 @@ _Row: TypeAlias = tuple[Vectors, Covariances, Vectors, FloatArray]
 
 
 def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
-    """Log density of points on one plane, line or point that is anywhere, over that of outliers; what is known of a plane.
+    """Log density of points on one plane, line or point that is anywhere, over that of outliers; the plane or line.
 
     The integral over the plane, line or point is Laplace's, about their least squares fit.
     """
@@ -140,6 +143,8 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     chi2 = float(np.einsum("na,nab,nb->", off, W, off) - pull @ best)
     log = -np.log(room * turns) + 0.5 * states * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - 0.5 * chi2
     log += len(points) * (np.log(room) - 0.5 * m * np.log(2 * np.pi)) - 0.5 * np.linalg.slogdet(S)[1].sum()
+    if not points.directed.any():
+        log += _log_together(float(np.linalg.norm(lever, axis=1).max(initial=0.0)), len(points), free, radius)
     C = np.linalg.inv(H)
     if free == 1:
         direction = along[0] + best[2:4] @ across
@@ -154,13 +159,32 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     return float(log), (normal, along.T @ C[1:3, 1:3] @ along, middle + best[0] * across[0], C[0, 0])
 
 
+def _log_together(reach: float, n: int, free: int, radius: float) -> float:
+    """Log density of where points are on a face, or along an edge, that is as large as it may be, over anywhere.
+
+    Args:
+        reach: of the points from their middle [m].
+        n: number of points.
+        free: two for a face, one for an edge, none for a corner.
+        radius: of the object [m].
+    """
+    sizes = radius * 0.5 ** np.arange(_SIZES)
+    held = sizes[sizes >= min(reach, radius)]
+    anywhere, own = {
+        0: (1.0, 1.0 + 0 * held),
+        1: (4 / 3 * radius, 2 * held),
+        2: (2 / 3 * np.pi * radius**2, np.pi * held**2),
+    }[free]
+    return float(log_sum((n - 1) * np.log(anywhere / own)) - np.log(_SIZES))
+
+
 def _outward(points: ContactPoints, normal: Vectors) -> float:
     """1 where the normal looks towards the sensor, -1 where away; 1 where nobody knows."""
     return -1.0 if float(np.sum(points.inward @ normal)) > 0 else 1.0
 
 
 def log_of_one_object(facets: Facets, share: float, radius: float) -> float:
-    """Log density of facets if they are of one object that people made, over that if they know nothing of each other."""
+    """Log density of facets of one object that people made, over that of facets that know nothing of each other."""
     return log_right_angled(facets, share) + log_level(facets, radius)
 
 
@@ -213,13 +237,13 @@ def log_right_angled(facets: Facets, share: float) -> float:
 
 
 def _axes_of_pairs(normals: Vectors) -> FloatArray:
-    """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; none of parallel ones."""
+    """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; through one alone of parallel ones."""
     a, b = np.triu_indices(len(normals), 1)
     cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))
     some = np.argsort(cosines, kind="stable")[:_TRIED]
     x, z = normals[a[some]], np.cross(normals[a[some]], normals[b[some]])
-    sines = np.linalg.norm(z, axis=1)
-    x, z = x[sines > 0.5], (z / np.maximum(sines, 1e-12)[:, None])[sines > 0.5]
+    sines = np.linalg.norm(z, axis=1, keepdims=True)
+    z = np.where(sines > 0.5, z / np.maximum(sines, 1e-12), SO3.frame_from_axis(x, 0)[..., 2])
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 

@@ -20,7 +20,7 @@ _TILT = 0.25
 """Of a sensed normal against that of a place of the surface [rad]."""
 
 _ORIENTED = 4
-"""Times as many pairs of surface places where normals say which turn about their line is right: each is so much less."""
+"""Times as many pairs of surface places where normals say which turn about their line is right: each costs less."""
 
 _EACH, _BEYOND = 30, 1.2
 """Draws of the prior that are scored for each that is settled, and their spread in that of the prior."""

@@ -1,4 +1,4 @@
-"""Probabilities are frequencies: scenes drawn from the stated model, clutter and absent parts included.
+"""Probabilities are frequencies: scenes drawn from the stated model, outliers and absent parts included.
 
 The full campaign of 2,000 scenes for each way of sensing is ``benchmarks/calibration.py``.
 """
@@ -21,14 +21,14 @@ TARGET = 0.03
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("mode", "settings"),
-    [("touches", {"unknown": 1e-9, "clutter": 1e-6}), ("touches", {"common_sizes": 0.0})],
-    ids=["parts of the catalogue", "with clutter and strangers"],
+    [("touches", {"unknown": 1e-9, "clutter": 1e-6}), ("touches", {}), ("planes", {}), ("edges", {})],
+    ids=["parts of the catalogue", "touches, outliers and strangers", "planes", "edges"],
 )
 def test_claimed_is_right_as_often_as_claimed(mode, settings):
     rows = campaign(mode, SCENES, seed=5, **settings)
     claimed, right = rows[:, 0], rows[:, 1]
     se = np.sqrt((claimed * (1 - claimed)).sum()) / SCENES
     assert abs(claimed.mean() - right.mean()) < TARGET + 2.6 * se
-    sure = claimed > 0.99
+    sure = claimed > 0.97
     assert sure.sum() > SCENES / 4
-    assert right[sure].mean() > 0.95
+    assert right[sure].mean() > 0.92

@@ -1,0 +1,115 @@
+"""Which model features the sensed ones may be, by every constraint of the paper by itself, (25)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.constraints import gate, published
+from tanteo.features import EDGE, Feature, feature_covariance
+from tanteo.parts import Part
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+
+_PARALLEL = 1e-6
+"""Model features whose directions differ by less than this are parallel [rad]."""
+
+_MOST = 40_000
+"""More partial assignments than this are cut: the answer says so."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Model features of one kind.
+
+    Attributes:
+        Ts_part_feature: frames ``(N, 4, 4)``; an edge appears twice, once in each direction.
+        directions: normal or direction ``(N, 3)``; zero for vertices.
+        names: for reports, ``plane 12``.
+    """
+
+    Ts_part_feature: Transforms
+    directions: FloatArray
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def candidates_of(part: Part) -> dict[str, Candidates]:
+    """Those of a part by the name of their kind; no kind of which it has none."""
+    planes, edges, corners = part.planes, part.edges, part.corners.points
+    both = np.concatenate([edges.Ts_part_feature, edges.Ts_part_feature @ EDGE.symmetries[1]])
+    at = np.tile(np.eye(4), (len(corners), 1, 1))
+    at[:, :3, 3] = corners
+    faces = tuple(part.faces[i].name.replace("face", "plane") for i in planes.faces)
+    found = {
+        "plane": Candidates(planes.Ts_part_feature, planes.normals, faces),
+        "edge": Candidates(both, both[:, :3, 0], tuple(f"edge {i}" for i in range(len(edges))) * 2),
+        "vertex": Candidates(at, np.zeros(corners.shape), tuple(f"vertex {i}" for i in range(len(corners)))),
+    }
+    return {kind: some for kind, some in found.items() if len(some)}
+
+
+def assignments(features: Sequence[Feature], candidates: dict[str, Candidates], alpha: float) -> tuple[IntArray, bool]:
+    """Assignments of all features of which every pair passes ``(F, n)``, and whether some were cut.
+
+    Args:
+        features: planes, edges and vertices; the paper has no constraint for vertices, so they may be anything.
+        candidates: of the part.
+        alpha: rejection percentage of each gate (25).
+    """
+    n, kinds = len(features), [feature.kind.name for feature in features]
+    choices, cut = np.full((1, n), -1), False
+    if any(kind not in candidates for kind in kinds):
+        return choices[:0], False
+    for i in range(n):
+        ok = np.ones((len(choices), len(candidates[kinds[i]])), dtype=bool)
+        for j in range(i):
+            ok &= _pair_gate(features[j], features[i], candidates, alpha)[choices[:, j]]
+        which, candidate = np.nonzero(ok)
+        choices = choices[which]
+        choices[:, i] = candidate
+        if len(choices) > _MOST:
+            choices, cut = choices[:_MOST], True
+    return choices, cut
+
+
+def _pair_gate(first: Feature, second: Feature, candidates: dict[str, Candidates], alpha: float) -> BoolArray:
+    """Gates (25) of one sensed pair against all pairs of the model ``(Ni, Nj)``."""
+    kind = first.kind.name
+    A, B = candidates[kind], candidates[second.kind.name]
+    if kind != second.kind.name or kind == "vertex":
+        return np.ones((len(A), len(B)), dtype=bool)
+    T1, T2 = first.T_world_feature, second.T_world_feature
+    C1, C2 = feature_covariance(first), feature_covariance(second)
+    angle = np.arccos(np.clip(A.directions @ B.directions.T, -1.0, 1.0))
+    if kind == "edge":
+        angle = np.minimum(angle, np.pi - angle)  # "the smallest angle which fits" (16)
+    parallel = (angle < _PARALLEL) | (angle > np.pi - _PARALLEL)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        measure = published.angle_planes if kind == "plane" else published.angle_edges
+        found = measure(T1, C1, T2, C2)
+        value = np.minimum(found.value, np.pi - found.value) if kind == "edge" else found.value
+        ok = _passes(value, found.variance, angle, alpha)
+        relation = published.parallel_planes if kind == "plane" else published.parallel_edges
+        cosine, distance = relation(T1, C1, T2, C2)
+        beside = _passes(np.abs(cosine.value), cosine.variance, np.ones_like(angle), alpha)
+        beside &= _passes(np.abs(distance.value), distance.variance, _distances(A, kind), alpha)
+    return np.where(parallel, beside, ok)
+
+
+def _passes(value: FloatArray, variance: FloatArray, model: FloatArray, alpha: float) -> BoolArray:
+    """(25); a variance of 0/0, which (21) has at its extremum, passes only the exact value."""
+    safe = np.where(np.isfinite(variance) & (variance > 0), variance, 1e-300)
+    return np.asarray(gate(np.nan_to_num(value), safe, model, alpha).accept, dtype=np.bool_)
+
+
+def _distances(candidates: Candidates, kind: str) -> FloatArray:
+    """Distance of parallel model features: ``|p_z|`` (24), or across for edges (section 4.4)."""
+    gap = candidates.Ts_part_feature[None, :, :3, 3] - candidates.Ts_part_feature[:, None, :3, 3]
+    along = np.einsum("aj,abj->ab", candidates.directions, gap)
+    if kind == "plane":
+        return np.abs(along)
+    return np.sqrt(np.maximum((gap**2).sum(axis=-1) - along**2, 0.0))

@@ -1,0 +1,169 @@
+"""Recognition as the paper describes it: a part is accepted if some assignment passes all univariate gates.
+
+There is no joint test, no side, no extent, no outlier and no unknown object; a mirrored part is accepted as well as the
+true one. What this costs is measured in ``docs/paper.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.answers import Hypothesis, Recognition
+from tanteo.answers.hypothesis import hypothesis_at
+from tanteo.answers.part_motions import part_scale, without_spin
+from tanteo.answers.question import Clock, check_question
+from tanteo.answers.verdict import verdict
+from tanteo.errors import InputError
+from tanteo.features import Feature, Sides, collect_shared, shared_root
+from tanteo.lie import SE3
+from tanteo.localization import Block, ModelFeature, Pairing, estimate_pose, gauss_newton
+from tanteo.localization.relations import relation_between
+from tanteo.localization.start import first_pose
+from tanteo.paper.assignments import Candidates, assignments, candidates_of
+from tanteo.parts import Part
+from tanteo.typing import FloatArray, IntArray, Transforms
+
+_KINDS = "plane", "edge", "vertex"
+
+_SAME = 22.5
+"""Squared Mahalanobis distance within which two poses are one (one in a thousand, six degrees of freedom)."""
+
+_HOLD = 1e-3
+"""Information that keeps steps small where little resists; far below any real one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Accepted:
+    """A part at a pose.
+
+    Attributes:
+        part: the part.
+        candidates: its features.
+        choices: which of them the sensed ones are ``(n,)``.
+        T_world_part: the pose ``(4, 4)``.
+    """
+
+    part: Part
+    candidates: dict[str, Candidates]
+    choices: IntArray
+    T_world_part: Transforms
+
+
+def identify_as_published(
+    features: Sequence[Sides], parts: Sequence[Part], *, alpha: float = 0.01, top: int = 5
+) -> Recognition:
+    """Which of the parts pass the constraints and tests of 1991, all poses of all of them with equal weight.
+
+    Args:
+        features: sensed planes, edges and vertices in the world; of a plane of unknown side the first is taken.
+        parts: candidates.
+        alpha: rejection percentage of each gate (25).
+        top: number of hypotheses to report.
+
+    Raises:
+        InputError: without parts, for an ``alpha`` outside (0, 1), or a feature of another kind.
+    """
+    parts, clock = check_question(parts, alpha, top, 0, None), Clock()
+    sensed = [given[0] if isinstance(given, tuple) else given for given in features]
+    for feature in sensed:
+        if feature.kind.name not in _KINDS:
+            raise InputError(
+                f"feature {feature.label!r}: expected a plane, edge or vertex, got a {feature.kind.name}: the paper "
+                "compares these. Leave it out."
+            )
+    accepted, cut = list[_Accepted](), False
+    for part in parts:
+        candidates = candidates_of(part)
+        choices, dropped = assignments(sensed, candidates, alpha)
+        cut |= dropped
+        accepted += _poses(part, candidates, sensed, choices)
+    clock.lap("search")
+    hypotheses = tuple(_hypothesis(one, sensed, 1 / len(accepted)) for one in accepted[:top])
+    clock.lap("locate")
+    unknown = 0.0 if accepted else 1.0
+    shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
+    status, message = verdict(hypotheses, unknown, alpha, cut=cut, as_published=True, shares=shares)
+    return Recognition(status, message, hypotheses, unknown, clock.laps())
+
+
+def _poses(
+    part: Part, candidates: dict[str, Candidates], sensed: Sequence[Feature], choices: IntArray
+) -> list[_Accepted]:
+    """One pose an assignment, best first; those that symmetry makes one, once."""
+    if not len(choices):
+        return []
+    blocks = _blocks(candidates, sensed, choices)
+    start = np.broadcast_to(first_pose(blocks), (len(choices), 4, 4))
+    shared = blocks[0].gains.shape[-1]
+    solution = gauss_newton(blocks, start, shared, hold=_HOLD * np.eye(6), iterations=10, tolerance=1e-12)
+    left, out = np.argsort(solution.chi2, kind="stable"), []
+    while len(left):
+        best = left[0]
+        out.append(_Accepted(part, candidates, choices[best], solution.T_world_part[best]))
+        gaps = _squared_gaps(part, solution.T_world_part[best], solution.T_world_part[left], solution.information[left])
+        gaps[0] = 0.0
+        left = left[gaps > _SAME]
+    return out
+
+
+def _blocks(candidates: dict[str, Candidates], sensed: Sequence[Feature], choices: IntArray) -> list[Block]:
+    """The pairings of all assignments, for the solver."""
+    errors, _, gains = collect_shared(sensed)
+    root, out = shared_root(errors), []
+    for kind in _KINDS:
+        rows = [i for i, feature in enumerate(sensed) if feature.kind.name == kind]
+        if not rows:
+            continue
+        of = sensed[rows[0]].kind
+        chosen = candidates[kind].Ts_part_feature[choices[:, rows]]
+        Ts = np.stack([sensed[i].T_world_feature for i in rows])
+        Ps, own = np.stack([sensed[i].P for i in rows]), np.stack([gains[i] @ root for i in rows])
+        every = np.ones(chosen.shape[:2], dtype=bool)
+        none = np.zeros((1, 1, 1))
+        out.append(Block(relation_between(of, of), Ts, Ps, chosen, none, own, np.zeros(len(rows)), every))
+    return out
+
+
+def _squared_gaps(part: Part, T: Transforms, others: Transforms, information: FloatArray) -> FloatArray:
+    """Squared Mahalanobis distances from poses ``(F, 4, 4)`` to one, up to the part's symmetry ``(F,)``."""
+    gaps = (SE3.inverse(others) @ T) @ part.symmetry.Ts[:, None]
+    xi = SE3.log(without_spin(part, gaps) if part.symmetry.continuous else gaps)
+    return np.asarray(np.einsum("sfi,fij,sfj->sf", xi, information[:, :6, :6], xi).min(axis=0))
+
+
+def _hypothesis(one: _Accepted, sensed: Sequence[Feature], probability: float) -> Hypothesis:
+    pairings = []
+    for feature, choice in zip(sensed, one.choices, strict=True):
+        of = one.candidates[feature.kind.name]
+        model = ModelFeature(feature.kind, of.Ts_part_feature[choice], np.zeros(2 * (feature.kind.size,)), 0.0)
+        pairings.append((Pairing(feature, model), of.names[choice]))
+    estimate = estimate_pose(
+        [pairing for pairing, _ in pairings], start=one.T_world_part, length=one.part.diagonal, middle=one.part.centroid
+    )
+    return hypothesis_at(
+        one.part,
+        estimate.T_world_part,
+        estimate.covariance,
+        free=np.asarray(np.linalg.solve(part_scale(one.part), estimate.free.T).T, dtype=np.float64),
+        probability=probability,
+        chi2=estimate.chi2,
+        dof=estimate.dof,
+        rms=_rms(estimate.T_world_part, [pairing for pairing, _ in pairings]),
+        outliers=(),
+        pairings=tuple((r, name) for p, name in pairings for r in p.sensed.readings or (p.sensed.label,)),
+        outlier_distances=(),
+        covariance_same_robot=estimate.covariance_same_robot if estimate.shared else None,
+    )
+
+
+def _rms(T_world_part: Transforms, pairings: Sequence[Pairing]) -> float:
+    """Root mean square distance of the sensed points from the model features they are paired with [m]."""
+    squared = [np.zeros(0)]
+    for pairing in pairings:
+        local = SE3.apply(SE3.inverse(T_world_part @ pairing.model.T_part_feature), pairing.sensed.support)
+        squared.append(np.sum(local[:, [i for i in pairing.model.kind.rows if i < 3]] ** 2, axis=1))
+    total = np.concatenate(squared)
+    return float(np.sqrt(total.mean())) if len(total) else 0.0
