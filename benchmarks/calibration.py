@@ -102,10 +102,9 @@ def table(rows):
 
 
 CAMPAIGNS = {
-    "single touches with normals, priors as the generator is": ("touches", {"common_sizes": 0.0}),
-    "single touches with normals, default priors": ("touches", {}),
-    "planes from five points each, default priors": ("planes", {}),
-    "touches and two edges, default priors": ("edges", {}),
+    "single touches with normals": ("touches", {}),
+    "planes from five points each": ("planes", {}),
+    "touches and two edges": ("edges", {}),
 }
 
 

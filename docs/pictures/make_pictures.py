@@ -133,7 +133,7 @@ def arrow(out: Drawing, a: np.ndarray, b: np.ndarray, stroke: str, width: float 
 
 
 def draw_pairs(out: Drawing, features: list[tanteo.Feature], hypotheses: list[tuple[str, str, bool]]) -> None:
-    """Some constraints with their variance, and what the tree makes of the candidates."""
+    """Some constraints with their variance, and what the search makes of the candidates."""
     x = 20 + 2 * (PANEL + 13)
     table = {c.labels: c for c in relate_all(features) if c.kind.name in ("plane_angle", "plane_offset")}
     chosen = [
@@ -154,7 +154,7 @@ def draw_pairs(out: Drawing, features: list[tanteo.Feature], hypotheses: list[tu
             out.add("rect", x=x + 14 + 22 * k, y=y - 11, width=17, height=12, fill=hue, fill_opacity=0.35, stroke=hue)
         out.text(x + 66, y, words, 14)
         out.text(x + 206, y, "thickness" if length else "angle", 13, GREY)
-    out.text(x + 12, 226, "tree of interpretations, per part", 13, GREY)
+    out.text(x + 12, 226, "every part, in every pose", 13, GREY)
     root = np.array([x + 24.0, 318.0])
     for row, (name, words, possible) in enumerate(hypotheses):
         y = 250 + 31 * row
@@ -198,7 +198,7 @@ def frame(out: Drawing) -> None:
     titles = [
         ("1  Readings", "what the robot felt: points, noise, labels"),
         ("2  Features", "planes with covariance, fitted to the points"),
-        ("3  Constraints and tree", "what fits which part, tested jointly"),
+        ("3  Constraints, parts", "what fits which part, all of it together"),
         ("4  Answer", "which part, where, how sure"),
     ]
     for k, (title, words) in enumerate(titles):

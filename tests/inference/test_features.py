@@ -113,7 +113,7 @@ def test_a_mirrored_part_is_refused(models):
         assert answer.status == "recognized"
         assert answer.hypotheses[0].part == true
         assert by_part(answer).get(false, 0.0) < 1e-3
-        assert identify_features(features, [models[false]]).status == "unknown"
+        assert identify_features(features, [models[false]]).status in ("unknown", "ambiguous")
 
 
 @pytest.mark.parametrize(("name", "order"), [("square_post", 4), ("hex_spacer", 12), ("block", 4), ("t_slot", 2)])
@@ -279,12 +279,11 @@ def test_misuse(models):
         identify_features([ring], [models["block"]])
 
 
-@pytest.mark.parametrize("name", ["right_angled", "common_sizes"])
-def test_what_parts_are_like_is_a_share(name):
-    assert getattr(Priors(**{name: 0.0}), name) == 0
+def test_what_parts_are_like_is_a_share():
+    assert Priors(right_angled=0.0).right_angled == 0
     for value in (1.0, -0.1, np.nan):
-        with pytest.raises(InputError, match=rf"priors, {name}: .* got {value}"):
-            Priors(**{name: value})
+        with pytest.raises(InputError, match=rf"priors, right_angled: .* got {value}"):
+            Priors(right_angled=value)
 
 
 @pytest.mark.parametrize("name", ["unknown", "clutter", "kin"])
@@ -306,7 +305,7 @@ def test_a_radius_is_a_length_and_clutter_leaves_something():
 def test_tiny_probabilities_are_taken_as_they_are(models, rare):
     """Nothing overflows, and what is not assumed is not found."""
     part, rng = models["bracket_left"].part, np.random.default_rng(8)
-    priors = Priors(unknown=rare, clutter=rare, right_angled=rare, common_sizes=rare, kin=rare)
+    priors = Priors(unknown=rare, clutter=rare, right_angled=rare, kin=rare)
     answer = identify_features(all_planes(part, random_pose(rng), rng), [*models.values()], priors=priors)
     assert answer.hypotheses[0].part == part.name
     assert answer.unknown_probability <= 10 * rare

@@ -22,8 +22,6 @@ class Priors:
             that the readings themselves find out (decision 35).
         radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
-        common_sizes: of the distances between its parallel faces, the share that the catalogue's parts have too: one
-            workshop uses the same stock and the same round numbers again and again.
         kin: of unknown parts, the share that are like one of the catalogue but for some faces; for bare readings.
         pose: what is known of the pose.
 
@@ -36,12 +34,11 @@ class Priors:
     clutter: float = 0.02
     radius: float = 0.0
     right_angled: float = 0.8
-    common_sizes: float = 0.5
     kin: float = 0.5
     pose: PosePrior | None = None
 
     def __post_init__(self) -> None:
-        for name in ("unknown", "clutter", "kin", "right_angled", "common_sizes"):
+        for name in ("unknown", "clutter", "kin", "right_angled"):
             check_number(f"priors, {name}", getattr(self, name))
         for name in ("unknown", "clutter", "kin"):
             if not 0 < getattr(self, name) < 1:
@@ -49,9 +46,8 @@ class Priors:
                     f"priors, {name}: expected a probability between 0 and 1, got {getattr(self, name)}. A tiny one is "
                     "enough."
                 )
-        for name in ("right_angled", "common_sizes"):
-            if not 0 <= getattr(self, name) < 1:
-                raise InputError(f"priors, {name}: expected a share from 0 to below 1, got {getattr(self, name)}.")
+        if not 0 <= self.right_angled < 1:
+            raise InputError(f"priors, right_angled: expected a share from 0 to below 1, got {self.right_angled}.")
         if self.clutter > OFTEN:
             raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.clutter}. Say less.")
         check_length("priors, radius", self.radius)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     )
     from tanteo.fitting.edge import edge_ml, fit_edge
     from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
-    from tanteo.fitting.group import Sides
     from tanteo.fitting.labelled import LabelledFeatures, fit_labelled
     from tanteo.fitting.plane import fit_plane, plane_ml
     from tanteo.fitting.spread import (
@@ -33,7 +32,6 @@ __all__ = [
     "FitReport",
     "LabelledFeatures",
     "SharedReadings",
-    "Sides",
     "edge_direction_covariance",
     "edge_from_planes",
     "edge_from_two_points",
@@ -58,7 +56,6 @@ __getattr__, __dir__ = lazy(
         "derived": "edge_from_planes edge_from_two_points intersect_planes plane_from_two_directions",
         "edge": "edge_ml fit_edge",
         "estimate": "Estimate FitReport SharedReadings",
-        "group": "Sides",
         "labelled": "LabelledFeatures fit_labelled",
         "plane": "fit_plane plane_ml",
         "spread": "edge_direction_covariance plane_displacement_covariance plane_normal_covariance",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError, SideError
-from tanteo.features import PLANE, Feature, SharedTerm
-from tanteo.fitting.group import Sides, fit_group
+from tanteo.features import PLANE, Feature, SharedTerm, Sides
+from tanteo.fitting.group import fit_group
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import IntArray

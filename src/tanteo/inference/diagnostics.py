@@ -10,9 +10,13 @@ from tanteo.inference.near_variants import log_density_by_surfaces, log_density_
 from tanteo.inference.outliers import so_many
 from tanteo.inference.result import Explained
 from tanteo.measurements import ContactPoints
+from tanteo.special import binomial_cdf
 
 _NOTABLE = 0.05
 """So many outliers are mentioned if they, or more, are not more probable than this; the unknown object from this on."""
+
+_CONTRADICTED = 1e-3
+"""So improbable a number of outliers among labelled points contradicts the part that explains the others."""
 
 _SCATTER = 1.1
 """A noise scale up to this is as stated."""
@@ -30,6 +34,21 @@ def not_on_it(best: Hypothesis, unknown: float) -> str:
         f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
         f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more strays "
         "(--strays)."
+    )
+
+
+def against_labels(one: Explained, priors: Priors) -> str:
+    """What it means that more labelled points are off the part than labels are wrong; empty if not.
+
+    A sensor may make more outliers than is stated, and then the rate is found out; but labels come from a person.
+    """
+    off, n = int(np.sum(~one.belongs & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
+    if not off or binomial_cdf(off - 1, n, np.array([priors.clutter]))[0] < 1 - _CONTRADICTED:
+        return ""
+    name = one.mode.prepared.part.name
+    return (
+        f"{name} fits best, but {off} of {n} labelled readings are not on it, more than expected: it may be another "
+        "part. Check these labels, and sense more of it."
     )
 
 

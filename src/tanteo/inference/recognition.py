@@ -12,7 +12,7 @@ from tanteo.answers.question import Clock, check_question
 from tanteo.answers.results import Recognition
 from tanteo.answers.verdict import CONFIDENCE, verdict
 from tanteo.features import SharedError
-from tanteo.inference.diagnostics import face_elsewhere, left_out, mostly_on, not_on_it, scattered
+from tanteo.inference.diagnostics import against_labels, face_elsewhere, left_out, mostly_on, not_on_it, scattered
 from tanteo.inference.posterior import Posterior, infer, with_scale
 from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior, explains, without_prior
@@ -104,6 +104,8 @@ def identify_points(
         message = not_on_it(hypotheses[0], unknown)
     if status == "recognized" and _close_together(points, found[0], priors):
         status, message = "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
+    if status == "recognized" and (doubt := against_labels(found[0], priors)):
+        status, message = "ambiguous", doubt
     if hypotheses and status == "recognized":
         message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
