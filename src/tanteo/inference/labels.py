@@ -23,6 +23,10 @@ _AGAIN, _ALIKE = 0.5, 3.0
 """Share of faces that look the same way as one before which are that one, as unknown as the last; the standard
 deviations within which they look the same way."""
 
+_COUNT = 6
+"""Points of a label that count: how a made face is off is the same for all of them, so that more of them say no more of
+whether it is the part's."""
+
 _OF_TWO = "edge", "vertex"
 """Kinds of which two points tell something: the direction of an edge, or that they meet."""
 
@@ -103,7 +107,7 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
             continue
         log, facet = _shared(own, radius)
         if len(own) > 2 or own.kinds[0] == "vertex":
-            log_odds[g] = np.logaddexp(np.log(_FLAT) + log, np.log1p(-_FLAT))
+            log_odds[g] = np.logaddexp(np.log(_FLAT) + log * min(1.0, _COUNT / len(own)), np.log1p(-_FLAT))
         if facet is not None and log > 0:
             rows.append(facet)
     columns = (

@@ -9,6 +9,9 @@ from tanteo.lie import SE3
 from tanteo.localization.solve import Block, Solution, linearise
 from tanteo.typing import BoolArray, Covariances, FloatArray, Tangents, Transforms
 
+_ROUNDING = 1e-15
+"""Share of the largest information that is lost in it."""
+
 _CLOSE_CHI2 = 9.21
 """Poses whose chi-square is within this of the best (1 % of two degrees of freedom) are alternatives."""
 
@@ -20,7 +23,10 @@ def covariance_with_free(information: FloatArray, N: Tangents, scale: FloatArray
     """
     A = scale.T @ information @ scale
     Q = np.linalg.qr(np.concatenate([N, np.eye(6)]).T)[0][:, len(N) : 6]
-    observed = Q @ np.linalg.inv(Q.T @ A @ Q) @ Q.T
+    try:
+        observed = Q @ np.linalg.inv(Q.T @ A @ Q) @ Q.T
+    except np.linalg.LinAlgError:  # all of it but one motion is exact, to rounding
+        observed = Q @ np.linalg.pinv(Q.T @ A @ Q, rcond=_ROUNDING, hermitian=True) @ Q.T
     spread = np.where(np.linalg.norm(N[:, 3:], axis=1) > 1e-6, 2 * np.pi, 1.0) ** 2 / 12
     C = scale @ (observed + (N.T * spread) @ N) @ scale.T
     return 0.5 * (C + C.T)
