@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
+from tanteo import _core
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.edges import CORRELATION, FLOOR
 from tanteo.vision.fit import Met
@@ -162,13 +163,4 @@ def _choices(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Fl
 
 def _weighed(terms: Terms, A: FloatArray, g: FloatArray, wrong: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log weights ``(m,)``, means ``(m, n)`` and covariances ``(m, n, n)`` of choices ``(m, G)``."""
-    chosen = np.stack([~wrong, wrong], axis=-1).astype(np.float64)
-    A = A + np.einsum("mgc,gcij->mij", chosen, terms.A)
-    g = g + np.einsum("mgc,gci->mi", chosen, terms.g)
-    scale = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
-    scaled = A / (scale[:, :, None] * scale[:, None, :])
-    covariance = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
-    mean = (covariance @ g[..., None])[..., 0]
-    volume = np.linalg.slogdet(scaled)[1] + 2 * np.log(scale).sum(axis=-1)
-    log = np.einsum("mgc,gc->m", chosen, terms.log) - 0.5 * volume + 0.5 * np.sum(g * mean, axis=-1)
-    return log, mean, covariance
+    return _core.weigh_choices(A, g, terms.A, terms.g, terms.log, wrong)
