@@ -191,7 +191,9 @@ def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArr
 def lie_down(model: VisionModel, which: IntArray, T: Transforms, T_camera_table: Transforms) -> Transforms:
     """Poses at which the part lies exactly in its stable poses ``which``, nearest to the given ones."""
     T_table = SE3.inverse(T_camera_table) @ T
-    Ts = np.stack([lay(model.part, model.rests[k], T_table[i]) for i, k in enumerate(which)])
+    Ts = np.empty_like(T_table)
+    for k in set(which.tolist()):
+        Ts[which == k] = lay(model.part, model.rests[k], T_table[which == k])
     return np.asarray(T_camera_table @ Ts)
 
 

@@ -19,7 +19,7 @@ from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera
-from tanteo.vision.choices import EdgeErrors, log_evidence, mixture, terms_of
+from tanteo.vision.choices import EdgeErrors, log_evidence, mixture, numbered, terms_of
 from tanteo.vision.edge_map import EdgeMap
 from tanteo.vision.edges import CORRELATION
 from tanteo.vision.fit import Met, meet
@@ -208,8 +208,9 @@ def own_points(met: Met, groups: IntArray, misplaced: FloatArray) -> Met:
     sd = np.sqrt(met.sds**2 + misplaced**2 + _TOGETHER**2)
     k = np.flatnonzero(met.hits)
     k = k[np.lexsort((met.offsets[k], groups[k]))]
-    _, first, edge, count = np.unique(groups[k], return_index=True, return_inverse=True, return_counts=True)
-    off = met.offsets[k]
+    edge, _ = numbered(groups[k])
+    count, off = np.bincount(edge), met.offsets[k]
+    first = np.cumsum(count) - count
     median = 0.5 * (off[first + (count - 1) // 2] + off[first + count // 2])
     hits = met.hits.copy()
     hits[k] = np.abs(off - median[edge]) < 4 * sd[k]
