@@ -1,114 +1,134 @@
-"""Edges in images: what the core says of them, against plain NumPy; and slid drawings."""
+"""Edges in images: which the core sees, what they meet, and where they meet best, against plain NumPy."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from core.image_oracle import DIAGONAL, SIZE, meet, refine, scene, see
 from tanteo import _core
 from tanteo.lie import SE3
-from tanteo.vision.camera import Camera, project, project_linearised
-from tanteo.vision.edge_map import CHANNELS, cell_of, channel_of
+from tanteo.vision.camera import project
 
-SIZE = 96, 64
 LENSES = [(), (-0.2, 0.05, 1e-3, -2e-3), (-0.2, 0.05, 1e-3, -2e-3, 0.01, 0.02, -0.01, 0.005)]
-DIAGONAL, REACH = 0.1, 40.0
+REACH = 40.0
 
 
-def scene(seed, lens):
-    """A camera, samples of edges in front of it and beside, poses, and edge points with a table of the nearest."""
-    rng = np.random.default_rng(seed)
-    K = np.array([[90.0, 0, 47], [0, 88.0, 31], [0, 0, 1]])
-    camera = Camera(K, SIZE, np.array(lens))
-    points, tangents = rng.uniform(-0.06, 0.06, (40, 3)), rng.normal(size=(40, 3))
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    middle = SE3.from_parts(np.eye(3), np.array([0.0, 0, 0.15]))
-    Ts = middle @ SE3.exp(rng.normal(size=(5, 6)) * np.repeat([0.01, 0.8], 3))
-    Ts[-1, 2, 3] = 0.0  # half of it is behind the camera
-    pixels = rng.uniform([0, 0], [SIZE[0] - 1, SIZE[1] - 1], (30, 2))
-    nearest = rng.integers(-1, 30, (CHANNELS, SIZE[1], SIZE[0])).astype(np.int32)
-    shown = rng.uniform(size=(5, 40)) < 0.8
-    return camera, points, tangents, rng.uniform(1e-3, 1e-2, 40), Ts, pixels, rng.uniform(0.1, 0.5, 30), nearest, shown
+@pytest.mark.parametrize("hidden", [False, True])
+def test_those_are_seen_that_nothing_hides_and_whose_faces_look_at_the_eye(hidden):
+    s = scene(2, ())
+    shown, rims = _core.see_edges(s.frame(), s.Ts, hidden)
+    expected, ends = see(s, s.Ts, hidden)
+    np.testing.assert_array_equal(shown, expected)
+    np.testing.assert_array_equal(rims, ends)
+    if hidden:
+        assert 0.1 < expected.sum() / see(s, s.Ts, False)[0].sum() < 0.9
+
+
+def test_without_a_surface_nothing_is_hidden():
+    s = scene(2, ())
+    shown, _ = _core.see_edges(s.frame(corners=np.zeros((0, 3, 3))), s.Ts, True)
+    np.testing.assert_array_equal(shown, see(s, s.Ts, False)[0])
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=len)
 def test_they_are_where_numpy_says_and_follow_the_pose_as_it_says(lens):
-    camera, points, tangents, lengths, Ts, pixels, sds, nearest, shown = scene(3, lens)
-    numbers, which, inside = _core.meet_edges(
-        camera.numbers, nearest, pixels, sds, points, tangents, lengths, Ts, shown, DIAGONAL, REACH
-    )
-    local = points @ np.swapaxes(Ts[:, :3, :3], 1, 2) + Ts[:, None, :3, 3]
-    at, D = project_linearised(camera, local)
-    along = ((D @ Ts[:, None, :3, :3]) @ tangents[:, :, None])[..., 0]
-    scale = np.linalg.norm(along, axis=-1)
-    ahead = local[..., 2] > 0
-    assert 0 < ahead.sum() < ahead.size
-    np.testing.assert_allclose(numbers[..., :2], at, rtol=1e-9)
-    row, column, within = cell_of((SIZE[1], SIZE[0]), at)
-    within &= shown & ahead & (scale * DIAGONAL > 1)
-    np.testing.assert_array_equal(inside, within)
-    assert 0 < within.sum() < within.size
-    normals = np.stack([-along[..., 1], along[..., 0]], axis=-1) / scale[..., None]
-    np.testing.assert_allclose(numbers[within][:, 2:4], normals[within], atol=1e-9)
-    np.testing.assert_allclose(numbers[within][:, 4], (scale * lengths)[within], rtol=1e-9)
-    point = nearest[channel_of(np.nan_to_num(normals)), row, column]
-    gap = pixels[point] - at
-    off, aside = np.sum(gap * normals, axis=-1), np.abs(gap[..., 0] * normals[..., 1] - gap[..., 1] * normals[..., 0])
-    hits = within & (point >= 0) & (np.abs(off) < REACH) & (aside < max(2.0, 0.5 * REACH))
-    assert hits.sum() > 5
-    np.testing.assert_array_equal(which, np.where(hits, point, -1))
-    np.testing.assert_allclose(numbers[hits][:, 5], off[hits], atol=1e-9)
-    np.testing.assert_allclose(numbers[hits][:, 6], sds[point[hits]])
-    assert (numbers[~hits][:, 5] == 0).all()
+    s = scene(3, lens)
+    shown = np.random.default_rng(3).uniform(size=(5, 40)) < 0.8
+    numbers, which, inside = _core.meet_edges(s.frame(), *s.image, s.Ts, shown, REACH)
+    met = meet(s, s.Ts, shown, REACH)
+    assert 0 < np.isfinite(met.pixels[..., 0]).sum() < met.inside.size
+    np.testing.assert_allclose(numbers[..., :2], met.pixels, rtol=1e-9)
+    np.testing.assert_array_equal(inside, met.inside)
+    assert 0 < inside.sum() < inside.size
+    np.testing.assert_allclose(numbers[inside][:, 2:4], met.normals[inside], atol=1e-9)
+    np.testing.assert_allclose(numbers[..., 4], met.spans, rtol=1e-9)
+    np.testing.assert_array_equal(which, met.which)
+    assert met.hits.sum() > 5
+    np.testing.assert_allclose(numbers[..., 5], met.offsets, atol=1e-9)
+    np.testing.assert_allclose(numbers[..., 6], met.sds)
+    np.testing.assert_allclose(numbers[inside][:, 7:], met.jacobian[inside], rtol=1e-7, atol=1e-7)
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=len)
 def test_their_slopes_are_differences(lens):
-    camera, points, tangents, lengths, Ts, pixels, sds, nearest, shown = scene(4, lens)
-    Ts, shown = Ts[:4], shown[:4]
-    numbers, _, inside = _core.meet_edges(
-        camera.numbers, nearest, pixels, sds, points, tangents, lengths, Ts, shown, DIAGONAL, REACH
-    )
-    normals, on = numbers[..., 2:4], inside.astype(bool)
+    s = scene(4, lens)
+    Ts = s.Ts[:4]
+    numbers, _, inside = _core.meet_edges(s.frame(), *s.image, Ts, np.ones((4, 40), bool), REACH)
+    normals = numbers[..., 2:4]
     for k in range(6):
         step = 1e-7 * np.eye(6)[k]
         there, back = (
-            project(camera, points @ np.swapaxes(T[:, :3, :3], 1, 2) + T[:, None, :3, 3])
+            project(s.camera, s.points @ np.swapaxes(T[:, :3, :3], 1, 2) + T[:, None, :3, 3])
             for T in (Ts @ SE3.exp(step), Ts @ SE3.exp(-step))
         )
         moved = np.sum((there - back) / 2e-7 * normals, axis=-1)
-        np.testing.assert_allclose(numbers[..., 7 + k][on], moved[on], rtol=1e-4, atol=1e-2)
+        np.testing.assert_allclose(numbers[..., 7 + k][inside], moved[inside], rtol=1e-4, atol=1e-2)
+
+
+@pytest.mark.parametrize("prior", [0.0, 50.0])
+@pytest.mark.parametrize("lens", LENSES, ids=len)
+def test_the_pose_at_which_they_meet_best_is_climbed_to_as_numpy_does(lens, prior):
+    s = scene(7, lens)
+    Ts = s.Ts[:4]
+    starts = Ts @ SE3.exp(np.random.default_rng(8).normal(size=(4, 6)) * np.repeat([3e-3, 0.05], 3))
+    priors = prior * np.diag([1.0, 2, 3, 4, 5, 6]) + 0.1 * prior * np.ones((4, 6, 6))
+    reaches, asked = np.array([40.0, 20, 12, 8]), np.array([True, False, False, True])
+    got = _core.refine_edges(s.frame(), *s.image, Ts, starts, priors, reaches, asked, 0.1, 4.0)
+    expected = refine(s, Ts, starts, priors, zip(reaches, asked, strict=True), 0.1, 4.0)
+    assert np.linalg.norm(expected - Ts, axis=(1, 2)).max() > 1e-2
+    np.testing.assert_allclose(got, expected, atol=1e-8)
+
+
+def test_where_no_edge_is_met_only_the_prior_pulls():
+    s = scene(9, ())
+    s = replace(s, nearest=np.full_like(s.nearest, -1))
+    away = s.Ts[:2] @ SE3.exp(np.array([1e-3, 2e-3, -1e-3, 0.02, -0.01, 0.03]))
+    reaches, asked = np.ones(8), np.arange(8) == 0
+    held, free = (
+        _core.refine_edges(s.frame(), *s.image, away, s.Ts[:2], np.stack([A, A]), reaches, asked, 0.1, 4.0)
+        for A in (1e3 * np.eye(6), np.zeros((6, 6)))
+    )
+    np.testing.assert_allclose(held, s.Ts[:2], atol=1e-9)
+    np.testing.assert_allclose(free, away, atol=1e-12)
 
 
 def test_what_cannot_be_meant_is_refused():
-    camera, points, tangents, lengths, Ts, pixels, sds, nearest, shown = scene(5, ())
-    right = [camera.numbers, nearest, pixels, sds, points, tangents, lengths, Ts, shown]
-    wrong = {
-        0: camera.numbers[:4], 1: nearest[0], 2: pixels[:, :1], 3: sds[:-1], 4: points * np.nan, 5: tangents[:-1],
-        6: lengths[:3], 7: Ts[:, :3], 8: shown[:, 1:],
+    s = scene(5, ())
+    parts = {
+        "points": s.points * np.nan, "tangents": s.tangents[:-1], "normals": s.normals[:, 0], "lengths": s.lengths[:3],
+        "sharp": s.sharp[1:], "corners": s.corners[0], "middle": np.zeros(2),
     }  # fmt: skip
-    for k, value in wrong.items():
+    for name, value in parts.items():
         with pytest.raises(ValueError, match="expected"):
-            _core.meet_edges(*[value.copy() if j == k else right[j] for j in range(9)], DIAGONAL, REACH)
-    far = nearest.copy()
-    far[:] = 10**6  # of another image: no edge point is met, and no memory beyond is read
-    _, which, _ = _core.meet_edges(*[far if j == 1 else right[j] for j in range(9)], DIAGONAL, REACH)
+            s.frame(**{name: value})
+    frame, shown = s.frame(), np.ones((5, 40), bool)
+    right = [*s.image, s.Ts, shown]
+    wrong = [s.camera.numbers[:4], s.nearest[0], s.pixels[:, :1], s.sds[:-1], s.Ts[:, :3], shown[:, 1:]]
+    for k, value in enumerate(wrong):
+        with pytest.raises(ValueError, match="expected"):
+            _core.meet_edges(frame, *[value.copy() if j == k else right[j] for j in range(6)], REACH)
+    far = np.full_like(s.nearest, 10**6)  # of another image: no edge point is met, and no memory beyond is read
+    _, which, _ = _core.meet_edges(frame, s.camera.numbers, far, *right[2:], REACH)
     assert (which == -1).all()
+    right = [s.Ts, s.Ts, np.zeros((5, 6, 6)), np.ones(3), np.ones(3, bool)]
+    for k in range(5):
+        short = [a[:-1].copy() if j == k else a for j, a in enumerate(right)]
+        with pytest.raises(ValueError, match="expected"):
+            _core.refine_edges(frame, *s.image, *short, 0.1, 4.0)
 
 
-def test_a_slid_drawing_costs_the_mean_of_what_is_under_it():
-    rng = np.random.default_rng(6)
-    distances, bare = rng.uniform(0, 6, 500).astype(np.float32), (rng.uniform(size=90) < 0.5).astype(np.float32)
-    drawn, inner = rng.integers(-50, 600, (3, 8)), rng.integers(-50, 200, (3, 5))
-    slides = rng.integers(0, 60, 11)
-    got = _core.slid_costs(distances, bare, drawn, inner, slides, 0.7, 12.0)
-    for y in range(3):
-        share = bare.take(inner[y][:, None] + slides, mode="clip").mean(axis=0)
-        far = distances.take(drawn[y][:, None] + slides, mode="clip").mean(axis=0)
-        np.testing.assert_allclose(got[y], np.where(share < 0.7, far + 12 * share, np.inf), rtol=1e-6)
-    assert np.isinf(got).any()
-    assert np.isfinite(got).any()
-    with pytest.raises(ValueError, match="expected"):
-        _core.slid_costs(distances[:0], bare, drawn, inner, slides, 0.7, 12.0)
-    with pytest.raises(ValueError, match="expected"):
-        _core.slid_costs(distances, bare, drawn, inner[:2], slides, 0.7, 12.0)
+def test_an_edge_at_the_border_of_the_image_is_in_it():
+    """Pixels reach half of one beyond their middles, and no farther."""
+    s = scene(6, ())
+    ends = np.array([[-0.49, 10], [-0.51, 10], [SIZE[0] - 0.51, 10], [SIZE[0] - 0.49, 10], [5, SIZE[1] - 0.51]])
+    points = np.c_[(ends - s.camera.centre) / s.camera.focal, np.ones(5)] * 0.2
+    one = replace(
+        s, points=points, tangents=np.tile([1.0, 0, 0], (5, 1)), lengths=np.ones(5), normals=s.normals[:5],
+        sharp=s.sharp[:5],
+    )  # fmt: skip
+    _, _, inside = _core.meet_edges(one.frame(), *s.image, np.eye(4)[None], np.ones((1, 5), bool), REACH)
+    assert DIAGONAL * s.camera.focal[0] / 0.2 > 1
+    assert inside[0].tolist() == [True, False, True, False, True]

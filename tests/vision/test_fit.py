@@ -8,11 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from core.image_oracle import normal_equations
 from tanteo.lie import SE3
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.belief import MISSED, UNKNOWN, Mode, believe
 from tanteo.vision.camera import project
 from tanteo.vision.candidates import Candidates
+from tanteo.vision.edges import CORRELATION
 from tanteo.vision.evidence import (
     CREASE_SEEN,
     REACH,
@@ -27,7 +29,7 @@ from tanteo.vision.evidence import (
     of_edges,
     weigh,
 )
-from tanteo.vision.fit import Met, _normal_equations, meet, refine
+from tanteo.vision.fit import BIAS, Met, meet, refine
 from tanteo.vision.settle import settle
 from vision_scenes import bracket, seen_alone
 
@@ -146,7 +148,7 @@ def test_edges_and_prior_balance_where_the_pose_comes_to_rest(model, seen):
     reaches = (2.5,) * 12
     prior = 0.3 * settle(model, camera, edges, T).information
     end = refine(model.frame, camera, edges, start[None], prior=prior[None], reaches=reaches)[0]
-    pull = _normal_equations(meet(model.frame, camera, edges, end, 2.5), 2.5)[1]
+    pull = normal_equations(meet(model.frame, camera, edges, end, 2.5), 2.5, BIAS, CORRELATION)[1]
     back = prior @ SE3.log(SE3.inverse(start) @ end)
     scale = np.r_[np.full(3, model.frame.diagonal), np.ones(3)]
     assert np.linalg.norm(scale * pull) > 0

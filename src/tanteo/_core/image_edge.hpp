@@ -1,4 +1,4 @@
-// Edges of a part in an image: where they are, which edge points they meet, and how that follows the pose.
+// Samples of a part's edges in an image: where they are, which edge points they meet, and how that follows the pose.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -11,11 +11,29 @@ struct Lens {  // focal lengths and centre [px], OpenCV's k1 k2 p1 p2 k3 k4 k5 k
     double fx, fy, cx, cy, k[8];
 };
 
+struct Pixel {
+    double x, y;
+};
+
+// A point of the camera's frame in the image; no numbers unless it is in front.
+Pixel project(const Lens& lens, const Vec3& p);
+
+// Which of the directions that are told apart a normal has, either sign.
+class Channels {
+  public:
+    explicit Channels(int64_t count);
+    int64_t of(double nx, double ny) const;
+    int64_t count() const { return static_cast<int64_t>(borders.size()); }
+
+  private:
+    std::vector<Pixel> borders;  // unit vectors between neighbours, from 0 to a half turn
+};
+
 struct EdgePoints {  // of an image, and the nearest to each of its pixels by direction: channels x rows x columns
     const int32_t* nearest;
-    int64_t channels, rows, columns;
+    int64_t count, rows, columns;
     const double *pixels, *sds;
-    int64_t count;
+    Channels channels;
 };
 
 struct EdgeSample {  // of an edge of the part: where it is, its direction, the length that it stands for [m]
@@ -37,10 +55,16 @@ struct EdgeMet {
 EdgeMet meet_edge(const Lens& lens, const EdgePoints& points, const EdgeSample& sample, const Pose& pose, bool shown,
                   double diagonal, double reach);
 
-// Costs of a drawing that is slid to places: the mean of a table under its samples, and a penalty for how much of it
-// lies on what is bare; infinite where that is more than a share.
-void slide(const float* distances, int64_t count, const float* bare, int64_t bare_count, const int32_t* drawn,
-           int64_t samples, const int32_t* inner, int64_t inners, const int32_t* slides, int64_t places, double most,
-           double penalty, double* costs);
+struct EdgePlace {  // of a sample in the image: across it, how wide it is, what it met how far off, which edge it is of
+    double x, y, nx, ny, width, off;
+    int group;
+};
+
+// Which samples that met an edge of the image explain it: those of which no other edge of the part met the same place,
+// running the same way, from nearer. Samples met one place within the wider of their widths.
+std::vector<char> foremost(const std::vector<EdgePlace>& met, double alike);
+
+// Which samples have another edge of the part within a gap, or their own where it has turned.
+std::vector<char> crowded(const std::vector<EdgePlace>& all, double gap, double alike);
 
 }  // namespace tanteo

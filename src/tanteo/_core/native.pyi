@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 AnyInts: TypeAlias = NDArray[np.integer[Any]]
 Indices: TypeAlias = NDArray[np.int32]
+Flags: TypeAlias = NDArray[np.bool_]
 
 def version() -> str: ...
 
@@ -151,25 +152,89 @@ def distinct(
 def closest_points(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray, Indices]: ...
 def first_hits(shape: Shape, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, Indices]: ...
 def group_information(weights: FloatArray, means: FloatArray, variances: FloatArray, groups: AnyInts) -> FloatArray: ...
+
+class EdgeFrame:
+    @property
+    def size(self) -> int: ...
+
+def make_edge_frame(
+    points: FloatArray,
+    tangents: FloatArray,
+    normals: FloatArray,
+    lengths: FloatArray,
+    sharp: Flags,
+    corners: FloatArray,
+    diagonal: float,
+    middle: FloatArray,
+    slack: float,
+) -> EdgeFrame: ...
+def see_edges(frame: EdgeFrame, poses: FloatArray, hidden: bool) -> tuple[Flags, Flags]: ...
 def meet_edges(
+    frame: EdgeFrame,
     camera: FloatArray,
     nearest: AnyInts,
     pixels: FloatArray,
     sds: FloatArray,
-    points: FloatArray,
-    tangents: FloatArray,
-    lengths: FloatArray,
     poses: FloatArray,
-    shown: NDArray[np.bool_],
-    diagonal: float,
+    shown: Flags,
     reach: float,
-) -> tuple[FloatArray, Indices, Indices]: ...
-def slid_costs(
+) -> tuple[FloatArray, Indices, Flags]: ...
+def refine_edges(
+    frame: EdgeFrame,
+    camera: FloatArray,
+    nearest: AnyInts,
+    pixels: FloatArray,
+    sds: FloatArray,
+    poses: FloatArray,
+    starts: FloatArray,
+    priors: FloatArray,
+    reaches: FloatArray,
+    asked: Flags,
+    bias: float,
+    correlation: float,
+) -> FloatArray: ...
+def slide_edges(
+    frame: EdgeFrame,
+    camera: FloatArray,
+    yaws: FloatArray,
+    centre: FloatArray,
+    inner: FloatArray,
     distances: NDArray[np.float32],
-    bare: NDArray[np.float32],
-    drawn: AnyInts,
-    inner: AnyInts,
-    slides: AnyInts,
+    bare: Flags,
+    places: FloatArray,
+    cell: float,
+    margin: int,
+    samples: int,
     most: float,
     penalty: float,
-) -> FloatArray: ...
+    apart: float,
+    keep: int,
+) -> tuple[Indices, Indices, FloatArray]: ...
+def foremost_edges(
+    groups: AnyInts,
+    hits: Flags,
+    places: FloatArray,
+    normals: FloatArray,
+    widths: FloatArray,
+    offsets: FloatArray,
+    alike: float,
+) -> Flags: ...
+def crowded_edges(
+    groups: AnyInts,
+    asked: Flags,
+    places: FloatArray,
+    normals: FloatArray,
+    widths: FloatArray,
+    gap: float,
+    alike: float,
+) -> Flags: ...
+def nearest_pixels(pixels: FloatArray, places: FloatArray, reach: float) -> Indices: ...
+def weigh_choices(
+    information: FloatArray,
+    gradient: FloatArray,
+    edge_information: FloatArray,
+    edge_gradients: FloatArray,
+    edge_logs: FloatArray,
+    others: Flags,
+) -> tuple[FloatArray, FloatArray, FloatArray]: ...
+def far_apart(points: FloatArray, order: AnyInts, limit: float) -> Indices: ...

@@ -29,7 +29,7 @@ _LASER = Probe(
     "laser", NoiseLaw.of(_NOISE), max_range=0.3, standoff=0.1, clearance=0.01, approach=np.array([0.0, 0.0, -1.0]),
     cone=np.radians(80.0), workspace=Workspace.above(0.0),
 )  # fmt: skip
-_TRIES = 5
+_TRIES = 3
 """Of random places."""
 
 

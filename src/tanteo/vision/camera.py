@@ -78,7 +78,7 @@ class Camera:
     @property
     def numbers(self) -> FloatArray:
         """Focal lengths, centre, and the eight coefficients of the lens ``(12,)``, for the core."""
-        return np.r_[self.focal, self.centre, self.distortion, np.zeros(8 - len(self.distortion))]
+        return np.array([*self.focal, *self.centre, *_all_terms(self.distortion)])
 
     @property
     def focal(self) -> FloatArray:
@@ -163,9 +163,14 @@ def meet_plane(rays_camera: Vectors, T_camera_plane: Transforms) -> Vectors:
     return np.asarray(origin + along[..., None] * directions)
 
 
+def _all_terms(k: FloatArray) -> tuple[float, ...]:
+    """All eight coefficients, those that are not given being 0."""
+    return *k.tolist(), *(0.0,) * (8 - len(k))
+
+
 def _terms(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Radial factor, its derivative by ``r^2``, and the tangential shifts."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = np.r_[k, np.zeros(8 - len(k))]
+    k1, k2, p1, p2, k3, k4, k5, k6 = _all_terms(k)
     r2 = x * x + y * y
     up, down = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
     d_up, d_down = k1 + r2 * (2 * k2 + 3 * r2 * k3), k4 + r2 * (2 * k5 + 3 * r2 * k6)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera
@@ -148,11 +149,7 @@ def poses_beside(
     Ts = refine(model.frame, camera, edges, Ts, prior=prior, start=start, reaches=_NEAR)
     points = in_camera(Ts, model.inner)
     slack = _ONE * pixel_length(camera, T_camera_part, model.part.centroid)
-    kept: list[int] = []
-    for k in range(len(Ts)):
-        if not np.any(np.linalg.norm(points[kept] - points[k], axis=-1).max(axis=-1) < slack):
-            kept.append(k)
-    return np.asarray(Ts[kept])
+    return np.asarray(Ts[_core.far_apart(points, np.arange(len(Ts)), slack)])
 
 
 def _with_best(c: Candidates, k: int, Ts: Transforms, evidence: Evidence, weights: Weights) -> Candidates:
@@ -187,18 +184,16 @@ def _areas(model: VisionModel, camera: Camera, Ts: Transforms) -> FloatArray:
 def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
     """Those poses ``(B,)`` that are not about one with a better one; symmetries are not asked."""
     points = in_camera(Ts, model.inner)
-    kept: list[int] = []
-    for k in np.argsort(-scores, kind="stable"):
-        moved = np.linalg.norm(points[kept] - points[k], axis=-1).max(axis=-1)
-        if not np.any(moved < _SAME * model.part.diagonal):
-            kept.append(int(k))
+    kept = _core.far_apart(points, np.argsort(-scores, kind="stable"), _SAME * model.part.diagonal)
     return np.isin(np.arange(len(Ts)), kept)
 
 
 def lie_down(model: VisionModel, which: IntArray, T: Transforms, T_camera_table: Transforms) -> Transforms:
     """Poses at which the part lies exactly in its stable poses ``which``, nearest to the given ones."""
     T_table = SE3.inverse(T_camera_table) @ T
-    Ts = np.stack([lay(model.part, model.rests[k], T_table[i]) for i, k in enumerate(which)])
+    Ts = np.empty_like(T_table)
+    for k in set(which.tolist()):
+        Ts[which == k] = lay(model.part, model.rests[k], T_table[which == k])
     return np.asarray(T_camera_table @ Ts)
 
 

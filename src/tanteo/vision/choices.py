@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
+from tanteo import _core
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.edges import CORRELATION, FLOOR
 from tanteo.vision.fit import Met
@@ -71,13 +72,13 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, errors: EdgeErro
         misplaced: standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px].
         errors: what is common to whole edges, and how often they are another's.
     """
-    names, which = np.unique(groups[met.hits], return_inverse=True)
+    which, count = numbered(groups[met.hits])
     rows = np.concatenate([met.jacobian[met.hits], met.offsets[met.hits, None]], axis=1)
     share = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
     half = 0.5 * misplaced[met.hits] ** 2
     alone, whole = met.sds[met.hits] ** 2 + FLOOR**2 + half, half + errors.shared**2
     own, rough, straight = (
-        _as_one(rows, which, len(names), (alone + more) / share, np.sqrt(common), probability)
+        _as_one(rows, which, count, (alone + more) / share, np.sqrt(common), probability)
         for common, more, probability in (
             (whole, 0.0, 1 - errors.wrong),
             (whole + FAR**2, ROUGH**2, errors.wrong * (1 - errors.straight)),
@@ -89,6 +90,12 @@ def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, errors: EdgeErro
         for a, b in zip(rough, straight, strict=True)
     ]
     return Terms(*(np.stack(pair, axis=1) for pair in zip(own, other, strict=True)))
+
+
+def numbered(groups: IntArray) -> tuple[IntArray, int]:
+    """Groups ``(N,)`` counted from 0 without gaps, in their order, and how many there are."""
+    there = np.bincount(groups) > 0
+    return (np.cumsum(there) - 1)[groups], int(np.count_nonzero(there))
 
 
 def _as_one(
@@ -104,12 +111,11 @@ def _as_one(
         common: deviation of each by what moves its whole edge ``(N,)`` [px].
         probability: of the case.
     """
-    w = 1 / variance
+    w = (which == np.arange(count)[:, None]) / variance
     columns = rows.shape[1]
-    outer, along = np.zeros((count, columns, columns)), np.zeros((count, columns))
-    np.add.at(outer, which, w[:, None, None] * rows[:, :, None] * rows[:, None, :])
-    np.add.at(along, which, (w * common)[:, None] * rows)
-    total = 1 + np.bincount(which, weights=w * common * common, minlength=count)
+    squares = (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), columns * columns)
+    along, total = (w * common) @ rows, 1 + w @ (common * common)
+    outer = (w @ squares).reshape(count, columns, columns)
     outer -= along[:, :, None] * along[:, None, :] / total[:, None, None]
     spread = np.bincount(which, weights=np.log(variance), minlength=count) + np.log(total)
     log = np.log(max(probability, 1e-300)) - 0.5 * (outer[:, -1, -1] + spread)
@@ -162,13 +168,4 @@ def _choices(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Fl
 
 def _weighed(terms: Terms, A: FloatArray, g: FloatArray, wrong: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log weights ``(m,)``, means ``(m, n)`` and covariances ``(m, n, n)`` of choices ``(m, G)``."""
-    chosen = np.stack([~wrong, wrong], axis=-1).astype(np.float64)
-    A = A + np.einsum("mgc,gcij->mij", chosen, terms.A)
-    g = g + np.einsum("mgc,gci->mi", chosen, terms.g)
-    scale = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
-    scaled = A / (scale[:, :, None] * scale[:, None, :])
-    covariance = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
-    mean = (covariance @ g[..., None])[..., 0]
-    volume = np.linalg.slogdet(scaled)[1] + 2 * np.log(scale).sum(axis=-1)
-    log = np.einsum("mgc,gc->m", chosen, terms.log) - 0.5 * volume + 0.5 * np.sum(g * mean, axis=-1)
-    return log, mean, covariance
+    return _core.weigh_choices(A, g, terms.A, terms.g, terms.log, wrong)

@@ -7,6 +7,7 @@ rounding. Every point of the outline errs along its normal by its own deviation,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,9 @@ NAMES = ("area", "perimeter", "x", "y", "long_axis", "short_axis", *(f"hu{k}" fo
 
 _NODES, _WEIGHTS = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0]), np.array([5.0, 8.0, 5.0]) / 18
 _POWERS = [(p, q) for p in range(4) for q in range(4 - p)]
+
+_TINY = 1e-30
+"""The complex step: nothing is subtracted, so none is too small."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,35 +79,48 @@ def descriptor_values(outline: Any) -> Any:
     points = np.asarray(outline)
     if points.shape[-2] < 3 or points.shape[-1] != 2:
         raise InputError(f"outline: expected three or more corners (n, 2), got shape {points.shape}.")
-    after = np.roll(points, -1, axis=-2)
     middle = points.mean(axis=-2, keepdims=True)
-    m = _moments(points - middle, after - middle)
-    area = m[0, 0]
-    if np.any(np.abs(area.real) < 1e-12 * np.ptp(points.real, axis=-2).max() ** 2):
+    start = points - middle
+    sums = _of_sides(start, np.roll(start, -1, axis=-2)).sum(axis=-2)
+    if np.any(np.abs(sums[..., 0].real) < 1e-12 * np.ptp(points.real, axis=-2).max() ** 2):
         raise InputError("outline: expected an area, got points on a line. Take more of the outline.")
-    sign = np.sign(area.real)
-    m = {k: sign * v for k, v in m.items()}
+    out = _of_sums(sums)
+    out[..., 2:4] += middle[..., 0, :]
+    return out
+
+
+def _of_sides(start: FloatArray, end: FloatArray) -> FloatArray:
+    """What each side ``(*batch, 2)`` adds to the moments (:data:`_POWERS`) and to the perimeter ``(*batch, 11)``.
+
+    ``m_pq = integral of x^(p + 1) y^q / (p + 1) dy`` along the sides.
+    """
+    x, y = (start[..., k, None] * (1 - _NODES) + end[..., k, None] * _NODES for k in (0, 1))
+    step = end - start
+    dy = step[..., 1, None] * _WEIGHTS
+    xs, ys = [x, x * x, x * x * x, x * x * x * x], [1.0, y, y * y, y * y * y]
+    moments = [(xs[p] * ys[q] * dy).sum(axis=-1) / (p + 1) for p, q in _POWERS]
+    return np.stack([*moments, np.sqrt(step[..., 0] ** 2 + step[..., 1] ** 2)], axis=-1)
+
+
+def _of_sums(sums: FloatArray) -> FloatArray:
+    """The descriptors ``(*batch, 13)`` of moments and perimeter ``(*batch, 11)``, either sense."""
+    sign = np.sign(sums[..., 0].real)
+    m = {power: sign * sums[..., k] for k, power in enumerate(_POWERS)}
     cx, cy = m[1, 0] / m[0, 0], m[0, 1] / m[0, 0]
-    step = after - points
-    perimeter = np.sqrt(step[..., 0] ** 2 + step[..., 1] ** 2).sum(axis=-1)
-    mu = _moments(
-        points - middle - np.stack([cx, cy], -1)[..., None, :], after - middle - np.stack([cx, cy], -1)[..., None, :]
-    )
-    mu = {k: sign * v for k, v in mu.items()}
+    mu = {power: _about(m, *power, cx, cy) for power in _POWERS}
     a, b, c = mu[2, 0] / m[0, 0], mu[1, 1] / m[0, 0], mu[0, 2] / m[0, 0]
     root = np.sqrt((0.5 * (a - c)) ** 2 + b * b)
     axes = np.sqrt(0.5 * (a + c) + root), np.sqrt(0.5 * (a + c) - root)
-    place = cx + middle[..., 0, 0], cy + middle[..., 0, 1]
-    return np.stack([m[0, 0], perimeter, *place, *axes, *_hu(mu)], axis=-1)
+    return np.stack([m[0, 0], sums[..., -1], cx, cy, *axes, *_hu(mu)], axis=-1)
 
 
-def _moments(start: FloatArray, end: FloatArray) -> dict[tuple[int, int], FloatArray]:
-    """``m_pq = integral of x^(p + 1) y^q / (p + 1) dy`` along the sides."""
-    t = _NODES
-    x = start[..., 0, None] * (1 - t) + end[..., 0, None] * t
-    y = start[..., 1, None] * (1 - t) + end[..., 1, None] * t
-    dy = (end[..., 1] - start[..., 1])[..., None] * _WEIGHTS
-    return {(p, q): (x ** (p + 1) * y**q * dy).sum(axis=(-1, -2)) / (p + 1) for p, q in _POWERS}
+def _about(m: dict[tuple[int, int], FloatArray], p: int, q: int, x: FloatArray, y: FloatArray) -> FloatArray:
+    """A moment about another point, from those about the origin."""
+    out = np.zeros_like(x)
+    for i in range(p + 1):
+        for j in range(q + 1):
+            out += comb(p, i) * comb(q, j) * (-x) ** (p - i) * (-y) ** (q - j) * m[i, j]
+    return out
 
 
 def _hu(mu: dict[tuple[int, int], FloatArray]) -> list[FloatArray]:
@@ -124,12 +141,12 @@ def _hu(mu: dict[tuple[int, int], FloatArray]) -> list[FloatArray]:
 
 
 def _gradient(outline: FloatArray) -> FloatArray:
-    """Derivatives by every coordinate ``(13, n, 2)``."""
+    """Derivatives by every coordinate ``(13, n, 2)``: of the sums by the two sides that it moves, then of the rest."""
     points = np.asarray(outline, dtype=np.float64)
-    n = len(points)
-    size = float(np.ptp(points, axis=0).max())
-    h = 1e-30 * size
-    moved = np.broadcast_to(points.astype(np.complex128), (2 * n, n, 2)).copy()
-    k = np.arange(2 * n)
-    moved[k, k // 2, k % 2] += 1j * h
-    return np.asarray((descriptor_values(moved).imag / h).T.reshape(len(NAMES), n, 2))
+    start = points - points.mean(axis=0)
+    before, after = np.roll(start, 1, axis=0), np.roll(start, -1, axis=0)
+    moved = start + 1j * _TINY * np.eye(2)[:, None]
+    by_corner = (_of_sides(before, moved) + _of_sides(moved, after)).imag / _TINY
+    sums = _of_sides(start, after).sum(axis=0)
+    by_sum = _of_sums(sums + 1j * _TINY * np.eye(len(sums))).imag / _TINY
+    return np.asarray(np.einsum("sk,cns->knc", by_sum, by_corner))

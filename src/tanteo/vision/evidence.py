@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.edges import EdgePoints
 from tanteo.vision.fit import Met
@@ -94,18 +95,10 @@ def foremost(groups: IntArray, met: Met) -> BoolArray:
         groups: which edge of the part each sample belongs to ``(N,)``.
         met: what they met.
     """
-    out = np.array(met.hits)
-    flat, shape = out.reshape(-1, len(groups)), met.pixels.shape
-    places = (met.pixels + met.offsets[..., None] * met.normals).reshape(-1, *shape[-2:])
-    normals, spans, offsets = met.normals.reshape(places.shape), met.spans.reshape(flat.shape), np.abs(met.offsets)
-    for k, off in enumerate(offsets.reshape(flat.shape)):
-        some = np.flatnonzero(flat[k])
-        place, normal, off, span = places[k, some], normals[k, some], off[some], np.maximum(spans[k, some], _BESIDE)
-        x, y = np.subtract.outer(place[:, 0], place[:, 0]), np.subtract.outer(place[:, 1], place[:, 1])
-        beaten = (x * x + y * y < np.maximum.outer(span, span) ** 2) & (np.abs(normal @ normal.T) > _ALONG)
-        beaten &= np.not_equal.outer(groups[some], groups[some]) & np.greater.outer(off, off)
-        flat[k, some] = ~beaten.any(axis=1)
-    return out
+    places, normals = met.pixels + met.offsets[..., None] * met.normals, np.ascontiguousarray(met.normals)
+    widths, off = (a.reshape(-1, len(groups)) for a in (np.maximum(met.spans, _BESIDE), np.abs(met.offsets)))
+    hits = met.hits.reshape(off.shape)
+    return _core.foremost_edges(groups, hits, places, normals, widths, off, _ALONG).reshape(met.hits.shape)
 
 
 def of_edges(groups: IntArray, values: FloatArray, spans: FloatArray) -> FloatArray:

@@ -76,14 +76,13 @@ def meet(
     seen = see_edges(frame, T_camera_part) if seen is None else seen
     batch, N = T_camera_part.shape[:-2], len(frame.points)
     numbers, points, inside = _core.meet_edges(
-        camera.numbers, edges.nearest, edges.points.pixels, edges.points.sds, frame.points, frame.tangents,
-        frame.lengths, np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4)),
-        np.ascontiguousarray(seen.shown.reshape(-1, N)), frame.diagonal, reach,
+        frame.compiled, camera.numbers, edges.nearest, edges.points.pixels, edges.points.sds,
+        np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4)), np.ascontiguousarray(seen.shown.reshape(-1, N)), reach,
     )  # fmt: skip
     n = numbers.reshape(*batch, N, 13)
     point = points.reshape(*batch, N).astype(np.int64)
     return Met(
-        seen, inside.reshape(*batch, N).astype(np.bool_), n[..., :2], n[..., 2:4], n[..., 4], point >= 0, n[..., 5],
+        seen, inside.reshape(*batch, N), n[..., :2], n[..., 2:4], n[..., 4], point >= 0, n[..., 5],
         n[..., 6], point, n[..., 7:],
     )  # fmt: skip
 
@@ -109,25 +108,15 @@ def refine(
         start: where the prior puts the part ``(B, 4, 4)``; the first poses if not given.
         reaches: how far to look, round by round [px].
     """
-    T = np.array(T_camera_part)
-    start = T if start is None else start
-    scale = frame.scale
-    seen = None
-    for k, reach in enumerate(reaches):
-        if k in _ASKED or seen is None:
-            seen = see_edges(frame, T)
-        met = meet(frame, camera, edges, T, reach, seen)
-        A, g = _normal_equations(met, reach)
-        if prior is not None:
-            A = A + prior
-            g = g - (prior @ SE3.log(SE3.inverse(start) @ T)[..., None])[..., 0]
-        scaled = scale.T @ A @ scale
-        # directions that nothing resists stay where they are
-        hold = 1e-6 * np.trace(scaled, axis1=-2, axis2=-1)[..., None, None] + 1e-9
-        step = np.linalg.solve(scaled + hold * np.eye(6), (g @ scale)[..., None])[..., 0]
-        step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=-1), 1e-12))[..., None]
-        T = T @ SE3.exp(step @ scale.T)
-    return np.asarray(T)
+    T, scale = np.ascontiguousarray(T_camera_part), frame.scale
+    held = np.zeros((6, 6)) if prior is None else scale.T @ prior @ scale
+    held, first = (
+        np.ascontiguousarray(np.broadcast_to(a, (len(T), *a.shape[-2:]))) for a in (held, T if start is None else start)
+    )
+    return _core.refine_edges(
+        frame.compiled, camera.numbers, edges.nearest, edges.points.pixels, edges.points.sds, T, first, held,
+        np.array(reaches), np.isin(np.arange(len(reaches)), _ASKED), BIAS, CORRELATION,
+    )  # fmt: skip
 
 
 def beside(camera: Camera, T_camera_part: Transforms, T_camera_table: Transforms, centre: Vectors) -> Transforms:
@@ -141,12 +130,3 @@ def beside(camera: Camera, T_camera_part: Transforms, T_camera_table: Transforms
 def pixel_length(camera: Camera, T_camera_part: Transforms, centre: Vectors) -> float:
     """What a pixel is long at a part's ``centre`` [m]."""
     return float(SE3.apply(T_camera_part, centre)[2] / camera.focal.mean())
-
-
-def _normal_equations(met: Met, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Information ``(*batch, 6, 6)`` and gradient of the offsets under a redescending weight (Tukey 1960)."""
-    sd2 = met.sds**2 + BIAS**2 + (0.25 * reach) ** 2
-    robust = np.where(met.hits, (1 - (met.offsets / (1.01 * reach)) ** 2) ** 2, 0.0)
-    w = robust * met.spans / CORRELATION / sd2
-    JW = np.swapaxes(met.jacobian, -1, -2) * w[..., None, :]
-    return JW @ met.jacobian, (JW @ met.offsets[..., None])[..., 0]

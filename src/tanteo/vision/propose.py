@@ -14,12 +14,11 @@ import numpy as np
 from tanteo import _core
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
-from tanteo.vision.camera import Camera, meet_plane, project, rays
-from tanteo.vision.edge_map import EdgeMap, channel_of
+from tanteo.vision.camera import Camera, meet_plane, rays
+from tanteo.vision.edge_map import EdgeMap
 from tanteo.vision.models import VisionModel
 from tanteo.vision.regions import Region
 from tanteo.vision.silhouettes import bare_table
-from tanteo.vision.wireframe import in_camera, see_edges
 
 YAWS = 72
 """Yaws that are tried."""
@@ -38,8 +37,8 @@ SPILL, SPILLED = 12.0, 0.4
 """What a part that lies on bare table altogether costs, beside the distances of its edges [px]; the share of it from
 which a place is not looked at."""
 
-_MARGIN = 480
-"""How far a part may reach out of the image [px]."""
+_MARGIN = 480 // _CELL
+"""How far a part may reach out of the image [cells]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,16 +56,15 @@ class Proposal:
     costs: FloatArray
 
 
-def small_distances(edges: EdgeMap) -> FloatArray:
-    """Capped distances on a coarse grid with a margin ``(CHANNELS, rows, columns)``."""
-    pad = _MARGIN // _CELL
+def small_distances(edges: EdgeMap) -> np.ndarray:
+    """Capped distances on a coarse grid with a margin ``(CHANNELS, rows, columns)``, single precision."""
     low = np.minimum(edges.distances[:, ::_CELL, ::_CELL], _CAP).astype(np.float32)
-    return np.pad(low, ((0, 0), (pad, pad), (pad, pad)), constant_values=_CAP)
+    return np.pad(low, ((0, 0), (_MARGIN, _MARGIN), (_MARGIN, _MARGIN)), constant_values=_CAP)
 
 
-def _coarse(mask: BoolArray) -> FloatArray:
-    """The same grid of a mask: 1 in it, 0 elsewhere and beyond the image."""
-    return np.pad(mask[::_CELL, ::_CELL].astype(np.float32), _MARGIN // _CELL)
+def _coarse(mask: BoolArray) -> BoolArray:
+    """The same grid of a mask: nothing beyond the image."""
+    return np.pad(mask[::_CELL, ::_CELL], _MARGIN)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +81,7 @@ class Slides:
     pixels: FloatArray
     rays: FloatArray
     middle: int
-    bare: FloatArray
+    bare: BoolArray
 
 
 def slides(region: Region, camera: Camera) -> Slides:
@@ -100,7 +98,7 @@ def propose(
     model: VisionModel,
     camera: Camera,
     T_camera_table: Transforms,
-    distances: FloatArray,
+    distances: np.ndarray,
     places: Slides,
     most: int = 20,
 ) -> Proposal:
@@ -127,57 +125,13 @@ def propose(
         if not np.all(np.isfinite(at)):
             continue
         shifted = SE3.from_parts(np.eye(3), np.array([middle[0], middle[1], 0.0]))
-        costs = _costs(model, camera, T_camera_table @ shifted @ Ts, distances, places)
-        yaw, place = _best(costs, places.pixels, most)
+        yaw, place, cost = _core.slide_edges(
+            model.coarse.compiled, camera.numbers, T_camera_table @ shifted @ Ts, model.part.centroid, model.inner,
+            distances, places.bare, places.pixels, _CELL, _MARGIN, _DRAWN, SPILLED, SPILL, STEP, most,
+        )  # fmt: skip
         move = SE3.from_parts(np.eye(3), np.concatenate([at[place, :2], np.zeros((len(place), 1))], axis=1))
-        found.append((T_camera_table @ move @ Ts[yaw], np.full(len(yaw), k), costs[yaw, place]))
+        found.append((T_camera_table @ move @ Ts[yaw], np.full(len(yaw), k), cost))
     if not found:
         return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
-    poses, which, cost = (np.concatenate(column) for column in zip(*found, strict=True))
-    return Proposal(poses, which, cost)
-
-
-def _costs(model: VisionModel, camera: Camera, Ts: Transforms, distances: FloatArray, places: Slides) -> FloatArray:
-    """Costs ``(yaws, places)`` of the part drawn at ``Ts`` and slid to the places."""
-    frame = model.coarse
-    seen = see_edges(frame, Ts)
-    pixels = project(camera, in_camera(Ts, frame.points))
-    along = project(camera, in_camera(Ts, frame.points + 1e-3 * frame.tangents)) - pixels
-    span = np.linalg.norm(along, axis=-1) * frame.lengths * seen.shown
-    centre = project(camera, SE3.apply(Ts, model.part.centroid))
-    total = np.cumsum(span, axis=1)
-    at = (np.arange(_DRAWN) + 0.5) / _DRAWN
-    chosen = np.stack([np.searchsorted(t, at * t[-1]) for t in total]).clip(0, len(frame) - 1)
-    rows = np.arange(len(Ts))[:, None]
-    channel = channel_of(np.stack([-along[rows, chosen, 1], along[rows, chosen, 0]], axis=-1))
-    drawn = _offsets(distances.shape, pixels[rows, chosen] - centre[:, None], channel)
-    inner = _offsets(distances.shape, project(camera, in_camera(Ts, model.inner)) - centre[:, None])
-    cell = np.rint(places.pixels / _CELL).astype(np.int64)
-    slide = cell[:, 1] * distances.shape[2] + cell[:, 0]
-    table, bare = np.asarray(distances, dtype=np.float32), np.asarray(places.bare, dtype=np.float32)
-    return _core.slid_costs(table, bare, drawn, inner, slide, SPILLED, SPILL)
-
-
-def _offsets(shape: tuple[int, ...], offsets: FloatArray, channel: IntArray | int = 0) -> IntArray:
-    """Where pixels that are so far from a place ``(*batch, 2)`` stand in flat tables, counted from the place."""
-    cell = np.rint((offsets + _MARGIN) / _CELL).astype(np.int64)
-    return np.asarray((channel * shape[1] + cell[..., 1]) * shape[2] + cell[..., 0])
-
-
-def _best(costs: FloatArray, places: FloatArray, most: int) -> tuple[IntArray, IntArray]:
-    """The best yaw and place, and the next ones that are not their neighbours."""
-    yaws, n = costs.shape
-    order = np.argsort(costs, axis=None)[: 40 * most]
-    order = order[np.isfinite(costs.ravel()[order])]
-    kept: list[tuple[int, int]] = []
-    for flat in order:
-        yaw, place = divmod(int(flat), n)
-        near = any(
-            min((yaw - y) % yaws, (y - yaw) % yaws) <= 1 and np.abs(places[place] - places[p]).max() <= STEP
-            for y, p in kept
-        )
-        if not near:
-            kept.append((yaw, place))
-        if len(kept) == most:
-            break
-    return np.array([y for y, _ in kept], dtype=np.int64), np.array([p for _, p in kept], dtype=np.int64)
+    poses, which, costs = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Proposal(poses, which, costs)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.frames.covariances import frozen_array
 from tanteo.typing import BoolArray, FloatArray
 from tanteo.vision.edges import CORRELATION, EdgePoints, check_image, image_noise
@@ -110,8 +111,6 @@ def _region(shape: tuple[int, ...], outline: FloatArray, edges: EdgePoints) -> R
 
 def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Contour points at equal steps, each moved along its normal onto the edge that runs there."""
-    from scipy.spatial import cKDTree
-
     if _signed_area(points) < 0:
         points = points[::-1]
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
@@ -125,8 +124,8 @@ def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatAr
     normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=-1)
     sds = np.full(count, 1.0)
     if len(edges):
-        far, which = cKDTree(edges.pixels).query(even, distance_upper_bound=_SNAP)
-        found = np.isfinite(far)
+        which = _core.nearest_pixels(edges.pixels, even, _SNAP)
+        found = which >= 0
         index = which[found]
         aligned = np.abs(np.sum(edges.normals[index] * normals[found], axis=1)) > 0.5
         rows = np.flatnonzero(found)[aligned]

@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import softmax
 
+from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera
-from tanteo.vision.choices import EdgeErrors, log_evidence, mixture, terms_of
+from tanteo.vision.choices import EdgeErrors, log_evidence, mixture, numbered, terms_of
 from tanteo.vision.edge_map import EdgeMap
 from tanteo.vision.edges import CORRELATION
 from tanteo.vision.fit import Met, meet
@@ -40,6 +41,9 @@ _COUNTS = 0.003
 
 _TOGETHER = 0.1
 """Points of one edge are within four standard deviations of their median, of these and their own errors [px]."""
+
+_TURNED = 0.95
+"""An edge is beside itself where it has turned so far [cosine]."""
 
 _ROUNDS = 5
 _HOLD = 1.0
@@ -118,7 +122,7 @@ def _settled(
         terms = terms_of(_shifting(met), frame.groups, _misplaced(met, edges, errors), errors)
         mean, covariance, wrong = mixture(terms, *_beforehand(model, camera, prior, start, T))
         mean, covariance = mean[:6], covariance[:6, :6]
-        T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(np.linalg.solve(frame.scale, mean))), 1e-12)))
+        T = T @ SE3.exp(mean * min(1.0, 0.3 / max(float(np.linalg.norm(frame.to_unit @ mean)), 1e-12)))
     chi2 = float(terms.chi2[np.arange(len(wrong)), wrong.astype(np.int64)].sum())
     shares = np.minimum(met.spans[met.hits] / CORRELATION, 1.0)
     return Settled(T, information_of(model, covariance), chi2, float(shares.sum()), met)
@@ -163,7 +167,7 @@ def as_one(model: VisionModel, found: list[Settled], share: FloatArray) -> Settl
 
 def information_of(model: VisionModel, covariance: FloatArray) -> FloatArray:
     """What a covariance ``(6, 6)`` says, without what only kept the steps small."""
-    to_unit = np.linalg.inv(model.frame.scale)
+    to_unit = model.frame.to_unit
     return np.asarray(to_unit.T @ _inverse(to_unit @ covariance @ to_unit.T) @ to_unit - _hold(model))
 
 
@@ -182,7 +186,7 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 def _hold(model: VisionModel) -> FloatArray:
     """Information that keeps steps small, in units of the part ``(6, 6)``."""
-    to_unit = np.linalg.inv(model.frame.scale)
+    to_unit = model.frame.to_unit
     return np.asarray(_HOLD * to_unit.T @ to_unit)
 
 
@@ -194,33 +198,22 @@ def _misplaced(met: Met, edges: EdgeMap, errors: EdgeErrors) -> FloatArray:
 
 def clear_edges(model: VisionModel, met: Met, gap: float = 4.0) -> Met:
     """Only those samples met at one pose that have no other edge of the part within ``gap`` px, to pull them aside."""
-    from scipy.spatial import cKDTree
-
-    shown = np.flatnonzero(met.inside)
-    if not len(shown):
-        return met
-    at, normals, half = met.pixels[shown], met.normals[shown], 0.5 * met.spans[shown]
-    pairs = cKDTree(at).query_pairs(gap + float(half.max()), output_type="ndarray")
-    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    way = at[one] - at[other]
-    across = np.sum(way * normals[other], axis=1)
-    beyond = np.sqrt(np.maximum(np.sum(way**2, axis=1) - across**2, 0.0)) - half[other]
-    near = np.hypot(across, np.maximum(beyond, 0.0)) < gap
-    groups = model.frame.groups[shown]
-    turned = np.abs(np.sum(normals[one] * normals[other], axis=1)) < 0.95
-    near &= (groups[one] != groups[other]) | turned
-    crowded = np.zeros(len(met.inside), dtype=np.bool_)
-    crowded[shown[one[near]]] = True
+    pixels, normals, spans = (np.ascontiguousarray(a) for a in (met.pixels, met.normals, met.spans[None]))
+    crowded = _core.crowded_edges(model.frame.groups, met.inside[None], pixels, normals, spans, gap, _TURNED)[0]
     return _only(met, met.hits & ~crowded)
 
 
 def own_points(met: Met, groups: IntArray, misplaced: FloatArray) -> Met:
     """Only those edge points met at one pose that run with the rest of their edge."""
     sd = np.sqrt(met.sds**2 + misplaced**2 + _TOGETHER**2)
+    k = np.flatnonzero(met.hits)
+    k = k[np.lexsort((met.offsets[k], groups[k]))]
+    edge, _ = numbered(groups[k])
+    count, off = np.bincount(edge), met.offsets[k]
+    first = np.cumsum(count) - count
+    median = 0.5 * (off[first + (count - 1) // 2] + off[first + count // 2])
     hits = met.hits.copy()
-    for group in np.unique(groups[hits]):
-        k = met.hits & (groups == group)
-        hits[k] = np.abs(met.offsets[k] - np.median(met.offsets[k])) < 4 * sd[k]
+    hits[k] = np.abs(off - median[edge]) < 4 * sd[k]
     return _only(met, hits)
 
 

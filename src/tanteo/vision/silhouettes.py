@@ -35,7 +35,7 @@ def silhouette(surface: Surface, camera: Camera, T_camera_part: Transforms) -> B
     polygons = polygons[np.all(np.isfinite(polygons) & (np.abs(polygons) < 1e4), axis=(1, 2))]
     for polygon in np.rint(polygons * 16).astype(np.int32):
         cv2.fillConvexPoly(mask, polygon, 1, lineType=cv2.LINE_8, shift=4)
-    return mask > 0
+    return mask.view(np.bool_)
 
 
 def spilled(surface: Surface, camera: Camera, Ts_camera_part: Transforms, mask: BoolArray) -> FloatArray:
@@ -48,7 +48,7 @@ def spilled(surface: Surface, camera: Camera, Ts_camera_part: Transforms, mask: 
         mask: rows x columns, what is not table.
     """
     bare = bare_table(mask)
-    return np.array([float((silhouette(surface, camera, T) & bare).sum()) for T in Ts_camera_part])
+    return np.array([float(np.count_nonzero(silhouette(surface, camera, T) & bare)) for T in Ts_camera_part])
 
 
 def bare_table(mask: BoolArray) -> BoolArray:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from tanteo.lie import SE3
+from tanteo import _core
 from tanteo.localization import motion_scale
 from tanteo.parts import Part
 from tanteo.parts.topology import mesh_edges
@@ -40,6 +40,9 @@ class Wireframe:
         surface: of the part.
         diagonal: of its box [m].
         middle: its centroid, about which it is moved ``(3,)``, part frame [m].
+        scale: motions by its diagonal, or by a radian about its middle, as columns ``(6, 6)`` [m, rad].
+        to_unit: the inverse of that.
+        compiled: all of it for the core.
     """
 
     points: Vectors
@@ -51,11 +54,18 @@ class Wireframe:
     surface: Surface
     diagonal: float
     middle: Vectors
+    scale: FloatArray = field(init=False, repr=False)
+    to_unit: FloatArray = field(init=False, repr=False)
+    compiled: _core.EdgeFrame = field(init=False, repr=False)
 
-    @property
-    def scale(self) -> FloatArray:
-        """Motions by its diagonal, or by a radian about its middle, as columns ``(6, 6)`` [m, rad]."""
-        return motion_scale(self.diagonal, self.middle)
+    def __post_init__(self) -> None:
+        compiled = _core.make_edge_frame(
+            self.points, self.tangents, self.normals, self.lengths, self.sharp,
+            self.surface.vertices[self.surface.triangles], self.diagonal, self.middle, _LIFT * self.diagonal,
+        )  # fmt: skip
+        scale = motion_scale(self.diagonal, self.middle)
+        for name, value in (("scale", scale), ("to_unit", np.linalg.inv(scale)), ("compiled", compiled)):
+            object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -134,23 +144,7 @@ def see_edges(frame: Wireframe, T_camera_part: Transforms, *, hidden: bool = Tru
         T_camera_part: poses ``(*batch, 4, 4)``.
         hidden: whether to ask what the part itself hides; without, only which faces look at the camera.
     """
-    eye = SE3.inverse(T_camera_part)[..., :3, 3]
-    first, second = (eye @ frame.normals[:, k].T > np.sum(frame.points * frame.normals[:, k], axis=1) for k in (0, 1))
-    rims = first ^ second
-    shown = rims | (frame.sharp & first & second)
-    if hidden and shown.any():
-        shown = shown & ~_hidden(frame, np.broadcast_to(eye[..., None, :], (*shown.shape, 3)), shown)
+    poses = np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4))
+    shape = *T_camera_part.shape[:-2], len(frame)
+    shown, rims = (a.reshape(shape) for a in _core.see_edges(frame.compiled, poses, hidden))
     return Seen(shown, rims)
-
-
-def _hidden(frame: Wireframe, eye: FloatArray, asked: BoolArray) -> BoolArray:
-    """Whether the part's own surface stands between the eye and each sample; False where not asked."""
-    lift = frame.normals.sum(axis=1)
-    lift = lift / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-9) * (_LIFT * frame.diagonal)
-    targets = np.broadcast_to(frame.points + lift, eye.shape)[asked]
-    starts = eye[asked]
-    way = targets - starts
-    hits = frame.surface.cast(starts, way)
-    out = np.zeros(asked.shape, dtype=np.bool_)
-    out[asked] = hits.distances < np.linalg.norm(way, axis=-1) - _LIFT * frame.diagonal
-    return out

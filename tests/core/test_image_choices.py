@@ -1,0 +1,169 @@
+"""What the core chooses among: places of a slid drawing, samples of edges, poses, edges that are another's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.image_oracle import Sliding, scene
+from tanteo import _core
+from tanteo.lie import SE3, SO3
+from tanteo.vision.edge_map import CHANNELS
+
+YAWS, APART = 12, 6.0
+CENTRE = np.array([0.01, 0.0, 0.01])
+
+
+def sliding(seed):
+    """A scene, poses for each yaw, and tables of what is at random under a drawing."""
+    rng = np.random.default_rng(seed)
+    s = scene(seed, (-0.2, 0.05, 1e-3, -2e-3))
+    s = replace(s, corners=s.corners[:3])
+    turned = SE3.from_parts(SO3.axis_rotation(2, 2 * np.pi * np.arange(YAWS) / YAWS), np.array([0.0, 0, 0.25]))
+    x, y = np.meshgrid(np.arange(20.0, 75, 6), np.arange(10.0, 50, 6))
+    margin, shape = 6, (16 + 12, 24 + 12)
+    distances = np.full((CHANNELS, *shape), 6, np.float32)
+    distances[:, 6:-6, 6:-6] = rng.uniform(0, 6, (CHANNELS, 16, 24))
+    bare = rng.uniform(size=shape) < 0.3
+    places = np.stack([x, y], axis=-1).reshape(-1, 2)
+    table = Sliding(distances, bare, rng.uniform(-0.04, 0.04, (20, 3)), places, 4.0, margin, 19, 0.4, 12.0)
+    return s, turned @ SE3.exp(np.array([0, 0, 0, 0.3, -0.2, 0.1])), table
+
+
+def slide(s, Ts, t, keep, **others):
+    values = {
+        "distances": t.distances, "bare": t.bare, "places": t.places, "cell": t.cell, "margin": t.margin,
+        "samples": t.samples, "most": t.most, "penalty": t.penalty, "apart": APART, "keep": keep,
+    }  # fmt: skip
+    return _core.slide_edges(s.frame(), s.camera.numbers, Ts, CENTRE, t.inner, **{**values, **others})
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("keep", [1, 4, 200])
+def test_a_slid_drawing_costs_what_is_under_it_and_the_best_that_are_apart_are_kept(seed, keep):
+    s, Ts, t = sliding(seed)
+    costs = t.costs(s, Ts, CENTRE)
+    assert np.isinf(costs).any()
+    yaw, place, cost = slide(s, Ts, t, keep)
+    np.testing.assert_allclose(cost, costs[yaw, place], rtol=1e-6)
+    order = [divmod(k, costs.shape[1]) for k in np.argsort(costs, axis=None, kind="stable")[: 40 * keep]]
+    kept = []
+    for a, p in [at for at in order if np.isfinite(costs[at])]:
+        turns = [min((a - b) % YAWS, (b - a) % YAWS) for b, _ in kept]
+        gaps = [np.abs(t.places[p] - t.places[q]).max() for _, q in kept]
+        if not any(turn <= 1 and gap <= APART for turn, gap in zip(turns, gaps, strict=True)):
+            kept.append((a, p))
+    assert list(zip(yaw.tolist(), place.tolist(), strict=True)) == kept[:keep]
+
+
+def test_a_drawing_that_cannot_be_slid_is_refused():
+    s, Ts, t = sliding(0)
+    wrong = {
+        "distances": t.distances[:0], "bare": t.bare[1:], "places": t.places + 500, "cell": 0.0, "margin": 0,
+        "samples": 0, "keep": 0,
+    }  # fmt: skip
+    for name, value in wrong.items():
+        with pytest.raises(ValueError, match="expected"):
+            slide(s, Ts, t, **{"keep": 4, name: value})
+    for place in ([-3.0, 10.0], [10.0, -3.0], [np.nan, 10.0], [99.0, 10.0], [10.0, 67.0]):
+        with pytest.raises(ValueError, match="places"):
+            slide(s, Ts, t, 4, places=np.array([place]))
+    assert [len(a) for a in slide(s, Ts, t, 4, places=np.zeros((0, 2)))] == [0, 0, 0]
+
+
+def samples(seed, n=80):
+    """Groups, which are asked at two poses, where they are, across what, how wide, how far off."""
+    rng = np.random.default_rng(seed)
+    angle = rng.choice([0.0, 0.2, 1.2], (2, n)) + rng.normal(0, 0.05, (2, n))
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return (
+        rng.integers(0, 4, n), rng.uniform(size=(2, n)) < 0.8, rng.uniform(0, 40, (2, n, 2)), normals,
+        rng.uniform(2, 8, (2, n)), rng.uniform(0, 2, (2, n)),
+    )  # fmt: skip
+
+
+def test_of_samples_that_met_one_place_the_nearest_explain_it():
+    groups, hits, places, normals, widths, off = samples(1)
+    got = _core.foremost_edges(groups, hits, places, normals, widths, off, 0.9)
+    way = places[:, :, None] - places[:, None]
+    beaten = np.sum(way**2, axis=-1) < np.maximum(widths[:, :, None], widths[:, None]) ** 2
+    beaten &= np.abs(normals @ np.swapaxes(normals, 1, 2)) > 0.9
+    beaten &= (groups[:, None] != groups) & (off[:, :, None] > off[:, None]) & hits[:, None]
+    np.testing.assert_array_equal(got, hits & ~beaten.any(axis=-1))
+    assert 10 < got.sum() < hits.sum() - 10
+
+
+def test_samples_are_crowded_by_other_edges_and_by_their_own_that_has_turned():
+    groups, asked, places, normals, widths, _ = samples(2)
+    got = _core.crowded_edges(groups, asked, places, normals, widths, 1.5, 0.95)
+    way = places[:, :, None] - places[:, None]
+    across = np.sum(way * normals[:, None], axis=-1)
+    beyond = np.sqrt(np.maximum(np.sum(way**2, axis=-1) - across**2, 0)) - 0.5 * widths[:, None]
+    near = np.hypot(across, np.maximum(beyond, 0)) < 1.5
+    near &= (groups[:, None] != groups) | (np.abs(normals @ np.swapaxes(normals, 1, 2)) < 0.95)
+    near &= asked[:, None] & ~np.eye(80, dtype=bool)
+    np.testing.assert_array_equal(got, asked & near.any(axis=-1))
+    assert 10 < got.sum() < asked.sum() - 10
+
+
+def test_samples_that_do_not_belong_together_are_refused():
+    groups, asked, places, normals, widths, _ = right = samples(3)
+    for k in range(6):
+        short = [a[:, :-1].copy() if j == k and k else a[:-1] if j == k else a for j, a in enumerate(right)]
+        with pytest.raises(ValueError, match="expected"):
+            _core.foremost_edges(*short, 0.9)
+    with pytest.raises(ValueError, match="expected"):
+        _core.crowded_edges(groups, asked[0], places, normals, widths, 1.5, 0.95)
+    assert _core.foremost_edges(groups[:0], *(a[:, :0].copy() for a in right[1:]), 0.9).shape == (2, 0)
+
+
+def test_the_nearest_pixels_are_found_within_reach():
+    rng = np.random.default_rng(4)
+    pixels, places = rng.uniform(0, 100, (300, 2)), rng.uniform(-5, 105, (200, 2))
+    far = np.linalg.norm(places[:, None] - pixels, axis=-1)
+    expected = np.where(far.min(axis=1) < 3, far.argmin(axis=1), -1)
+    np.testing.assert_array_equal(_core.nearest_pixels(pixels, places, 3.0), expected)
+    assert 10 < (expected < 0).sum() < 190
+    assert (_core.nearest_pixels(pixels[:0], places, 3.0) == -1).all()
+
+
+def test_of_sets_of_points_those_far_from_all_before_are_kept():
+    rng = np.random.default_rng(5)
+    points, order = rng.uniform(0, 1, (60, 1, 3)) + rng.normal(0, 0.05, (60, 7, 3)), rng.permutation(60)
+    kept = []
+    for k in order:
+        if all(np.linalg.norm(points[k] - points[j], axis=-1).max() >= 0.5 for j in kept):
+            kept.append(k)
+    assert _core.far_apart(points, order, 0.5).tolist() == kept
+    assert 3 < len(kept) < 50
+    assert len(_core.far_apart(points[:0], order[:0], 0.5)) == 0
+    with pytest.raises(ValueError, match="order"):
+        _core.far_apart(points[:5], order, 0.5)
+
+
+def test_choices_of_edges_weigh_what_their_integrals_do():
+    rng = np.random.default_rng(6)
+    n, G, m = 8, 5, 9
+    sizes = 10.0 ** rng.uniform(-3, 3, n)
+    root = rng.normal(size=(G, 2, n, 3)) * sizes[:, None]
+    A, g, log = root @ np.swapaxes(root, -1, -2), rng.normal(size=(G, 2, n)) * sizes, rng.normal(size=(G, 2))
+    A0, g0, others = np.diag(0.1 * sizes**2), rng.normal(size=n) * sizes, rng.uniform(size=(m, G)) < 0.5
+    logs, means, covariances = _core.weigh_choices(A0, g0, A, g, log, others)
+    for k in range(m):
+        pick = np.arange(G), others[k].astype(int)
+        information, gradient = A0 + A[pick].sum(axis=0), g0 + g[pick].sum(axis=0)
+        D = np.diag(1 / sizes)
+        covariance = D @ np.linalg.inv(D @ information @ D) @ D
+        np.testing.assert_allclose(
+            covariances[k] / np.outer(1 / sizes, 1 / sizes), covariance * np.outer(sizes, sizes), rtol=1e-8
+        )
+        np.testing.assert_allclose(means[k] * sizes, covariance @ gradient * sizes, rtol=1e-8)
+        volume = np.linalg.slogdet(D @ information @ D)[1] + 2 * np.log(sizes).sum()
+        expected = log[pick].sum() - 0.5 * volume + 0.5 * gradient @ covariance @ gradient
+        np.testing.assert_allclose(logs[k], expected, rtol=1e-9)
+    with pytest.raises(ValueError, match="others"):
+        _core.weigh_choices(A0, g0, A, g, log, others[:, 1:].copy())
+    flat = _core.weigh_choices(np.zeros((n, n)), g0, 0 * A, g, log, others)[0]
+    assert (flat == -np.inf).all()
