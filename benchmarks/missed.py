@@ -1,8 +1,8 @@
 """How often the true pose of few precise touches is not found: ``python benchmarks/missed.py [scenes]``.
 
-One part, known; 8 or 10 touches of 0.01 mm, 10 with one in ten anywhere, or 12 beams. A scene matters if the pose that a
-climb from the truth leads to has a twentieth of the probability or more; it is missed if no mode has it, and grossly if
-it would be seven times as probable as all that was found.
+One part, known; 8 or 10 touches of 0.01 mm, 10 with one in ten anywhere, or 12 beams. A scene matters if the pose that
+a climb from the truth leads to has a twentieth of the probability or more; it is missed if no mode has it, and grossly
+if it would be seven times as probable as all that was found.
 """
 
 from __future__ import annotations

@@ -184,11 +184,11 @@ def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
     wants = [_first(s.peaks.evidence + s.log_constant - total, trusted=s.trusted) for s in samplers]
     count = 0
-    for k in range(2 * _ROUNDS):
+    for k in range(_ROUNDS + 1):
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.draw(want)
         before, count = count, sum(len(s.peaks) for s in samplers)
-        if k >= _ROUNDS - 1 and count == before:  # maxima that samples have just shown are sampled, too
+        if k == _ROUNDS or (k == _ROUNDS - 1 and count == before):  # maxima just shown are sampled once, too
             break
         if k == 0:
             _spread(samplers, log_none)

@@ -173,8 +173,14 @@ def _covariances(one: Explained) -> tuple[Covariances, Covariances | None]:
     # by how much the samples differ from the curvature is of the pose, whether the shared errors are known or not
     curved = _with_free(None, whole, one.free, scale)
     given = _with_free(None, known, one.free, scale)
-    ratio = float(np.trace(np.linalg.solve(curved, covariance))) / 6
-    return covariance, given * min(ratio, float(np.trace(np.linalg.solve(given, covariance))) / 6)
+    return covariance, given * min(_times(curved, covariance), _times(given, covariance))
+
+
+def _times(one: Covariances, other: Covariances) -> float:
+    """By how much the second is larger, on average over the motions; those that are exact to rounding do not count."""
+    size = np.sqrt(np.diag(one).clip(1e-300))
+    inverse = np.linalg.pinv(one / np.outer(size, size), rcond=1e-13, hermitian=True)
+    return float(np.trace(inverse @ (other / np.outer(size, size)))) / 6
 
 
 def _with_free(

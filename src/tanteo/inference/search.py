@@ -39,10 +39,9 @@ one to which four pairs led is missed in one of sixteen searches."""
 _BITS, _CERTAIN = 60, 0b1111
 """Pairs and draws that are told apart, and what labels lead to: as good as found by several."""
 
-_ROUNDS, _HOPELESS, _LEAST_ROUNDS = 12, 24, 4
-"""Rounds at most: of few precise points one finds the pose with a third or more of probability. Where the unknown
-object explains the measurements better than all that was found, so many rounds of all parts together, but no fewer of
-each than the last."""
+_ROUNDS, _TOGETHER, _LEAST_ROUNDS = 12, 24, 4
+"""Rounds of a part at most: of few precise points one finds the pose with a third or more of probability. So many of all
+parts together that are still in, but no fewer of each than the last."""
 
 _PAIRS = 12
 """Pairs of points that are proposed from."""
@@ -230,8 +229,7 @@ def race(
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)
-        hopeless = total < log_unknown
-        most = min(_ROUNDS, max(_LEAST_ROUNDS, _HOPELESS // len(live))) if hopeless else _ROUNDS
+        most = min(_ROUNDS, max(_LEAST_ROUNDS, _TOGETHER // len(live)))
         left = [
             s
             for s in live
