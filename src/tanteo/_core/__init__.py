@@ -7,6 +7,7 @@ Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. `
 from tanteo._core.native import (
     Problem,
     Shape,
+    beams,
     climb,
     closest_points,
     details,
@@ -27,12 +28,14 @@ from tanteo._core.native import (
     settle,
     slid_costs,
     slopes,
+    spreads,
     version,
 )
 
 __all__ = [
     "Problem",
     "Shape",
+    "beams",
     "climb",
     "closest_points",
     "details",
@@ -53,5 +56,6 @@ __all__ = [
     "settle",
     "slid_costs",
     "slopes",
+    "spreads",
     "version",
 ]
