@@ -15,9 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from sensing_scenes import LASER, true_range
 from tanteo.active import Candidates, Start, Stop, begin, propose
 from tanteo.active.distinguish import located
+from tanteo.answers import Priors
 from tanteo.inference import PreparedPart, prepare
 from tanteo.lie import SE3
-from tanteo.matching import Priors
 from tanteo.parts import read_part
 from tanteo.sensors import Readings
 from tanteo.session import Action, Sensing, Session
