@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import entr
 
 from tanteo.active.belief import Belief
 from tanteo.active.places import Places, check_feature, places_of
@@ -14,6 +13,7 @@ from tanteo.answers.part_motions import observed_covariance, without_spin
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_count, check_length, check_number
+from tanteo.special import entropy
 from tanteo.typing import FloatArray
 
 _SAMPLES = 2048
@@ -133,7 +133,7 @@ class Stop:
         if not len(belief.weights) or gain < _FAINT * self.least_gain:
             return False
         known = belief.of_parts() if self.tolerance is None else belief.weights
-        if gain * left < entr(np.append(known, belief.unknown)).sum():
+        if gain * left < entropy(np.append(known, belief.unknown)).sum():
             return False
         return self.tolerance is None or self.chance(belief) >= self.confidence * float(belief.weights.max())
 

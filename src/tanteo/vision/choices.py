@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
+from tanteo.special import log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.edges import CORRELATION, FLOOR
 from tanteo.vision.fit import Met
@@ -140,7 +140,7 @@ def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Flo
 
 def log_evidence(terms: Terms, A: FloatArray, g: FloatArray) -> float:
     """Log density of the offsets over the same choices, up to what does not depend on the errors."""
-    return float(logsumexp(_choices(terms, A, g)[0]))
+    return float(log_sum(_choices(terms, A, g)[0]))
 
 
 def _choices(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
