@@ -131,14 +131,19 @@ def even_normals(n: int) -> FloatArray:
     """Evenly spread standard normal vectors ``(n, 6)``, the first at the centre, the others with unit covariance."""
     if n == 1:
         return np.zeros((1, 6))
-    steps = _PLASTIC ** -np.arange(1.0, 7.0)
-    u = (0.5 + np.arange(1, n // 2 + 1)[:, None] * steps) % 1.0
-    half = np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
+    half = _even(1 << (int(n) // 2 - 1).bit_length())[: n // 2]
     x = np.stack([half, -half], axis=1).reshape(-1, 6)[: n - 1]
     if n > _FULL:
         x -= x.mean(axis=0)
         x = np.linalg.solve(np.linalg.cholesky(np.cov(x.T)), x.T).T
     return np.concatenate([np.zeros((1, 6)), x])
+
+
+@cache
+def _even(n: int) -> FloatArray:
+    """Evenly spread standard normal vectors ``(n, 6)`` on one side, as they come; fewer are the first of more."""
+    u = (0.5 + np.arange(1, n + 1)[:, None] * _PLASTIC ** -np.arange(1.0, 7.0)) % 1.0
+    return np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
