@@ -23,7 +23,7 @@ def scene(target, each, rng, spread=0.3, poses=9, count=60):
 
 
 @pytest.mark.parametrize("each", [1, 9])
-@pytest.mark.parametrize("spread", [0.3, 0.01])
+@pytest.mark.parametrize("spread", [0.3, 0.01, 1e-3])
 def test_beams_meet_what_rays_on_the_surface_meet(target, each, spread):
     Ts, origins, directions = scene(target, each, np.random.default_rng(3), spread)
     ranges, cosines, faces, derivatives = _core.beams(target.shape, Ts, origins, directions)

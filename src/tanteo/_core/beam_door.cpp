@@ -3,8 +3,8 @@
 
 #include <limits>
 
+#include "bundle.hpp"
 #include "door.hpp"
-#include "shape.hpp"
 
 namespace tanteo {
 
@@ -34,11 +34,12 @@ nb::tuple beams(const Shape& shape, Doubles Ts, Doubles origins, Doubles directi
     {
         nb::gil_scoped_release release;
         for (size_t c = 0; c < C; ++c) {
-            int triangle = -1;  // what was met at one pose is often met at the next
+            Bundle bundle(shape);
             for (size_t s = 0; s < S; ++s) {
                 const Vec3 start = transposed_times(at[s].R, from[c] - at[s].t);
                 const Vec3 along = transposed_times(at[s].R, load(directions.data() + 3 * (c * each + (each > 1 ? s : 0))));
-                const double range = shape.cast(start, along, 1e300, &triangle, triangle);
+                int triangle;
+                const double range = bundle.cast(start, along, &triangle);
                 if (triangle < 0) continue;
                 const size_t row = c * S + s;
                 const Vec3& n = shape.normals[triangle];
