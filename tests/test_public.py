@@ -40,8 +40,9 @@ def test_import_loads_nothing_heavy():
     assert out.stdout.strip() == "[]"
 
 
-def test_identify_needs_no_scipy():
-    code = "import sys, tanteo.recognition, tanteo.io.readings_csv, tanteo.catalogue; print('scipy' in sys.modules)"
+@pytest.mark.parametrize("rooms", ["recognition, tanteo.io.readings_csv, tanteo.catalogue", "session", "vision"])
+def test_answers_need_no_scipy(rooms):
+    code = f"import sys, tanteo.{rooms}; print('scipy' in sys.modules)"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "False"
 

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from scipy import special as scipy_special
 
-from tanteo.special import binomial_cdf, chi2_survival, jacobi_nodes, laguerre_nodes, legendre_nodes, log_sum
+from tanteo.special import (
+    binomial_cdf,
+    chi2_survival,
+    entropy,
+    jacobi_nodes,
+    laguerre_nodes,
+    legendre_nodes,
+    log_sum,
+    softmax,
+)
 
 
 @pytest.mark.parametrize("dof", [1, 2, 3, 6, 11, 50, 401])
@@ -28,6 +37,15 @@ def test_log_sum_is_scipys():
     for axis in (None, 0, 1, 2, (0, 2)):
         np.testing.assert_allclose(log_sum(log, axis), scipy_special.logsumexp(log, axis), rtol=1e-14)
     assert log_sum([]) == -np.inf
+
+
+def test_weights_and_entropies_are_scipys():
+    rng = np.random.default_rng(4)
+    log = rng.normal(0, 300, size=9)
+    log[3] = -np.inf
+    np.testing.assert_allclose(softmax(log), scipy_special.softmax(log), rtol=1e-14)
+    p = np.array([0.0, 1e-300, 0.3, 1.0, 1.5])
+    np.testing.assert_allclose(entropy(p), scipy_special.entr(p), rtol=1e-14)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12, 30])

@@ -45,6 +45,19 @@ def log_sum(log: npt.ArrayLike, axis: int | tuple[int, ...] | None = None) -> Fl
         return np.asarray(np.log(np.exp(log - top).sum(axis=axis)) + top.squeeze(axis))
 
 
+def softmax(log: npt.ArrayLike) -> FloatArray:
+    """Weights that sum to one, of their logs ``(n,)``, which may lack a common constant."""
+    log = np.asarray(log, dtype=np.float64)
+    weights = np.exp(log - log.max())
+    return np.asarray(weights / weights.sum())
+
+
+def entropy(p: npt.ArrayLike) -> FloatArray:
+    """``-p log p`` of each number of 0 or more; 0 where it is 0."""
+    p = np.asarray(p, dtype=np.float64)
+    return np.asarray(-p * np.log(np.where(p > 0, p, 1.0)))
+
+
 def jacobi_nodes(count: int, a: float, b: float) -> tuple[FloatArray, FloatArray]:
     """Gauss's nodes on (-1, 1) for the weight ``(1 - x)^a (1 + x)^b``, and their weights, which sum to one."""
     k = np.arange(1.0, count)

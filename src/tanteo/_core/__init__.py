@@ -8,6 +8,7 @@ from tanteo._core.native import (
     EdgeFrame,
     Problem,
     Shape,
+    beams,
     climb,
     closest_points,
     crowded_edges,
@@ -35,6 +36,7 @@ from tanteo._core.native import (
     settle,
     slide_edges,
     slopes,
+    spreads,
     version,
     weigh_choices,
 )
@@ -43,6 +45,7 @@ __all__ = [
     "EdgeFrame",
     "Problem",
     "Shape",
+    "beams",
     "climb",
     "closest_points",
     "crowded_edges",
@@ -70,6 +73,7 @@ __all__ = [
     "settle",
     "slide_edges",
     "slopes",
+    "spreads",
     "version",
     "weigh_choices",
 ]

@@ -100,9 +100,10 @@ class Bvh {
         return best;
     }
 
-    // hit(item, nearest) returns how far along a ray an item is met, or anything larger than nearest; the least of all
+    // hit(item, nearest) returns how far along a ray an item is met, or anything larger than nearest; the least of all.
+    // Boxes are grown by a margin: then of all rays that are no farther beside this one
     template <class Hit>
-    double cast(const Vec3& origin, const Vec3& direction, double nearest, Hit&& hit) const {
+    double cast(const Vec3& origin, const Vec3& direction, double nearest, Hit&& hit, double margin = 0) const {
         if (nodes.empty()) return nearest;
         const Vec3 inverse{1 / direction.x, 1 / direction.y, 1 / direction.z};
         int stack[64], top = 0;
@@ -111,7 +112,8 @@ class Bvh {
             const Node& node = nodes[stack[--top]];
             double enter = 0, leave = nearest;
             for (int k = 0; k < 3; ++k) {
-                const double a = (node.box.lo[k] - origin[k]) * inverse[k], b = (node.box.hi[k] - origin[k]) * inverse[k];
+                const double a = (node.box.lo[k] - margin - origin[k]) * inverse[k];
+                const double b = (node.box.hi[k] + margin - origin[k]) * inverse[k];
                 if (a != a || b != b) continue;  // along a side of the box
                 enter = std::max(enter, std::min(a, b));
                 leave = std::min(leave, std::max(a, b));

@@ -23,6 +23,7 @@ using namespace nb::literals;
 
 namespace tanteo {
 void offer_images(nb::module_& m);  // image_door.cpp
+void offer_beams(nb::module_& m);   // beam_door.cpp
 }
 
 namespace {
@@ -554,4 +555,5 @@ NB_MODULE(native, m) {
     m.def("group_information", &group_information, "weights"_a, "means"_a, "variances"_a, "groups"_a);
     m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);
     offer_images(m);
+    offer_beams(m);
 }

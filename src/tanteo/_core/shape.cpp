@@ -100,22 +100,33 @@ int Shape::near_triangle(const Vec3& p) const {
     return grid_triangle[cell.node + (cell.f[0] > 0.5) * plane + (cell.f[1] > 0.5) * row + (cell.f[2] > 0.5)];
 }
 
-double Shape::cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle) const {
+double Shape::met_at(int t, const Vec3& origin, const Vec3& direction) const {
+    const Vec3 &a = vertices[triangles[3 * t]], &b = vertices[triangles[3 * t + 1]], &c = vertices[triangles[3 * t + 2]];
+    const Vec3 e1 = b - a, e2 = c - a, h = cross(direction, e2);  // Moeller and Trumbore 1997
+    const double det = dot(e1, h);
+    if (std::fabs(det) < 1e-300) return 1e300;
+    const Vec3 s = origin - a;
+    const double u = dot(s, h) / det, slack = 1e-9;
+    if (u < -slack || u > 1 + slack) return 1e300;
+    const Vec3 q = cross(s, e1);
+    const double v = dot(direction, q) / det;
+    if (v < -slack || u + v > 1 + slack) return 1e300;
+    const double along = dot(e2, q) / det;
+    return along > 0 ? along : 1e300;
+}
+
+double Shape::cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle, int guess) const {
     int which = -1;
+    if (guess >= 0) {
+        const double there = met_at(guess, origin, direction);
+        if (there < reach) {
+            reach = there;
+            which = guess;
+        }
+    }
     const double far = triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) {
-        const Vec3 &a = vertices[triangles[3 * t]], &b = vertices[triangles[3 * t + 1]],
-                   &c = vertices[triangles[3 * t + 2]];
-        const Vec3 e1 = b - a, e2 = c - a, h = cross(direction, e2);  // Moeller and Trumbore 1997
-        const double det = dot(e1, h);
-        if (std::fabs(det) < 1e-300) return 1e300;
-        const Vec3 s = origin - a;
-        const double u = dot(s, h) / det, slack = 1e-9;
-        if (u < -slack || u > 1 + slack) return 1e300;
-        const Vec3 q = cross(s, e1);
-        const double v = dot(direction, q) / det;
-        if (v < -slack || u + v > 1 + slack) return 1e300;
-        const double along = dot(e2, q) / det;
-        if (along <= 0 || along >= nearest) return 1e300;
+        const double along = met_at(t, origin, direction);
+        if (along >= nearest) return 1e300;
         which = t;
         return along;
     });

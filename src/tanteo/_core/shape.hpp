@@ -93,8 +93,14 @@ class Shape : public ShapeNumbers {
 
     Closest closest(const Vec3& p) const;
     Closest closest_about(const Vec3& p) const;  // of the triangle next to the middle of its cell
-    // first triangle that a ray meets: distance (infinite for none), triangle
-    double cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle = nullptr) const;
+    // first triangle that a ray meets: distance (infinite for none), triangle; sooner found if it is the one guessed
+    double cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle = nullptr, int guess = -1) const;
+    double met_at(int triangle, const Vec3& origin, const Vec3& direction) const;  // by a ray; infinite if it is not
+    // visit(triangle) for all that rays up to so far beside a ray may meet within a reach
+    template <class Visit>
+    void triangles_about(const Vec3& origin, const Vec3& direction, double reach, double beside, Visit&& visit) const {
+        triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) { visit(t); return nearest; }, beside);
+    }
     // distance to the surface from the grid, not signed; rough far away
     double field(const Vec3& p, int* flat = nullptr) const;
 

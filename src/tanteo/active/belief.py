@@ -48,6 +48,7 @@ class Belief:
         part: index of the part of each ``(M,)``.
         weights: probability of each ``(M,)``; sums to one with ``unknown``.
         rows: rough pose of the start from which each most probably is ``(M,)``.
+        chances: of being within tolerances, see :func:`tanteo.active.chance_within`, as far as they were asked for.
     """
 
     start: Start
@@ -59,6 +60,7 @@ class Belief:
     part: IntArray = field(init=False)
     weights: FloatArray = field(init=False)
     rows: IntArray = field(init=False)
+    chances: dict[tuple[float, str | None], float] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         start, modes = self.start, self.modes

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.special import gammaincc
 
 from tanteo.active.belief import begin
 from tanteo.active.candidates import Candidates, propose
@@ -133,6 +131,8 @@ class Design:
 
     def _lost(self, costs: FloatArray, tolerance: float) -> FloatArray:
         """Chance that an error in space of such mean squares is larger than the tolerance."""
+        from scipy.special import gammaincc  # slow to import
+
         return np.asarray(gammaincc(1.5, 1.5 * tolerance**2 / costs))
 
     def promise(self, chosen: IntArray, tolerance: float) -> Promise:
@@ -195,6 +195,8 @@ def _steadiest(among: Placements, steady: float, room: float) -> IntArray:
 
 def _prior(start: Start, probe: Probe) -> tuple[Covariances, Covariances]:
     """Covariance of pose, bias and base, and that of the pose if it were known exactly relative to the robot."""
+    from scipy.linalg import block_diag  # slow to import
+
     pose = observed_covariance(start.targets[0].part, start.covariances[0])
     pose = pose + _TINY * start.covariances[0]  # invertible, where a round part may spin
     blocks, limit = [pose], np.zeros((6, 6))

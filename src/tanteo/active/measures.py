@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from tanteo.constraints import chi2_limit, chi2_statistic
 from tanteo.errors import DegenerateError, InputError
 from tanteo.lie import SE3
+from tanteo.special import log_sum
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
 
 _REACH = 12.0
@@ -69,9 +69,11 @@ def accept_probability(delta: Vectors, S: Covariances, alpha: float) -> AcceptPr
         S: covariance common to both ``(*batch, m, m)``.
         alpha: rejected share of true matches.
     """
+    from scipy.special import chndtr  # slow to import
+
     noncentrality = chi2_statistic(np.asarray(delta, dtype=np.float64), np.asarray(S, dtype=np.float64))
     m = np.shape(delta)[-1]
-    return AcceptProbability(noncentrality, np.asarray(special.chndtr(chi2_limit(alpha, m), m, noncentrality)))
+    return AcceptProbability(noncentrality, np.asarray(chndtr(chi2_limit(alpha, m), m, noncentrality)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +126,8 @@ def discriminate(weights: FloatArray, means: FloatArray, variances: FloatArray, 
 
 def accept_matrix(means: FloatArray, variances: FloatArray, alpha: float) -> FloatArray:
     """``A_ij``: probability that the gate about hypothesis ``j`` accepts a reading drawn from ``i``."""
+    from scipy.special import ndtr  # slow to import
+
     D = np.sqrt(chi2_limit(alpha))
     mu, sd = np.asarray(means), np.sqrt(variances)
     low = (mu - D * sd - mu[:, None]) / sd[:, None]
@@ -131,7 +135,7 @@ def accept_matrix(means: FloatArray, variances: FloatArray, alpha: float) -> Flo
     # from the side where both are small, so that far tails keep their digits
     flip = low > 0
     a, b = np.where(flip, -high, low), np.where(flip, -low, high)
-    return special.ndtr(b) - special.ndtr(a)
+    return np.asarray(ndtr(b) - ndtr(a))
 
 
 def information_bounds(weights: FloatArray, means: FloatArray, variances: FloatArray) -> tuple[float, float]:
@@ -162,13 +166,14 @@ def mutual_information(weights: FloatArray, means: FloatArray, variances: FloatA
     are far sharper, panel by panel; no entropies of opposite sign cancel.
     """
     w, mu, var = _check(weights, means, variances)
-    sd = np.sqrt(var)
-    total = 0.0
+    sd, total = np.sqrt(var), 0.0
+    with np.errstate(divide="ignore"):
+        log_w = np.log(w)
     for k in np.flatnonzero(w > 0):
         y, weight = _nodes(mu, sd, int(k))
         z = (y[:, None] - mu) / sd
         log_p = -0.5 * z * z - np.log(sd)
-        log_mix = special.logsumexp(log_p, axis=1, b=w)
+        log_mix = log_sum(log_p + log_w, axis=1)
         total += w[k] * float(weight @ (np.exp(-0.5 * z[:, k] ** 2) * (log_p[:, k] - log_mix)))
     return float(total / np.sqrt(2 * np.pi))
 

@@ -107,9 +107,8 @@ def _meets(
     if has_cone(probe):
         along = _rays(candidates.directions, probe.beam_half_angle, len(Ts), rng)
     met = rays_met(target, Ts, candidates.origins, along)
-    faces = np.where(met.triangles >= 0, target.part.triangle_face[met.triangles], -1)
     answered = np.isfinite(met.distances) & probe.answers(met.distances, met.cosines)
-    return np.asarray(answered & (faces == candidates.face[:, None])).T
+    return np.asarray(answered & (met.faces == candidates.face[:, None])).T
 
 
 def _rays(directions: Vectors, half_angle: float, count: int, rng: np.random.Generator) -> Vectors:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import EllipsisType
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.active.probe import Probe
 from tanteo.inference import PreparedPart
 from tanteo.lie import SO3
@@ -29,32 +29,26 @@ def has_cone(probe: Probe) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Met:
-    """What rays meet at poses: ranges, triangles, cosines of incidence ``(C, S)``, and where, in the part."""
+    """What rays meet at poses.
 
-    target: PreparedPart
+    Attributes:
+        distances: ``(C, S)`` [m]; infinite for a miss.
+        cosines: of incidence ``(C, S)``; 0 for a miss.
+        faces: ``(C, S)``; -1 for a miss.
+        derivatives: how ranges move with the pose ``(C, S, 6)``; 0 for a miss.
+    """
+
     distances: FloatArray
-    triangles: IntArray
     cosines: FloatArray
-    starts: Vectors
-    along: Vectors
-
-    def derivatives(self, at: tuple[IntArray, ...] | EllipsisType = ...) -> FloatArray:
-        """How ranges move with the pose, of some of the rays or all ``(*, 6)``."""
-        n, d = self.target.surface.normals[self.triangles[at]], self.distances[at]
-        x = self.starts[at] + np.where(self.triangles[at] >= 0, d, 0.0)[..., None] * self.along[at]
-        g = np.concatenate([n, SO3.cross(x, n)], axis=-1) / np.maximum(self.cosines[at], 1e-3)[..., None]
-        return -g
+    faces: IntArray
+    derivatives: FloatArray
 
 
 def rays_met(target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors) -> Met:
     """By rays from ``(C, 3)`` in world directions ``(C, S, 3)``, or ``(C, 1, 3)``."""
-    R, t = Ts[:, :3, :3], Ts[:, :3, 3]
-    local = ((origins[:, None] - t)[:, :, None, :] @ R)[:, :, 0]
-    along = (directions[:, :, None, :] @ R)[:, :, 0]
-    hits = target.surface.cast(local, along)
-    n = target.surface.normals[hits.triangles]
-    cosine = np.where(hits.triangles >= 0, np.abs(np.sum(n * along, axis=-1)), 0.0)
-    return Met(target, hits.distances, hits.triangles, cosine, local, along)
+    poses, starts, along = (np.ascontiguousarray(values) for values in (Ts, origins, directions))
+    distances, cosines, faces, derivatives = _core.beams(target.shape, poses, starts, along)
+    return Met(distances, cosines, faces.astype(np.int64), derivatives)
 
 
 def of_cone(
@@ -76,7 +70,7 @@ def of_cone(
         met = rays_met(target, Ts, origins, (directions[:, None] + slope * aside) / length)
         answers = probe.answers(met.distances, met.cosines)
         first = np.nonzero(answers & (n == 0))
-        g[first] = met.derivatives(first)
+        g[first] = met.derivatives[first]
         depth = np.where(answers, met.distances, 0.0) / length  # along the axis, where the reading is put
         n, total, squares = n + answers, total + depth, squares + depth**2
         cosines += np.where(answers, met.cosines, 0.0)

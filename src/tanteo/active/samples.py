@@ -8,6 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.active.belief import Belief
 from tanteo.active.places import places_of
 from tanteo.active.probe import Probe
@@ -130,14 +131,19 @@ def even_normals(n: int) -> FloatArray:
     """Evenly spread standard normal vectors ``(n, 6)``, the first at the centre, the others with unit covariance."""
     if n == 1:
         return np.zeros((1, 6))
-    steps = _PLASTIC ** -np.arange(1.0, 7.0)
-    u = (0.5 + np.arange(1, n // 2 + 1)[:, None] * steps) % 1.0
-    half = np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
+    half = _even(1 << (int(n) // 2 - 1).bit_length())[: n // 2]
     x = np.stack([half, -half], axis=1).reshape(-1, 6)[: n - 1]
     if n > _FULL:
         x -= x.mean(axis=0)
         x = np.linalg.solve(np.linalg.cholesky(np.cov(x.T)), x.T).T
     return np.concatenate([np.zeros((1, 6)), x])
+
+
+@cache
+def _even(n: int) -> FloatArray:
+    """Evenly spread standard normal vectors ``(n, 6)`` on one side, as they come; fewer are the first of more."""
+    u = (0.5 + np.arange(1, n + 1)[:, None] * _PLASTIC ** -np.arange(1.0, 7.0)) % 1.0
+    return np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,21 +187,27 @@ def predict(samples: Samples, origins: Vectors, directions: Vectors, probe: Prob
         directions: unit, world ``(C, 3)``.
         probe: what senses, if its cone is to count.
     """
-    C, S = len(origins), len(samples)
-    ranges, cosines, faces = np.full((C, S), np.inf), np.zeros((C, S)), np.full((C, S), -1, dtype=np.int64)
-    variances, spreads, useful, scatter = np.zeros((4, C, S))
-    shares = np.ones((C, S))
-    for k in np.unique(samples.part):
-        some = np.flatnonzero(samples.part == k)
-        d, cosine, face, g = beams(samples.targets[k], samples.Ts[some], origins, directions)
-        if probe is not None and has_cone(probe):
-            rays = samples.targets[k], samples.Ts[some], origins, directions, (d, cosine, g), probe
-            d, cosine, g, shares[:, some], scatter[:, some] = of_cone(*rays)
-        by_sample = np.ascontiguousarray(g.swapaxes(0, 1))
-        for form, A in ((variances, samples.covariances), (spreads, samples.whole), (useful, samples.useful)):
-            form[:, some] = np.sum((by_sample @ A[some]) * by_sample, axis=-1).T
-        ranges[:, some], cosines[:, some], faces[:, some] = d, cosine, face
-    return Predictions(ranges, cosines, variances, spreads, useful, faces, shares, scatter)
+    parts = np.unique(samples.part).tolist() or [0]
+    rows = [np.flatnonzero(samples.part == k) for k in parts]
+    found = [_of_part(samples, k, some, origins, directions, probe) for k, some in zip(parts, rows, strict=True)]
+    if len(found) == 1:
+        return Predictions(*found[0])
+    order = np.argsort(np.concatenate(rows))
+    return Predictions(*(np.concatenate(columns, axis=1)[:, order] for columns in zip(*found, strict=True)))
+
+
+def _of_part(
+    samples: Samples, k: int, some: IntArray, origins: Vectors, directions: Vectors, probe: Probe | None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
+    """What :class:`Predictions` has, under the samples of part ``k``."""
+    target, Ts = samples.targets[k], samples.Ts[some]
+    d, cosine, face, g = beams(target, Ts, origins, directions)
+    shares, scatter = np.ones(d.shape), np.zeros(d.shape)
+    if probe is not None and has_cone(probe):
+        d, cosine, g, shares, scatter = of_cone(target, Ts, origins, directions, (d, cosine, g), probe)
+    forms = np.stack([A[some] for A in (samples.covariances, samples.whole, samples.useful)])
+    variances, spreads, useful = _core.spreads(np.ascontiguousarray(g), forms)
+    return d, cosine, variances, spreads, useful, face, shares, scatter
 
 
 def beams(
@@ -210,8 +222,7 @@ def beams(
         directions: unit, world ``(C, 3)``.
 
     Returns:
-        ``(C, S)`` three times (infinite, 0 and -1 for a miss), and the derivatives ``(C, S, 6)``.
+        ``(C, S)`` three times (infinite, 0 and -1 for a miss), and the derivatives ``(C, S, 6)``, 0 for a miss.
     """
     met = rays_met(target, Ts, origins, directions[:, None])
-    faces = np.where(met.triangles >= 0, target.part.triangle_face[met.triangles], -1)
-    return met.distances, met.cosines, faces, met.derivatives()
+    return met.distances, met.cosines, met.faces, met.derivatives

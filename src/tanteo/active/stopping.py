@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import entr
 
 from tanteo.active.belief import Belief
 from tanteo.active.places import Places, check_feature, places_of
@@ -14,6 +13,7 @@ from tanteo.answers.part_motions import observed_covariance, without_spin
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_count, check_length, check_number
+from tanteo.special import entropy
 from tanteo.typing import FloatArray
 
 _SAMPLES = 2048
@@ -133,7 +133,7 @@ class Stop:
         if not len(belief.weights) or gain < _FAINT * self.least_gain:
             return False
         known = belief.of_parts() if self.tolerance is None else belief.weights
-        if gain * left < entr(np.append(known, belief.unknown)).sum():
+        if gain * left < entropy(np.append(known, belief.unknown)).sum():
             return False
         return self.tolerance is None or self.chance(belief) >= self.confidence * float(belief.weights.max())
 
@@ -152,6 +152,12 @@ def chance_within(belief: Belief, tolerance: float, feature: str | None = None) 
         tolerance: how far off they may be [m].
         feature: name of one that is to be within it instead, see :class:`Stop`.
     """
+    if (tolerance, feature) not in belief.chances:
+        belief.chances[tolerance, feature] = _chance_within(belief, tolerance, feature)
+    return belief.chances[tolerance, feature]
+
+
+def _chance_within(belief: Belief, tolerance: float, feature: str | None) -> float:
     if not len(belief.weights):
         return 0.0
     best = int(np.argmax(belief.weights))
@@ -188,8 +194,7 @@ def corner_distances(belief: Belief, k: int, Ts: FloatArray) -> FloatArray:
 
 
 def _distances(belief: Belief, k: int, Ts: FloatArray, feature: str | None = None) -> FloatArray:
-    moved = _moved(belief, k, Ts, places_of(belief.target(k).part, feature))[0]
-    return np.asarray(np.linalg.norm(moved, axis=-1).max(axis=-1))
+    return _moved(belief, k, Ts, places_of(belief.target(k).part, feature))[2]
 
 
 def worst_corner(belief: Belief) -> float:
@@ -204,7 +209,7 @@ def worst_corner(belief: Belief) -> float:
     part, same = belief.target(best).part, np.flatnonzero(belief.part == belief.part[best])
     w = belief.weights[same] / belief.weights[same].sum()
     places = places_of(part)
-    moved, R = _moved(belief, best, belief.poses[same], places)
+    moved, R, _ = _moved(belief, best, belief.poses[same], places)
     J = R[:, None] @ places.moves
     C = np.stack([observed_covariance(part, belief.covariances[k]) for k in same])[:, None]
     off = moved - np.tensordot(w, moved, 1)
@@ -212,17 +217,19 @@ def worst_corner(belief: Belief) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(whole).max().clip(0.0)))
 
 
-def _moved(belief: Belief, k: int, Ts: FloatArray, places: Places) -> tuple[FloatArray, FloatArray]:
+def _moved(belief: Belief, k: int, Ts: FloatArray, places: Places) -> tuple[FloatArray, FloatArray, FloatArray]:
     """From where mode ``k`` has the places to where poses have them, in its frame ``(S, K, 3)``; how these are turned.
 
-    Of poses that symmetry makes equal, the one at which the worst place moves least.
+    And how far the worst place is moved ``(S,)``. Of poses that symmetry makes equal, the one at which that is least.
     """
     part = belief.target(k).part
     gaps = SE3.inverse(belief.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
     if part.symmetry.continuous:
         gaps = without_spin(part, gaps)
-    moved = SE3.apply(gaps[..., None, :, :], places.points) - places.points
+    R, t = gaps[..., :3, :3], gaps[..., :3, 3]
+    moved = (R - np.eye(3)) @ places.points.T + t[..., None]  # (..., 3, K): sums over three in a row are slow
     if places.feature is not None:
-        moved = (places.across @ moved[..., None])[..., 0]
-    least, rows = np.linalg.norm(moved, axis=-1).max(axis=-1).argmin(axis=0), np.arange(len(Ts))
-    return moved[least, rows], gaps[least, rows, :3, :3]
+        moved = np.einsum("kij,...jk->...ik", places.across, moved)
+    worst = np.sqrt(np.einsum("...ik,...ik->...k", moved, moved).max(axis=-1))
+    least, rows = worst.argmin(axis=0), np.arange(len(Ts))
+    return np.swapaxes(moved[least, rows], -1, -2), R[least, rows], worst[least, rows]

@@ -9,11 +9,11 @@ log of the ratio of variances, as far as it matters for a tolerance.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import entr
 
 from tanteo import _core
 from tanteo.active.probe import Probe
 from tanteo.active.samples import Predictions, Samples
+from tanteo.special import entropy
 from tanteo.typing import FloatArray, IntArray
 
 
@@ -54,10 +54,15 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
     member = (group[:, None] == np.arange(len(names))).astype(np.float64)
     total, hits = samples.weights @ member, w @ member
     chance = hits / total
-    miss = entr(hit) + entr(np.maximum(1 - hit, 0.0)) - (entr(chance) + entr(np.maximum(1 - chance, 0.0))) @ total
+    miss = _of_two(hit) - _of_two(chance) @ total
     variances = np.where(answers, predicted.variances + own, 1.0)
     means = np.where(answers, predicted.ranges, 0.0)
     return np.asarray(np.maximum(miss, 0.0) + _core.group_information(w, means, variances, group))
+
+
+def _of_two(chance: FloatArray) -> FloatArray:
+    """Entropy of whether something happens [nats]."""
+    return entropy(chance) + entropy(np.maximum(1 - chance, 0.0))
 
 
 def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:

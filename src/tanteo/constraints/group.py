@@ -8,14 +8,13 @@ import numpy as np
 
 from tanteo.constraints.angle import angle_bias
 from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
-from tanteo.constraints.gates import chi2_limit
 from tanteo.constraints.relative import Relative
 from tanteo.constraints.stacking import FeatureArrays, PairPlan
 from tanteo.typing import BoolArray, Covariances, FloatArray
 
 PARALLEL_ALPHA = 1e-4
 """Rejected share of truly parallel pairs: the pruning level of ``math.md`` section 9."""
-_PARALLEL_LIMIT = chi2_limit(PARALLEL_ALPHA, 2)
+_PARALLEL_LIMIT = -2 * float(np.log(PARALLEL_ALPHA))  # of chi-square with two degrees of freedom
 RESOLUTION = 1e-6
 """Tilt [rad] below which directions count as equal even if both features are known exactly (model features)."""
 

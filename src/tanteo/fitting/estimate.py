@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import SharedError, SharedTerm
+from tanteo.special import chi2_survival
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 SharedReadings = Sequence[tuple[SharedError, FloatArray]]
@@ -72,7 +72,7 @@ def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
     return FitReport(
         chi2,
         dof,
-        float(special.chdtrc(dof, chi2)) if dof else 1.0,
+        chi2_survival(chi2, dof) if dof else 1.0,
         float(np.sqrt(np.mean(np.sum(estimate.residuals**2, axis=-1)))),
         readings[k] if readings else str(k + 1),
         float(np.abs(estimate.standardised[k])),
@@ -85,7 +85,7 @@ def p_of_worst(standardised: FloatArray, size: int) -> float:
 
     The fit takes over a share of every residual, so that they are smaller than this bound expects.
     """
-    return float(min(len(standardised) * special.chdtrc(size, np.max(np.abs(standardised)) ** 2), 1.0))
+    return min(len(standardised) * chi2_survival(float(np.max(np.abs(standardised)) ** 2), size), 1.0)
 
 
 def check_points(points: Vectors, covs: Covariances, least: int, what: str) -> tuple[Vectors, Covariances]:

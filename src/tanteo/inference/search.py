@@ -40,8 +40,8 @@ _BITS, _CERTAIN = 60, 0b1111
 """Pairs and draws that are told apart, and what labels lead to: as good as found by several."""
 
 _ROUNDS, _TOGETHER, _LEAST_ROUNDS = 12, 24, 4
-"""Rounds of a part at most: of few precise points one finds the pose with a third or more of probability. So many of all
-parts together that are still in, but no fewer of each than the last."""
+"""Rounds of a part at most: of few precise points one finds the pose with a third or more of probability. So many of
+all parts together that are still in, but no fewer of each than the last."""
 
 _PAIRS = 12
 """Pairs of points that are proposed from."""

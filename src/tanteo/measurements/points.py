@@ -106,13 +106,13 @@ class ContactPoints:
 
     def placed(self) -> ContactPoints:
         """The same, readings that were made along one beam being of one place."""
-        places = np.arange(len(self))
-        for k in range(1, len(self)):
-            away, d = self.points[:k] - self.points[k], self.directions[k]
-            beside = np.linalg.norm(away - np.outer(away @ d, d), axis=1)
-            same = self.directed[:k] & self.directed[k] & (beside < _BESIDE) & (self.directions[:k] @ d > _ALONG)
-            if same.any():
-                places[k] = places[np.argmax(same)]
+        places, d = np.arange(len(self)), self.directions
+        later, earlier = np.nonzero(np.tril(d @ d.T > _ALONG, -1))
+        away, d = self.points[earlier] - self.points[later], d[later]
+        beside = np.linalg.norm(away - np.sum(away * d, axis=1, keepdims=True) * d, axis=1)
+        later, earlier = later[beside < _BESIDE], earlier[beside < _BESIDE]
+        for row, k in zip(*np.unique(later, return_index=True), strict=True):
+            places[row] = places[earlier[k]]
         return replace(self, places=places)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import entr
 
 from tanteo.active import Belief, Candidates
 from tanteo.lie import SE3
 from tanteo.session.values import Action, Step
+from tanteo.special import entropy
 
 
 def once_more(belief: Belief, steps: Sequence[Step]) -> Candidates:
@@ -34,7 +34,7 @@ def told_by_repeat(belief: Belief) -> float:
     """
     c, u = belief.start.priors.clutter, belief.unknown
     off = u * (1 - c) + (1 - u) * c
-    return float(entr(off) + entr(1 - off) - entr(c) - entr(1 - c))
+    return float(entropy(off) + entropy(1 - off) - entropy(c) - entropy(1 - c))
 
 
 def _is_like(one: Action, other: Action) -> bool:

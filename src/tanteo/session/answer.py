@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtrc
 
 from tanteo.active import Belief, Stop, worst_corner
 from tanteo.active.places import places_of
@@ -19,6 +18,7 @@ from tanteo.limits import SUSPECT
 from tanteo.measurements import ContactPoints
 from tanteo.session.moved import moved
 from tanteo.session.values import Step, Told
+from tanteo.special import chi2_survival
 
 ALPHA = 0.01
 """An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
@@ -107,7 +107,7 @@ def _worst(points: ContactPoints, best: Explained, prior_p: float) -> str:
     """The reading that contradicts the likeliest hypothesis most, unless the rough pose contradicts it more."""
     chi2, fixed = best.chi_square()
     dof = fixed + len(best.free)
-    return worst_reading(points, best) if dof > 0 and chdtrc(dof, chi2) < prior_p else ""
+    return worst_reading(points, best) if dof > 0 and chi2_survival(chi2, dof) < prior_p else ""
 
 
 def moved_words(belief: Belief) -> str:

@@ -61,6 +61,7 @@ class Session:
     able: Callable[[Belief, Candidates], BoolArray] | None = None
     _belief: Belief = field(init=False)
     _readings: list[Readings] = field(init=False, default_factory=list)
+    _joined: Readings | None = field(init=False, default=None)
     _steps: list[Step] = field(init=False, default_factory=list)
     _asked: Action | None = field(init=False, default=None)
     _questions: int = field(init=False, default=0)
@@ -83,7 +84,7 @@ class Session:
     @property
     def readings(self) -> Readings | None:
         """All that was told; None before the first."""
-        return concatenate(self._readings) if self._readings else None
+        return self._joined
 
     @property
     def prior(self) -> PosePrior:
@@ -120,7 +121,7 @@ class Session:
     @property
     def count(self) -> int:
         """Readings told."""
-        return sum(len(r) for r in self._readings)
+        return 0 if self._joined is None else len(self._joined)
 
     @property
     def questions(self) -> int:
@@ -221,13 +222,13 @@ class Session:
         self._questions = max(self._questions, questions)
 
     def _take(self, told: Told) -> Step:
-        belief, fresh, action = self._belief, told.readings, told.action
+        belief, joined, fresh, action = self._belief, self._joined, told.readings, told.action
         if fresh is not None:
-            all_ = concatenate([*self._readings, fresh])
-            belief = update(belief, *self.sensing.touches(all_, self.probe))
+            joined = fresh if joined is None else concatenate([joined, fresh])
+            belief = update(belief, *self.sensing.touches(joined, self.probe))
         step = step_of(belief, self.stop, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before
-        self._belief = belief
+        self._belief, self._joined = belief, joined
         self._readings += [] if fresh is None else [fresh]
         self._steps.append(step)
         if action is not None:

@@ -40,7 +40,8 @@ def new_readings(told: Sequence[Readings], readings: Readings) -> tuple[Readings
     notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
     if not keep:
         return None, "; ".join(notes)
-    return replace(readings.take(np.array(keep)), ids=tuple(names)), "; ".join(notes)
+    fresh = readings if len(keep) == len(readings) else readings.take(np.array(keep))
+    return fresh if not renamed else replace(fresh, ids=tuple(names)), "; ".join(notes)
 
 
 _WHERE = "points", "directions", "ranges", "Ts_world_hand", "max_ranges", "is_free"

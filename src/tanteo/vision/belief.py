@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tanteo.lie import SE3
 from tanteo.parts import Part
+from tanteo.special import log_sum
 from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.candidates import Candidates
 from tanteo.vision.evidence import Weights, log_weight
@@ -72,7 +72,7 @@ def believe(candidates: Sequence[Candidates], stretches: float, weights: Weights
         kept = distinct_poses(c.model.part, c.T_camera_part, log)
         modes += [Mode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])) for k in kept]
     none = np.log(UNKNOWN) + weights.unknown * stretches + weights.base
-    total = float(logsumexp([m.log for m in modes] + [none]))
+    total = float(log_sum([m.log for m in modes] + [none]))
     # that none of the poses holds is a strange part's doing, or the search's that missed the true one
     strange = UNKNOWN / (UNKNOWN + (1 - UNKNOWN) * MISSED)
     modes.sort(key=lambda m: -m.log)

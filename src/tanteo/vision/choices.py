@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tanteo import _core
+from tanteo.special import log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.edges import CORRELATION, FLOOR
 from tanteo.vision.fit import Met
@@ -146,7 +146,7 @@ def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, Flo
 
 def log_evidence(terms: Terms, A: FloatArray, g: FloatArray) -> float:
     """Log density of the offsets over the same choices, up to what does not depend on the errors."""
-    return float(logsumexp(_choices(terms, A, g)[0]))
+    return float(log_sum(_choices(terms, A, g)[0]))
 
 
 def _choices(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import softmax
 
 from tanteo.lie import SE3
 from tanteo.localization import motions_about
+from tanteo.special import softmax
 from tanteo.typing import FloatArray, IntArray, Transforms
 from tanteo.vision.belief import Mode
 from tanteo.vision.camera import Camera

@@ -13,10 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import softmax
 
 from tanteo import _core
 from tanteo.lie import SE3
+from tanteo.special import softmax
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera
 from tanteo.vision.choices import EdgeErrors, log_evidence, mixture, numbered, terms_of

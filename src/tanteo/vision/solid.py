@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tanteo.answers.part_motions import box_corners
 from tanteo.answers.results import Recognition
 from tanteo.lie import SE3
 from tanteo.parts import Part
+from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.belief import UNKNOWN, Belief, Mode, distinct_poses
@@ -117,7 +117,7 @@ def search(
     # the best of many tries is better than chance by about the logarithm of their number
     none = np.log(UNKNOWN) + np.log(tried)
     modes.sort(key=lambda mode: -mode.log)
-    total = float(logsumexp([none, *(mode.log for mode in modes)]))
+    total = float(log_sum([none, *(mode.log for mode in modes)]))
     scored = tuple(replace(mode, probability=float(np.exp(mode.log - total))) for mode in modes)
     return Belief(scored, float(np.exp(none - total)))
 
