@@ -19,9 +19,6 @@ FEW = 12
 _TILT = 0.25
 """Of a sensed normal against that of a place of the surface [rad]."""
 
-_ORIENTED = 4
-"""Times as many pairs of surface places where normals say which turn about their line is right: each costs less."""
-
 _EACH, _BEYOND = 30, 1.2
 """Draws of the prior that are scored for each that is settled, and their spread in that of the prior."""
 
@@ -46,13 +43,16 @@ class Effort:
         keep: proposals of each pair that are settled.
         climb: of all of them that are climbed.
         move: of the best maxima afterwards that are turned in their place, and slid.
+        hard: the same where maxima are narrow beside what is proposed, or the best one leaves points out that it should
+            not.
     """
 
     pairs: int = 12
     per_pair: int = 40
     keep: int = 7
     climb: int = 40
-    move: int = 10
+    move: int = 0
+    hard: int = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,8 +131,6 @@ def from_pairs(
     scales: Scales,
     effort: Effort,
     seed: int,
-    *,
-    oriented: bool = False,
 ) -> Transforms:
     """Poses that put two points on the surface, the others near it, best first."""
     Ts, _ = _core.propose(
@@ -140,7 +138,7 @@ def from_pairs(
         core,
         rows,
         pairs,
-        effort.per_pair * (_ORIENTED if oriented else 1),
+        effort.per_pair,
         _SPINS,
         scales.blur,
         scales.blur,

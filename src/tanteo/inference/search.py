@@ -39,14 +39,15 @@ one to which four pairs led is missed in one of sixteen searches."""
 _BITS, _CERTAIN = 60, 0b1111
 """Pairs and draws that are told apart, and what labels lead to: as good as found by several."""
 
-_ROUNDS, _TOGETHER, _LEAST_ROUNDS = 12, 24, 4
-"""Rounds of a part at most: of few precise points one finds the pose with a third or more of probability. So many of
-all parts together that are still in, but no fewer of each than the last."""
+_ROUNDS, _DOUBTFUL, _TOGETHER, _LEAST_ROUNDS = 8, 12, 24, 4
+"""Rounds of a part at most, and where its best pose leaves points out that it should not: of few precise points a round
+finds the right one with a third or more of probability. So many of all parts together that are still in, but no fewer
+of each than the last."""
 
 _PAIRS = 12
 """Pairs of points that are proposed from."""
 
-_GLANCE, _LOOK = Effort(6, 16, 3, 8, 0), Effort(12, 40, 7, 40, 3)
+_GLANCE, _LOOK = Effort(6, 16, 3, 8, hard=0), Effort(move=3, hard=3)
 """First rounds of many parts."""
 
 _GLANCED = 24
@@ -116,22 +117,20 @@ class PartSearch:
         if self.rounds:  # the points that are farthest apart may be outliers: later rounds take others
             self._take_other_points()
         climber, k, count = self.climber, self.rounds, min(effort.pairs, len(self.pairs))
+        each = replace(effort, per_pair=effort.per_pair * effort.pairs // max(count, 1))  # few points have few pairs
         poses, groups = [self._of_labels(effort.climb)], [_CERTAIN]
         for i in range(count):
             pair = np.ascontiguousarray(self.pairs[[(k * count + i) % len(self.pairs)]])
             seed = int(self.rng.integers(2**63))
-            both = bool(climber.problem.points.oriented[pair].all())
-            poses.append(
-                from_pairs(
-                    climber.core, climber.prepared, climber.rows, pair, climber.scales, effort, seed, oriented=both
-                )
-            )
+            poses.append(from_pairs(climber.core, climber.prepared, climber.rows, pair, climber.scales, each, seed))
             groups.append(1 << ((k * count + i) % _BITS))
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
         self.draw(effort.climb)
-        if len(self.peaks) and effort.move:
-            self.try_poses(moved(climber.prepared, self.peaks.Ts[: effort.move], self.rng))
+        hard = bool(effort.hard) and (len(climber.scales.blurs) > 1 or self.doubtful())
+        move = effort.hard if hard else effort.move
+        if len(self.peaks) and move:
+            self.try_poses(moved(climber.prepared, self.peaks.Ts[:move], self.rng))
         self.rounds += 1
 
     def _take_other_points(self) -> None:
@@ -229,11 +228,12 @@ def race(
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)
-        most = min(_ROUNDS, max(_LEAST_ROUNDS, _TOGETHER // len(live)))
+        share = max(_LEAST_ROUNDS, _TOGETHER // len(live))
         left = [
             s
             for s in live
-            if s.rounds < most and (s.log_rare() > total + np.log(_MISSING) or (s is best and s.doubtful()))
+            if (s.rounds < min(_ROUNDS, share) and s.log_rare() > total + np.log(_MISSING))
+            or (s is best and s.rounds < min(_DOUBTFUL, share) and s.doubtful())
         ]
         for search in left:
             search.round(Effort())
