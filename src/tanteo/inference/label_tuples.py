@@ -26,6 +26,9 @@ _FLAT = 3.0
 _TILT, _SDS = 0.02, 3.0
 """Angles agree within so much [rad] and so many standard deviations."""
 
+_KNOWN = 0.1
+"""Standard deviation of a sensed normal up to which it is known which faces it may be of [rad]."""
+
 _INDEPENDENT = 0.2
 """Triple product of three normals from which they fix a pose well."""
 
@@ -35,7 +38,7 @@ _MOST = 1500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planes:
-    """Planes through the points of a label each: ``normals . x = offsets``.
+    """Planes through the points of a label each, or through one point with its normal: ``normals . x = offsets``.
 
     Attributes:
         normals: of unit length; outward where the sensor's direction is known ``(n, 3)``.
@@ -57,7 +60,7 @@ class Planes:
 
 
 def labelled_planes(points: ContactPoints) -> Planes:
-    """Planes of the labels that have three points or more and fit one."""
+    """Planes of the labels that have three points or more and fit one, and of points with a sensed normal."""
     groups, found = groups_of(points), []
     for g in range(groups.max(initial=-1) + 1):
         rows = np.flatnonzero(groups == g)
@@ -74,6 +77,9 @@ def labelled_planes(points: ContactPoints) -> Planes:
         span = np.linalg.norm(p - middle, axis=1).max()
         tilt = sd / (width * np.sqrt(len(rows)))
         found.append((n, n @ middle, middle, span, points.radii[rows].mean(), tilt, toward != 0))
+    for k in np.flatnonzero(points.oriented & (groups < 0) & (points.normal_sds < _KNOWN)):
+        n, p = points.normals[k], points.points[k]
+        found.append((n, n @ p, p, 0.0, points.radii[k], points.normal_sds[k], True))
     n, offsets, middles, spans, radii, tilts, sided = zip(*found, strict=True) if found else [()] * 7
     return Planes(
         np.array(n).reshape(-1, 3), np.array(offsets), np.array(middles).reshape(-1, 3), np.array(spans),
