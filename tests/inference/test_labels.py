@@ -77,6 +77,14 @@ def test_a_shared_error_that_turns_with_the_hand_does_not_hide_a_plane():
     assert odds(told)[0] > odds(seen)[0] + 20
 
 
+def test_a_label_of_very_many_points_is_no_burden():
+    rng = np.random.default_rng(6)
+    p = np.column_stack([rng.uniform(-0.05, 0.05, (20_000, 2)), 1e-4 * rng.normal(size=20_000)])
+    got, facet = odds(labelled(p, sd=1e-4))  # as full matrices of all pairs it would take 3 GB
+    assert np.isfinite(got)
+    assert abs(facet.normals[0, 2]) == pytest.approx(1)
+
+
 def facets(normals, tilt, points=None, sd=1e-4):
     k = len(normals)
     covariances = tilt**2 * (np.eye(3) - normals[:, :, None] * normals[:, None])

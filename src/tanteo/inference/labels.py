@@ -125,7 +125,7 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     The integral over the plane, line or point is Laplace's, about their least squares fit.
     """
     middle = points.points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points.points - middle)
+    axes = np.linalg.svd((points.points - middle).T @ (points.points - middle))[2]
     free = {"vertex": 0, "edge": 1}.get(points.kinds[0], 2)  # directions along what they share come first
     across, along = axes[free:], axes[:free]
     off = (points.points - middle) @ across.T
