@@ -10,7 +10,7 @@ from tanteo.answers import Priors
 from tanteo.inference import Problem, identify_points, prepare
 from tanteo.inference.modes import _beyond_normal, _covariance
 from tanteo.inference.proposals import Effort, spread_rows
-from tanteo.inference.sampler import Compared
+from tanteo.inference.sampler import Compared, Sampler
 from tanteo.inference.search import alike, start_search
 from tanteo.lie import SE3
 
@@ -73,6 +73,23 @@ def test_the_region_of_a_bent_ridge_is_widened_until_it_holds_its_samples():
     assert wider > 1.1
     inside = np.einsum("ni,ij,nj->n", x, np.linalg.inv(wider * C), x) < 12.592
     assert inside.mean() == pytest.approx(0.95, abs=0.005)
+
+
+@pytest.mark.parametrize("shared", [0, 2])
+@pytest.mark.parametrize("scale_sd", [0.0, 0.7])
+def test_poses_at_which_nothing_is_touched_count_for_none(parts, shared, scale_sd):
+    """They are as dense however far away: samples would find the more of them, the farther they are drawn."""
+    target, rng = prepare(parts["bracket_left"]), np.random.default_rng(7)
+    T = box_centred_pose(rng)
+    gains = 1e-3 * rng.normal(size=(6, 3, shared))
+    touches = touches_of(SE3.apply(T, surface_points(target, 6, rng)[0]), 1e-4, gains=gains)
+    problem = Problem(touches, no_paths(), Priors(radius=target.part.radius), scale_sd=scale_sd)
+    climber = start_search(problem, target, rng).climber
+    sampler = Sampler(climber, climber.climb(T[None], fine=True), rng, 0.0)
+    away = T @ SE3.exp(np.array([5.0, 0, 0, 0, 0, 0]))
+    here, there = sampler._target(np.stack([T, away]), np.zeros((2, problem.states)))[0]
+    assert there < here - 300
+    assert there < -500
 
 
 def test_parts_draw_the_same_numbers():

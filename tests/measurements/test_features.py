@@ -102,6 +102,19 @@ def test_a_plane_of_unknown_side_has_no_side():
         as_labelled_points([(bare, replace(other, support=np.zeros((0, 3))))])
 
 
+def test_a_plane_that_a_ball_touched_is_told_by_its_centres():
+    feature = replace(fitted_plane(np.random.default_rng(6)), tip_radius=3e-3)
+    at, points = as_labelled_points([replace(feature, tip_radius=0.0)]), as_labelled_points([feature])
+    assert points.radii == pytest.approx(3e-3)
+    np.testing.assert_allclose(points.points - at.points, 3e-3 * points.sides, atol=1e-12)
+
+
+def test_points_in_a_line_or_in_one_place_are_a_normal():
+    feature = fitted_plane(np.random.default_rng(7))
+    for support in (feature.support[:1].repeat(5, axis=0), feature.support[:1] + np.outer(np.arange(5), [1e-3, 0, 0])):
+        assert as_labelled_points([replace(feature, support=support)]).oriented.tolist() == [True]
+
+
 def test_names_are_told_apart_and_misuse_is_refused():
     feature = fitted_plane(np.random.default_rng(4))
     points = as_labelled_points([feature, replace(feature, label=""), feature])

@@ -151,7 +151,7 @@ class Sampler:
         shape, core = self.climber.prepared.shape, self.climber.core
         self._untouched = -np.inf
         if len(self.climber.problem.points):
-            self._untouched = float(_core.log_densities(shape, core, far[None], np.zeros((1, D)))[0])
+            self._untouched = float(_core.marginals(shape, core, far[None], np.zeros((1, D)))[0][0])
 
     def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
         """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""

@@ -40,11 +40,12 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
     points, covs, sides, normals, sds, gained = (np.concatenate(column) for column in zip(*columns, strict=True))
-    covs = covs + tolerance**2 * np.eye(3)
+    covs, outward = covs + tolerance**2 * np.eye(3), sides + normals  # only one of the two is given
+    radii = np.repeat([view[0].tip_radius for view in views], counts) * outward.any(axis=1)
     return ContactPoints(
-        tuple(np.repeat(names, counts).tolist()), points, covs, np.zeros(len(points)), np.zeros(points.shape),
-        normals, sds,
-        np.zeros(len(points)), gained, np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
+        tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs, radii,
+        np.zeros(points.shape), normals, sds, np.zeros(len(points)), gained,
+        np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
         labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(np.repeat(kinds, counts).tolist()), sides=sides,
     )  # fmt: skip
 
@@ -130,7 +131,10 @@ def _as_good(levers: FloatArray, P: Covariances) -> tuple[IntArray, FloatArray]:
     units = np.sqrt(np.diag(P))
     wanted, a, b = np.linalg.inv(P / np.outer(units, units)), *np.triu_indices(3)
     A = levers * units / np.abs(levers * units).max()
-    weights, miss = nnls((A[:, a] * A[:, b]).T, wanted[a, b])
+    try:
+        weights, miss = nnls((A[:, a] * A[:, b]).T, wanted[a, b])
+    except RuntimeError:  # it does not settle, which is as if there were none
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
     rows = np.flatnonzero(weights > _SLIGHT * weights.max())
     if miss > _CLOSE * np.linalg.norm(wanted) or np.linalg.matrix_rank(A[rows]) < 3:
         return rows[:0], weights[:0]
