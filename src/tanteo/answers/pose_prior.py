@@ -133,20 +133,10 @@ def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, Flo
     return gap, np.concatenate([n, np.cross(v, n)], axis=1)
 
 
-def prior_log_density(prior: PosePrior | None, part: Part, Ts: Transforms, radius: float) -> FloatArray:
-    """Log of the prior density over that of "anywhere", less the residuals of :func:`prior_rows` ``(S,)``.
-
-    Args:
-        prior: what is known.
-        part: the part.
-        Ts: poses ``(S, 4, 4)``.
-        radius: as for :func:`log_density_within`.
-    """
-    return np.asarray(np.where(in_box(prior, part, Ts), log_density_within(prior, radius), -np.inf))
-
-
 def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
-    """The same within the box, if there is one: one number, or ``(S,)`` if the prior has as many rough poses.
+    """Log of the prior density over that of "anywhere", less the residuals of :func:`prior_rows`; within the box.
+
+    One number, or ``(S,)`` if the prior has as many rough poses.
 
     Args:
         prior: what is known.
@@ -171,8 +161,3 @@ def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
         return np.ones(len(Ts), dtype=bool)
     centre = SE3.apply(Ts, part.centroid)
     return np.asarray(np.all((centre >= prior.box[0]) & (centre <= prior.box[1]), axis=1))
-
-
-def alike(prior: PosePrior | None, part: Part) -> int:
-    """How many of a part's symmetric poses are equally probable beforehand: a rough pose names one of them."""
-    return 1 if prior is not None and prior.T_world_part is not None else part.symmetry.order

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.special import binomial_cdf, jacobi_nodes, laguerre_nodes, log_sum
+from tanteo.special import binomial_cdf, jacobi_nodes, laguerre_nodes
 from tanteo.typing import FloatArray
 
 _SHAPE = 0.5
@@ -39,29 +39,6 @@ def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
         return np.clip(mean / _SHAPE * x, _LEAST_RATE, 1.0), w
     x, w = jacobi_nodes(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
     return (1 + x) / 2, w
-
-
-def log_density(log_hit: FloatArray, log_outlier: FloatArray, mean: float) -> FloatArray:
-    """Log density of all readings at each pose ``(S,)``, the rate of outliers integrated out.
-
-    Args:
-        log_hit: log density of each reading if it is on the surface ``(S, n)``.
-        log_outlier: if it is aoutlier ``(S, n)``.
-        mean: rate of outliers that is stated.
-    """
-    return log_sum(log_by_rate(log_hit, log_outlier, *outlier_rates(mean, log_hit.shape[1])), axis=0)
-
-
-def on_surface(log_hit: FloatArray, log_outlier: FloatArray, mean: float) -> FloatArray:
-    """Probability that each reading is on the surface ``(S, n)``, given all; arguments of :func:`log_density`."""
-    rates, weights = outlier_rates(mean, log_hit.shape[1])
-    log = log_by_rate(log_hit, log_outlier, rates, weights)
-    share = np.exp(log - log_sum(log, axis=0))
-    ratio = np.exp(np.clip(log_outlier - log_hit, -600, 600))
-    out = np.zeros(ratio.shape)
-    for rate, of_pose in zip(rates, share, strict=True):
-        out += of_pose[:, None] / (1 + rate / (1 - rate) * ratio)
-    return out
 
 
 def so_many(outliers: int, n: int, mean: float) -> float:
