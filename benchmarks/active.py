@@ -33,7 +33,7 @@ import tanteo
 from cli.conftest import prism, stl
 from sensing_scenes import LASER, drawn_truth, new_session, true_range
 from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan, predict, propose, update
-from tanteo.active.distinguish import located
+from tanteo.active.discriminate import located
 from tanteo.active.policies import POLICIES
 from tanteo.active.utility import expected_information
 from tanteo.answers import Priors
@@ -57,7 +57,7 @@ def patch():
     """Six touches of 0.3 mm on a block of 200 x 150 x 80 mm."""
     target, C = boxed((200, 150, 80)), np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
     probe = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.06)
-    planned = plan(at_pose(target, np.eye(4), C), probe, 1e-6, most=6)
+    planned = plan(at_pose(target, np.eye(4), C), probe, 1e-6, max_measurements=6)
     corner = np.array([0.2, 0.15, 0.08])
     # three on the top, two on a long side, one on a short side, all within 40 mm of one corner
     x = corner - np.array([[2, 2, 0], [38, 2, 0], [2, 38, 0], [2, 0, 10], [38, 0, 10], [0, 10, 38]]) / 1e3
@@ -65,7 +65,7 @@ def patch():
     G = np.concatenate([n, np.cross(x, n)], axis=1)
     clustered = corner_sd(target.part, np.linalg.inv(np.linalg.inv(C) + G.T @ G / 3e-4**2))
     rows = [
-        ("planned", f"{1e3 * planned.readings[-1].worst_corner_sd:.2f} mm"),
+        ("planned", f"{1e3 * planned.readings[-1].corner_sd:.2f} mm"),
         ("in a patch", f"{1e3 * clustered:.2f} mm"),
     ]
     text = "Six touches of 0.3 mm on a block of 200 x 150 x 80 mm, place known to 5 mm and 0.05 rad an axis before."
@@ -93,12 +93,12 @@ def panel(scenes, seed):
             while session.count < 30 and isinstance(action := session.ask(), Action):
                 distance = true_range(target, T, action)
                 session.tell(action.read(distance + sd * rng.normal() if np.isfinite(distance) else np.inf))
-                gap = SE3.inverse(T) @ session.belief.poses[0]
+                gap = SE3.inverse(T) @ session.state.poses[0]
                 at = np.linalg.norm(SE3.apply(gap, target.part.centroid) - target.part.centroid)
                 if session.count == 10:
                     moved.append(at)
                     turned.append(np.linalg.norm(SE3.log(gap)[3:]))
-                if enough is None and session.steps[-1].worst_corner_sd <= 3e-3:
+                if enough is None and session.steps[-1].corner_sd <= 3e-3:
                     enough = session.count
                 if session.count >= 10 and enough is not None:
                     break
@@ -122,21 +122,21 @@ def times():
         C = np.tile(located(target, 1e-3), (hypotheses, 1, 1))
         start = Start((target,), np.zeros(hypotheses, dtype=int), Ts, C, np.ones(hypotheses), Priors())
         for count in (100, 500, 2000):
-            belief = begin(start)
-            asked = cpu(lambda b=belief, n=count: _asked(b, n))
+            state = begin(start)
+            asked = cpu(lambda b=state, n=count: _asked(b, n))
             session = new_session(start, LASER, least_gain=0.0)
             action = session.ask()
             readings = session.sensing.touches(action.read(true_range(target, Ts[0], action)), session.probe)
-            told = cpu(lambda b=belief, r=readings: update(b, *r))
+            told = cpu(lambda b=state, r=readings: update(b, *r))
             rows.append((str(hypotheses), str(count), f"{1e3 * asked:.0f} ms", f"{1e3 * told:.0f} ms"))
     return Table(
         "Times", "One core, processor time, median of five.", ("hypotheses", "candidates", "ask", "tell"), rows
     )
 
 
-def _asked(belief, count):
-    candidates = propose(belief, replace(LASER, clearance=0.005), count)
-    samples = draw(belief, 128)
+def _asked(state, count):
+    candidates = propose(state, replace(LASER, clearance=0.005), count)
+    samples = draw(state, 128)
     expected_information(samples, predict(samples, candidates.origins, candidates.directions), LASER)
 
 

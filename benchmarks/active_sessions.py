@@ -63,7 +63,7 @@ def readings_of(sensor, policy, seed, scene, unknown=USUAL):
     start, rng = rough(targets, PLACE, Priors(unknown=unknown)), np.random.default_rng((seed, scene))
     k, T = drawn_truth(start, rng, scene % len(targets))
     session = new_session(start, probe, policy, scene, tolerance=corner, confidence=1 - 1e-9,
-                          least_gain=0.0, most=10**6)  # fmt: skip
+                          least_gain=0.0, max_measurements=10**6)  # fmt: skip
     begun, row = time.process_time(), {"known": MOST + 1, "placed": MOST + 1, "right": True, "off": 0.0}
     rng = np.random.default_rng((seed, scene, 1))
     while session.count < MOST and isinstance(action := session.ask(), Action):
@@ -74,7 +74,7 @@ def readings_of(sensor, policy, seed, scene, unknown=USUAL):
         best = int(np.argmax(step.probabilities))
         if row["known"] > MOST and step.probabilities[best] > 0.99:
             row |= {"known": session.count, "right": best == k}
-        if step.probabilities[best] > 0.99 and step.worst_corner_sd <= corner:
+        if step.probabilities[best] > 0.99 and step.corner_sd <= corner:
             row |= {"placed": session.count, "off": off(session, k, T) / corner}
             break
     return row | {"spent": (time.process_time() - begun) / max(session.count, 1)}
@@ -115,18 +115,18 @@ class Clairvoyant:
     def __init__(self, target, part, T):
         self.target, self.part, self.T = target, part, T
 
-    def choose(self, situation):
+    def choose(self, context):
         """By samples of the belief, a reading without noise, and the session's rate of strays."""
-        s, c, priors = situation, situation.candidates, situation.belief.start.priors
-        samples = draw(s.belief, 600)
+        s, c, priors = context, context.candidates, context.state.start.priors
+        samples = draw(s.state, 600)
         p = predict(samples, c.origins, c.directions)
         true = beams(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
         answers, met = p.met & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
         own = s.probe.variance(np.where(answers, p.ranges, 1.0), np.where(answers, p.cosines, 1.0)) + p.variances
         gaps = np.where(answers, p.ranges, 0.0) - np.where(met, true, 0.0)
         hit = np.where(answers, np.exp(-0.5 * gaps**2 / own) / np.sqrt(2 * np.pi * own), 0.0)
-        read = (1 - priors.clutter) * hit + priors.clutter / (2 * priors.radius)
-        nothing = np.where(answers, priors.clutter, 1 - priors.clutter)
+        read = (1 - priors.outlier_rate) * hit + priors.outlier_rate / (2 * priors.radius)
+        nothing = np.where(answers, priors.outlier_rate, 1 - priors.outlier_rate)
         w = np.where(met, read, nothing) * samples.weights
         P = w @ (samples.part == self.part) / np.maximum(w.sum(axis=1), 1e-300)
         return Choice(int(np.argmax(P)), 1.0, "the true part is likeliest after it")
@@ -138,12 +138,14 @@ def named(policy, seed, scene):
     start, rng = rough(targets, PLACE), np.random.default_rng((seed, scene))
     k, T = drawn_truth(start, rng, scene % len(targets))
     clairvoyant = policy == Clairvoyant.name
-    session = new_session(start, probe, "random" if clairvoyant else policy, scene, least_gain=0.0, most=MOST)
+    session = new_session(
+        start, probe, "random" if clairvoyant else policy, scene, least_gain=0.0, max_measurements=MOST
+    )
     if clairvoyant:
         session.policy = Clairvoyant(targets[k], k, T)
     end = sense(session, targets[k], T, np.random.default_rng((seed, scene, 1)))
     count = session.count if end.reached else MOST + 1
-    return {"known": count, "right": int(np.argmax(session.belief.of_parts())) == k}
+    return {"known": count, "right": int(np.argmax(session.state.of_parts())) == k}
 
 
 def known_parts(scenes, seed, keep, processes):
@@ -167,11 +169,11 @@ def ended(seed, scene):
     targets, rng = twenty(), np.random.default_rng((seed, scene))
     start = rough(targets, PLACE)
     k, T = drawn_truth(start, rng)
-    session = new_session(start, LASER, seed=scene, tolerance=TOLERANCE, most=40)
+    session = new_session(start, LASER, seed=scene, tolerance=TOLERANCE, max_measurements=40)
     end = sense(session, targets[k], T, rng)
     return {
         "readings": session.count, "reached": end.reached, "said": session.steps[-1].within,
-        "right": int(np.argmax(session.belief.of_parts())) == k, "inside": bool(off(session, k, T) <= TOLERANCE),
+        "right": int(np.argmax(session.state.of_parts())) == k, "inside": bool(off(session, k, T) <= TOLERANCE),
     }  # fmt: skip
 
 
@@ -196,7 +198,10 @@ def told(seed, number):
     targets, rng = three(), np.random.default_rng((seed, number))
     start = rough(targets)
     k, T = drawn_truth(start, rng)
-    session, broke = new_session(start, seed=number, policy="random", tolerance=1e-6, most=1000, least_gain=0.0), ""
+    session, broke = (
+        new_session(start, seed=number, policy="random", tolerance=1e-6, max_measurements=1000, least_gain=0.0),
+        "",
+    )
     try:
         tell_anything(session, targets[k], T, rng, int(rng.integers(1, 7)))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is counted and shown

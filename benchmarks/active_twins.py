@@ -14,7 +14,7 @@ from common import Table
 import tanteo
 from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo.active import Start
-from tanteo.active.distinguish import laid_on, located
+from tanteo.active.discriminate import laid_on, located
 from tanteo.active.samples import beams
 from tanteo.answers import Priors
 from tanteo.inference import prepare
@@ -63,7 +63,7 @@ def chance(ranges, sd):
     return 0.5 * (np.maximum(*p).sum() + max(missed))
 
 
-def most(pair, k, probe, beams_tried, draws, seed):
+def max_measurements(pair, k, probe, beams_tried, draws, seed):
     """How often the best of so many beams, from anywhere, lets one be right who makes the best of what it reads."""
     rng, start = np.random.default_rng((seed, k)), either(pair, k, probe)
     v = pair[k].part.vertices
@@ -88,12 +88,12 @@ def row(names, probe, scenes, seed):
         k = int(rng.integers(2))
         start = either(pair, k, probe)
         T = SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
-        session = new_session(start, probe, seed=scene, probability=0.999, most=1)
+        session = new_session(start, probe, seed=scene, probability=0.999, max_measurements=1)
         sense(session, pair[k], T, rng)
-        P = session.belief.of_parts()
+        P = session.state.of_parts()
         right += int(np.argmax(P)) == k
         sure += P[k] > 0.95
-    possible = np.mean([most(pair, k, probe, 4000, 1000, seed) for k in (0, 1)])
+    possible = np.mean([max_measurements(pair, k, probe, 4000, 1000, seed) for k in (0, 1)])
     return " / ".join(names), probe.name, f"{right}/{scenes}", f"{sure}/{scenes}", f"{100 * possible:.1f} %"
 
 

@@ -64,7 +64,7 @@ def new_session(scene, parts):
     from tanteo.session import Sensing, Session
 
     laser = Probe("laser", NoiseLaw.of(scene.sd), max_range=0.3, standoff=0.1)
-    stop = Stop(tolerance=2e-3, most=max(scene.readings, 1))
+    stop = Stop(tolerance=2e-3, max_measurements=max(scene.readings, 1))
     return Session(around(parts, *scene.prior), laser, Sensing(sd=scene.sd), stop=stop)
 
 

@@ -19,7 +19,7 @@ from campaign import options, run_cases
 from common import Table
 
 from felt_scenes import gripper, nees, roof
-from tanteo.acquisition import EdgeIdea, FaceIdea, sense_edge, sense_plane
+from tanteo.acquisition import EdgeGuess, FaceGuess, sense_edge, sense_plane
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules
 from tanteo.simulator import SimulatedHand, clearances
@@ -40,11 +40,11 @@ def run_one(kind, degrees, seed, k):
     robot = SimulatedHand(scene, gripper(), SE3.from_parts(R, front - R @ gripper().front), rng=rng)
     rules = Rules(clearance=0.6 * standoff)
     if kind == "plane":
-        idea = FaceIdea([x, y, 0.0], [0.0, np.sin(bend / 2), np.cos(bend / 2)])
-        got = sense_plane(robot, idea, standoff=standoff, rules=rules)
+        guess = FaceGuess([x, y, 0.0], [0.0, np.sin(bend / 2), np.cos(bend / 2)])
+        got = sense_plane(robot, guess, standoff=standoff, rules=rules)
     else:
-        idea = EdgeIdea([x, 0.004, 0.0], [-1.0, 0.1, 0.0], [0.0, 0.1, 1.0])
-        got = sense_edge(robot, idea, standoff=standoff, rules=rules)
+        guess = EdgeGuess([x, 0.004, 0.0], [-1.0, 0.1, 0.0], [0.0, 0.1, 1.0])
+        got = sense_edge(robot, guess, standoff=standoff, rules=rules)
     share = clearances(scene, gripper().body, np.array(robot.truth)).min() / standoff
     value = None if got.feature is None else nees(scene, got.feature)[0]
     return {"status": got.status, "message": got.message, "nees": value, "share": share}

@@ -68,16 +68,16 @@ def draw(rng, mode, part, T, priors):
     else:
         edges = rng.choice(len(part.edges), size=2, p=part.edges.lengths / part.edges.lengths.sum())
         given = [*surface_touches(part, T, n - 1, rng), *(sensed_edge(part, T, e, 2e-4, rng, f"e{e}") for e in edges)]
-    stray = rng.uniform(size=len(given)) < priors.clutter
+    outlier = rng.uniform(size=len(given)) < priors.outlier_rate
     return [
         clutter_touch(priors.radius, rng, f"c{k}") if s else f
-        for k, (f, s) in enumerate(zip(given, stray, strict=True))
+        for k, (f, s) in enumerate(zip(given, outlier, strict=True))
     ]
 
 
 def campaign(mode, scenes, *, seed=1, pool=None, **settings):
     """All scenes of one way of sensing ``(scenes, 6)``, from as many catalogues as it takes."""
-    settings = {"unknown": 0.2, "clutter": 0.05, **settings}
+    settings = {"unknown": 0.2, "outlier_rate": 0.05, **settings}
     tasks = [(seed, k, mode, settings, min(SCENES, scenes - k)) for k in range(0, scenes, SCENES)]
     rows = (pool.map if pool else map)(scenes_of, tasks)
     return np.array([row for task in rows for row in task], dtype=float)

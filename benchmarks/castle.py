@@ -21,7 +21,7 @@ from common import Table
 from bare_scenes import nees, no_paths, off
 from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
 from tanteo.answers import Priors
-from tanteo.inference import Problem, as_hypothesis, explained, identify_points, posterior_about, prepare
+from tanteo.inference import Problem, as_hypothesis, goodness_of_fit, identify_points, posterior_about, prepare
 from tanteo.lie import SE3
 
 RIGHT = 3e-3, np.radians(1.5)
@@ -39,7 +39,7 @@ def covariance_at(target, touches, T):
     """Of the posterior about the maximum next to a pose ``(6, 6)``, as an answer would state it if told where it is."""
     problem = Problem(touches, no_paths(), Priors(radius=target.part.radius))
     mode = posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
-    return as_hypothesis(touches, explained(mode)).covariance
+    return as_hypothesis(touches, goodness_of_fit(mode)).covariance
 
 
 def mm(lengths):
@@ -71,7 +71,7 @@ def main():
                 statuses[answer.status] += 1
                 if right and right[0]:
                     values.append(squares[0])
-                sds += [h.worst_corner_sd for h in answer.hypotheses[:1]]
+                sds += [h.corner_sd for h in answer.hypotheses[:1]]
                 hoped += [h.probability * share_right(target.part, h.covariance, rng) for h in answer.hypotheses[:1]]
             rows.append((
                 f"{frame}", f"{n}", f"{1e3 * pixels.sd:.2f} mm ({mm(pixels.sd_of_face.values())})",

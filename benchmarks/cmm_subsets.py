@@ -19,14 +19,14 @@ import test_cmm_bare as cmm
 import tanteo
 from bare_scenes import no_paths
 from tanteo.answers import Priors
-from tanteo.inference import Problem, explained, identify_points, posterior_about, prepare
+from tanteo.inference import Problem, goodness_of_fit, identify_points, posterior_about, prepare
 
 
 def leaves_free(touches, block, truth):
     """Whether nothing resists some motion where the truth climbs to."""
     problem = Problem(touches, no_paths(), Priors(radius=block.part.radius))
     mode = posterior_about(problem, block, truth[None], np.random.default_rng(0)).modes[0]
-    return len(explained(mode).free) > 0
+    return len(goodness_of_fit(mode).free) > 0
 
 
 def main():

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import grey_cube
 from tanteo.lie import SE3
 from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, see_anywhere
-from tanteo.vision.camera import project_linearised
+from tanteo.vision.camera import project_linearized
 from tanteo.vision.fit import refine
 
 
@@ -48,7 +48,7 @@ def first_image(model):
 
 def seen_from(T, points):
     """Pixels of points ``(n, 2)``, and their derivative by the pose ``(2 n, 6)``."""
-    pixels, D = project_linearised(grey_cube.camera(), SE3.apply(T, points))
+    pixels, D = project_linearized(grey_cube.camera(), SE3.apply(T, points))
     JR = D @ T[:3, :3]
     return pixels, np.concatenate([JR, np.cross(points[:, None], JR)], axis=-1).reshape(-1, 6)
 

@@ -28,7 +28,7 @@ def row(name, target):
         answer = identify_points(touches, FreeRays.none(), [target], shared=shared)
         times.append(time.process_time() - start)
     best = answer.hypotheses[0]
-    total, known = (corner_sd(target.part, C) for C in (best.covariance, best.covariance_same_robot))
+    total, known = (corner_sd(target.part, C) for C in (best.covariance, best.covariance_relative))
     return (
         name, f"{len(touches)}", answer.status, f"{sorted(times)[3]:.2f} s", f"{best.p_value:.2f}",
         f"{1e3 * total:.2f} mm", f"{1e3 * known:.2f} mm", f"{100 * (1 - known**2 / total**2):.0f} %",

@@ -110,7 +110,7 @@ def _bias(rng):
     p, d = beams(target, 7, rng, tilt=0.1)
     d = d @ T[:3, :3].T
     points = SE3.apply(T, p) + (1e-5 * rng.normal(size=(7, 1)) - 3e-4 * rng.normal()) * d
-    touches = touches_of(points, 1e-5, directions=d, gains=3e-4 * d[:, :, None])
+    touches = touches_of(points, 1e-5, directions=d, shared_jacobian=3e-4 * d[:, :, None])
     return target, touches, T, Priors(pose=PosePrior(np.eye(4), C))
 
 
@@ -159,9 +159,9 @@ def _at_once(rng):
     start = around([target], np.eye(4), np.diag(np.repeat([3e-3, np.radians(2)], 3)) ** 2)
     _, T = drawn_truth(start, rng)
     p, _ = surface_points(target, 8, rng)
-    belief = update(begin(start), touches_of(SE3.apply(T, p) + 2e-5 * rng.normal(size=p.shape), 2e-5), no_paths())
-    value, dof = nees(target.part, belief.poses[0], belief.covariances[0], T)
-    right = off(target.part, belief.poses[0], T)[0] < FAR
+    state = update(begin(start), touches_of(SE3.apply(T, p) + 2e-5 * rng.normal(size=p.shape), 2e-5), no_paths())
+    value, dof = nees(target.part, state.poses[0], state.covariances[0], T)
+    right = off(target.part, state.poses[0], T)[0] < FAR
     return {
         "status": "recognized", "right": bool(right), "inside": bool(inside(value, dof)), "nees": float(value),
         "dof": int(dof), "p": 1.0, "contradicted": False,

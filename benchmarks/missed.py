@@ -31,16 +31,16 @@ KINDS = {"8 touches": (8, 0.0, 0), "10 touches": (10, 0.0, 0), "10, strays": (10
 MATTERS, GROSSLY = np.log(0.05), 2.0
 
 
-def one(target, count, stray, sensor, number):
+def one(target, count, outlier, sensor, number):
     """Whether the scene matters, whether the truth is missed, whether grossly, and CPU time [s]."""
     rng, radius = np.random.default_rng((77, count, number)), target.part.radius
     T = box_centred_pose(rng)
-    points = scene(target, T, SENSORS[sensor], count, rng, stray=stray, radius=radius)[0]
+    points = scene(target, T, SENSORS[sensor], count, rng, outlier=outlier, radius=radius)[0]
     problem = Problem(points, FreeRays.none(), Priors(radius=radius))
     start = time.process_time()
     found = infer(problem, [target], 1, target.part.centroid, np.random.default_rng(number))
     taken = time.process_time() - start
-    truth = start_search(problem, target, np.random.default_rng(0)).climber.climb(T[None], fine=True)
+    truth = start_search(problem, target, np.random.default_rng(0)).objective.maximize(T[None], fine=True)
     if not len(truth):
         return False, False, False, taken
     log_p = truth.evidence[0] + problem.log_pose_density(target) + np.log1p(-problem.priors.unknown)

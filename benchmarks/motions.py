@@ -41,7 +41,7 @@ def run_one(kind, seed, k, clamp=False):
     robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=cell)
     rules = Rules(clearance=CLEARANCE * task.standoff, workspace=task.workspace)
     start = time.perf_counter()
-    got = SENSE[kind](robot, task.idea, standoff=task.standoff, rules=rules)
+    got = SENSE[kind](robot, task.guess, standoff=task.standoff, rules=rules)
     wall = time.perf_counter() - start
     clear = clearances(task.scene, gripper().body, np.array(robot.truth)).min()
     row = {

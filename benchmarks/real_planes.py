@@ -29,7 +29,7 @@ def each_run():
 
 
 def aside(found):
-    counts = Counter(stray.reason for stray in found.strays)
+    counts = Counter(outlier.reason for outlier in found.outliers)
     return ", ".join(f"{n} {reason}" for reason, n in counts.items()) or "none"
 
 

@@ -4,7 +4,7 @@ Eight parts of the examples, three ways of sensing without correspondences, pose
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
 region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
 of the readings astray, once as they are and once for an oracle that was told which these are and left them out. Then
-how an error that all readings share limits the answer. ``clutter`` is the rate of strays that is stated, 0.02 if not
+how an error that all readings share limits the answer. ``outlier_rate`` is the rate that is stated, 0.02 if not
 given. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
@@ -34,10 +34,10 @@ FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 RIGHT = 0.003, np.radians(5)
 """A pose this near the truth [m, rad], or within ten sigma, is the right maximum."""
 
-STRAY, STATED = 0.1, Priors().clutter
+STRAY, STATED = 0.1, Priors().outlier_rate
 """Rate of strays, and the rate that is stated if no other is given."""
 
-KINDS = "clean", "strays", "told"
+KINDS = "clean", "outliers", "told"
 """The same scene as it is, with strays, and for an oracle that leaves these out."""
 
 BIAS = 5e-4
@@ -49,17 +49,17 @@ def _target(name):
     return prepare(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
-def three(name, s, seed, k, clutter=STATED):
+def three(name, s, seed, k, outlier_rate=STATED):
     """One scene of one part and one sensor: its rows clean, with strays, and told which these are."""
     target, sensing = _target(name), SENSORS[s]
-    part, priors = target.part, Priors(radius=target.part.radius, clutter=clutter)
+    part, priors = target.part, Priors(radius=target.part.radius, outlier_rate=outlier_rate)
     out, case = [], (seed, PARTS.index(name), s, k)
-    for stray in (0.0, STRAY):
+    for outlier in (0.0, STRAY):
         rng = np.random.default_rng(case)  # the same scene twice, strays aside
         n, T = int(rng.choice(sensing.counts)), box_centred_pose(rng)
-        touches, rows, _ = scene(target, T, sensing, n, rng, stray=stray, radius=priors.radius)
-        out.append(_row(part, target, touches, rows, T, sensing, priors, case, "strays" if stray else "clean"))
-        if stray:
+        touches, rows, _ = scene(target, T, sensing, n, rng, outlier=outlier, radius=priors.radius)
+        out.append(_row(part, target, touches, rows, T, sensing, priors, case, "outliers" if outlier else "clean"))
+        if outlier:
             rest = touches.take(np.setdiff1d(np.arange(n), rows))
             out.append(_row(part, target, rest, rows[:0], T, sensing, priors, case, "told") | {"n": n})
     return out
@@ -150,17 +150,17 @@ def bias_rows(count):
             if answer.status != "recognized":
                 continue
             h = answer.hypotheses[0]
-            same = h.covariance_same_robot
-            sds.append((h.worst_corner_sd, np.sqrt(np.trace(same[:3, :3])), np.sqrt(np.trace(h.covariance[:3, :3]))))
+            same = h.covariance_relative
+            sds.append((h.corner_sd, np.sqrt(np.trace(same[:3, :3])), np.sqrt(np.trace(h.covariance[:3, :3]))))
             values.append(nees(part, h.T_world_part, h.covariance, T)[0] / 6)
         world, robot, total = 1e3 * np.mean(sds, axis=0)
         out.append((str(n), f"{world:.3f} mm", f"{total:.3f} mm", f"{robot:.3f} mm", f"{np.mean(values):.2f}"))
     return out
 
 
-def run(scenes, seed, clutter=(), keep=None, processes=1):
+def run(scenes, seed, outlier_rate=(), keep=None, processes=1):
     """All rows, by sensor."""
-    cases = [(name, s, seed, k, *clutter) for k in range(scenes) for s in range(len(SENSORS)) for name in PARTS]
+    cases = [(name, s, seed, k, *outlier_rate) for k in range(scenes) for s in range(len(SENSORS)) for name in PARTS]
     results = run_cases(three, cases, keep, processes)
     return [[row for case, rows in zip(cases, results, strict=True) if case[1] == s for row in rows] for s in range(3)]
 

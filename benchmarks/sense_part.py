@@ -41,10 +41,10 @@ def run_one(policy, k):
     rng = np.random.default_rng((1991, k))
     number = k % len(targets)
     unknown = unknown_scene(targets, number, rng)
-    session = unknown_session(unknown, policy, seed=k, tolerance=TOLERANCE, most=60)
+    session = unknown_session(unknown, policy, seed=k, tolerance=TOLERANCE, max_measurements=60)
     start = time.process_time()
     done = sense_part(session, unknown.robot, unknown.rules, furniture=unknown.furniture)
-    P = session.belief.of_parts()
+    P = session.state.of_parts()
     return {
         "k": k, "part": targets[number].part.name, "right": bool(len(P) and np.argmax(P) == number),
         "reached": done.end.reached, "status": session.answer().status,

@@ -46,7 +46,7 @@ def one_log(seed, places, saturated):
     aim = R.T @ T[:3, 2]
     e = np.r_[R.T @ (T[:3, 3] - beam.T_hand_beam[:3, 3]), -aim[1], aim[0], scale - beam.scale, slant - beam.slant]
     angle, sd = plane_angle(found, "floor", found, "wall")
-    named = {name for stray in found.strays for name in stray.ids}
+    named = {name for outlier in found.outliers for name in outlier.ids}
     truth = {name for name, bad in zip(log.ids, wrong, strict=True) if bad}
     inside = abs(angle - np.pi / 2) <= 1.96 * sd
     return e @ np.linalg.solve(beam.cov, e) / 7, inside, len(named & truth), len(truth), len(named - truth), seconds

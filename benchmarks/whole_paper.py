@@ -79,9 +79,9 @@ def looked_at(unknown, models, number, rng):
 def sensed(unknown, start, number, seed):
     """One run of the hand: what was found, and what the truth says of it."""
     begin = time.process_time()
-    session = unknown_session(replace(unknown, start=start), seed=seed, tolerance=TOLERANCE, most=60)
+    session = unknown_session(replace(unknown, start=start), seed=seed, tolerance=TOLERANCE, max_measurements=60)
     done = sense_part(session, unknown.robot, unknown.rules, furniture=unknown.furniture)
-    P = session.belief.of_parts()
+    P = session.state.of_parts()
     return {
         "right": bool(len(P) and np.argmax(P) == number), "reached": done.end.reached,
         "off": off(session, number, unknown.T_world_part), "readings": session.count,

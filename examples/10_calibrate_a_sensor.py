@@ -25,11 +25,11 @@ beam = found.beams[0]
 sds = np.sqrt(np.diag(beam.cov))
 print(f"beam from {np.round(1e3 * beam.T_hand_beam[:3, 3], 1)} mm (truth, with its bias: 1.3 38.2 59.1)")
 print(f"reads {1 + beam.scale:.4f} times the range, sd {sds[5]:.4f} (truth 1.012)")
-print(f"saturated places: {sum(stray.reason == 'saturated' for stray in found.strays)}")
+print(f"saturated places: {sum(outlier.reason == 'saturated' for outlier in found.outliers)}")
 angle, sd = plane_angle(found, "table", found, "wall")
 print(f"table and wall at {np.degrees(angle):.2f} deg, sd {np.degrees(sd):.2f} (truth 90)")
 
-used = np.isin(log.ids, [name for stray in found.strays for name in stray.ids], invert=True)
+used = np.isin(log.ids, [name for outlier in found.outliers for name in outlier.ids], invert=True)
 top = log.take(used & np.array([label == "table" for label in log.features]))
 for name, rig in (("as drawn", drawn), ("calibrated", calibrated_rig(found, rig=drawn))):
     measured = measure(top, rig=rig)

@@ -22,7 +22,7 @@ robot = SimulatedHand(
     scene.scene, scene.hand, scene.T_world_hand, rng=np.random.default_rng(scene.seed), cell=scene.cell
 )
 rules = Rules(clearance=scene.clearance, workspace=scene.workspace)
-got = sense_edge(robot, scene.ideas["edge"], standoff=scene.standoff, rules=rules)
+got = sense_edge(robot, scene.guesses["edge"], standoff=scene.standoff, rules=rules)
 
 print(f"{got.status}: {got.message}, {len(got.readings)} readings, {got.seconds:.0f} s")
 for motion in got.motions[:6]:

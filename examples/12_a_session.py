@@ -41,7 +41,7 @@ while isinstance(action := session.ask(), Action):
 print(action.why)
 print(f"{session.answer().status}: {session.answer().message}")
 
-told = explain(session.belief, session.steps)
+told = explain(session.state, session.steps)
 for added in told.added:
     print(
         f"{added.ids[0]} met {added.met[0]}: {added.about_part:.2f} nats on the part, {added.part or 'none'} likeliest"
@@ -51,4 +51,4 @@ worst = told.directions[0]
 print(f"worst known: {worst.motion}, {1e3 * worst.moves:.2f} mm at the corners, most of it from {worst.shares[0][0]}")
 
 again = read_record(record, targets)
-print(f"the record gives the same belief to the last bit: {np.array_equal(again.belief.poses, session.belief.poses)}")
+print(f"the record gives the same belief to the last bit: {np.array_equal(again.state.poses, session.state.poses)}")

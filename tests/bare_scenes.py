@@ -84,7 +84,9 @@ def _both(solid):
     return solid.surface, exact_faces(solid.part, solid.surface.normals)
 
 
-def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, gains=None):
+def touches_of(
+    points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, shared_jacobian=None
+):
     """World points as touches with isotropic noise of that standard deviation (a number, or one a point)."""
     n = len(points)
     sd = np.broadcast_to(np.asarray(sd, dtype=float), (n,))
@@ -97,7 +99,7 @@ def touches_of(points, sd, *, radii=0.0, directions=None, normals=None, normal_s
         normals=np.zeros((n, 3)) if normals is None else normals,
         normal_sds=np.full(n, normal_sd),
         reach=np.full(n, float(reach)),
-        gains=np.zeros((n, 3, 0)) if gains is None else gains,
+        shared_jacobian=np.zeros((n, 3, 0)) if shared_jacobian is None else shared_jacobian,
         sd=sd.copy(),
     )
 
@@ -111,7 +113,7 @@ def oriented(target, n, rng, sd=3e-4, tilt=0.05):
     return touches_of(points, sd, normals=tilted, normal_sd=tilt), T
 
 
-def scene(solid, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base_sd=0.0):
+def scene(solid, T, sensing, n, rng, *, outlier=0.0, radius=0.1, bias_sd=0.0, base_sd=0.0):
     """Touches of a part at a pose, the rows that are strays, and the shared errors.
 
     Args:
@@ -120,7 +122,7 @@ def scene(solid, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base
         sensing: how.
         n: readings.
         rng: of all draws.
-        stray: share of readings that are anywhere: in a ball about the part, or along their beam.
+        outlier: share of readings that are anywhere: in a ball about the part, or along their beam.
         radius: of the ball, half of the length along the beam [m].
         bias_sd: of an error along the beam that all readings share [m].
         base_sd: of the place of the robot's base, which moves all readings [m].
@@ -131,16 +133,16 @@ def scene(solid, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base
     else:
         p, directions = surface_points(solid, n, rng)[0], None
     points = SE3.apply(T, p) + sensing.sd * rng.normal(size=(n, 3))
-    gains, shared = None, ()
+    shared_jacobian, shared = None, ()
     if bias_sd:
         points = points - bias_sd * rng.normal() * directions
-        gains = bias_sd * directions[..., None]
+        shared_jacobian = bias_sd * directions[..., None]
         shared = (SharedError("bias", np.array([[bias_sd**2]]), "bias of the sensor along the beam [m]"),)
     if base_sd:
         points = points - base_sd * rng.normal(size=3)
-        gains = np.broadcast_to(base_sd * np.eye(3), (n, 3, 3))
+        shared_jacobian = np.broadcast_to(base_sd * np.eye(3), (n, 3, 3))
         shared = (SharedError("base", base_sd**2 * np.eye(3), "place of the robot's base [m]"),)
-    rows = np.flatnonzero(rng.permutation(n) < round(stray * n))
+    rows = np.flatnonzero(rng.permutation(n) < round(outlier * n))
     k = len(rows)
     if directions is None:
         out = rng.normal(size=(k, 3))
@@ -148,7 +150,13 @@ def scene(solid, T, sensing, n, rng, *, stray=0.0, radius=0.1, bias_sd=0.0, base
         points[rows] = SE3.apply(T, _both(solid)[0].vertices.mean(axis=0)) + out
     else:
         points[rows] += rng.uniform(-radius, radius, (k, 1)) * directions[rows]
-    touches = touches_of(points, sensing.sd, directions=directions, reach=REACH if sensing.directed else 0, gains=gains)
+    touches = touches_of(
+        points,
+        sensing.sd,
+        directions=directions,
+        reach=REACH if sensing.directed else 0,
+        shared_jacobian=shared_jacobian,
+    )
     return touches, rows, shared
 
 
@@ -158,8 +166,10 @@ def with_tip_off(target, T, z, n, rng, sd=5e-5, off=3e-3):
     along = -normals @ T[:3, :3].T
     x = np.cross(along, rng.normal(size=p.shape))
     x /= np.linalg.norm(x, axis=1, keepdims=True)
-    gains = off * np.stack([x, np.cross(along, x), along], axis=-1)
-    return touches_of(SE3.apply(T, p) - gains @ z + sd * rng.normal(size=p.shape), sd, gains=gains)
+    J = off * np.stack([x, np.cross(along, x), along], axis=-1)
+    return touches_of(
+        SE3.apply(T, p) - shared_jacobian @ z + sd * rng.normal(size=p.shape), sd, shared_jacobian=shared_jacobian
+    )
 
 
 def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
@@ -175,7 +185,7 @@ def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
         turned: of how it is turned, about each axis [rad].
     """
     mount = SE3.exp(np.repeat([off, turned], 3) * rng.normal(size=6))
-    points, directions, gains = [], [], []
+    points, directions, shared_jacobian = [], [], []
     while len(points) < n:
         (p,), (d,) = beams(target, 1, rng, 0.3)
         side = np.cross(d, rng.normal(size=3))
@@ -187,8 +197,8 @@ def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
             at, R = np.array([0.0, 0.0, distance + sd * rng.normal()]), T[:3, :3] @ T_sensor[:3, :3]
             points.append(SE3.apply(T @ T_sensor, at))
             directions.append(R[:, 2])
-            gains.append(R @ np.concatenate([off * np.eye(3), -turned * SO3.hat(at)], axis=1))
-    return touches_of(np.array(points), sd, directions=np.array(directions), gains=np.array(gains))
+            shared_jacobian.append(R @ np.concatenate([off * np.eye(3), -turned * SO3.hat(at)], axis=1))
+    return touches_of(np.array(points), sd, directions=np.array(directions), shared_jacobian=np.array(shared_jacobian))
 
 
 def thin_beams(target, T, n, rng, sd=3e-3):

@@ -38,7 +38,7 @@ from tanteo.frames import (
     relate_locations,
 )
 from tanteo.lie import SE3
-from tanteo.localization import RELATIONS, Block, assemble, fuse_features, gauss_newton, linearise
+from tanteo.localization import RELATIONS, Block, assemble, fuse_features, gauss_newton, linearize
 from tanteo.sensors import range_variance, sensed_point, sensor_error_cov
 
 Inputs = dict[str, Any]
@@ -191,7 +191,7 @@ def block(p: Inputs) -> Block:
 
 
 def pairing(i: Inputs) -> Outputs:
-    at = linearise(block(i), loc_to_matrix(i["xWO"]), np.zeros(0))
+    at = linearize(block(i), loc_to_matrix(i["xWO"]), np.zeros(0))
     return {"f": at.f[0], "H": at.H[0], "S": at.S[0]}
 
 
@@ -296,7 +296,7 @@ def divergences(i: Inputs) -> Outputs:
 
 
 def active_1d(i: Inputs) -> Outputs:
-    found = active.discriminate(i["w"], i["mu"], i["var"], i["alpha"])
+    found = active.gate_discrimination(i["w"], i["mu"], i["var"], i["alpha"])
     names = ("accept", "expected_remaining", "mutual_information", "mi_lower", "mi_upper", "error_bound")
     return {name: getattr(found, name) for name in names}
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.acquisition.ways import facing
 from tanteo.features import feature_covariance
 from tanteo.hand import Hand, Workspace, gripper_body
@@ -47,8 +47,8 @@ class Task:
     scene: Scene
     T_world_hand: np.ndarray
     standoff: float
-    idea: FaceIdea | EdgeIdea | CornerIdea
-    truth: FaceIdea | EdgeIdea | CornerIdea
+    guess: FaceGuess | EdgeGuess | VertexGuess
+    truth: FaceGuess | EdgeGuess | VertexGuess
     workspace: Workspace
     turned: float
     off: float
@@ -81,7 +81,7 @@ def _try(rng, kind, name, clamp):
     target = {"plane": _face, "edge": _edge, "vertex": _corner}[kind](rng, part, T_world_part)
     if target is None:
         return None
-    place, normal, idea = target
+    place, normal, guess = target
     if normal[2] < -0.3 or not _possible(rng, scene, hand, place, normal, standoff):
         return None
     # the start and the idea are wrong together: turned about the place, then displaced
@@ -98,7 +98,7 @@ def _try(rng, kind, name, clamp):
     free = START_ROOM + 0.5 * standoff
     if not workspace.allows(hand.body, start, free) or clearances(scene, hand.body, start[None])[0] < free:
         return None
-    return Task(name, scene, start, standoff, idea(wrong), idea(np.eye(4)), workspace, turned, off)
+    return Task(name, scene, start, standoff, guess(wrong), guess(np.eye(4)), workspace, turned, off)
 
 
 def _fixed(rng, part):
@@ -131,7 +131,7 @@ def _face(rng, part, T):
     triangles = part.triangles[part.triangle_face == part.planes.faces[k]]
     place = SE3.apply(T, _on(rng, part, triangles))
     normal = T[:3, :3] @ part.planes.normals[k]
-    return place, normal, lambda wrong: FaceIdea(SE3.apply(wrong, place), wrong[:3, :3] @ normal)
+    return place, normal, lambda wrong: FaceGuess(SE3.apply(wrong, place), wrong[:3, :3] @ normal)
 
 
 def _on(rng, part, triangles):
@@ -165,7 +165,7 @@ def _edge(rng, part, T):
     return (
         point + 0.012 * inwards,
         normal,
-        lambda wrong: EdgeIdea(SE3.apply(wrong, point), wrong[:3, :3] @ direction, wrong[:3, :3] @ normal),
+        lambda wrong: EdgeGuess(SE3.apply(wrong, point), wrong[:3, :3] @ direction, wrong[:3, :3] @ normal),
     )
 
 
@@ -186,7 +186,7 @@ def _corner(rng, part, T):
     return (
         place,
         normal,
-        lambda w: CornerIdea(SE3.apply(w, point), w[:3, :3] @ arriving, w[:3, :3] @ leaving, w[:3, :3] @ normal),
+        lambda w: VertexGuess(SE3.apply(w, point), w[:3, :3] @ arriving, w[:3, :3] @ leaving, w[:3, :3] @ normal),
     )
 
 

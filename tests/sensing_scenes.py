@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tanteo import _core
-from tanteo.active import Belief, Probe, Stop, around, corner_distances, policy_named
+from tanteo.active import Probe, SensingState, Stop, around, corner_distances, policy_named
 from tanteo.errors import InputError
 from tanteo.inference import Posterior, Problem
 from tanteo.inference.details import details_at
@@ -47,15 +47,15 @@ def log_marginals(points, part, priors, Ts, *, rays):
 
 def log_variants(points, part, priors, Ts, zs=None):
     """The same of an object that is like the part but for some of it, at poses and shared errors."""
-    climber = start_search(Problem(points, FreeRays.none(), priors), part, np.random.default_rng(0)).climber
-    zs = np.zeros((len(Ts), climber.problem.states)) if zs is None else zs
-    return log_density_of_near_variant(details_at(climber, Ts, zs), part.part, priors.clutter)
+    objective = start_search(Problem(points, FreeRays.none(), priors), part, np.random.default_rng(0)).objective
+    zs = np.zeros((len(Ts), objective.problem.states)) if zs is None else zs
+    return log_density_of_near_variant(details_at(objective, Ts, zs), part.part, priors.outlier_rate)
 
 
 def without_modes(start, points, rays):
     """The belief of readings that no part explains."""
     posterior = Posterior(Problem(points, rays, start.priors), (), 1.0, 0.0, 0.0, (), np.zeros(0), 0.0)
-    return Belief(start, posterior, 1.0)
+    return SensingState(start, posterior, 1.0)
 
 
 def drawn_truth(start, rng, part=None):
@@ -93,7 +93,7 @@ def new_session(start, probe=LASER, policy="information", seed=0, **stop):
 
 def off(session, part, T):
     """Largest distance of a corner of the part's box from where the best mode has it; infinite for another part."""
-    b = session.belief
+    b = session.state
     if not len(b.weights) or b.part[0] != part:
         return np.inf
     return float(corner_distances(b, 0, T[None])[0])
@@ -106,7 +106,7 @@ def with_radius(probe, clearance):
 
 def valid(session):
     """Weights sum to one, and every pose and covariance is one."""
-    b = session.belief
+    b = session.state
     assert b.unknown + b.weights.sum() == pytest.approx(1, abs=1e-9)
     assert (b.weights >= 0).all()
     assert 0 <= b.unknown <= 1
@@ -146,11 +146,11 @@ def tell_anything(session, target, T, rng, steps):
 
 def refuse_nan(session, action, rng):
     """What is not finite is refused, and changes nothing."""
-    before = session.belief
+    before = session.state
     with pytest.raises(InputError):
         action.read(np.nan)
     with pytest.raises(InputError):
         session.tell(
             Readings.from_columns(np.where(rng.uniform(size=(1, 3)) < 0.5, np.nan, 0.1) * np.array([1, 1, np.nan]))
         )
-    assert session.belief is before
+    assert session.state is before

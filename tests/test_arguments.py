@@ -57,7 +57,7 @@ MISUSES = [
     (lambda r, p: tanteo.identify(r, p, robot=3), r"robot: expected RobotPreset, got one of type int"),
     (lambda r, p: tanteo.identify(r, p, sensor=3), r"sensor: expected SensorPreset"),
     (lambda r, p: tanteo.identify(r, p, tip_sd="1,1,1mm"), r"tip_sd: expected three numbers \[m\]"),
-    (lambda r, p: tanteo.identify(r, p, alpha="1%"), r"alpha: expected one number"),
+    (lambda r, p: tanteo.identify(r, p, significance="1%"), r"alpha: expected one number"),
     (lambda r, p: tanteo.identify(r, p, top=1.5), r"top: expected a whole number, got 1\.5"),
     (lambda r, p: tanteo.identify(r, p, top=0), r"top: expected 1 or more, got 0"),
     (lambda r, p: tanteo.identify(r, p, seed=-1), r"seed: expected 0 or more, got -1"),
@@ -70,10 +70,10 @@ MISUSES = [
     (lambda r, p: Readings.from_columns([[1, 2, 3], [1, 2]]), r"points: expected numbers, one row a reading"),
     (lambda r, p: Readings.from_columns([["a", 2, 3]]), r"points: expected numbers.*'a'"),
     (lambda r, p: Readings.from_columns(r.points, sds="0.3mm"), r"sds: expected numbers.*'0\.3mm'"),
-    (lambda r, p: Priors(clutter="2%"), r"priors, clutter: expected one number"),
+    (lambda r, p: Priors(outlier_rate="2%"), r"priors, clutter: expected one number"),
     (lambda r, p: Stop(probability="99%"), r"probability: expected one number"),
     (lambda r, p: Stop(tolerance="1mm"), r"tolerance: expected one number \[m\]"),
-    (lambda r, p: Stop(most=2.5), r"most: expected a whole number"),
+    (lambda r, p: Stop(max_measurements=2.5), r"most: expected a whole number"),
     (lambda r, p: Sensing(sd="0.3mm"), r"sd: expected one number \[m\]"),
     (lambda r, p: around("wedge.step", EYE, LOOSE), r"parts: .*'wedge\.step'"),
     (lambda r, p: at_pose([p, p], EYE, LOOSE), r"part: expected one part, got 2"),
@@ -108,8 +108,8 @@ def test_one_part_a_generator_and_a_catalogue_are_parts(part, readings):
 
 
 def test_numbers_of_numpy_are_numbers(part, readings):
-    of_numpy = {"tolerance": np.float64(1e-4), "alpha": np.array(0.01), "top": np.int64(2), "seed": np.uint8(3)}
-    plain = {"tolerance": 1e-4, "alpha": 0.01, "top": 2, "seed": 3}
+    of_numpy = {"tolerance": np.float64(1e-4), "significance": np.array(0.01), "top": np.int64(2), "seed": np.uint8(3)}
+    plain = {"tolerance": 1e-4, "significance": 0.01, "top": 2, "seed": 3}
     assert tanteo.identify(readings, part, **of_numpy).message == tanteo.identify(readings, part, **plain).message
 
 

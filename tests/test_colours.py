@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tanteo import pictures
-from tanteo.viewer import hues
+from tanteo.viewer import colors
 from tanteo.vision import picture
 
 CSS = resources.files("tanteo.report").joinpath("page.css").read_text(encoding="utf-8")
@@ -23,10 +23,10 @@ SEEN = {
     "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]],
     "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
 }
-MARKS = ("good", "bad", "ghost", "free", "edge")
-LIVE = {name: hues.css(getattr(hues, name)) for name in ("GOOD", "BAD", "GHOST", "FREE", "EDGE", "INK")}
-LIVE |= {f"rival {k}": hues.css(hue) for k, hue in enumerate(hues.RIVALS)}
-SEEN_IMAGE = {name: hues.css(getattr(picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
+MARKS = ("good", "bad", "overlay", "free", "edge")
+LIVE = {name: colors.css(getattr(colors, name)) for name in ("GOOD", "BAD", "GHOST", "FREE", "EDGE", "INK")}
+LIVE |= {f"rival {k}": colors.css(hue) for k, hue in enumerate(colors.RIVALS)}
+SEEN_IMAGE = {name: colors.css(getattr(picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
 
 
 def linear(hue):
@@ -78,16 +78,16 @@ def test_marks_can_be_told_apart(palette, eyes):
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
 @pytest.mark.parametrize("eyes", SEEN)
 def test_beams_are_no_ghosts_and_no_readings(theme, eyes):
-    for mark in ("good", "bad", "ghost", "free"):
+    for mark in ("good", "bad", "overlay", "free"):
         assert apart(theme["beam"], theme[mark], eyes) > 15, mark
 
 
 def test_the_live_page_has_the_colours_of_the_report():
-    for name in ("part", "edge", "ink", "soft", "good", "bad", "beam", "free", "ghost"):
-        assert hues.css(getattr(hues, name.upper())) == LIGHT[name], name
+    for name in ("part", "edge", "ink", "soft", "good", "bad", "beam", "free", "overlay"):
+        assert colors.css(getattr(colors, name.upper())) == LIGHT[name], name
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
 def test_marks_stand_out_from_the_part(theme):
-    for mark in ("good", "bad", "ghost"):
+    for mark in ("good", "bad", "overlay"):
         assert np.linalg.norm(lab(linear(theme[mark])) - lab(linear(theme["part"]))) > 25, mark

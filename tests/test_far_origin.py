@@ -46,7 +46,7 @@ def same(near, far, T_far_near):
         unit = J @ (to_near @ b.covariance @ to_near.T) @ J.T
         if not a.unobserved:
             np.testing.assert_allclose(unit, np.eye(6), atol=0.15)  # some hundred samples tell it, to a twelfth
-        assert b.worst_corner_sd == pytest.approx(a.worst_corner_sd, rel=0.1)
+        assert b.corner_sd == pytest.approx(a.corner_sd, rel=0.1)
         assert b.probability == pytest.approx(a.probability, abs=0.05)
         assert [w.split(" through")[0] for w in b.unobserved] == [w.split(" through")[0] for w in a.unobserved]
 
@@ -100,8 +100,8 @@ def test_the_spin_of_a_round_part_stays_no_error(tmp_path):
     readings = Readings.from_columns(SE3.apply(T, points) + SD * rng.normal(size=(20, 3)), sds=np.full(20, SD))
     a, b = (identify(readings, [part]).hypotheses[0] for part in (pin, far))
     assert a.unobserved == b.unobserved == ()
-    assert b.worst_corner_sd == pytest.approx(a.worst_corner_sd, rel=0.1)
-    assert a.worst_corner_sd < 5 * SD
+    assert b.corner_sd == pytest.approx(a.corner_sd, rel=0.1)
+    assert a.corner_sd < 5 * SD
     for h in (a, b):  # a uniform turn, whatever the frame
         assert np.sqrt(np.trace(h.covariance[3:, 3:])) == pytest.approx(2 * np.pi / np.sqrt(12), rel=0.01)
     middle = SE3.apply(b.T_world_part @ T_far_near, pin.centroid)

@@ -118,7 +118,7 @@ def test_labelled_parts_are_weighed_with_paths_that_move_as_their_features_do(ta
         seen_free = answers[0].hypotheses[0]
         alone = min(answers[1].hypotheses, key=lambda h: off(target.part, seen_free.T_world_part, h.T_world_part)[0])
         assert "paths on which nothing was met" not in answers[0].message or answers[1].status == "ambiguous"
-        assert off(target.part, seen_free.T_world_part, alone.T_world_part)[0] < 0.2 * alone.worst_corner_sd
+        assert off(target.part, seen_free.T_world_part, alone.T_world_part)[0] < 0.2 * alone.corner_sd
         assert seen_free.probability > alone.probability - 0.02
 
 
@@ -129,9 +129,9 @@ def test_paths_are_averaged_over_what_readings_leave_open_of_the_base(targets):
     T, gains = box_centred_pose(rng), 4e-3 * np.eye(3)
     p, d = beams(target, 3, rng)
     (start, along), *_ = grazing(target, 1, rng)
-    touches = touches_of(SE3.apply(T, p), 1e-3, directions=d @ T[:3, :3].T, gains=np.array([gains] * 3))
+    touches = touches_of(SE3.apply(T, p), 1e-3, directions=d @ T[:3, :3].T, shared_jacobian=np.array([gains] * 3))
     path = FreeRays(SE3.apply(T, start)[None], (T[:3, :3] @ along)[None], np.array([LENGTH]), np.zeros(1))
-    path = replace(path, gains=gains[None], turns=np.zeros((1, 3, 3)))
+    path = replace(path, shared_jacobian=gains[None], turns=np.zeros((1, 3, 3)))
     priors = Priors(radius=target.part.radius)
     near, z = T @ SE3.exp(np.repeat([1e-3, 0.01], 3) * rng.normal(size=(6, 6))), rng.normal(size=(n, 3))
     said = [log_marginals(touches, target, priors, near, rays=free) for free in (path, no_paths())]

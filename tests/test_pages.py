@@ -75,9 +75,10 @@ def sense_part(wedge, folder):
 
 def sensing_hand(wedge, folder):
     at = read_scene(ROOT / "examples" / "scenes" / "bracket.toml")
-    idea = at.ideas["plane"]
+    guess = at.guesses["plane"]
     return {
-        "scene": at.scene, "hand": at.hand, "T_world_hand": at.T_world_hand, "point": idea.point, "normal": idea.normal
+        "scene": at.scene, "hand": at.hand, "T_world_hand": at.T_world_hand, "point": guess.point,
+        "normal": guess.normal
     }  # fmt: skip
 
 

@@ -78,7 +78,7 @@ def unknown_session(unknown, policy="information", seed=0, **stop) -> Session:
 
 def off(session, number, T_world_part) -> float:
     """How far the worst corner is from where it is said to be [m]; infinite for another part."""
-    belief = session.belief
-    if not len(belief.weights) or belief.part[0] != number:
+    state = session.state
+    if not len(state.weights) or state.part[0] != number:
         return float("inf")
-    return float(corner_distances(belief, 0, T_world_part[None])[0])
+    return float(corner_distances(state, 0, T_world_part[None])[0])

@@ -38,7 +38,7 @@ def maker(targets, **stop):
 
     def make(seed, policy):
         probe, sensing = laser(Workspace.above(0.0))
-        ends = Stop(**({"probability": 0.99, "most": 15} | stop))
+        ends = Stop(**({"probability": 0.99, "max_measurements": 15} | stop))
         session = Session(start, probe, sensing, policy_named(policy), ends, seed)
         return bare_show(session, simulated(*surfaces, seed), (truth,), (TABLE,))
 

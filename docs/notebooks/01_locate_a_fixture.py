@@ -120,9 +120,7 @@ def off(hypothesis):
     return 1e3 * far, xi @ np.linalg.solve(hypothesis.covariance, xi)
 
 
-print(
-    f"said: worst corner {1e3 * best.worst_corner_sd:.3f} mm, one standard deviation; p of the fit {best.p_value:.2f}"
-)
+print(f"said: worst corner {1e3 * best.corner_sd:.3f} mm, one standard deviation; p of the fit {best.p_value:.2f}")
 print("true: worst corner off by {:.3f} mm; squared distance in the answer's covariance {:.1f}".format(*off(best)))
 
 # %%
@@ -158,9 +156,7 @@ print(sliding.status, "-", sliding.message)
 blind, helped = (tanteo.locate(touch(3, sd=1e-3), clamp, priors=known) for known in (None, Priors(pose=rough)))
 for name, found in (("from nowhere", blind), ("with the drawing", helped)):
     h = found.hypotheses[0]
-    print(
-        f"{name}: {found.status}, P = {h.probability:.2f}, said {1e3 * h.worst_corner_sd:.1f}, off {off(h)[0]:.1f} mm"
-    )
+    print(f"{name}: {found.status}, P = {h.probability:.2f}, said {1e3 * h.corner_sd:.1f}, off {off(h)[0]:.1f} mm")
 
 # %%
 # **A sensor that is worse than it says.** Here its spread is stated ten times too small. Eight touches cannot show
@@ -170,5 +166,5 @@ for name, found in (("from nowhere", blind), ("with the drawing", helped)):
 
 proud = Readings.from_columns(readings.points, directions=readings.directions, sds=readings.sds / 10)
 h = tanteo.locate(proud, clamp, priors=Priors(pose=rough)).hypotheses[0]
-print(f"left out: {', '.join(h.outliers)}; said {1e3 * h.worst_corner_sd:.3f} mm, off {off(h)[0]:.3f} mm, "
+print(f"left out: {', '.join(h.outliers)}; said {1e3 * h.corner_sd:.3f} mm, off {off(h)[0]:.3f} mm, "
       f"squared distance {off(h)[1]:.0f} where 6 is usual")  # fmt: skip

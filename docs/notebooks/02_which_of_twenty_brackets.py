@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tanteo.active import Probe, distinguish
+from tanteo.active import Probe, discriminate
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
@@ -154,7 +154,7 @@ print(open_.status, "-", open_.message)
 # noise.
 
 laser = Probe("laser", NoiseLaw.of(SD), standoff=0.05)
-best = distinguish(*twins, laser)
+best = discriminate(*twins, laser)
 print(best.message)
 
 # %%

@@ -52,7 +52,7 @@ found = plan(start, probe, TOLERANCE)
 print(found.message)
 print(" n  face       worst corner, 1 sd   P(all corners within 0.2 mm)")
 for n, r in enumerate(found.readings, 1):
-    print(f"{n:2d}  {r.face:9} {1e3 * r.worst_corner_sd:10.3f} mm {r.within:20.3f}")
+    print(f"{n:2d}  {r.face:9} {1e3 * r.corner_sd:10.3f} mm {r.within:20.3f}")
 
 # %%
 # The picture
@@ -75,7 +75,7 @@ axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
 axes.set_box_aspect(np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1), zoom=1.25)
 axes.view_init(elev=28, azim=-40)
 curve = figure.add_subplot(1, 2, 2)
-sds = 1e3 * np.array([found.before, *(r.worst_corner_sd for r in found.readings)])
+sds = 1e3 * np.array([found.before, *(r.corner_sd for r in found.readings)])
 curve.semilogy(range(len(sds)), sds, "o-", color="#0072b2", label="worst corner, 1 sd")
 curve.axhline(1e3 * TOLERANCE, color="#b84800", ls="--", label="tolerance")
 curve.set(xlabel="touches", ylabel="worst corner, 1 sd [mm]")
@@ -106,7 +106,7 @@ def carried_out(readings, truth):
     told = Readings.from_columns(points, directions=directions[met], sds=np.full(len(points), SD))
     best = identify_points(*Sensing().touches(told), [target], priors=priors).hypotheses[0]
     off = np.linalg.norm(SE3.apply(best.T_world_part, corners) - SE3.apply(truth, corners), axis=1).max()
-    return 1e3 * off, 1e3 * best.worst_corner_sd, bool(met.all())
+    return 1e3 * off, 1e3 * best.corner_sd, bool(met.all())
 
 
 truths = [start.Ts[0] @ SE3.exp(root @ rng.normal(size=6)) for _ in range(24)]
@@ -137,7 +137,7 @@ print(plan(start, shaky, TOLERANCE).message)
 # were.
 
 above = replace(probe, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(30.0))
-print(plan(start, above, TOLERANCE, most=12).message)
+print(plan(start, above, TOLERANCE, max_measurements=12).message)
 
 # %%
 # **A part that lies elsewhere.** The plan holds about the expected pose. Here the part is 20 mm away, four times what

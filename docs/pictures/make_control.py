@@ -47,14 +47,14 @@ def settle_with(latency: float, told: float) -> tuple[np.ndarray, np.ndarray]:
     robot = SimulatedHand(
         plate, HAND, over(0, STANDOFF + 0.01, math.radians(20)), rng=np.random.default_rng(0), cell=cell
     )
-    told_robot = Told(robot, told)
+    told_robot = Observation(robot, told)
     settle(told_robot, STANDOFF, Rules(clearance=0.008, timeout=2.0))
     Ts = np.array(robot.truth)
     heights = Ts[:, 2, 3] + (Ts[:, :3, :3] @ HAND.front)[:, 2]
     return 0.01 * np.arange(len(Ts)), np.stack([1e3 * heights, np.degrees(np.arcsin(-Ts[:, 2, 0]))])
 
 
-class Told:
+class Observation:
     """A robot that states another latency than it has."""
 
     def __init__(self, robot: SimulatedHand, latency: float) -> None:

@@ -130,7 +130,7 @@ def _judge(answer: Recognition, truth: Transforms) -> tuple[bool, str]:
         return False, f"expected the wedge, got {answer.status}: {answer.message}"
     best = answer.hypotheses[0]
     far, off = _off(best, truth)
-    words = f"wedge recognized, {1e3 * off:.2g} mm off where {1e3 * best.worst_corner_sd:.2g} mm are stated"
+    words = f"wedge recognized, {1e3 * off:.2g} mm off where {1e3 * best.corner_sd:.2g} mm are stated"
     return far < _FAR, words
 
 

@@ -48,7 +48,7 @@ def identify(
     robot: RobotPreset | str | None = None,
     tip_sd: npt.ArrayLike | None = None,
     rig: Rig | None = None,
-    alpha: float = 0.01,
+    significance: float = 0.01,
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
@@ -68,7 +68,7 @@ def identify(
         robot: preset of robot errors; its absolute error is shared by all readings.
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run.
         rig: where range sensors sit on the hand.
-        alpha: an answer whose joint test has a smaller p-value is not accepted.
+        significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand: clutter, workspace, a rough pose, a box, a table.
@@ -82,16 +82,16 @@ def identify(
     """
     start = time.perf_counter()
     check_length("tolerance", tolerance)
-    parts = check_question(parts, alpha, top, seed, priors)
+    parts = check_question(parts, significance, top, seed, priors)
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
     placed = priors is not None and priors.pose is not None
     if as_published:
-        return _as_published(measured, parts, tolerance, alpha, top, seed, start, placed=placed)
+        return _as_published(measured, parts, tolerance, significance, top, seed, start, placed=placed)
     points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
     answer = identify_points(
-        points, rays, parts, shared=measured.shared, alpha=alpha, top=top, priors=priors, seed=seed
+        points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors, seed=seed
     )
     notes = remarks(answer, readings, measured, rays, parts)
     return with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed)
@@ -101,7 +101,7 @@ def _as_published(
     measured: PointMeasurements,
     parts: Sequence[Part],
     tolerance: float,
-    alpha: float,
+    significance: float,
     top: int,
     seed: int,
     start: float,
@@ -118,7 +118,7 @@ def _as_published(
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
-    answer = identify_as_published(sensed.features, parts, alpha=alpha, top=top)
+    answer = identify_as_published(sensed.features, parts, significance=significance, top=top)
     return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
 
 
@@ -149,7 +149,7 @@ def locate(
     robot: RobotPreset | str | None = None,
     tip_sd: npt.ArrayLike | None = None,
     rig: Rig | None = None,
-    alpha: float = 0.01,
+    significance: float = 0.01,
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
@@ -166,7 +166,7 @@ def locate(
         robot: preset of robot errors.
         tip_sd: sds of the tip's offset [m].
         rig: where range sensors sit on the hand.
-        alpha: least p-value of an answer.
+        significance: least p-value of an answer.
         top: number of poses to report.
         as_published: by the paper's constraints and tests.
         priors: what is assumed beforehand.
@@ -177,7 +177,7 @@ def locate(
     """
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
-        rig=rig, alpha=alpha, top=top, as_published=as_published, priors=priors, seed=seed,
+        rig=rig, significance=significance, top=top, as_published=as_published, priors=priors, seed=seed,
     )  # fmt: skip
 
 

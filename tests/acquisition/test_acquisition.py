@@ -6,9 +6,9 @@ from scipy.stats import chi2
 
 from felt_scenes import PARTS, gripper, make_task, nees
 from tanteo.acquisition import (
-    CornerIdea,
-    EdgeIdea,
-    FaceIdea,
+    EdgeGuess,
+    FaceGuess,
+    VertexGuess,
     features_of,
     plane_as_published,
     sense_edge,
@@ -31,9 +31,9 @@ from tanteo.simulator import Cell, Scene, SimulatedHand, box, clearances
 SENSE = {"plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex}
 BLOCK = Scene.of([box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0]), box("block", [0, 0, 0], [0.12, 0.08, 0.05])])
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
-FACE = FaceIdea([0.06, 0.04, 0.055], [0.1, 0, 1])
-EDGE = EdgeIdea([0.06, -0.005, 0.055], [1, 0.1, 0], [0, 0.1, 1])
-CORNER = CornerIdea([0.115, 0.005, 0.05], [1, 0, 0], [0, 1, 0], [0, 0, 1])
+FACE = FaceGuess([0.06, 0.04, 0.055], [0.1, 0, 1])
+EDGE = EdgeGuess([0.06, -0.005, 0.055], [1, 0.1, 0], [0, 0.1, 1])
+CORNER = VertexGuess([0.115, 0.005, 0.05], [1, 0, 0], [0, 1, 0], [0, 0, 1])
 IDEAS = {"plane": FACE, "edge": EDGE, "vertex": CORNER}
 
 
@@ -83,7 +83,7 @@ def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, felt, kind
             np.testing.assert_array_equal(feature.T_world_feature, other.T_world_feature)
             np.testing.assert_array_equal(feature.P, other.P)
             for a, b in zip(feature.shared, other.shared, strict=True):
-                np.testing.assert_array_equal(a.gain, b.gain)
+                np.testing.assert_array_equal(a.jacobian, b.jacobian)
 
 
 def test_the_published_plane_holds_what_it_states():
@@ -117,14 +117,14 @@ def test_one_seed_one_answer(felt):
 
 
 def test_nothing_is_there():
-    there = FaceIdea(FACE.point + np.array([0, 0, 0.35]), FACE.normal)
+    there = FaceGuess(FACE.point + np.array([0, 0, 0.35]), FACE.normal)
     got = sense_plane(robot_on(T=start(height=0.4)), there, standoff=0.02, rules=RULES)
     assert (got.status, got.feature, got.readings) == ("nothing", None, None)
 
 
 def test_a_face_that_is_too_narrow_is_not_felt():
     scene = Scene.of([box("pin", [-0.006, -0.006, 0], [0.006, 0.006, 0.05])])
-    got = sense_plane(robot_on(scene, T=start(0, 0)), FaceIdea([0, 0, 0.05], [0, 0, 1]), standoff=0.02, rules=RULES)
+    got = sense_plane(robot_on(scene, T=start(0, 0)), FaceGuess([0, 0, 0.05], [0, 0, 1]), standoff=0.02, rules=RULES)
     assert got.status in ("nothing", "lost", "unclear")
     assert got.feature is None
 
@@ -136,7 +136,7 @@ def test_no_room_is_a_limit():
     scene = Scene.of([box("floor", [-0.1, -0.1, 0], [0.1, 0.1, 0.05]), *solids])
     rules = Rules(clearance=0.02)
     robot = robot_on(scene, T=start(0, 0, 0.14, (0, 0, 0)))
-    got = sense_plane(robot, FaceIdea([0, 0, 0.05], [0, 0, 1]), standoff=0.03, rules=rules)
+    got = sense_plane(robot, FaceGuess([0, 0, 0.05], [0, 0, 1]), standoff=0.03, rules=rules)
     assert got.status in ("limit", "nothing")
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.012
 
@@ -144,8 +144,8 @@ def test_no_room_is_a_limit():
 def test_an_edge_that_is_not_there_is_not_felt():
     """The middle of a wide face, far from all its edges."""
     scene = Scene.of([box("plate", [-0.4, -0.4, -0.02], [0.4, 0.4, 0.0])])
-    idea = EdgeIdea([0, 0, 0], [1, 0, 0], [0, 0, 1])
-    got = sense_edge(robot_on(scene, T=start(0, 0, 0.07)), idea, standoff=0.02, rules=Rules(clearance=0.012))
+    guess = EdgeGuess([0, 0, 0], [1, 0, 0], [0, 0, 1])
+    got = sense_edge(robot_on(scene, T=start(0, 0, 0.07)), guess, standoff=0.02, rules=Rules(clearance=0.012))
     assert got.status == "nothing"
     assert got.feature is None
     assert got.others[0].kind.name == "plane"
@@ -153,16 +153,16 @@ def test_an_edge_that_is_not_there_is_not_felt():
 
 def test_ideas_must_make_sense():
     with pytest.raises(InputError, match="normal: expected a direction that is not zero"):
-        FaceIdea([0, 0, 0], [0, 0, 0])
+        FaceGuess([0, 0, 0], [0, 0, 0])
     with pytest.raises(InputError, match="point: expected three finite numbers"):
-        FaceIdea([0, 0, np.nan], [0, 0, 1])
+        FaceGuess([0, 0, np.nan], [0, 0, 1])
     with pytest.raises(InputError, match="direction: expected one across the normal"):
-        EdgeIdea([0, 0, 0], [0, 0, 1], [0, 0, 1])
+        EdgeGuess([0, 0, 0], [0, 0, 1], [0, 0, 1])
     with pytest.raises(InputError, match="leaving: expected an edge that meets"):
-        CornerIdea([0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 0, 1])
+        VertexGuess([0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 0, 1])
     with pytest.raises(InputError, match="standoff: expected at least"):
         sense_plane(robot_on(), FACE, standoff=0.014, rules=RULES)
-    inside = EdgeIdea([0, 0, 0], [1, 0, 0], [0, 0, 1]).face(0.02)
+    inside = EdgeGuess([0, 0, 0], [1, 0, 0], [0, 0, 1]).face(0.02)
     np.testing.assert_allclose(inside.point, [0, 0.02, 0], atol=1e-15)
 
 
@@ -192,7 +192,7 @@ def test_scenes_at_random(kind, n):
         task = make_task(rng, kind, PARTS[k % len(PARTS)])
         robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng)
         rules = Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
-        got = SENSE[kind](robot, task.idea, standoff=task.standoff, rules=rules)
+        got = SENSE[kind](robot, task.guess, standoff=task.standoff, rules=rules)
         assert clearances(task.scene, gripper().body, np.array(robot.truth)).min() > 0.5 * task.standoff
         acquired += got.acquired
         if got.acquired:
@@ -213,7 +213,7 @@ def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
     cell = Cell(latency=rng.uniform(0, 0.06))
     robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=cell)
     rules = Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
-    got = sense_edge(robot, task.idea, standoff=task.standoff, rules=rules)
+    got = sense_edge(robot, task.guess, standoff=task.standoff, rules=rules)
     assert got.acquired, got.message
     least = clearances(task.scene, gripper().body, np.array(robot.truth)).min()
     assert least > 0.5 * task.standoff, what
@@ -226,6 +226,6 @@ def test_three_places_on_one_line_of_three_edges_are_no_edge():
     cell = Cell(latency=rng.uniform(0, 0.06))
     robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=cell)
     got = sense_edge(
-        robot, task.idea, standoff=task.standoff, rules=Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
+        robot, task.guess, standoff=task.standoff, rules=Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
     )
     assert not got.acquired or nees(task.scene, got.feature)[0] < 20

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from felt_scenes import bevelled, gripper, nees, roof
-from tanteo.acquisition import EdgeIdea, features_of, sense_edge
+from tanteo.acquisition import EdgeGuess, features_of, sense_edge
 from tanteo.acquisition.edge_bend import acquire_bend
 from tanteo.acquisition.scan import scan
 from tanteo.acquisition.session import Session
@@ -26,8 +26,8 @@ def felt(degrees, seed, standoff=0.02):
     scene = roof(math.radians(degrees))
     T = over(-0.02, standoff + 0.05, (0.05, 0.1, 0.2))
     robot = SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(seed))
-    idea = EdgeIdea([0, 0.004, 0.0], [-1, 0.1, 0], [0, 0.1, 1])
-    got = sense_edge(robot, idea, standoff=standoff, rules=Rules(clearance=0.6 * standoff))
+    guess = EdgeGuess([0, 0.004, 0.0], [-1, 0.1, 0], [0, 0.1, 1])
+    got = sense_edge(robot, guess, standoff=standoff, rules=Rules(clearance=0.6 * standoff))
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.5 * standoff
     return scene, got
 
@@ -69,7 +69,7 @@ def test_planes_that_meet_elsewhere_are_of_another_edge():
 def test_the_far_end_of_a_bevel_is_not_taken_for_the_edge_of_the_face():
     """Two millimetres of bevel; the same border without it is acquired (``test_acquisition``)."""
     robot = SimulatedHand(bevelled(0.002), gripper(), over(-0.02, 0.07), rng=np.random.default_rng(0))
-    idea = EdgeIdea([0, 0, 0], [-1, 0, 0], [0, 0, 1])
-    got = sense_edge(robot, idea, standoff=0.02, rules=Rules(clearance=0.012))
+    guess = EdgeGuess([0, 0, 0], [-1, 0, 0], [0, 0, 1])
+    got = sense_edge(robot, guess, standoff=0.02, rules=Rules(clearance=0.012))
     assert got.status == "unclear", got.message
     assert "mm below the face: the border seems to be bevelled" in got.message

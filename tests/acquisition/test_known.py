@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.acquisition import FaceIdea, sense_plane
+from tanteo.acquisition import FaceGuess, sense_plane
 from tanteo.acquisition.known import _CELL, GAP, Known, _cells, _middles
 from tanteo.hand import Workspace
 from tanteo.lie import SE3, SO3
@@ -87,7 +87,7 @@ def test_a_post_that_no_beam_has_met_is_not_run_into(away, turn):
         ]
     )
     robot = robot_on(scene, over(0.06, 0.04, 0.12, turn=0.2))
-    got = sense_plane(robot, FaceIdea([0.06, 0.04, 0.05], [0, 0, 1]), standoff=0.02, rules=RULES)
+    got = sense_plane(robot, FaceGuess([0.06, 0.04, 0.05], [0, 0, 1]), standoff=0.02, rules=RULES)
     assert got.status in ("acquired", "limit")
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.5 * 0.02
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tanteo.acquisition import FaceIdea
+from tanteo.acquisition import FaceGuess
 from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.patch import find_patches, stands
 from tanteo.lie import SO3
@@ -41,8 +41,8 @@ def test_two_steps_are_not_one_slope():
     points = np.concatenate([grid((0, 0.06), (0, 0.03), 0.015), grid((0, 0.06), (0.03, 0.06), 0.0)])
     for seed in range(4):
         cloud = seen(points, [0.03, 0.0, 0.09], seed=seed)
-        idea = FaceIdea([0.03, 0.03, 0.008], SO3.axis_rotation(0, -0.45) @ UP)
-        best = find_patches(cloud, idea)[0]
+        guess = FaceGuess([0.03, 0.03, 0.008], SO3.axis_rotation(0, -0.45) @ UP)
+        best = find_patches(cloud, guess)[0]
         assert math.degrees(best.turned(UP)) < 4
         assert min(abs(best.point[2]), abs(best.point[2] - 0.015)) < 2e-3
 
@@ -50,7 +50,7 @@ def test_two_steps_are_not_one_slope():
 def test_every_face_is_proposed_once_and_the_nearest_first():
     wall = np.roll(grid((0, 0.06), (0, 0.06), 0.0), 1, axis=1)  # x = 0
     cloud = seen(np.concatenate([grid((0, 0.06), (0, 0.06), 0.0), wall]), [0.08, 0.03, 0.08], degrees=0.1)
-    found = find_patches(cloud, FaceIdea([0.02, 0.03, 0.02], [0.3, 0, 1]))
+    found = find_patches(cloud, FaceGuess([0.02, 0.03, 0.02], [0.3, 0, 1]))
     assert math.degrees(found[0].turned(UP)) < 2
     assert sum(p.turned(UP) < 0.1 for p in found) == 1
     assert sum(p.turned(np.array([1.0, 0, 0])) < 0.1 for p in found) == 1
@@ -59,17 +59,17 @@ def test_every_face_is_proposed_once_and_the_nearest_first():
 @pytest.mark.parametrize(("off", "turned"), [(0.05, 0), (0.0, 80)])
 def test_what_is_too_far_from_the_idea_is_not_meant(off, turned):
     cloud = seen(grid((0, 0.06), (0, 0.06), 0.0), [0.03, 0.03, 0.08])
-    near = FaceIdea([0.03, 0.03, 0.02], SO3.axis_rotation(0, math.radians(60)) @ UP)
+    near = FaceGuess([0.03, 0.03, 0.02], SO3.axis_rotation(0, math.radians(60)) @ UP)
     assert find_patches(cloud, near)
-    assert find_patches(cloud, FaceIdea([0.03, 0.03, off], SO3.axis_rotation(0, math.radians(turned)) @ UP)) == []
+    assert find_patches(cloud, FaceGuess([0.03, 0.03, off], SO3.axis_rotation(0, math.radians(turned)) @ UP)) == []
 
 
 def test_both_sensors_need_a_face_below_them():
     """Sensors that are 40 mm apart on a face of 14 mm, and on one that is long enough in one direction."""
-    idea, eye = FaceIdea([0, 0, 0], UP), [0.02, 0.01, 0.08]
-    small = find_patches(seen(grid((0, 0.014), (0, 0.014), 0.0), eye, degrees=0.1), idea)[0]
+    guess, eye = FaceGuess([0, 0, 0], UP), [0.02, 0.01, 0.08]
+    small = find_patches(seen(grid((0, 0.014), (0, 0.014), 0.0), eye, degrees=0.1), guess)[0]
     assert stands(small, 0.04, small.point) == []
-    long = find_patches(seen(grid((0, 0.06), (0, 0.014), 0.0), eye, degrees=0.1), idea)[0]
+    long = find_patches(seen(grid((0, 0.06), (0, 0.014), 0.0), eye, degrees=0.1), guess)[0]
     along = [abs(direction[0]) for _, _, direction in stands(long, 0.04, long.point)]
     assert along
     assert min(along) > 0.7

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tanteo
-from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea, predicted
+from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess, predicted
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.shapes import Surface
@@ -23,7 +23,7 @@ def bracket():
     return part, Surface(part.vertices, part.triangles)
 
 
-def ideas(part, kind, towards=UP, covariance=NONE):
+def guesses(part, kind, towards=UP, covariance=NONE):
     return predicted(kind, part, POSE, covariance, POSE[:3, :3] @ towards)
 
 
@@ -37,35 +37,35 @@ def on_face(part, surface, name, point, normal):
 
 
 def test_faces_look_to_the_hand_and_are_met_first(bracket):
-    found = ideas(bracket[0], "plane")
+    found = guesses(bracket[0], "plane")
     assert [p.value for p in found] == sorted((p.value for p in found), reverse=True)
     assert {p.name for p in found} == {"face 6", "face 1", "face 10", "face 4"}  # up, and the rib's slope
     for p in found:
-        assert isinstance(p.idea, FaceIdea)
-        assert p.idea.normal @ (POSE[:3, :3] @ UP) >= 0.5
-        assert on_face(*bracket, p.name, p.idea.point, p.idea.normal)
+        assert isinstance(p.guess, FaceGuess)
+        assert p.guess.normal @ (POSE[:3, :3] @ UP) >= 0.5
+        assert on_face(*bracket, p.name, p.guess.point, p.guess.normal)
 
 
 def test_an_edge_has_its_face_on_the_left(bracket):
-    found = ideas(bracket[0], "edge")
+    found = guesses(bracket[0], "edge")
     assert found
     for p in found:
-        assert isinstance(p.idea, EdgeIdea)
-        inward = np.cross(p.idea.normal, p.idea.direction)
-        assert on_face(*bracket, p.faces[0], p.idea.point + 5e-4 * inward, p.idea.normal)
+        assert isinstance(p.guess, EdgeGuess)
+        inward = np.cross(p.guess.normal, p.guess.direction)
+        assert on_face(*bracket, p.faces[0], p.guess.point + 5e-4 * inward, p.guess.normal)
         assert len(p.faces) == 2
-        outside = SE3.apply(SE3.inverse(POSE), p.idea.point - 5e-4 * inward + 1e-4 * p.idea.normal)
+        outside = SE3.apply(SE3.inverse(POSE), p.guess.point - 5e-4 * inward + 1e-4 * p.guess.normal)
         assert not bracket[1].inside(outside)
 
 
 def test_a_corner_lies_between_the_edge_that_ends_there_and_the_one_that_begins(bracket):
-    found = ideas(bracket[0], "vertex")
+    found = guesses(bracket[0], "vertex")
     assert found
     for p in found:
-        assert isinstance(p.idea, CornerIdea)
-        for step in (-p.idea.arriving, p.idea.leaving):
-            inward = np.cross(p.idea.normal, p.idea.arriving if step is not p.idea.leaving else p.idea.leaving)
-            assert on_face(*bracket, p.faces[0], p.idea.point + 1e-3 * step + 1e-4 * inward, p.idea.normal)
+        assert isinstance(p.guess, VertexGuess)
+        for step in (-p.guess.arriving, p.guess.leaving):
+            inward = np.cross(p.guess.normal, p.guess.arriving if step is not p.guess.leaving else p.guess.leaving)
+            assert on_face(*bracket, p.faces[0], p.guess.point + 1e-3 * step + 1e-4 * inward, p.guess.normal)
 
 
 def test_what_lies_under_something_is_not_gone_to():
@@ -86,14 +86,14 @@ def test_the_spread_is_that_of_the_pose(bracket):
     rng = np.random.default_rng(7)
     L = np.diag([1e-3, 2e-3, 1e-3, 0.01, 0.005, 0.02]) @ np.tril(rng.uniform(-1, 1, (6, 6)))
     C = L @ L.T + np.diag([1e-7] * 3 + [1e-6] * 3)
-    p = ideas(bracket[0], "plane", covariance=C)[0]
-    local = SE3.apply(SE3.inverse(POSE), p.idea.point)
+    p = guesses(bracket[0], "plane", covariance=C)[0]
+    local = SE3.apply(SE3.inverse(POSE), p.guess.point)
     draws = rng.multivariate_normal(np.zeros(6), C, 40_000)
     places = SE3.apply(POSE @ SE3.exp(draws), local)
-    np.testing.assert_allclose(p.idea.sd, np.sqrt(np.linalg.eigvalsh(np.cov(places.T))[-1]), rtol=0.03)
-    np.testing.assert_allclose(p.idea.turn_sd, np.sqrt(np.linalg.eigvalsh(np.cov(draws[:, 3:].T))[-1]), rtol=0.03)
+    np.testing.assert_allclose(p.guess.sd, np.sqrt(np.linalg.eigvalsh(np.cov(places.T))[-1]), rtol=0.03)
+    np.testing.assert_allclose(p.guess.turn_sd, np.sqrt(np.linalg.eigvalsh(np.cov(draws[:, 3:].T))[-1]), rtol=0.03)
 
 
 def test_another_kind_is_refused(bracket):
     with pytest.raises(InputError, match="expected plane, edge or vertex, got 'hole'"):
-        ideas(bracket[0], "hole")
+        guesses(bracket[0], "hole")

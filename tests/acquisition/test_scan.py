@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper, nees, roof
-from tanteo.acquisition import FaceIdea, sense_plane
+from tanteo.acquisition import FaceGuess, sense_plane
 from tanteo.acquisition.scan import WIDTHS, scan
 from tanteo.acquisition.session import Session
 from tanteo.hand import Workspace
@@ -53,7 +53,7 @@ def test_in_a_trench_the_scan_is_narrower():
     scene = Scene.of([box("floor", [-0.1, -0.06, -0.02], [0.1, 0.06, 0.0]), *walls])
     robot = SimulatedHand(scene, gripper(), over(0.0, 0.1, height=0.07), rng=np.random.default_rng(2))
     rules = Rules(clearance=0.012, workspace=Workspace.above(-0.02))
-    got = sense_plane(robot, FaceIdea([0, 0, 0], [0, 0, 1]), standoff=0.016, rules=rules)
+    got = sense_plane(robot, FaceGuess([0, 0, 0], [0, 0, 1]), standoff=0.016, rules=rules)
     assert got.acquired, got.message
     said = {m.message for m in got.motions if m.name == "follow"}
     assert "7.5 mm along the surface" in said

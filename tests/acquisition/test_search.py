@@ -26,7 +26,7 @@ def test_another_attempt_is_made(kind, seed, k):
     cell = Cell(latency=rng.uniform(0, 0.06))
     robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=cell)
     rules = Rules(clearance=0.6 * task.standoff, workspace=task.workspace)
-    got = SENSE[kind](robot, task.idea, standoff=task.standoff, rules=rules)
+    got = SENSE[kind](robot, task.guess, standoff=task.standoff, rules=rules)
     assert got.acquired, got.message
     assert is_meant(task.truth, got.feature)
     assert clearances(task.scene, gripper().body, np.array(robot.truth)).min() > 0.5 * task.standoff

@@ -32,9 +32,9 @@ def test_exact_touches_that_are_told_at_once_place_the_part():
     target, right, within = prepare(read_part(PARTS / "bracket_left.step")), 0, 0
     for seed in range(15):
         start, T, touches = touched(target, seed)
-        belief = update(begin(start), touches, no_paths())
-        right += off(target.part, belief.poses[0], T)[0] < 5e-3
-        within += inside(*nees(target.part, belief.poses[0], belief.covariances[0], T))
+        state = update(begin(start), touches, no_paths())
+        right += off(target.part, state.poses[0], T)[0] < 5e-3
+        within += inside(*nees(target.part, state.poses[0], state.covariances[0], T))
     assert right >= 14
     assert within >= 12
 
@@ -46,9 +46,9 @@ def test_the_order_in_which_they_are_told_does_not_matter(seed):
     start, _, touches = touched(target, seed, 10)
     at_once = update(begin(start), touches, no_paths())
     for order in (np.arange(10), np.arange(10)[::-1]):
-        belief = begin(start)
+        state = begin(start)
         for n in range(1, 11):
-            belief = update(belief, touches.take(order[:n]), no_paths())
-        gap = SE3.log(SE3.inverse(at_once.poses[0]) @ belief.poses[0])
+            state = update(state, touches.take(order[:n]), no_paths())
+        gap = SE3.log(SE3.inverse(at_once.poses[0]) @ state.poses[0])
         assert gap @ np.linalg.solve(at_once.covariances[0], gap) < 1.0
-        assert belief.weights[0] == pytest.approx(at_once.weights[0], abs=0.05)
+        assert state.weights[0] == pytest.approx(at_once.weights[0], abs=0.05)

@@ -26,41 +26,41 @@ NARROW = replace(LASER, standoff=0.03, approach=np.array([0.2, 0.1, -1.0]), cone
 
 
 @pytest.fixture(scope="module")
-def belief():
+def state():
     """A part with pockets and ribs, which hide some of it."""
     target = prepare(read_part(PARTS / "housing.step"))
     return begin(at_pose(target, SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.1, -0.2])), 1e-6 * np.eye(6)))
 
 
-def on_part(belief, points):
+def on_part(state, points):
     """World points to the part's frame, at the only mode."""
-    return SE3.apply(SE3.inverse(belief.poses[0]), points)
+    return SE3.apply(SE3.inverse(state.poses[0]), points)
 
 
 @pytest.mark.parametrize("probe", [LASER, NARROW])
-def test_every_beam_meets_its_face_first_at_the_stand_off(belief, probe):
-    c, target = propose(belief, probe, 300), belief.target(0)
+def test_every_beam_meets_its_face_first_at_the_stand_off(state, probe):
+    c, target = propose(state, probe, 300), state.target(0)
     assert len(c) > 50
-    hits = target.surface.cast(on_part(belief, c.origins), c.directions @ belief.poses[0, :3, :3])
+    hits = target.surface.cast(on_part(state, c.origins), c.directions @ state.poses[0, :3, :3])
     np.testing.assert_allclose(hits.distances, c.ranges, rtol=2e-3)
     assert (target.part.triangle_face[hits.triangles] == c.face).mean() > 0.95  # but for samples on an edge
-    normals = target.surface.normals[hits.triangles] @ belief.poses[0, :3, :3].T
+    normals = target.surface.normals[hits.triangles] @ state.poses[0, :3, :3].T
     assert (-np.sum(normals * c.directions, axis=1) > np.cos(probe.max_incidence)).mean() > 0.95
 
 
-def test_starts_and_ways_in_keep_clear_of_the_part(belief):
+def test_starts_and_ways_in_keep_clear_of_the_part(state):
     """Exactly, although the room is looked up on a grid; and some would be too near."""
     thick = replace(NARROW, clearance=0.012)
-    c, surface = propose(belief, thick, 400), belief.target(0).surface
+    c, surface = propose(state, thick, 400), state.target(0).surface
     back = np.linspace(0, thick.retreat, 30)
     way = c.origins[:, None] - back[:, None] * c.directions[:, None]
-    gaps = surface.closest(on_part(belief, way.reshape(-1, 3))).distances
+    gaps = surface.closest(on_part(state, way.reshape(-1, 3))).distances
     assert len(c) > 20
     assert np.abs(gaps).min() > 0.012 - 2e-3  # between the four places that are looked at
-    assert len(c) < len(propose(belief, replace(NARROW, clearance=1e-4), 400))
-    inside = SE3.apply(belief.poses[0], belief.target(0).part.vertices[:1])
+    assert len(c) < len(propose(state, replace(NARROW, clearance=1e-4), 400))
+    inside = SE3.apply(state.poses[0], state.target(0).part.vertices[:1])
     bad = Candidates(inside, np.array([[0.0, 0.0, -1.0]]), np.zeros(1, int), np.zeros(1, int), np.ones(1))
-    assert not has_room(belief, bad, thick).any()
+    assert not has_room(state, bad, thick).any()
 
 
 def test_the_nearest_allowed_direction_is_taken():
@@ -84,46 +84,46 @@ def test_straight_against_the_approach_the_nearest_is_a_unit_direction_on_the_ed
 TOUCH = replace(LASER, contact=True, standoff=0.05, clearance=0.008)
 
 
-def over_the_top(belief, gap, thick=0.01):
+def over_the_top(state, gap, thick=0.01):
     """A plate so far over the part, larger than it on all sides."""
-    corners = SE3.apply(belief.poses[0], belief.target(0).part.vertices)
+    corners = SE3.apply(state.poses[0], state.target(0).part.vertices)
     low, high = corners.min(axis=0), corners.max(axis=0)
     bottom = np.r_[low[:2] - 0.3, high[2] + gap]
     return ForbiddenBox("plate", bottom, np.r_[high[:2] + 0.3, bottom[2] + thick])
 
 
 @pytest.mark.parametrize("probe", [replace(LASER, standoff=0.08), replace(TOUCH, standoff=0.08)])
-def test_no_way_to_the_part_leads_through_a_forbidden_box(belief, probe):
+def test_no_way_to_the_part_leads_through_a_forbidden_box(state, probe):
     """A plate between the starts and the part: the starts have room, the ways have not; a touch keeps its clearance."""
-    plate = over_the_top(belief, 0.03)
-    free, kept = (propose(belief, replace(probe, workspace=Workspace.everywhere(f)), 400) for f in ((), [plate]))
-    for c, most in ((free, 0.5), (kept, 0.0)):
+    plate = over_the_top(state, 0.03)
+    free, kept = (propose(state, replace(probe, workspace=Workspace.everywhere(f)), 400) for f in ((), [plate]))
+    for c, max_measurements in ((free, 0.5), (kept, 0.0)):
         way = c.origins[:, None] + np.linspace(0, 1, 200)[:, None] * (c.aims - c.origins)[:, None]
         gaps = plate.distances(way)[0]
         crossed = gaps.min(axis=1) < 0
-        assert crossed.mean() <= most
+        assert crossed.mean() <= max_measurements
         assert crossed.any() == (c is free)
         if probe.contact and c is kept:  # but for the end, where the tip is as near to the part
             assert gaps[:, :179].min() >= probe.clearance - 1e-9
     assert len(kept) > 50
 
 
-def test_a_touch_stays_inside_the_workspace_up_to_the_part_and_a_beam_need_not(belief):
+def test_a_touch_stays_inside_the_workspace_up_to_the_part_and_a_beam_need_not(state):
     """The far half of the part is out of bounds; starts before it have room."""
-    middle = SE3.apply(belief.poses[0], belief.target(0).part.centroid)[2]
+    middle = SE3.apply(state.poses[0], state.target(0).part.centroid)[2]
     for probe, out in ((TOUCH, False), (replace(TOUCH, contact=False), True)):
-        c = propose(belief, replace(probe, workspace=Workspace.above(middle)), 400)
+        c = propose(state, replace(probe, workspace=Workspace.above(middle)), 400)
         assert (c.aims[:, 2] < middle).any() == out
         assert len(c) > 20
 
 
 def test_a_thin_part_that_lies_on_a_forbidden_table_can_be_touched_from_above():
     target = prepare(read_part(PARTS / "block.step"))
-    belief, low = begin(at_pose(target, np.eye(4), 1e-8 * np.eye(6))), target.part.box[0]
+    state, low = begin(at_pose(target, np.eye(4), 1e-8 * np.eye(6))), target.part.box[0]
     table = ForbiddenBox("table", np.r_[low[:2] - 1, low[2] - 0.1], np.r_[low[:2] + 2, low[2]])
     thick = replace(TOUCH, clearance=0.06, standoff=0.1, workspace=Workspace.everywhere([table]))
     assert target.part.box[1, 2] - low[2] < thick.clearance
-    c = propose(belief, thick, 300)
+    c = propose(state, thick, 300)
     assert len(c) > 20
     np.testing.assert_allclose(c.directions, np.tile([0, 0, -1.0], (len(c), 1)), atol=1e-9)
 
@@ -132,10 +132,10 @@ def test_starts_keep_clear_of_the_part_wherever_it_may_be():
     """Of new draws of a rough place, not only of the pose in its middle; where that leaves nothing, nothing is left."""
     target = prepare(read_part(PARTS / "bracket_left.step"))
     C = np.diag(np.repeat([0.008, 0.2], 3) ** 2)
-    belief, rng, near = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(5), []
+    state, rng, near = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(5), []
     to_part = SE3.inverse(SE3.exp(rng.normal(size=(2000, 6)) @ np.linalg.cholesky(C).T))[:, None]
     for anywhere in (True, False):
-        c = propose(belief, TOUCH, 300, anywhere=anywhere)
+        c = propose(state, TOUCH, 300, anywhere=anywhere)
         assert len(c) > 40
         near.append(np.mean(signed_distance(target.surface, SE3.apply(to_part, c.origins))[0] < TOUCH.clearance))
     assert near[0] < 0.008
@@ -146,8 +146,8 @@ def test_starts_keep_clear_of_the_part_wherever_it_may_be():
 
 def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
     target, C = prepare(read_part(PARTS / "block.step")), np.diag(np.repeat([0.012, 0.12], 3) ** 2)
-    beliefs = [begin(at_pose(target, np.eye(4), C, Priors(unknown=u))) for u in (0.05, 0.9999)]
-    first, second = (propose(belief, TOUCH, 200) for belief in beliefs)
+    states = [begin(at_pose(target, np.eye(4), C, Priors(unknown=u))) for u in (0.05, 0.9999)]
+    first, second = (propose(state, TOUCH, 200) for state in states)
     np.testing.assert_array_equal(first.origins, second.origins)
     np.testing.assert_array_less(TOUCH.clearance, signed_distance(target.surface, second.origins)[0])
 
@@ -155,10 +155,10 @@ def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
 def test_readings_nearer_than_the_sensor_begins_to_read_are_improbable():
     """Of new draws of a rough place; and those that are nearest in the middle are what is left out."""
     target, C = prepare(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
-    belief, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
+    state, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
     Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)
     for least in (0.065, 0.0):
-        c = propose(belief, replace(LASER, min_range=least), 300)
+        c = propose(state, replace(LASER, min_range=least), 300)
         share.append(np.mean(beams(target, Ts, c.origins, c.directions)[0] < 0.065))
         assert len(c) > 30
     assert share[0] < 0.015

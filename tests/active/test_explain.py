@@ -65,7 +65,7 @@ def session_on(target, touches, T=None, covariance=None):
 @pytest.mark.xfail(strict=False, reason="of two equal directions any axes may be named")
 def test_readings_on_a_face_fix_its_normal_and_its_two_tilts(target):
     session = session_on(target, TOUCHES)
-    told = explain(session.belief, session.steps)
+    told = explain(session.state, session.steps)
     assert told.part == "block"
     a, b, c = HALF
     top, end, side = (dict.fromkeys([f"{face}{k}" for k in range(n)], 1.0) for face, n in FACES.items())
@@ -92,7 +92,7 @@ def test_readings_on_a_face_fix_its_normal_and_its_two_tilts(target):
 
 def test_the_first_reading_in_the_middle_of_a_face_fixes_its_normal(target):
     session = session_on(target, [touch("top", (0, 0, 40), 2)])
-    (step,) = explain(session.belief, session.steps).added
+    (step,) = explain(session.state, session.steps).added
     after = 1 / np.sqrt(1 / SD**2 + 1 / PLACE**2)
     assert step.motion == "sliding along world z"
     assert step.narrowed == pytest.approx(after / PLACE, rel=0.2)  # samples know it to a tenth
@@ -105,11 +105,11 @@ def test_the_first_reading_in_the_middle_of_a_face_fixes_its_normal(target):
 
 def test_two_readings_beside_each_other_fix_a_tilt(target):
     session = session_on(target, TOUCHES[:1] + TOUCHES[2:3])
-    second = explain(session.belief, session.steps).added[1]
+    second = explain(session.state, session.steps).added[1]
     assert "rotation about" in second.motion
     session.tell(TOUCHES[1])
     session.tell(touch("again", (70, 50, 40), 2))
-    again = explain(session.belief, session.steps).added[-1]
+    again = explain(session.state, session.steps).added[-1]
     assert again.narrowed == pytest.approx(1 / np.sqrt(2), abs=0.15)  # the same place a second time
     assert again.about_pose == pytest.approx(0.5 * np.log(2), abs=0.3)
 
@@ -124,7 +124,7 @@ def test_what_every_reading_adds_sums_to_the_information(target):
     session = session_on(target, [*TOUCHES, edge, with_normal])
     session.sensing = Sensing(sd=SD, robot="generic_6axis_uncalibrated")
     session.tell(touch("last", (10, 10, 40), 2))
-    mode, start = session.belief.modes[0], session.start
+    mode, start = session.state.modes[0], session.start
     assert len(mode.z) == 6
     own = information_by_point(mode)
     known = prior_rows(PosePrior(start.Ts[0], start.covariances[0]), target.part, mode.T_peak[None])[1][0]
@@ -140,14 +140,14 @@ def test_the_frame_of_the_part_does_not_matter(target, tmp_path):
     spread = np.diag(np.repeat([PLACE, TURN], 3)) ** 2
     one = session_on(target, TOUCHES)
     other = session_on(block(tmp_path, OFFSET), TOUCHES, T, J @ spread @ J.T)
-    a, b = (explain(s.belief, s.steps) for s in (one, other))
+    a, b = (explain(s.state, s.steps) for s in (one, other))
     for first, second in zip(a.directions, b.directions, strict=True):
         assert second.moves == pytest.approx(first.moves, rel=1e-3)
         assert second.rough_pose == pytest.approx(first.rough_pose, rel=1e-2)
     for before, after in zip(a.added, b.added, strict=True):
         assert after.about_pose == pytest.approx(before.about_pose, abs=0.3)  # where a pose is open, by samples
         assert after.narrowed == pytest.approx(before.narrowed, rel=0.2, abs=1e-3)
-    moved = corner_moves(target.part) @ one.belief.covariances[0] @ np.swapaxes(corner_moves(target.part), 1, 2)
+    moved = corner_moves(target.part) @ one.state.covariances[0] @ np.swapaxes(corner_moves(target.part), 1, 2)
     mean_square = np.trace(moved, axis1=1, axis2=2).mean()
     assert sum(d.moves**2 for d in a.directions) == pytest.approx(mean_square, rel=1e-9)
 
@@ -159,20 +159,20 @@ def test_the_spin_of_a_round_part_is_nothing_to_be_known(tmp_path):
     assert pin.part.symmetry.continuous
     touches = [touch("end", (0, 0, 30), 2), touch("side", (20, 0, 5), 0), touch("other", (0, 20, -5), 1)]
     session = session_on(pin, touches)
-    told = explain(session.belief, session.steps)
+    told = explain(session.state, session.steps)
     assert len(told.directions) == 5
     for direction in told.directions:
         assert not direction.motion.startswith(("rotation about world z", "rotation about part z"))
         assert sum(share for _, share in direction.shares) + direction.rough_pose == pytest.approx(1)
     for one, now in zip(told.added, session.steps, strict=True):
-        assert one.corner_sd == pytest.approx(now.worst_corner_sd)
+        assert one.corner_sd == pytest.approx(now.corner_sd)
 
 
 def step(ids, probabilities, part, covariance=1e-6):
     P = np.array(probabilities)
     return SimpleNamespace(
         ids=ids, probabilities=P, unknown=1 - P.sum(), T_world_part=np.eye(4), part=part,
-        covariance=covariance * np.eye(6), worst_corner_sd=1e-3,
+        covariance=covariance * np.eye(6), corner_sd=1e-3,
     )  # fmt: skip
 
 
@@ -201,5 +201,5 @@ def test_information_on_the_part_is_relative_entropy(target):
 
 def test_before_the_first_reading_nothing_is_explained(target):
     session = session_on(target, [])
-    told = explain(session.belief, session.steps)
+    told = explain(session.state, session.steps)
     assert (told.part, told.added, told.directions) == ("block", (), ())

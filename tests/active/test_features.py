@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense
-from tanteo.active import Situation, at_pose, begin, draw, features, predict, propose
+from tanteo.active import DecisionContext, at_pose, begin, draw, features, predict, propose
 from tanteo.active.features import joint_information
 from tanteo.active.samples import beams
 from tanteo.inference import prepare
@@ -19,17 +19,17 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
 @pytest.fixture(scope="module")
-def situation():
+def context():
     target = prepare(read_part(PARTS / "bracket_left.step"))
     T = SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.1, -0.2]))
-    belief = begin(at_pose(target, T, np.diag(np.repeat([1e-4, 1e-3], 3) ** 2)))
-    return Situation(belief, propose(belief, LASER, 300), LASER, None, None, 0, 0)
+    state = begin(at_pose(target, T, np.diag(np.repeat([1e-4, 1e-3], 3) ** 2)))
+    return DecisionContext(state, propose(state, LASER, 300), LASER, None, None, 0, 0)
 
 
-def test_readings_of_a_feature_lie_on_its_faces_and_near_it(situation):
-    s = situation
-    found = features(s.belief, s.candidates)
-    part, to_part = s.belief.target(0).part, SE3.inverse(s.belief.poses[0])
+def test_readings_of_a_feature_lie_on_its_faces_and_near_it(context):
+    s = context
+    found = features(s.state, s.candidates)
+    part, to_part = s.state.target(0).part, SE3.inverse(s.state.poses[0])
     aims = SE3.apply(to_part, s.aims())
     assert {f.kind for f in found} == {"face", "edge", "corner"}
     for f in found:
@@ -47,15 +47,15 @@ def test_readings_of_a_feature_lie_on_its_faces_and_near_it(situation):
         assert np.linalg.norm(near - point) < 0.6 * part.diagonal
 
 
-def test_what_a_feature_tells_is_the_ratio_of_determinants(situation):
+def test_what_a_feature_tells_is_the_ratio_of_determinants(context):
     """One pose, so well known that all is linear: against the determinant of the covariance after the readings."""
-    s = situation
-    found, samples = features(s.belief, s.candidates), draw(s.belief, 1)
+    s = context
+    found, samples = features(s.state, s.candidates), draw(s.state, 1)
     predicted = predict(samples, s.candidates.origins, s.candidates.directions)
     got = joint_information(found, samples, predicted, s)
-    C, T = s.belief.covariances[0], s.belief.poses
+    C, T = s.state.covariances[0], s.state.poses
     for f, gain in zip(found, got, strict=True):
-        d, cosine, _, g = beams(s.belief.target(0), T, s.candidates.origins[f.rows], s.candidates.directions[f.rows])
+        d, cosine, _, g = beams(s.state.target(0), T, s.candidates.origins[f.rows], s.candidates.directions[f.rows])
         G, R = g[:, 0], LASER.variance(d, cosine)[:, 0]
         after = np.linalg.inv(np.linalg.inv(C) + G.T @ (G / R[:, None]))
         assert gain == pytest.approx(0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1]), rel=1e-6)
@@ -66,7 +66,7 @@ def test_sessions_that_choose_features_reach_their_goal_and_name_them():
     targets = [prepare(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right")]
     start, rng = rough(targets, (5e-3, 0.1)), np.random.default_rng(8)
     k, T = drawn_truth(start, rng)
-    session = new_session(start, policy="features", tolerance=1e-3, most=25)
+    session = new_session(start, policy="features", tolerance=1e-3, max_measurements=25)
     end = sense(session, targets[k], T, rng)
     assert end.reached
     assert off(session, k, T) < 1.5e-3
@@ -75,8 +75,8 @@ def test_sessions_that_choose_features_reach_their_goal_and_name_them():
     assert len({words.split("more of ")[1].split(" of bracket")[0] for words in why}) > 2
 
 
-def test_where_nothing_makes_a_feature_single_places_are_left(situation):
-    s = situation
+def test_where_nothing_makes_a_feature_single_places_are_left(context):
+    s = context
     lone = s.candidates.take(np.array([0]))
-    (only,) = features(s.belief, lone)
+    (only,) = features(s.state, lone)
     assert only.rows.tolist() == [0]

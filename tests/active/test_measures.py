@@ -26,7 +26,7 @@ def test_the_exact_information_lies_between_its_bounds_and_below_the_entropy(n):
     rng = np.random.default_rng(n)
     for _ in range(20):
         w, mu, var = hypotheses(rng, n)
-        found = active.discriminate(w, mu, var, 0.05)
+        found = active.gate_discrimination(w, mu, var, 0.05)
         assert found.mi_lower <= found.mutual_information + 1e-12
         assert found.mutual_information <= min(found.mi_upper, -w @ np.log(w)) + 1e-12
         assert found.mi_lower >= 0
@@ -55,18 +55,21 @@ def test_panels_agree_with_the_trapezoid_rule():
 
 def test_information_is_invariant_to_units_and_zero_for_equal_predictions():
     w, mu, var = hypotheses(np.random.default_rng(4), 5)
-    one, other = active.discriminate(w, mu, var, 0.01), active.discriminate(w, 1e-3 * mu + 7, 1e-6 * var, 0.01)
+    one, other = (
+        active.gate_discrimination(w, mu, var, 0.01),
+        active.gate_discrimination(w, 1e-3 * mu + 7, 1e-6 * var, 0.01),
+    )
     np.testing.assert_allclose(other.accept, one.accept, rtol=1e-9)
     for name in ("mutual_information", "mi_lower", "mi_upper", "expected_remaining", "error_bound"):
         assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-9)
-    same = active.discriminate(w, 0 * mu, 0 * var + 1, 0.05)
+    same = active.gate_discrimination(w, 0 * mu, 0 * var + 1, 0.05)
     np.testing.assert_allclose([same.mutual_information, same.mi_lower, same.mi_upper], 0, atol=1e-14)
     assert same.expected_remaining == pytest.approx(5 * 0.95)
 
 
 def test_far_hypotheses_tell_everything():
     w = np.array([0.5, 0.3, 0.2])
-    found = active.discriminate(w, np.array([0, 100.0, 1e4]), np.array([1.0, 1e-6, 1e-2]), 0.05)
+    found = active.gate_discrimination(w, np.array([0, 100.0, 1e4]), np.array([1.0, 1e-6, 1e-2]), 0.05)
     entropy = -w @ np.log(w)
     np.testing.assert_allclose([found.mutual_information, found.mi_lower, found.mi_upper], entropy, rtol=1e-12)
     assert found.expected_remaining == pytest.approx(0.95)
@@ -76,7 +79,7 @@ def test_far_hypotheses_tell_everything():
 def test_accept_matrix_and_remaining_hypotheses_against_simulation():
     rng = np.random.default_rng(5)
     w, mu, var = hypotheses(rng, 4)
-    found = active.discriminate(w, mu, var, 0.05)
+    found = active.gate_discrimination(w, mu, var, 0.05)
     n = 200_000
     truth = rng.choice(4, size=n, p=w)
     y = mu[truth] + np.sqrt(var[truth]) * rng.normal(size=n)
@@ -154,16 +157,16 @@ def test_beams_along_the_plane_and_improper_inputs_are_refused():
     behind = active.predict_range(np.eye(4), np.eye(6), turned, np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), 1.0)
     assert behind.mean == -1
     with pytest.raises(InputError, match="sums to 1"):
-        active.discriminate(np.ones(2), np.zeros(2), np.ones(2), 0.05)
+        active.gate_discrimination(np.ones(2), np.zeros(2), np.ones(2), 0.05)
     with pytest.raises(InputError, match="positive"):
-        active.discriminate(np.ones(2) / 2, np.zeros(2), np.zeros(2), 0.05)
-    with pytest.raises(InputError, match="alpha"):
-        active.discriminate(np.ones(2) / 2, np.zeros(2), np.ones(2), 0.0)
+        active.gate_discrimination(np.ones(2) / 2, np.zeros(2), np.zeros(2), 0.05)
+    with pytest.raises(InputError, match="significance"):
+        active.gate_discrimination(np.ones(2) / 2, np.zeros(2), np.ones(2), 0.0)
 
 
 def test_a_hypothesis_without_weight_does_not_count():
     w, mu, var = hypotheses(np.random.default_rng(8), 3)
-    more = active.discriminate(np.r_[w, 0], np.r_[mu, 50], np.r_[var, 1e-3], 0.05)
-    less = active.discriminate(w, mu, var, 0.05)
+    more = active.gate_discrimination(np.r_[w, 0], np.r_[mu, 50], np.r_[var, 1e-3], 0.05)
+    less = active.gate_discrimination(w, mu, var, 0.05)
     for name in ("mutual_information", "mi_lower", "mi_upper", "error_bound"):
         assert getattr(more, name) == pytest.approx(getattr(less, name), rel=1e-12)

@@ -88,24 +88,24 @@ def test_corners_are_as_before(wedge):
 @pytest.mark.parametrize(("feature", "tolerance"), [("face 2", 4e-3), ("edge 7", 6e-3), ("vertex 3", 8e-3)])
 def test_the_chance_of_a_feature_is_that_of_draws_of_the_pose(wedge, feature, tolerance):
     T = SE3.exp(np.array([0.2, -0.1, 0.3, 0.5, -0.4, 1.0]))
-    belief, rng = begin(at_pose(wedge, T, 0.5 * C)), np.random.default_rng(3)
+    state, rng = begin(at_pose(wedge, T, 0.5 * C)), np.random.default_rng(3)
     places = places_of(wedge.part, feature)
     gaps = SE3.exp(rng.normal(size=(20_000, 6)) @ np.linalg.cholesky(0.5 * C).T)
     moved = SE3.apply(gaps[:, None], places.points) - places.points
     off = np.linalg.norm((places.across @ moved[..., None])[..., 0], axis=-1).max(axis=1)
     expected = np.mean(off <= tolerance)
     assert 0.2 < expected < 0.9
-    assert chance_within(belief, tolerance, feature) == pytest.approx(expected * (1 - belief.unknown), abs=0.02)
+    assert chance_within(state, tolerance, feature) == pytest.approx(expected * (1 - state.unknown), abs=0.02)
 
 
 def test_what_is_useful_is_what_exceeds_the_tolerance_and_moves_the_feature(wedge):
     """Of corners as by inverting; of a face nothing of what slides it on itself."""
-    belief, tolerance = begin(at_pose(wedge, np.eye(4), C)), 1e-3
+    state, tolerance = begin(at_pose(wedge, np.eye(4), C)), 1e-3
     J = corner_moves(wedge.part)
     enough = (tolerance / 1.6) ** 2 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
-    useful = draw(belief, 4, tolerance).useful[0]
+    useful = draw(state, 4, tolerance).useful[0]
     np.testing.assert_allclose(useful, C @ np.linalg.solve(C + enough, C), rtol=1e-7, atol=1e-14)
-    of_face = draw(belief, 4, tolerance, "face 2").useful[0]
+    of_face = draw(state, 4, tolerance, "face 2").useful[0]
     n = wedge.part.planes.normals[2]
     along = np.linalg.solve(C, np.r_[np.cross(n, [0, 1, 0]), 0, 0, 0])
     assert np.abs(of_face @ along).max() < 1e-9 * np.abs(C @ along).max()
@@ -143,7 +143,7 @@ def test_a_session_ends_when_the_feature_is_placed_and_says_so(wedge):
         assert session.steps[-1].within >= 0.95
     assert "face 3 of wedge is within 0.5 mm of where it is said to be" in end.why
     assert counts["face 3"] < counts[None]
-    places, gap = places_of(wedge.part, "face 3"), SE3.inverse(session.belief.poses[0]) @ T
+    places, gap = places_of(wedge.part, "face 3"), SE3.inverse(session.state.poses[0]) @ T
     moved = SE3.apply(gap, places.points) - places.points
     assert np.abs(np.einsum("kij,kj->ki", places.across, moved)).max() < 0.5e-3
 

@@ -12,9 +12,9 @@ from scipy.stats import binom
 from cli.conftest import prism, stl
 from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo import locate
-from tanteo.active import Probe, Start, at_pose, distinguish, places_of, plan, probe_of
+from tanteo.active import Probe, Start, at_pose, discriminate, places_of, plan, probe_of
 from tanteo.active.design import design_of
-from tanteo.active.distinguish import laid_on, located
+from tanteo.active.discriminate import laid_on, located
 from tanteo.active.samples import beams
 from tanteo.answers import PosePrior, Priors
 from tanteo.answers.part_motions import corner_sd
@@ -54,10 +54,10 @@ def bracket():
 
 
 def test_six_planned_touches_of_a_block(block):
-    found = plan(at_pose(block, np.eye(4), C), FARTHER, 1e-5, most=6)
+    found = plan(at_pose(block, np.eye(4), C), FARTHER, 1e-5, max_measurements=6)
     assert not found.reached
     assert len(found.readings) == 6
-    assert found.readings[-1].worst_corner_sd <= 0.65e-3
+    assert found.readings[-1].corner_sd <= 0.65e-3
 
 
 def test_what_is_promised_after_a_plan_is_what_linear_least_squares_gives(bracket):
@@ -85,7 +85,7 @@ def test_two_readings_fewer_would_not_do(block):
     start = at_pose(block, np.eye(4), C)
     found = plan(start, FARTHER, 1.4e-3, 0.95)
     n = len(found.readings)
-    fewer = [plan(start, FARTHER, 1.4e-3, 0.95, most=n - 2, seed=seed) for seed in range(4)]
+    fewer = [plan(start, FARTHER, 1.4e-3, 0.95, max_measurements=n - 2, seed=seed) for seed in range(4)]
     assert found.reached
     assert not any(other.reached for other in fewer)
 
@@ -96,7 +96,7 @@ def test_the_worst_corner_is_as_good_as_in_the_best_of_many_plans(name, n):
     target = prepare(read_part(PARTS / f"{name}.step"))
     start, rng = at_pose(target, np.eye(4), C), np.random.default_rng(3)
     design = design_of(start, TOUCH, 0)
-    best = corner_errors(target, plan(start, TOUCH, 1e-5, most=n).readings[-1].covariance[None])[0]
+    best = corner_errors(target, plan(start, TOUCH, 1e-5, max_measurements=n).readings[-1].covariance[None])[0]
 
     def worst(rows):
         G = design.rows[rows]
@@ -123,7 +123,7 @@ def test_a_robot_that_is_off_moves_what_it_reads_and_not_what_was_known(bracket)
     """Place and turn of its base, the turn about the world's origin, far from which the part lies: one more draw."""
     T = SE3.from_parts(SO3.exp(np.array([0.3, 0.2, 1.0])), np.array([0.8, -0.5, 0.2]))
     sds, start = (2e-4, 3e-4), at_pose(bracket, T, C)
-    found = plan(start, replace(TOUCH, base_sds=sds), 1e-5, most=1)
+    found = plan(start, replace(TOUCH, base_sds=sds), 1e-5, max_measurements=1)
     base = SE3.adjoint_inverse(T) @ np.diag(np.repeat(np.square(sds), 3)) @ SE3.adjoint_inverse(T).T
     (reading,) = found.readings
     ranges, cosines, _, g = beams(bracket, T[None], reading.origin[None], reading.direction[None])
@@ -135,15 +135,15 @@ def test_a_robot_that_is_off_moves_what_it_reads_and_not_what_was_known(bracket)
 
 def test_what_is_known_better_than_the_robot_stays_so(bracket):
     known = 1e-10 * np.eye(6)
-    found = plan(at_pose(bracket, np.eye(4), known), replace(TOUCH, base_sds=(1e-3, 1e-3)), 5e-6, most=3)
+    found = plan(at_pose(bracket, np.eye(4), known), replace(TOUCH, base_sds=(1e-3, 1e-3)), 5e-6, max_measurements=3)
     assert found.before == pytest.approx(corner_sd(bracket.part, known), rel=1e-6)
-    assert all(r.worst_corner_sd <= found.before for r in found.readings)
+    assert all(r.corner_sd <= found.before for r in found.readings)
     assert plan(at_pose(bracket, np.eye(4), known), replace(TOUCH, base_sds=(1e-3, 1e-3)), 1e-3).readings == ()
 
 
 def test_planned_readings_meet_their_faces_wherever_the_part_may_be(bracket):
     rough_C = np.diag(np.repeat([8e-3, 0.1], 3) ** 2)
-    found, rng = plan(at_pose(bracket, np.eye(4), rough_C), FARTHER, 1e-5, most=8), np.random.default_rng(4)
+    found, rng = plan(at_pose(bracket, np.eye(4), rough_C), FARTHER, 1e-5, max_measurements=8), np.random.default_rng(4)
     Ts = SE3.exp(rng.normal(size=(300, 6)) @ np.linalg.cholesky(rough_C).T)
     origins, directions = (np.array([getattr(r, name) for r in found.readings]) for name in ("origin", "direction"))
     faces = beams(bracket, Ts, origins, directions)[2]
@@ -156,7 +156,7 @@ def test_a_bias_does_not_average_out(bracket):
     """Straight from above, more touches never place the part's height better than the bias that they share."""
     biased = replace(TOUCH, law=NoiseLaw.of(1e-5), shared_sd=5e-4, approach=np.array([0, 0, -1.0]), cone=1e-6)
     start = at_pose(bracket, np.eye(4), C)
-    few, many = (plan(start, biased, 1e-5, most=n) for n in (8, 20))
+    few, many = (plan(start, biased, 1e-5, max_measurements=n) for n in (8, 20))
     z = [r.covariance[2, 2] ** 0.5 for p in (few, many) for r in p.readings[-1:]]
     assert min(z) > 0.9 * 5e-4
 
@@ -166,7 +166,9 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     found = plan(at_pose(bracket, np.eye(4), C), off, 0.5e-3)
     assert not found.reached
     assert "robot's own error" in found.message
-    fewer = plan(at_pose(bracket, np.eye(4), C), off, 4e-3, 0.3, most=1)  # that more readings would do is what is said
+    fewer = plan(
+        at_pose(bracket, np.eye(4), C), off, 4e-3, 0.3, max_measurements=1
+    )  # that more readings would do is what is said
     assert not fewer.reached
     assert "Allow more readings" in fewer.message
     assert "robot's own error" in plan(at_pose(bracket, np.eye(4), C), off, 2e-3, 0.999).message
@@ -187,10 +189,10 @@ def test_the_spin_of_a_round_part_needs_no_reading(disc):
     found = plan(at_pose(disc, np.eye(4), C), TOUCH, 1.5e-3)
     assert found.reached
     assert len(found.readings) <= 8
-    session = new_session(at_pose(disc, np.eye(4), C), tolerance=1.5e-3, most=12)
+    session = new_session(at_pose(disc, np.eye(4), C), tolerance=1.5e-3, max_measurements=12)
     end = sense(session, disc, SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.02, 0.01, 0.03])), np.random.default_rng(1))
     assert end.reached
-    assert session.steps[-1].worst_corner_sd < 1e-3
+    assert session.steps[-1].corner_sd < 1e-3
 
 
 def test_out_of_reach_is_said(bracket):
@@ -203,18 +205,18 @@ def test_out_of_reach_is_said(bracket):
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "confidence", "most"), [(0.0, 0.9, 5), (np.nan, 0.9, 5), (1e-3, 1.0, 5), (1e-3, 0.9, 0)]
+    ("tolerance", "confidence", "max_measurements"), [(0.0, 0.9, 5), (np.nan, 0.9, 5), (1e-3, 1.0, 5), (1e-3, 0.9, 0)]
 )
-def test_a_plan_that_cannot_be_meant_is_refused(bracket, tolerance, confidence, most):
+def test_a_plan_that_cannot_be_meant_is_refused(bracket, tolerance, confidence, max_measurements):
     with pytest.raises(InputError, match="plan"):
-        plan(at_pose(bracket, np.eye(4), C), TOUCH, tolerance, confidence, most)
+        plan(at_pose(bracket, np.eye(4), C), TOUCH, tolerance, confidence, max_measurements)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")])
 def test_one_reading_tells_twins_apart(names):
     pair = [prepare(read_part(PARTS / f"{name}.step")) for name in names]
-    found = distinguish(*pair, LASER)
+    found = discriminate(*pair, LASER)
     assert found.parts == names
     assert found.information > 0.6
     assert abs(found.ranges[0] - found.ranges[1]) > 5 * found.sds.max()
@@ -229,9 +231,9 @@ def test_one_reading_tells_twins_apart(names):
             np.stack([located(pair[k], 2e-4)] + [located(pair[1 - k], 2e-4)] * len(poses)),
             np.r_[0.5, np.full(len(poses), 0.5 / len(poses))], Priors(),
         )  # fmt: skip
-        session = new_session(start, most=1, probability=0.999)
+        session = new_session(start, max_measurements=1, probability=0.999)
         sense(session, pair[k], SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6)), rng)
-        right += session.belief.of_parts()[k] > 0.9
+        right += session.state.of_parts()[k] > 0.9
     assert right == 4
 
 
@@ -240,7 +242,7 @@ def test_a_step_that_is_located_by_what_both_have_is_told_from_its_twin():
     pair = [prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (15, 12)]
     twins = laid_on(*pair)
     assert np.abs(twins - np.eye(4)).max(axis=(1, 2)).min() < 1e-4  # the files have one frame
-    found = distinguish(*pair, LASER)
+    found = discriminate(*pair, LASER)
     for T in twins:
         to = SE3.inverse(T)
         reads = pair[1].surface.cast(SE3.apply(to, found.origin), to[:3, :3] @ found.direction).distances
@@ -251,7 +253,7 @@ def test_the_spread_that_is_said_is_that_of_place_and_noise():
     """Both parts drawn from where they are located: what the reading then says, against what was promised."""
     names, rng, sd = ("step_12mm", "step_15mm"), np.random.default_rng(2), 1e-3
     pair = [prepare(read_part(PARTS / f"{name}.step")) for name in names]
-    found = distinguish(*pair, LASER, sd)
+    found = discriminate(*pair, LASER, sd)
     xi = np.linalg.cholesky(located(pair[0], sd)) @ rng.normal(size=(4000, 6, 1))
     ranges = beams(pair[0], SE3.exp(xi[..., 0]), found.origin[None], found.direction[None])[0][0]
     ranges = ranges[np.abs(ranges - found.ranges[0]) < 6 * found.sds[0]]
@@ -262,7 +264,7 @@ def test_the_spread_that_is_said_is_that_of_place_and_noise():
 
 def test_what_no_reading_tells_apart_is_said():
     same = prepare(read_part(PARTS / "wedge.step"))
-    found = distinguish(same, same, FLIGHT)
+    found = discriminate(same, same, FLIGHT)
     assert found.information < 0.05
     assert "No single reading" in found.message
 
@@ -339,7 +341,7 @@ def test_a_start_from_which_the_part_is_met_is_said():
     step = prepare(read_part(PARTS / "step_12mm.step"))
     start = at_pose(step, np.eye(4), np.diag(np.repeat([5e-3, np.radians(3)], 3) ** 2))
     close = replace(TOUCH, standoff=8e-3, clearance=4e-3)
-    found = plan(start, close, 0.7e-3, most=10)
+    found = plan(start, close, 0.7e-3, max_measurements=10)
     assert not found.reached
     assert found.room < 0.5
     assert "within 4 mm of the part, or in it" in found.message
@@ -355,14 +357,16 @@ def test_a_probe_that_needs_more_room_than_it_has_is_told_how_much_it_has(bracke
     assert found.readings == ()
     assert "it starts 6.4 mm before the surface and needs 10 mm of room" in found.message
     assert "--clearance 3.2mm" in found.message
-    assert plan(start, probe_of(sensor_preset("inductive_analog_m18"), clearance=3.2e-3), 1e-3, most=2).readings
+    assert plan(
+        start, probe_of(sensor_preset("inductive_analog_m18"), clearance=3.2e-3), 1e-3, max_measurements=2
+    ).readings
 
 
 def test_a_wide_cone_misses_more_than_its_axis_does(bracket):
     """At an edge of a face some of its rays pass by: what is promised counts that."""
     start = at_pose(bracket, np.eye(4), C)
     thin, wide = (Probe("p", NoiseLaw.of(3e-3), beam_half_angle=np.radians(a), standoff=0.1) for a in (0.1, 8))
-    found = plan(start, thin, 1e-5, most=6)
+    found = plan(start, thin, 1e-5, max_measurements=6)
     again = design_of(start, wide, 0)
     assert again.judged_by.meets.mean() < design_of(start, thin, 0).judged_by.meets.mean()
     assert found.readings[-1].within <= found.readings[-1].within_if_met + 0.01

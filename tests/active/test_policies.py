@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
-from tanteo.active import POLICIES, Situation, begin, draw, predict, propose
+from tanteo.active import POLICIES, DecisionContext, begin, draw, predict, propose
 from tanteo.active.policies import most_told
 from tanteo.active.utility import about_mode, expected_information
 from tanteo.inference import prepare
@@ -27,16 +27,16 @@ def start():
 
 
 def test_where_only_the_part_is_asked_for_it_is_the_part_that_counts(start):
-    belief = begin(start)
-    candidates = propose(belief, LASER, 300)
-    samples = draw(belief, 128)
+    state = begin(start)
+    candidates = propose(state, LASER, 300)
+    samples = draw(state, 128)
     predicted = predict(samples, candidates.origins, candidates.directions)
     of_part, of_both = (
         about_mode(samples, predicted, LASER, samples.part),
         expected_information(samples, predicted, LASER),
     )
     both, only = (
-        POLICIES["information"].choose(Situation(belief, candidates, LASER, None, None, 0, 0, part_only))
+        POLICIES["information"].choose(DecisionContext(state, candidates, LASER, None, None, 0, 0, part_only))
         for part_only in (False, True)
     )
     assert both.index == np.argmax(of_both)
@@ -45,26 +45,26 @@ def test_where_only_the_part_is_asked_for_it_is_the_part_that_counts(start):
 
 
 def test_what_a_reading_tells_counts_by_the_time_it_takes_where_time_counts(start):
-    belief = begin(start)
-    candidates = propose(belief, LASER, 300)
-    situation = Situation(belief, candidates, LASER, candidates.origins[0], None, 0, 0)
-    told = expected_information(*_predicted(belief, candidates), LASER)
-    best, quick = (POLICIES[name].choose(situation) for name in ("information", "information-per-second"))
+    state = begin(start)
+    candidates = propose(state, LASER, 300)
+    context = DecisionContext(state, candidates, LASER, candidates.origins[0], None, 0, 0)
+    told = expected_information(*_predicted(state, candidates), LASER)
+    best, quick = (POLICIES[name].choose(context) for name in ("information", "information-per-second"))
     assert best.index == np.argmax(told)
-    assert quick.index == np.argmax(told / situation.seconds())
+    assert quick.index == np.argmax(told / context.seconds())
     assert quick.index != best.index
 
 
 def test_a_part_that_is_known_leaves_its_pose_to_choose_by(start):
-    belief = begin(rough(start.targets[2:]))
-    candidates = propose(belief, LASER, 300)
-    told = expected_information(*_predicted(belief, candidates), LASER)
-    choice = POLICIES["information"].choose(Situation(belief, candidates, LASER, None, None, 0, 0, part_only=True))
+    state = begin(rough(start.targets[2:]))
+    candidates = propose(state, LASER, 300)
+    told = expected_information(*_predicted(state, candidates), LASER)
+    choice = POLICIES["information"].choose(DecisionContext(state, candidates, LASER, None, None, 0, 0, part_only=True))
     assert choice.index == np.argmax(told) != 0
 
 
-def _predicted(belief, candidates):
-    samples = draw(belief, 128)
+def _predicted(state, candidates):
+    samples = draw(state, 128)
     return samples, predict(samples, candidates.origins, candidates.directions)
 
 
@@ -77,9 +77,9 @@ def test_a_session_says_what_it_asks_for(start, stop, part_only):
     class Watched:
         name = "watched"
 
-        def choose(self, situation):
-            seen.append(situation.part_only)
-            return POLICIES["random"].choose(situation)
+        def choose(self, context):
+            seen.append(context.part_only)
+            return POLICIES["random"].choose(context)
 
     session = new_session(start, **stop)
     session.policy = Watched()
@@ -88,13 +88,13 @@ def test_a_session_says_what_it_asks_for(start, stop, part_only):
 
 
 def test_the_part_counts_above_all_until_it_is_known(start):
-    belief = begin(start)
-    candidates = propose(belief, LASER, 300)
-    place, policy = (belief, candidates, LASER, None, 1e-3, 0, 0), POLICIES["information"]
-    samples = draw(belief, 128, 1e-3)
+    state = begin(start)
+    candidates = propose(state, LASER, 300)
+    place, policy = (state, candidates, LASER, None, 1e-3, 0, 0), POLICIES["information"]
+    samples = draw(state, 128, 1e-3)
     predicted = predict(samples, candidates.origins, candidates.directions, LASER)
     told, of_part = expected_information(samples, predicted, LASER), about_mode(samples, predicted, LASER, samples.part)
-    chosen = [policy.choose(Situation(*place, **what)) for what in ({"part_only": True}, {"part_open": True}, {})]
+    chosen = [policy.choose(DecisionContext(*place, **what)) for what in ({"part_only": True}, {"part_open": True}, {})]
     assert [c.index for c in chosen] == [np.argmax(w * told + of_part) for w in (0.01, 0.3)] + [np.argmax(told)]
     assert chosen[0].index != chosen[2].index
     assert [c.gain for c in chosen] == [told[c.index] for c in chosen]  # a session ends by all that is told
@@ -117,9 +117,9 @@ def test_a_session_says_whether_the_part_is_open(start, weights, probability, pa
     class Watched:
         name = "watched"
 
-        def choose(self, situation):
-            seen.append(situation.part_open)
-            return POLICIES["random"].choose(situation)
+        def choose(self, context):
+            seen.append(context.part_open)
+            return POLICIES["random"].choose(context)
 
     session.policy = Watched()
     session.ask()
@@ -147,7 +147,7 @@ def test_whichever_policy_chooses_it_ends_where_nothing_is_worth_its_cost(start,
 
 
 def test_the_best_is_what_the_best_candidate_tells(start):
-    belief = begin(start)
-    candidates = propose(belief, LASER, 300)
-    told = expected_information(*_predicted(belief, candidates), LASER)
-    assert most_told(Situation(belief, candidates, LASER, None, None, 0, 0)) == told.max()
+    state = begin(start)
+    candidates = propose(state, LASER, 300)
+    told = expected_information(*_predicted(state, candidates), LASER)
+    assert most_told(DecisionContext(state, candidates, LASER, None, None, 0, 0)) == told.max()

@@ -14,7 +14,7 @@ from tanteo.active import (
     Start,
     at_pose,
     begin,
-    distinguish,
+    discriminate,
     draw,
     expected_information,
     predict,
@@ -71,11 +71,11 @@ def test_information_about_the_pose_is_half_the_log_of_the_ratio_of_determinants
 
 def test_samples_have_the_covariance_of_the_belief(bracket):
     """That between them and that of their own together."""
-    belief = begin(at(bracket, (2e-3, 2e-2)))
-    samples = draw(belief, 512)
-    xi = SE3.log(SE3.inverse(belief.poses[0]) @ samples.Ts)
+    state = begin(at(bracket, (2e-3, 2e-2)))
+    samples = draw(state, 512)
+    xi = SE3.log(SE3.inverse(state.poses[0]) @ samples.Ts)
     total = xi.T @ xi / len(xi) + samples.covariances.mean(axis=0)
-    s = np.sqrt(np.diag(belief.covariances[0]))
+    s = np.sqrt(np.diag(state.covariances[0]))
     np.testing.assert_allclose(total / np.outer(s, s), np.eye(6), atol=0.05)
 
 
@@ -88,7 +88,7 @@ def test_errors_that_all_readings_share_count_in_what_is_told():
 
 
 def test_the_largest_face_is_not_sensed_for_ever(bracket):
-    goal = {"probability": None, "tolerance": 1e-9, "most": 6, "least_gain": 0.0}
+    goal = {"probability": None, "tolerance": 1e-9, "max_measurements": 6, "least_gain": 0.0}
     session = new_session(at(bracket, (1e-3, 1e-2)), policy="largest-face", **goal)
     sense(session, bracket, np.eye(4), np.random.default_rng(0))
     faces = [step.action.face for step in session.steps]
@@ -252,7 +252,7 @@ def test_hit_or_miss_of_a_wide_cone_is_not_promised_to_tell_two_parts_apart():
     """Steps 3 mm apart, past the edge: for the axis a sure hit and a sure miss, for the cone neither."""
     pair = [prepare(read_part(PARTS / f"step_{k}mm.step")) for k in (12, 15)]
     wide = probe_of(sensor_preset("vl53l0x"))
-    found = distinguish(*pair, wide)
+    found = discriminate(*pair, wide)
     assert found.information < 0.15
     assert "% of the time" in found.message
-    assert distinguish(*pair, replace(wide, beam_half_angle=0.0)).tells
+    assert discriminate(*pair, replace(wide, beam_half_angle=0.0)).tells

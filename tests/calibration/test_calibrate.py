@@ -56,7 +56,7 @@ def runs():
         "repeat": [],
         "variance": [],
         "fresh": [],
-        "strays": 0,
+        "outliers": 0,
         "status": set(),
     }
     for k in range(RUNS):
@@ -87,7 +87,7 @@ def runs():
         true = PLACE[0] ** 2 + (PLACE[1] * d) ** 2 * 1 + (PLACE[2] * d) ** 2 * tan2
         out["variance"].append(np.mean((found.sds**2 - (REPEAT[0] ** 2 + (REPEAT[1] * d) ** 2) / 4) / true))
         out["fresh"].append(fresh_nees(rng, found, T, scale, slant, floor))
-        out["strays"] += len(found.strays)
+        out["outliers"] += len(found.outliers)
         out["status"].add(found.status)
     return out
 
@@ -141,7 +141,7 @@ def test_a_rig_of_it_promises_what_it_keeps(runs):
 
 @pytest.mark.slow
 def test_good_readings_are_hardly_ever_called_strays(runs):
-    assert runs["strays"] <= RUNS * 2 * STATIONS // 200
+    assert runs["outliers"] <= RUNS * 2 * STATIONS // 200
 
 
 def scene(seed, n=40, **options):
@@ -167,9 +167,9 @@ def test_saturated_readings_are_found_and_named():
     found = calibrate(clipped)
     truth = ranges_to(plane, hands @ T)[0] > ceiling + 0.01
     assert truth.sum() >= 8
-    named = {s.ids[0].split(".")[0] for s in found.strays if s.reason == "saturated"}
+    named = {s.ids[0].split(".")[0] for s in found.outliers if s.reason == "saturated"}
     assert {f"eye{i + 1}" for i in np.flatnonzero(truth)} <= named
-    assert all(s.reason == "saturated" for s in found.strays)
+    assert all(s.reason == "saturated" for s in found.outliers)
     assert np.linalg.norm(found.beams[0].T_hand_beam[:2, 3] - T[:2, 3]) < 4e-3
     assert found.planes[0].rms < 1e-3
 
@@ -180,9 +180,9 @@ def test_strays_among_repeats_are_found():
     ranges = np.array(log.ranges)
     ranges[[3, 100, 200]] += [0.04, -0.03, 0.08]
     found = calibrate(with_ranges(log, ranges))
-    single = {s.ids[0] for s in found.strays if s.reason == "unlike its repeats"}
+    single = {s.ids[0] for s in found.outliers if s.reason == "unlike its repeats"}
     assert {log.ids[i] for i in (3, 100, 200)} <= single
-    assert len(found.strays) <= 5
+    assert len(found.outliers) <= 5
 
 
 def test_two_sensors_share_the_plane():

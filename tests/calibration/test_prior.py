@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.calibration.geometry import Setup
+from tanteo.calibration.outliers import mixture_log_likelihood
 from tanteo.calibration.prior import make_prior
-from tanteo.calibration.strays import mixture_log_likelihood
 from tanteo.lie import SE3
 from tanteo.sensors import Rig, RigSensor
 

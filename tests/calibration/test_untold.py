@@ -94,7 +94,7 @@ def test_readings_without_noise_are_met_exactly():
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T), repeats=1, place=(0, 0, 0), repeat=(0, 0))
     found = calibrate(log)
     assert np.linalg.norm(found.beams[0].T_hand_beam[:3, 3] - T[:3, 3]) < 1e-5
-    assert found.strays == ()
+    assert found.outliers == ()
 
 
 def test_distance_along_the_axis_is_turned_into_range_along_the_beam():

@@ -24,7 +24,7 @@ def hypothesis(**changes):
         "probability": 0.97,
         "T_world_part": T,
         "covariance": np.diag(np.array([1e-3, 2e-3, 3e-3, 0.01, 0.02, 0.03]) ** 2),
-        "worst_corner_sd": 3e-4,
+        "corner_sd": 3e-4,
         "unobserved": (),
         "symmetry_order": 1,
         "symmetry_poses": np.zeros((0, 4, 4)),
@@ -119,10 +119,10 @@ def test_outliers_say_how_far_off_they_are():
 
 
 def test_same_robot_covariance_is_in_the_words_and_the_document():
-    same = hypothesis(covariance_same_robot=1e-8 * np.eye(6))
+    same = hypothesis(covariance_relative=1e-8 * np.eye(6))
     assert any("unshared    x 0.1 y 0.1 z 0.1 mm" in line for line in answer_lines(recognition(same)))
     (h,) = recognition_document(recognition(same))["hypotheses"]
-    assert h["covariance_same_robot"]["order"] == "x y z rx ry rz"
+    assert h["covariance_relative"]["order"] == "x y z rx ry rz"
 
 
 def test_document_follows_the_contract():
@@ -137,8 +137,8 @@ def test_document_follows_the_contract():
     assert document["elapsed_s"] == {"load": 0.4, "search": 0.02, "total": 0.5}
     (h,) = document["hypotheses"]
     assert list(h) == [
-        "part", "file", "probability", "pose", "covariance", "worst_corner_sd_m", "unobserved", "symmetry", "fit",
-        "outliers", "pairings", "outlier_distances_m", "covariance_same_robot",
+        "part", "file", "probability", "pose", "covariance", "corner_sd_m", "unobserved", "symmetry", "fit",
+        "outliers", "pairings", "outlier_distances_m", "covariance_relative",
     ]  # fmt: skip
     assert list(h["pose"]) == ["frame", "position_m", "quaternion_wxyz", "matrix"]
     np.testing.assert_allclose(h["pose"]["matrix"], T)
@@ -156,8 +156,8 @@ def test_document_follows_the_contract():
 
 def test_json_has_no_nan():
     C = np.diag([1.0, np.inf, 1, 1, 1, np.nan])
-    text = recognition_json(recognition(hypothesis(covariance=C, worst_corner_sd=np.inf, part="ä\ud800")))
+    text = recognition_json(recognition(hypothesis(covariance=C, corner_sd=np.inf, part="ä\ud800")))
     document = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
-    assert document["hypotheses"][0]["worst_corner_sd_m"] is None
+    assert document["hypotheses"][0]["corner_sd_m"] is None
     assert document["hypotheses"][0]["covariance"]["matrix"][1][1] is None
     assert text.isascii()

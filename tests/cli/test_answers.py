@@ -65,7 +65,7 @@ def test_a_wedge_is_recognized_where_it_is(answer):
     xi = SE3.log(SE3.inverse(np.array(best["pose"]["matrix"])) @ T_WORLD_PART)
     C = np.array(best["covariance"]["matrix"])
     assert xi @ np.linalg.solve(C, xi) < chi2.ppf(0.9999, 6)
-    assert best["worst_corner_sd_m"] < 1e-3
+    assert best["corner_sd_m"] < 1e-3
 
 
 def test_the_pose_error_is_what_the_covariance_says(answer):

@@ -62,7 +62,7 @@ def test_readings_of_no_part_are_not_asked_about(run):
     assert "mirror" not in err
 
 
-@pytest.mark.parametrize("option", [["--near", "0,0,0mm 0,0,0deg +- 500mm 90deg"], ["--table", "0mm +- 500mm"]])
+@pytest.mark.parametrize("option", [["--pose-prior", "0,0,0mm 0,0,0deg +- 500mm 90deg"], ["--table", "0mm +- 500mm"]])
 def test_where_the_place_is_known_nothing_is_mirrored(run, tmp_path, option):
     file = exchanged("step_15mm.csv", tmp_path / "r.csv")
     assert "mirror" not in run("locate", file, "--part", PART, *option).err

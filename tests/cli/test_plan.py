@@ -46,7 +46,7 @@ def test_a_plan_as_text_csv_and_json(run, tmp_path):
 
 def test_where_the_part_roughly_is_can_be_said(run):
     got = run(
-        "plan", "--part", BRACKET, "--tolerance", "2mm", "--sensor", "touch_probe_hobby", "--near",
+        "plan", "--part", BRACKET, "--tolerance", "2mm", "--sensor", "touch_probe_hobby", "--pose-prior",
         "400,200,0mm 0,0,90deg +- 5mm 3deg", "--approach", "0,0,-1,75deg", "--standoff", "30mm", "--json",
     )  # fmt: skip
     document = json.loads(got.out)
@@ -56,7 +56,7 @@ def test_where_the_part_roughly_is_can_be_said(run):
 
 
 def test_a_tolerance_out_of_reach_exits_with_3(run):
-    got = run("plan", "--part", BRACKET, "--tolerance", "0.01mm", "--sd", "1mm", "--most", "4")
+    got = run("plan", "--part", BRACKET, "--tolerance", "0.01mm", "--sd", "1mm", "--max-measurements", "4")
     assert got.code == 3
     assert "4 readings do not bring" in got.out
 
@@ -64,7 +64,8 @@ def test_a_tolerance_out_of_reach_exits_with_3(run):
 def test_a_start_too_close_for_a_rough_pose_is_said_and_no_plan(run):
     got = run(
         "plan", "--part", str(PARTS / "step_12mm.step"), "--sensor", "ball_tip_on_cobot", "--standoff", "8mm",
-        "--clearance", "4mm", "--near", "0,0,0mm 0,0,0deg +- 5mm 3deg", "--tolerance", "0.7mm", "--most", "10",
+        "--clearance", "4mm", "--pose-prior", "0,0,0mm 0,0,0deg +- 5mm 3deg", "--tolerance", "0.7mm",
+        "--max-measurements", "10",
     )  # fmt: skip
     assert got.code == 3
     assert "within 4 mm of the part, or in it" in " ".join(got.out.split())
@@ -75,18 +76,18 @@ def test_a_sensor_that_needs_less_room_is_told_how_much(run):
     got = run(*words)
     assert got.code == 3
     assert "--clearance 3.2mm" in " ".join(got.out.split())
-    assert "reaches no place" not in run(*words, "--clearance", "3.2mm", "--most", "2").out
+    assert "reaches no place" not in run(*words, "--clearance", "3.2mm", "--max-measurements", "2").out
 
 
 def test_two_parts_are_told_apart(run, tmp_path):
     report = tmp_path / "twins.html"
-    words = ("plan", "--distinguish", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm")
+    words = ("plan", "--discriminate", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm")
     got = run(*words, "--report", str(report))
     assert got.code == 0
     assert "tells bracket_left" in got.out
     assert "One reading tells bracket_left from bracket_right." in report.read_text(encoding="utf-8")
     document = json.loads(run(*words, "--json").out)
-    assert document["schema"] == "tanteo.distinction/1"
+    assert document["schema"] == "tanteo.discrimination/1"
     assert document["information_nats"] > 0.6
     assert np.shape(document["T_first_second"]) == (4, 4)
 
@@ -103,7 +104,7 @@ def test_two_outputs_are_two_files(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--tolerance", "1mm", "--sd", "1mm"), "--part FILE, or --distinguish"),
+        (("--tolerance", "1mm", "--sd", "1mm"), "--part FILE, or --discriminate"),
         (("--part", BRACKET, "--sd", "1mm"), "--tolerance"),
         (("--part", BRACKET, "--tolerance", "1mm"), "--sensor, --sd"),
         (("--part", BRACKET, "--tolerance", "-1mm", "--sd", "1mm"), "--tolerance"),
@@ -111,27 +112,30 @@ def test_two_outputs_are_two_files(run, tmp_path):
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--approach", "0,0,-1"), "--approach"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "0mm"), "--sd"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "nothing"), "sensor"),
-        (("--distinguish", BRACKET, "--sd", "1mm"), "two CAD files"),
-        (("--distinguish", BRACKET, "--distinguish", BRACKET, "--sd", "1mm"), "twice"),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--most", "0"), "--most: expected 1 or more, got 0."),
+        (("--discriminate", BRACKET, "--sd", "1mm"), "two CAD files"),
+        (("--discriminate", BRACKET, "--discriminate", BRACKET, "--sd", "1mm"), "twice"),
         (
-            ("--distinguish", BRACKET, "--distinguish", "x.step", "--sd", "1mm", "--csv", "x.csv"),
+            ("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--max-measurements", "0"),
+            "--max-measurements: expected 1 or more, got 0.",
+        ),
+        (
+            ("--discriminate", BRACKET, "--discriminate", "x.step", "--sd", "1mm", "--csv", "x.csv"),
             "--csv: expected with",
         ),
         (
             (
-                "--distinguish",
+                "--discriminate",
                 BRACKET,
-                "--distinguish",
+                "--discriminate",
                 "x.step",
                 "--sd",
                 "1mm",
                 "--confidence",
                 "0.95",
-                "--most",
+                "--max-measurements",
                 "30",
             ),
-            "--confidence, --most: expected with",
+            "--confidence, --max-measurements: expected with",
         ),
         (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "vl53l0x", "--standoff", "12mm"), "30 mm or more"),
         (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--report", "plan.pdf"), "--report"),
@@ -171,7 +175,7 @@ def test_a_named_feature_is_planned_for(run, tmp_path):
     assert len(rows) == len(document["readings"]) < len(all_corners["readings"])
     last = document["readings"][-1]
     assert last["feature_sd_m"] == pytest.approx(float(rows[-1]["feature_sd_mm"]) / 1e3, abs=1e-7)
-    assert last["feature_sd_m"] < last["worst_corner_sd_m"]
+    assert last["feature_sd_m"] < last["corner_sd_m"]
     assert "feature_sd_m" not in all_corners["readings"][-1]
 
 

@@ -1,4 +1,4 @@
-"""``--table``, ``--box``, ``--near``, ``--prior``: from the command line to the answer."""
+"""``--table``, ``--box``, ``--pose-prior``, ``--prior``: from the command line to the answer."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_rough_pose_decides_what_touches_leave_open(locate, tmp_path):
     open_ = locate("--json")
     assert open_.code == 3
     (tmp_path / "prior.toml").write_text(FILE)
-    for args in (("--near", NEAR), ("--prior", tmp_path / "prior.toml")):
+    for args in (("--pose-prior", NEAR), ("--prior", tmp_path / "prior.toml")):
         known = locate("--json", *args)
         assert known.code == 0, known.err
         gap = SE3.log(SE3.inverse(TRUTH) @ pose(known))
@@ -51,7 +51,7 @@ def test_a_rough_pose_decides_what_touches_leave_open(locate, tmp_path):
 
 
 def test_the_answer_says_what_was_taken_as_known(locate):
-    result = locate("--near", NEAR, "--table", "20+-1mm", "--box", "200,0,0,400,300,100mm")
+    result = locate("--pose-prior", NEAR, "--table", "20+-1mm", "--box", "200,0,0,400,300,100mm")
     (line,) = [line for line in result.out.splitlines() if line.startswith("  known")]
     assert line.split(maxsplit=1)[1] == (
         "rests on a table at z 20 mm (sd 1 mm); in the box from (200, 0, 0) to (400, 300, 100) mm; "
@@ -65,12 +65,12 @@ def test_a_prior_that_is_wrong_is_named_as_a_reason(locate):
     assert result.code == 3
     assert result.out.startswith("unknown")
     assert "it is not where it was said to be" in result.out
-    assert "beforehand" not in locate("--near", NEAR).out
+    assert "beforehand" not in locate("--pose-prior", NEAR).out
 
 
 def test_options_and_file_together(locate, tmp_path):
     (tmp_path / "prior.toml").write_text("[table]\ntop_mm = 20\nsd_mm = 1\n")
-    both = locate("--prior", tmp_path / "prior.toml", "--near", NEAR)
+    both = locate("--prior", tmp_path / "prior.toml", "--pose-prior", NEAR)
     assert both.code == 0
     assert "rests on a table at z 20 mm (sd 1 mm); near (300, 100, 20) mm" in both.out
 
@@ -81,11 +81,11 @@ def test_options_and_file_together(locate, tmp_path):
         (["--table", "0mm"], 2, "--table: expected a value and its standard deviation"),
         (["--table", "-5+-1"], 2, "--table: expected a unit"),
         (["--box", "1,2,3mm"], 2, "--box: expected six lengths"),
-        (["--near", "1,2,3mm +- 1mm"], 2, "--near: expected x, y, z and roll, pitch, yaw"),
-        (["--near", NEAR, "--as-published"], 2, "--as-published: expected nothing known of the pose"),
+        (["--pose-prior", "1,2,3mm +- 1mm"], 2, "--pose-prior: expected x, y, z and roll, pitch, yaw"),
+        (["--pose-prior", NEAR, "--as-published"], 2, "--as-published: expected nothing known of the pose"),
         (["--prior", "none.toml"], 1, "none.toml: expected"),
         (["--prior", "prior.toml"], 1, "prior.toml, table: expected top_mm"),
-        (["--prior", "near.toml", "--near", NEAR], 2, "--near: expected it once, got it in near.toml too"),
+        (["--prior", "near.toml", "--pose-prior", NEAR], 2, "--pose-prior: expected it once, got it in near.toml too"),
     ],
 )
 def test_misuse(locate, tmp_path, monkeypatch, args, code, message):
@@ -100,16 +100,16 @@ def test_misuse(locate, tmp_path, monkeypatch, args, code, message):
 
 def test_what_is_not_known_for_certain_is_a_warning(locate, corner, tmp_path):
     """An angle convention that nobody looked up; a sensor of which nothing is known, though its name nearly is."""
-    warned = locate("--near", "staubli 300,100,20,0,0,30 +- 3mm 3deg")
-    assert "--near: the angle convention of staubli (X Y Z Rx Ry Rz) was not checked" in warned.err
+    warned = locate("--pose-prior", "staubli 300,100,20,0,0,30 +- 3mm 3deg")
+    assert "--pose-prior: the angle convention of staubli (X Y Z Rx Ry Rz) was not checked" in warned.err
     path = tmp_path / "near.toml"
     path.write_text("[near]\nstaubli = [300, 100, 20, 0, 0, 30]\nsd_mm = 3\nturn_sd_deg = 3\n")
     warned = locate("--prior", str(path))
     assert f"{path}, near: the angle convention of staubli (X Y Z Rx Ry Rz) was not checked" in warned.err
-    assert "convention" not in locate("--near", "kuka 300,100,20,30,0,0 +- 3mm 3deg").err
+    assert "convention" not in locate("--pose-prior", "kuka 300,100,20,30,0,0 +- 3mm 3deg").err
     rows = corner.read_text().splitlines()
     for name, words in (("vl53l0", "Did you mean 'vl53l0x'?"), ("vl53l0x", ""), ("left", "")):
         corner.write_text("\n".join([rows[0] + ",sensor", *(f"{row},{name}" for row in rows[1:]), ""]))
-        warnings = locate("--near", NEAR).err
+        warnings = locate("--pose-prior", NEAR).err
         assert words in warnings
         assert bool(words) == ("column sensor" in warnings)

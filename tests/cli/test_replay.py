@@ -21,7 +21,7 @@ def session(parts):
     """A wedge, placed by readings without noise."""
     target = prepare(read_part(parts / "wedge.stl", unit="mm", name="my wedge"))
     start = at_pose(target, np.eye(4), np.diag([3e-3, 3e-3, 3e-3, 0.05, 0.05, 0.05]) ** 2)
-    session = Session(start, LASER, Sensing(sd=3e-4), stop=Stop(tolerance=3e-3, most=4))
+    session = Session(start, LASER, Sensing(sd=3e-4), stop=Stop(tolerance=3e-3, max_measurements=4))
     while isinstance(action := session.ask(), Action):
         session.tell(action.read(true_range(target, np.eye(4), action)))
     return session

@@ -37,7 +37,7 @@ def test_the_image_says_where_and_the_hand_says_which(sense):
 def test_an_image_from_a_file_and_a_camera_of_its_own(sense):
     """The picture is of another place, where there is nothing to be read: the hand goes there all the same."""
     image = str(EXAMPLES / "images" / "twins.png")
-    code, _, err = sense("--image", image, *CAMERA, *MARKS, "--most", "1")
+    code, _, err = sense("--image", image, *CAMERA, *MARKS, "--max-measurements", "1")
     assert code == 3
     assert "The image: step_1" in err
     assert "of step_1" in err.splitlines()[1]

@@ -60,7 +60,7 @@ def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
     assert sensing["reached"] is True
     assert sensing["least_clearance_m"] > 0.006
     assert sensing["readings"] == sum(len(v["readings"]) for v in sensing["visits"])
-    assert sensing["visits"][-1]["worst_corner_sd_m"] == pytest.approx(best["worst_corner_sd_m"], rel=0.5)
+    assert sensing["visits"][-1]["corner_sd_m"] == pytest.approx(best["corner_sd_m"], rel=0.5)
     assert len(err.splitlines()) >= len(sensing["visits"])
     again = read_record(record).answer()
     assert again.hypotheses[0].probability == best["probability"]
@@ -68,7 +68,7 @@ def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
 
 
 def test_what_is_not_reached_exits_with_three(sense):
-    code, out, _ = sense("--most", "1", "--tolerance", "1mm")
+    code, out, _ = sense("--max-measurements", "1", "--tolerance", "1mm")
     assert code == 3
     assert "1 readings were asked for at most" not in out
     assert "1 reading was asked for at most" in out
@@ -76,16 +76,28 @@ def test_what_is_not_reached_exits_with_three(sense):
 
 def test_what_is_assumed_beforehand_can_be_said(sense, tmp_path):
     record = tmp_path / "session.json"
-    document = json.loads(sense("--most", "1", "--none", "40%", "--strays", "5%", "--record", str(record), "--json")[1])
+    document = json.loads(
+        sense(
+            "--max-measurements",
+            "1",
+            "--unknown-prior",
+            "40%",
+            "--outlier-rate",
+            "5%",
+            "--record",
+            str(record),
+            "--json",
+        )[1]
+    )
     priors = read_record(record).start.priors
-    assert (priors.unknown, priors.clutter) == (0.4, 0.05)
-    usual = json.loads(sense("--most", "1", "--json")[1])
+    assert (priors.unknown, priors.outlier_rate) == (0.4, 0.05)
+    usual = json.loads(sense("--max-measurements", "1", "--json")[1])
     assert document["unknown_probability"] > 4 * usual["unknown_probability"]
 
 
 @pytest.mark.slow
 def test_the_policies_differ_and_the_seed_repeats(sense):
-    outs = [sense("--most", "2", *more)[2] for more in ((), ("--seed", "1"), ("--policy", "nearest"))]
+    outs = [sense("--max-measurements", "2", *more)[2] for more in ((), ("--seed", "1"), ("--policy", "nearest"))]
     assert outs[0] == outs[1] != outs[2]
 
 
@@ -99,14 +111,18 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
         (("--tolerance", "0mm"), 2, "--tolerance: expected a positive length"),
         (("--feature", "edge 3"), 2, "--feature: expected --tolerance with 'edge 3'"),
         (("--feature", "edge 999", "--tolerance", "1mm"), 2, "--feature: expected one of a part, got 'edge 999'"),
-        (("--most", "0"), 2, "--most: expected 1 or more"),
+        (("--max-measurements", "0"), 2, "--max-measurements: expected 1 or more"),
         (("--seed", "-1"), 2, "--seed: expected 0 or more"),
         (("--standoff", "0mm"), 2, "--standoff: expected a length"),
-        (("--none", "100%"), 2, "--none: expected a share above 0 and below one"),
-        (("--strays", "60%"), 2, "--strays: expected a share above 0 and below one half"),
-        (("--near", "0,0,0mm"), 2, "--near: expected a value and its standard deviation"),
+        (("--unknown-prior", "100%"), 2, "--unknown-prior: expected a share above 0 and below one"),
+        (("--outlier-rate", "60%"), 2, "--outlier-rate: expected a share above 0 and below one half"),
+        (("--pose-prior", "0,0,0mm"), 2, "--pose-prior: expected a value and its standard deviation"),
         (("--report", "report.pdf"), 2, "--report: expected a file name"),
-        (("--record", "/no/such/folder/x.json", "--most", "1"), 1, "--record: expected a file that can be written"),
+        (
+            ("--record", "/no/such/folder/x.json", "--max-measurements", "1"),
+            1,
+            "--record: expected a file that can be written",
+        ),
     ],
 )
 def test_refusals(sense, options, code, message):
@@ -120,8 +136,10 @@ def test_a_scene_without_a_rough_place_needs_one_from_the_options(run):
     code, out, err = run("sense", "part", "--scene", scene, *PARTS)
     assert (code, out) == (1, "")
     assert "expected a table [prior]" in err
-    near = ("--near", "0,0,30mm 0,0,0deg +- 8mm 4deg")
-    code, _, err = run("sense", "part", "--scene", scene, *PARTS, *near, "--standoff", "40mm", "--most", "2")
+    near = ("--pose-prior", "0,0,30mm 0,0,0deg +- 8mm 4deg")
+    code, _, err = run(
+        "sense", "part", "--scene", scene, *PARTS, *near, "--standoff", "40mm", "--max-measurements", "2"
+    )
     assert code in (0, 3)
     assert "readings: bracket_" in err
     prior = EXAMPLES.parent / "tests" / "nothing.toml"
@@ -151,7 +169,7 @@ def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix
     """Who is killed or loses power has what was told until then."""
     record = tmp_path / f"session.{suffix}"
     monkeypatch.setattr("tanteo.cli.sensing_part.write", lambda session, path: None)
-    sense("--most", "1", "--record", str(record))
+    sense("--max-measurements", "1", "--record", str(record))
     told = read_readings(record) if suffix == "csv" else read_record(record).readings
     assert len(told) > 0
 
@@ -162,7 +180,7 @@ def test_a_record_that_cannot_be_written_does_not_cost_the_answer(sense, tmp_pat
 
     for place in ("part_record", "sensing_part"):
         monkeypatch.setattr(f"tanteo.cli.{place}.write", full)
-    code, out, err = sense("--most", "2", "--record", str(tmp_path / "r.json"))
+    code, out, err = sense("--max-measurements", "2", "--record", str(tmp_path / "r.json"))
     assert code == 1
     assert out.startswith(("bracket_", "ambiguous", "insufficient"))
     assert err.count("disk full. Sensing goes on.") == 1

@@ -105,14 +105,15 @@ def test_a_record_is_shown_step_by_step(run, opened, tmp_path):
     assert options == {"port": 8080}
     every = moments(shown)
     assert len(every) == 3
-    np.testing.assert_array_equal(every[-1].belief.poses, session.belief.poses)
+    np.testing.assert_array_equal(every[-1].state.poses, session.state.poses)
     assert every[0].action.number == 1
     assert [len(m.steps) for m in every] == [0, 1, 2]
-    assert every[1].belief.weights.max() <= every[2].belief.weights.max() + 0.5
+    assert every[1].state.weights.max() <= every[2].state.weights.max() + 0.5
 
 
 @pytest.mark.parametrize(
-    "options", [("--none", "1%"), ("--near", "garbage"), ("--bare",), ("--tolerance", "1mm"), ("--seed", "0")]
+    "options",
+    [("--unknown-prior", "1%"), ("--pose-prior", "garbage"), ("--bare",), ("--tolerance", "1mm"), ("--seed", "0")],
 )
 def test_a_record_has_no_use_for_what_a_session_is_told(run, tmp_path, options):
     code, out, err = run("view", str(tmp_path / "s.json"), "--no-open", *options)

@@ -68,7 +68,16 @@ def test_a_hand_says_it_too(run, tmp_path):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     (tmp_path / "wedge.step").write_bytes((EXAMPLES / "parts/wedge.step").read_bytes())
     (tmp_path / "broken.step").write_text("ISO-10303-21;\n")
-    words = ["sense", "part", "--scene", EXAMPLES / "scenes/part_unknown.toml", "--parts", tmp_path, "--most", "1"]
+    words = [
+        "sense",
+        "part",
+        "--scene",
+        EXAMPLES / "scenes/part_unknown.toml",
+        "--parts",
+        tmp_path,
+        "--max-measurements",
+        "1",
+    ]
     (warning,) = told(run, *words)
     assert "broken.step" in warning
 

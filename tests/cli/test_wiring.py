@@ -48,7 +48,7 @@ def test_arguments_arrive_in_si_units(run, readings, parts, identified):
     result = run(
         "identify", readings, "--parts", parts / "wedge.stl", parts / "block.stl", "--units", "mm", "--sd", "200um",
         "--tolerance", "0.1mm", "--tip-sd", "1.5,1.5,0.3mm", "--robot", "xarm", "--sensor", "ball_tip_on_cobot",
-        "--alpha", "0.05", "--top", "3", "--seed", "11", "--as-published",
+        "--significance", "0.05", "--top", "3", "--seed", "11", "--as-published",
     )  # fmt: skip
     assert (result.code, result.err) == (0, "")
     ((got, given, options),) = calls
@@ -57,7 +57,7 @@ def test_arguments_arrive_in_si_units(run, readings, parts, identified):
     assert options.pop("tip_sd") == pytest.approx((1.5e-3, 1.5e-3, 3e-4))
     assert options == {
         "sensor": "ball_tip_on_cobot", "sd": pytest.approx(2e-4), "tolerance": pytest.approx(1e-4), "robot": "xarm",
-        "rig": None, "alpha": 0.05, "top": 3, "as_published": True, "priors": None, "seed": 11,
+        "rig": None, "significance": 0.05, "top": 3, "as_published": True, "priors": None, "seed": 11,
     }  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def test_what_is_known_of_the_pose_arrives(run, readings, parts, identified, com
     part = ["--parts" if command == "identify" else "--part", parts / "wedge.stl"]
     result = run(
         command, readings, *part, "--units", "mm", "--sd", "1mm", "--table", "-5+-1mm", "--box", "-1,-2,-3,4,5,6mm",
-        "--near", "ur 0.1,0.2,0.3,0,0,0 +- 5mm 3deg",
+        "--pose-prior", "ur 0.1,0.2,0.3,0,0,0 +- 5mm 3deg",
     )  # fmt: skip
     assert (result.code, result.err) == (0, "")
     pose = calls[0][2]["priors"].pose

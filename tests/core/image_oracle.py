@@ -9,7 +9,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.localization import motion_scale
-from tanteo.vision.camera import Camera, project, project_linearised
+from tanteo.vision.camera import Camera, project, project_linearized
 from tanteo.vision.edge_map import CHANNELS, cell_of, channel_of
 
 SIZE = 96, 64
@@ -101,7 +101,7 @@ class Met:
 
 def meet(s, Ts, shown, reach):
     local = s.points @ np.swapaxes(Ts[:, :3, :3], 1, 2) + Ts[:, None, :3, 3]
-    at, D = project_linearised(s.camera, local)
+    at, D = project_linearized(s.camera, local)
     J = D @ Ts[:, None, :3, :3]
     along = (J @ s.tangents[:, :, None])[..., 0]
     scale = np.linalg.norm(along, axis=-1)

@@ -69,8 +69,8 @@ class Oracle:
     def hits(self, j, T, z):
         """Faces, edges or corners that a point may have met, with densities over that of an outlier."""
         q, R = self.q, T[:3, :3]
-        D = q.gains.shape[2]
-        p = R.T @ (q.points[j] + q.gains[j] @ z[:D] - T[:3, 3])
+        D = q.shared_jacobian.shape[2]
+        p = R.T @ (q.points[j] + q.shared_jacobian[j] @ z[:D] - T[:3, 3])
         scale = np.exp(q.scale_sd * z[D]) if q.scale_sd > 0 else 1.0
         C = R.T @ (scale**2 * q.covs[j]) @ R + q.extra[j] * np.eye(3)
         of_kind = self.on_faces, self.on_edges, self.on_corners
@@ -211,7 +211,7 @@ class Oracle:
     def log_rays(self, T, z):
         """Paths on which nothing was met: half of a cone passes with its middle, an eighth with each of four rays."""
         q, log, rate = self.q, 0.0, self.q.mean_rate
-        D = q.gains.shape[2]
+        D = q.shared_jacobian.shape[2]
         for k, (*od, length, slope, least_cosine) in enumerate(q.rays):
             origin, direction = np.array(od[:3]) + q.ray_shifts[k] @ z[:D], np.array(od[3:]) + q.ray_turns[k] @ z[:D]
             o, d = T[:3, :3].T @ (origin - T[:3, 3]), T[:3, :3].T @ direction / np.linalg.norm(direction)

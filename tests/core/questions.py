@@ -31,7 +31,7 @@ class Question:
     kinds: np.ndarray
     groups: np.ndarray
     elsewhere: float  # log density of each group off the part, over that of as many outliers
-    gains: np.ndarray
+    shared_jacobian: np.ndarray
     scale_sd: float
     rates: np.ndarray
     rate_weights: np.ndarray
@@ -54,7 +54,7 @@ class Question:
     @property
     def states(self):
         """Shared errors, and the noise scale."""
-        return self.gains.shape[2] + (self.scale_sd > 0)
+        return self.shared_jacobian.shape[2] + (self.scale_sd > 0)
 
     def taken(self, rows):
         """Some of the points, or in another order."""
@@ -140,7 +140,7 @@ def with_shared(q, D, rng, size=1e-3):
     """Errors that the points share, and the rays if there are any."""
     m = len(q.rays)
     return replace(
-        q, gains=size * rng.normal(size=(len(q.points), 3, D)), ray_shifts=size * rng.normal(size=(m, 3, D)),
+        q, shared_jacobian=size * rng.normal(size=(len(q.points), 3, D)), ray_shifts=size * rng.normal(size=(m, 3, D)),
         ray_turns=0.01 * rng.normal(size=(m, 3, D)),
     )  # fmt: skip
 
@@ -153,7 +153,7 @@ def with_rays(q, body, T, rng, m=12, slope=0.0):
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     cosines = np.where(rng.uniform(size=m) < 0.5, 0.0, 0.4)
     rays = np.column_stack([aim - 0.2 * d, d, rng.uniform(0.15, 0.4, m), np.full(m, slope), cosines])
-    D = q.gains.shape[2]
+    D = q.shared_jacobian.shape[2]
     return replace(q, rays=rays, ray_shifts=np.zeros((m, 3, D)), ray_turns=np.zeros((m, 3, D)))
 
 

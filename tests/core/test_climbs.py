@@ -18,8 +18,8 @@ FLAT = flat_bodies()
 NO_BLUR = np.zeros(0)
 
 
-def climbed(body, q, Ts, zs, steps=60, enough=1e-9):
-    return _core.climb(body.shape(), q.core(), Ts, zs, NO_BLUR, steps, enough, 1e6)
+def maximized(body, q, Ts, zs, steps=60, enough=1e-9):
+    return _core.maximize(body.shape(), q.core(), Ts, zs, NO_BLUR, steps, enough, 1e6)
 
 
 @pytest.mark.parametrize("kind", ["points", "normals", "shared", "scale"])
@@ -36,7 +36,7 @@ def test_a_climb_never_ends_lower(name, kind):
     before = _core.log_densities(body.shape(), q.core(), Ts, zs)
     last = before
     for steps in (1, 2, 5, 20):
-        *_, logs, _, rows = climbed(body, q, Ts, zs, steps)
+        *_, logs, _, rows = maximized(body, q, Ts, zs, steps)
         assert np.array_equal(rows, np.arange(len(Ts)))
         assert np.all(logs >= last - 1e-9)
         last = logs
@@ -49,7 +49,7 @@ def test_a_climb_ends_where_the_density_is_flat(name):
     T = random_pose(rng)
     q, _ = touched(body, T, 30, 3e-4, rng, outliers=0.0)
     Ts = np.stack([near_pose(T, rng, 2e-4, 4e-3) for _ in range(8)])
-    Ts, zs, logs, information, _ = climbed(body, q, Ts, np.zeros((8, 0)))
+    Ts, zs, logs, information, _ = maximized(body, q, Ts, np.zeros((8, 0)))
     gradient = differences(body.shape(), q.core(), Ts, zs)
     gain = np.einsum("si,sij,sj->s", gradient, np.linalg.inv(information), gradient)
     assert np.median(gain) < 1e-6
@@ -61,7 +61,7 @@ def test_climbs_far_behind_the_best_are_given_up():
     T = random_pose(rng)
     q, _ = touched(body, T, 20, 3e-4, rng)
     far = near_pose(T, rng, 0.5, 1.0)
-    *_, rows = _core.climb(body.shape(), q.core(), np.stack([far, T]), np.zeros((2, 0)), NO_BLUR, 20, 1e-3, 30.0)
+    *_, rows = _core.maximize(body.shape(), q.core(), np.stack([far, T]), np.zeros((2, 0)), NO_BLUR, 20, 1e-3, 30.0)
     assert list(rows) == [1]
 
 

@@ -71,7 +71,7 @@ def test_valid_questions_are_answered(seed):
     Ts[2, :3, :3] *= rng.choice([0.0, 2.0, -1.0])  # no rotation
     zs = rng.normal(size=(3, q.states))
     answers = [_core.log_densities(shape, core, Ts, zs), *_core.slopes(shape, core, Ts, zs)]
-    answers += _core.climb(shape, core, Ts[:2], zs[:2], np.array([0.01 * scale]), 5, 1e-3, 1e3)[:4]
+    answers += _core.maximize(shape, core, Ts[:2], zs[:2], np.array([0.01 * scale]), 5, 1e-3, 1e3)[:4]
     answers += [*_core.marginals(shape, core, Ts[:2], zs[:2]), _core.details(shape, core, Ts[:2], zs[:2])[0]]
     rows = np.arange(len(q.points), dtype=np.int32)
     answers += [_core.scores(shape, core, rows, Ts, scale, 0.3)]
@@ -151,8 +151,8 @@ def test_meshes_that_are_none_are_refused(change):
         {"normals": np.ones((2, 3)), "normal_sds": np.zeros(2)},
         {"kinds": np.full(2, 3, np.int32)},
         {"groups": np.full(2, 2, np.int32)},
-        {"gains": np.zeros((2, 3, 59))},
-        {"gains": np.zeros((2, 3, 58)), "scale_sd": 0.5},
+        {"shared_jacobian": np.zeros((2, 3, 59))},
+        {"shared_jacobian": np.zeros((2, 3, 58)), "scale_sd": 0.5},
         {"scale_sd": -1.0},
         {"rates": np.zeros(0), "rate_weights": np.zeros(0)},
         {"rates": np.array([0.0]), "rate_weights": np.ones(1)},
@@ -176,7 +176,7 @@ def test_poses_are_checked_everywhere():
         lambda T: _core.slopes(shape, core, T, none),
         lambda T: _core.details(shape, core, T, none),
         lambda T: _core.marginals(shape, core, T, none),
-        lambda T: _core.climb(shape, core, T, none, np.zeros(0), 5, 1e-3, 10.0),
+        lambda T: _core.maximize(shape, core, T, none, np.zeros(0), 5, 1e-3, 10.0),
         lambda T: _core.scores(shape, core, rows, T, 1.0, 1.0),
         lambda T: _core.settle(shape, core, rows, np.ones(1), T),
         lambda T: _core.place(T, x, np.zeros(3)),

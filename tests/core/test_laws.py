@@ -49,8 +49,8 @@ def turned(q, W):
     table = np.r_[R @ q.table[:3] + t, R @ q.table[3:6], q.table[6:]] if len(q.table) else q.table
     return replace(
         q, points=q.points @ R.T + t, covs=R @ q.covs @ R.T, directions=q.directions @ R.T, normals=q.normals @ R.T,
-        gains=R @ q.gains, rays=rays, ray_shifts=R @ q.ray_shifts, ray_turns=R @ q.ray_turns, table=table,
-        prior_means=W @ q.prior_means,
+        shared_jacobian=R @ q.shared_jacobian, rays=rays, ray_shifts=R @ q.ray_shifts,
+        ray_turns=R @ q.ray_turns, table=table, prior_means=W @ q.prior_means,
     )  # fmt: skip
 
 

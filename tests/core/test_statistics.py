@@ -54,7 +54,7 @@ def posterior(prepared, points, rng, rate):
     touched = ContactPoints(
         names, points, covs, zeros, none, none, np.full(n, np.pi), zeros, np.zeros((n, 3, 0)), np.full(n, SD)
     )
-    priors = Priors(radius=prepared.part.radius, clutter=rate)
+    priors = Priors(radius=prepared.part.radius, outlier_rate=rate)
     return infer(Problem(touched, FreeRays.none(), priors), [prepared], 1, prepared.part.centroid, rng)
 
 
@@ -88,9 +88,9 @@ def test_ranks_of_the_truth_are_uniform(parts, scenes, n):
 
 def error_by_plain_draws(mode, T, rng, draws=3000, freedom=5):
     """Squared error of the mean of the likelihood about a maximum, by its covariance: no search, no adaptation."""
-    shape, core, none = mode.prepared.shape, mode.climber.core, np.zeros((draws, 0))
+    shape, core, none = mode.prepared.shape, mode.objective.core, np.zeros((draws, 0))
     peak = np.ascontiguousarray(mode.T_peak[None])
-    information = mode.climber.of_pose(_core.slopes(shape, core, peak, none[:1])[2])[0]
+    information = mode.objective.of_pose(_core.slopes(shape, core, peak, none[:1])[2])[0]
     L = np.linalg.cholesky(1.5 * np.linalg.inv(information))
     z = rng.normal(size=(draws, 6)) / np.sqrt(rng.chisquare(freedom, size=(draws, 1)) / freedom)
     x = z @ L.T

@@ -35,10 +35,10 @@ def test_the_true_part_is_kept_clear_of_though_the_belief_stands_on_its_mirror_i
     for _ in range(8):
         T = drawn(start, RIGHT, rng)
         few = scene(targets[RIGHT], T, SENSORS[1], 2, rng)[0]
-        belief = update(begin(wrong), few, no_paths())
-        assert belief.of_parts()[RIGHT] < 1e-3
+        state = update(begin(wrong), few, no_paths())
+        assert state.of_parts()[RIGHT] < 1e-3
         there = SE3.apply(T, targets[RIGHT].samples)
-        covered.append(Possible.of(belief).distances(there).max())
+        covered.append(Possible.of(state).distances(there).max())
     # nowhere is the true surface farther from what is kept clear of than the clearance
     assert max(covered) < CLEARANCE
 
@@ -47,8 +47,8 @@ def test_what_is_allowed_agrees_with_all_readings_but_one(targets, start):
     rng = np.random.default_rng(2)
     T = drawn(start, RIGHT, rng)
     touches = scene(targets[RIGHT], T, SENSORS[1], 6, rng)[0]
-    belief = update(begin(start), touches, no_paths())
-    Ts, part = allowed(belief, 120)
+    state = update(begin(start), touches, no_paths())
+    Ts, part = allowed(state, 120)
     assert RIGHT in part
     for P, k in zip(Ts, part, strict=True):
         gaps = np.abs(targets[k].surface.closest(SE3.apply(SE3.inverse(P), touches.points)).distances)
@@ -63,8 +63,8 @@ def test_two_free_beams_through_the_middle_rule_a_pose_out_and_one_does_not(targ
     points = touches_of(np.zeros((0, 3)), 1e-3)
     for count, left in ((0, True), (1, True), (2, False)):
         paths = FreeRays(origins[:count], down[:count], np.full(count, 0.3), np.zeros(count))
-        belief = without_modes(place, points, paths)
-        assert bool(len(allowed(belief, 20)[0])) is left
+        state = without_modes(place, points, paths)
+        assert bool(len(allowed(state, 20)[0])) is left
     shallow = FreeRays(origins, down, np.full(2, 0.2), np.zeros(2))  # the ways end above it
     assert len(allowed(without_modes(place, points, shallow), 20)[0])
 

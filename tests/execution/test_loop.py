@@ -45,7 +45,7 @@ def test_the_same_seed_gives_the_same_run(targets):
         run(unknown, session)
         ends.append(session)
     np.testing.assert_array_equal(ends[0].readings.ranges, ends[1].readings.ranges)
-    np.testing.assert_array_equal(ends[0].belief.poses, ends[1].belief.poses)
+    np.testing.assert_array_equal(ends[0].state.poses, ends[1].state.poses)
 
 
 def test_without_room_it_ends_and_says_so(targets):

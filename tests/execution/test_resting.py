@@ -149,5 +149,5 @@ def test_a_reading_near_the_table_is_of_a_part_that_is_expected_there(targets, a
     place = origin + nearest(axis) * axis - part.centroid
     sooner = targets[2].surface.cast(origin - place, axis).distances
     T_world_part = SE3.from_parts(np.eye(3), place + (nearest(axis) - sooner) * axis + np.array([0.0, aside, 0.0]))
-    belief = begin(at_pose(targets[2], T_world_part, np.diag(np.repeat([1e-6, 1e-4], 3))))
-    assert TABLE.met(readings, HAND.rig, None, replace(belief, unknown=unknown)).tolist() == [of_it]
+    state = begin(at_pose(targets[2], T_world_part, np.diag(np.repeat([1e-6, 1e-4], 3))))
+    assert TABLE.met(readings, HAND.rig, None, replace(state, unknown=unknown)).tolist() == [of_it]

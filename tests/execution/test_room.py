@@ -8,9 +8,9 @@ import pytest
 from felt_scenes import gripper
 from tanteo.active import around, begin, propose
 from tanteo.errors import InputError
-from tanteo.execution import Possible, Room, hand_probe, reachable, stances
+from tanteo.execution import Possible, Room, approach_poses, hand_probe, reachable
+from tanteo.execution.approach_poses import back
 from tanteo.execution.routes import route, way
-from tanteo.execution.stances import back
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.lie import SE3
 from tanteo.motion import Rules
@@ -37,7 +37,7 @@ def test_a_stance_has_a_frontal_sensor_on_the_beam():
     rng, hand = np.random.default_rng(1), gripper()
     origins, directions = rng.normal(size=(7, 3)), rng.normal(size=(7, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    Ts = stances(hand, origins, directions)
+    Ts = approach_poses(hand, origins, directions)
     half = Ts.shape[1] // 2
     for n, sensor in enumerate(hand.frontal):
         T = Ts[:, n * half : (n + 1) * half] @ hand.rig.sensors[sensor].T_hand_sensor
@@ -73,15 +73,15 @@ def test_before_the_first_reading_every_part_is_possible(targets):
 
 
 def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
-    hand, belief = gripper(), believed(targets)
+    hand, state = gripper(), believed(targets)
     probe = hand_probe(hand, RULES, 0.04)
-    candidates = propose(belief, probe, 120, anywhere=False)
-    able = reachable(hand, RULES, probe.retreat)(belief, candidates)
+    candidates = propose(state, probe, 120, anywhere=False)
+    able = reachable(hand, RULES, probe.retreat)(state, candidates)
     assert 0 < able.sum() < len(candidates)
-    possible = Possible.of(belief)
+    possible = Possible.of(state)
     room = Room(hand.body, RULES.workspace, possible, RULES.clearance)
     for k in np.flatnonzero(able)[:5]:
-        Ts = stances(hand, candidates.origins[k][None], candidates.directions[k][None])[0]
+        Ts = approach_poses(hand, candidates.origins[k][None], candidates.directions[k][None])[0]
         fit = Ts[room.allows(Ts) & room.allows(back(Ts, probe.retreat))]
         assert len(fit)
         assert exact_gap(hand.body, possible, fit[0]) > RULES.clearance - 1e-3

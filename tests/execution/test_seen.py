@@ -59,7 +59,7 @@ def test_the_first_reading_is_the_one_that_the_image_cannot_make(twins, steps):
     ranges = [true_range(target, best_of(seen, target.part.name).T_world_part, action) for target in steps]
     assert abs(ranges[0] - ranges[1]) > 2e-3  # of the 3 mm by which the steps differ
     session.tell(action.read(ranges[0]))
-    assert session.belief.of_parts()[0] > 0.99
+    assert session.state.of_parts()[0] > 0.99
     assert session.ask().reached
 
 

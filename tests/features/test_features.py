@@ -110,8 +110,8 @@ def test_a_shared_world_error_cancels_in_the_relative_location():
     features = []
     for _ in range(2):
         T = SE3.exp(rng.normal(size=6))
-        gain = PLANE.B @ SE3.adjoint_inverse(T)
-        features.append(Feature(PLANE, T, np.zeros((3, 3)), shared=(SharedTerm(base, gain),)))
+        jacobian = PLANE.B @ SE3.adjoint_inverse(T)
+        features.append(Feature(PLANE, T, np.zeros((3, 3)), shared=(SharedTerm(base, jacobian),)))
     a, b = features
     # e12 = e2 - Ad(T12^-1) e1 over the rows that both planes resolve: the angle between the normals
     n1, n2 = a.T_world_feature[:3, 2], b.T_world_feature[:3, 2]
@@ -122,9 +122,11 @@ def test_a_shared_world_error_cancels_in_the_relative_location():
     together = alone + 2 * g1 @ cross_covariance(a, b) @ g2
     assert alone > 1e-8
     assert abs(together) < 1e-12 * alone
-    errors, C, gains = collect_shared(features)
+    errors, C, shared_jacobian = collect_shared(features)
     assert [e.name for e in errors] == ["base"]
-    np.testing.assert_allclose(PLANE.B.T @ gains[0] @ C @ gains[1].T @ PLANE.B, cross_covariance(a, b))
+    np.testing.assert_allclose(
+        PLANE.B.T @ shared_jacobian[0] @ C @ shared_jacobian[1].T @ PLANE.B, cross_covariance(a, b)
+    )
     np.testing.assert_allclose(feature_covariance(reframe_feature(a, np.eye(4))), feature_covariance(a))
 
 

@@ -27,9 +27,9 @@ def two_rows(n, half=0.015, apart=0.04):
 
 def scales(row):
     """The scale of each of two sensors that look down from :data:`RANGE`, an error that its readings share."""
-    gain = RANGE * DOWN[:, None]
+    jacobian = RANGE * DOWN[:, None]
     return [
-        (SharedError(f"scale {k}", np.array([[SCALE**2]])), np.where((row == k)[:, None, None], gain, 0.0))
+        (SharedError(f"scale {k}", np.array([[SCALE**2]])), np.where((row == k)[:, None, None], jacobian, 0.0))
         for k in (0, 1)
     ]
 

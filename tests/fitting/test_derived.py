@@ -67,10 +67,10 @@ def test_derived_features_inherit_a_rigid_base_exactly():
     edges = [on_base(EDGE, SE3.exp(rng.normal(size=6)), np.diag([1e-8, 1e-8, 1e-6, 1e-6])) for _ in range(3)]
     for kind, found in ((EDGE, ft.edge_from_planes(*planes)), (VERTEX, ft.intersect_edges(edges)[0])):
         exact = kind.B @ SE3.adjoint_inverse(found.T_world_feature)
-        np.testing.assert_allclose(found.shared[0].gain, exact, atol=1e-9)
+        np.testing.assert_allclose(found.shared[0].jacobian, exact, atol=1e-9)
     one_only = ft.edge_from_planes(planes[0], Feature(PLANE, planes[1].T_world_feature, planes[1].P))
     _, K1, _ = ft.intersect_planes(*(p.T_world_feature for p in planes), one_only.T_world_feature[:3, 3])
-    np.testing.assert_allclose(one_only.shared[0].gain, K1 @ planes[0].shared[0].gain, atol=1e-9)
+    np.testing.assert_allclose(one_only.shared[0].jacobian, K1 @ planes[0].shared[0].jacobian, atol=1e-9)
 
 
 def test_edge_of_two_planes_is_as_uncertain_as_it_says():

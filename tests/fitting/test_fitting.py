@@ -133,7 +133,7 @@ def test_gains_are_the_derivative_of_the_fit_up_to_the_size_of_residuals(name):
     dq = 1e-7 * rng.normal(size=truth.shape)
     # the true points are dq from the measured ones
     p = perturbation(kind, found.T, fit(truth + dq, covs).T)
-    np.testing.assert_allclose(p, np.einsum("nij,nj->i", found.gains, dq), atol=1e-10)
+    np.testing.assert_allclose(p, np.einsum("nij,nj->i", found.shared_jacobian, dq), atol=1e-10)
 
 
 def sensed_feature(kind, rng, shared):
@@ -155,8 +155,8 @@ def test_an_error_of_the_robot_base_moves_the_feature_rigidly(kind):
     mount = SharedError("mount", 1e-6 * np.eye(6))
     found, _ = sensed_feature(kind, rng, lambda q: [(base, rigid(q)), (mount, rigid(q) @ SE3.adjoint(hand))])
     exact = kind.B @ SE3.adjoint_inverse(found.T_world_feature)
-    np.testing.assert_allclose(found.shared[0].gain, exact, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(found.shared[1].gain, exact @ SE3.adjoint(hand), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.shared[0].jacobian, exact, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.shared[1].jacobian, exact @ SE3.adjoint(hand), rtol=1e-9, atol=1e-12)
 
 
 def test_constraints_of_fitted_features_do_not_feel_the_robot_base():
@@ -180,12 +180,12 @@ def test_an_error_that_is_not_rigid_goes_through_the_estimator():
     bias = SharedError("bias", np.array([[1e-6]]))
     up = np.broadcast_to(np.array([0, 0, 1.0])[:, None], (8, 3, 1))
     found, _ = ft.fit_plane(points, covs, outward=[0, 0, 1], shared=[(bias, up)])
-    np.testing.assert_allclose(found.shared[0].gain[:, 0], [1, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(found.shared[0].jacobian[:, 0], [1, 0, 0], atol=1e-9)
     one_side = up * (points[:, 0] > 0)[:, None, None]
     tilted, _ = ft.fit_plane(points, covs, outward=[0, 0, 1], shared=[(bias, one_side)])
     moved, _ = ft.fit_plane(points + 1e-8 * one_side[..., 0], covs, outward=[0, 0, 1])
     p = perturbation(PLANE, tilted.T_world_feature, moved.T_world_feature)
-    np.testing.assert_allclose(p, 1e-8 * tilted.shared[0].gain[:, 0], atol=1e-13)
+    np.testing.assert_allclose(p, 1e-8 * tilted.shared[0].jacobian[:, 0], atol=1e-13)
     with pytest.raises(InputError, match="Jacobian of shape"):
         ft.fit_plane(points, covs, outward=[0, 0, 1], shared=[(bias, up[:3])])
 

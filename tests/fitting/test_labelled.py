@@ -138,8 +138,8 @@ def test_the_robots_error_moves_a_plane_as_a_rigid_world_would(single):
         )
     (plane,) = found.features
     (term,) = [t for t in plane.shared if len(t.error.covariance) == 6]
-    gain = plane.kind.B @ SE3.adjoint_inverse(plane.T_world_feature)
-    np.testing.assert_allclose(term.gain, gain, atol=1e-9)
+    jacobian = plane.kind.B @ SE3.adjoint_inverse(plane.T_world_feature)
+    np.testing.assert_allclose(term.jacobian, jacobian, atol=1e-9)
     assert feature_covariance(plane)[2, 2] > plane.P[0, 0]
 
 

@@ -71,7 +71,7 @@ def errors_of(T, truth, convention):
 @pytest.mark.parametrize("convention", [TANTEO, ROS, GTSAM, SPATIAL])
 def test_gain_is_the_derivative_of_the_definition(convention):
     T, h = uncertain(4, (5,)).T, 1e-6
-    G = frames.convention_gain(T, convention)
+    G = frames.convention_jacobian(T, convention)
     for k, step in enumerate(h * np.eye(6)):
         ahead, behind = (errors_of(T, T @ SE3.exp(s), convention) for s in (step, -step))
         np.testing.assert_allclose(G[..., k], (ahead - behind) / (2 * h), atol=1e-8)

@@ -21,7 +21,7 @@ TARGET = 0.03
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("mode", "settings"),
-    [("touches", {"unknown": 1e-9, "clutter": 1e-6}), ("touches", {}), ("planes", {}), ("edges", {})],
+    [("touches", {"unknown": 1e-9, "outlier_rate": 1e-6}), ("touches", {}), ("planes", {}), ("edges", {})],
     ids=["parts of the catalogue", "touches, outliers and strangers", "planes", "edges"],
 )
 def test_claimed_is_right_as_often_as_claimed(mode, settings):

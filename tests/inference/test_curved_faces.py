@@ -64,8 +64,8 @@ def test_a_ball_tip_with_sensed_normals_places_it_as_well_as_it_says(flange):
         on = exact(flange).rows[flange.surface.closest(p).triangles] >= 0
         rows = np.r_[np.flatnonzero(on)[:10], np.flatnonzero(~on)[:10]]
         centres = SE3.apply(T, p[rows] + r * n[rows]) + sd * rng.normal(size=(20, 3))
-        turned = (SO3.exp(tilt * rng.normal(size=(20, 3))) @ (n[rows] @ T[:3, :3].T)[..., None])[..., 0]
-        sensed = {"sds": np.full(20, sd), "radii": np.full(20, r), "normals": turned, "normal_sds": np.full(20, tilt)}
+        rotated = (SO3.exp(tilt * rng.normal(size=(20, 3))) @ (n[rows] @ T[:3, :3].T)[..., None])[..., 0]
+        sensed = {"sds": np.full(20, sd), "radii": np.full(20, r), "normals": rotated, "normal_sds": np.full(20, tilt)}
         answer = locate(Readings.from_columns(centres, **sensed), flange.part)
         if answer.status == "recognized":
             best = answer.hypotheses[0]

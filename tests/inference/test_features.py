@@ -56,7 +56,7 @@ def test_every_example_is_recognised_among_all(models, seed):
         if answer.status == "recognized":
             poses = np.concatenate([best.T_world_part[None], best.symmetry_poses])
             gaps = SE3.log(SE3.inverse(poses) @ T)
-            assert np.linalg.norm(gaps[:, :3], axis=1).min() < 8 * best.worst_corner_sd
+            assert np.linalg.norm(gaps[:, :3], axis=1).min() < 8 * best.corner_sd
 
 
 def test_a_copy_under_another_name_is_said_to_fit_alike(models):
@@ -165,10 +165,10 @@ def test_clutter_is_named(models):
         part = models["housing"].part
         features = all_planes(part, random_pose(rng, 0.02), rng)[:7]
         at = int(rng.integers(len(features) + 1))
-        features.insert(at, clutter_touch(part.radius, rng, "stray"))
+        features.insert(at, clutter_touch(part.radius, rng, "outlier"))
         answer = identify_features(features, list(models.values()))
         assert answer.hypotheses[0].part == "housing"
-        assert answer.hypotheses[0].outliers == ("stray",)
+        assert answer.hypotheses[0].outliers == ("outlier",)
 
 
 def test_an_absent_part_is_unknown(models):
@@ -182,8 +182,8 @@ def test_an_absent_part_is_unknown(models):
 
 def test_nothing_that_fits_is_no_exception(models):
     rng = np.random.default_rng(49)
-    strays = [clutter_touch(0.5, rng, f"c{k}") for k in range(5)]
-    answer = identify_features(strays, [models["wedge"]])
+    outliers = [clutter_touch(0.5, rng, f"c{k}") for k in range(5)]
+    answer = identify_features(outliers, [models["wedge"]])
     assert answer.status in ("unknown", "insufficient")  # one stray may lie on the part, the rest be clutter
     assert answer.message
 
@@ -234,7 +234,7 @@ def test_edges_and_corners_with_planes(models):
         assert answer.status == "recognized"
         best = answer.hypotheses[0]
         assert (best.part, best.outliers) == (name, ())
-        assert np.linalg.norm(SE3.log(SE3.inverse(best.T_world_part) @ T)[:3]) < 8 * best.worst_corner_sd
+        assert np.linalg.norm(SE3.log(SE3.inverse(best.T_world_part) @ T)[:3]) < 8 * best.corner_sd
         assert dict(best.pairings)[f"v{corners[0]}"] == f"vertex {corners[0]}"
 
 
@@ -272,8 +272,8 @@ def test_misuse(models):
     features = sensed_planes(models["block"].part, np.eye(4), [0, 1, 2], SD, np.random.default_rng(55))
     with pytest.raises(InputError, match="parts"):
         identify_features(features, [])
-    with pytest.raises(InputError, match="alpha"):
-        identify_features(features, [models["block"]], alpha=1.5)
+    with pytest.raises(InputError, match="significance"):
+        identify_features(features, [models["block"]], significance=1.5)
     ring = Feature(CIRCLE, np.eye(4), 1e-8 * np.eye(5), "ring")
     with pytest.raises(InputError, match="ring"):
         identify_features([ring], [models["block"]])
@@ -286,7 +286,7 @@ def test_what_parts_are_like_is_a_share():
             Priors(right_angled=value)
 
 
-@pytest.mark.parametrize("name", ["unknown", "clutter", "kin"])
+@pytest.mark.parametrize("name", ["unknown", "outlier_rate", "kin"])
 def test_what_is_assumed_is_a_probability(name):
     for value in (0.0, 1.0, -0.1, np.nan):
         with pytest.raises(InputError, match=rf"priors, {name}: .* got {value}. A tiny"):
@@ -295,7 +295,7 @@ def test_what_is_assumed_is_a_probability(name):
 
 def test_a_radius_is_a_length_and_clutter_leaves_something():
     with pytest.raises(InputError, match=r"at most 0\.99, got 0\.995"):
-        Priors(clutter=0.995)
+        Priors(outlier_rate=0.995)
     for value in (-0.1, np.inf, np.nan):
         with pytest.raises(InputError, match=rf"priors, radius: .* got {value} m\."):
             Priors(radius=value)
@@ -305,7 +305,7 @@ def test_a_radius_is_a_length_and_clutter_leaves_something():
 def test_tiny_probabilities_are_taken_as_they_are(models, rare):
     """Nothing overflows, and what is not assumed is not found."""
     part, rng = models["bracket_left"].part, np.random.default_rng(8)
-    priors = Priors(unknown=rare, clutter=rare, right_angled=rare, kin=rare)
+    priors = Priors(unknown=rare, outlier_rate=rare, right_angled=rare, near_variant=rare)
     answer = identify_features(all_planes(part, random_pose(rng), rng), [*models.values()], priors=priors)
     assert answer.hypotheses[0].part == part.name
     assert answer.unknown_probability <= 10 * rare
@@ -331,7 +331,7 @@ def test_more_noise_than_stated_is_told_and_widens_the_covariance(parts):
     bold = identify_features([replace(f, P=f.P / 1.6**2) for f in features], [part])
     assert bold.status == "recognized"
     assert "The readings scatter 1." in bold.message
-    assert bold.hypotheses[0].worst_corner_sd == pytest.approx(true.worst_corner_sd, rel=0.3)
+    assert bold.hypotheses[0].corner_sd == pytest.approx(true.corner_sd, rel=0.3)
 
 
 def test_nothing_sensed_is_not_enough(parts):

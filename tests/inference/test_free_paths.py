@@ -66,7 +66,7 @@ def test_a_cone_is_named_if_all_of_it_meets_the_part(block):
 def test_what_moves_path_and_pose_alike_is_no_distance_between_them(block):
     """A base off by 5 mm sd: where the part is said to be in the world is as vague, and the path goes with it."""
     base, vague = 5e-3 * np.eye(3)[None], np.diag([25e-6] * 3 + [0.0] * 3)
-    path = replace(from_above(block, 2e-3, 0.0), gains=base, turns=np.zeros((1, 3, 3)))
+    path = replace(from_above(block, 2e-3, 0.0), shared_jacobian=base, turns=np.zeros((1, 3, 3)))
     follows = np.concatenate([np.eye(3) / 5e-3, np.zeros((3, 3))], axis=1)
     assert through(path, block, vague, SharedGiven(np.zeros(3), follows, np.zeros((3, 3)))) > 0
     assert through(path, block, vague, SharedGiven(np.zeros(3), follows, 0.01 * np.eye(3))) > 0

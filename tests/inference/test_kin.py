@@ -60,7 +60,7 @@ def test_many_readings_with_strays_leave_no_doubt_of_the_part(steps, n):
     for seed in range(3):
         rng, target = np.random.default_rng((6, seed)), steps["step_12mm"]
         T = box_centred_pose(rng)
-        touches = scene(target, T, LASER, n, rng, stray=0.02, radius=target.part.radius)[0]
+        touches = scene(target, T, LASER, n, rng, outlier=0.02, radius=target.part.radius)[0]
         answer = identify_points(touches, FreeRays.none(), [target])
         assert answer.status == "recognized"
         assert answer.unknown_probability < 0.01
@@ -71,8 +71,8 @@ def test_the_part_itself_stays_what_it_is_with_strays_anywhere(steps):
     for seed in range(10):
         rng, target = np.random.default_rng((5, seed)), steps["step_12mm"]
         T = box_centred_pose(rng)
-        touches = scene(target, T, LASER, 30, rng, stray=0.1, radius=target.part.radius)[0]
-        answer = identify_points(touches, FreeRays.none(), known, priors=Priors(clutter=0.1))
+        touches = scene(target, T, LASER, 30, rng, outlier=0.1, radius=target.part.radius)[0]
+        answer = identify_points(touches, FreeRays.none(), known, priors=Priors(outlier_rate=0.1))
         right += answer.status == "recognized"
         assert "agree" not in answer.message
     assert right >= 9

@@ -18,7 +18,8 @@ def labelled(points, sd=SD, kind="plane", **more):
     fields = {"directions": none, "labels": ("a",) * n, "kinds": (kind,) * n, **more}
     return ContactPoints(
         tuple(map(str, range(n))), points, np.tile(sd**2 * np.eye(3), (n, 1, 1)), np.zeros(n), normals=none,
-        normal_sds=np.full(n, np.pi), reach=np.zeros(n), gains=np.zeros((n, 3, 0)), sd=np.full(n, sd), **fields,
+        normal_sds=np.full(n, np.pi), reach=np.zeros(n), shared_jacobian=np.zeros((n, 3, 0)),
+        sd=np.full(n, sd), **fields,
     )  # fmt: skip
 
 
@@ -70,10 +71,10 @@ def test_a_shared_error_that_turns_with_the_hand_does_not_hide_a_plane():
     rng = np.random.default_rng(4)
     R = any_rotations(rng, 8)
     p = np.column_stack([rng.uniform(-0.05, 0.05, (8, 2)), 1e-4 * rng.normal(size=8)])
-    off, gains = np.array([6e-4, -9e-4, 5e-4]), 1e-3 * R
+    off, shared_jacobian = np.array([6e-4, -9e-4, 5e-4]), 1e-3 * R
     seen = labelled(p - R @ off, sd=1e-4)
     told = labelled(p - R @ off, sd=1e-4)
-    object.__setattr__(told, "gains", gains)
+    object.__setattr__(told, "shared_jacobian", shared_jacobian)
     assert odds(told)[0] > odds(seen)[0] + 20
 
 

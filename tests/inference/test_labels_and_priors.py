@@ -193,12 +193,12 @@ def test_a_table_says_what_lies_on_it(parts):
     T = SE3.exp(np.array([0.2, 0.1, 0.3, 0, 0, 0.7]))
     table = Table(np.array([0, 0, 0.3 + part.box[0, 2]]), np.array([0.0, 0, 1]), 2e-4)
     readings = labelled(part, T, [x, y], rng, n=6)
-    loose = identify(readings, [part]).hypotheses[0].worst_corner_sd  # the ends of the faces hold the height a little
+    loose = identify(readings, [part]).hypotheses[0].corner_sd  # the ends of the faces hold the height a little
     best = identify(readings, [part], priors=Priors(pose=PosePrior(table=table))).hypotheses
     right = [h for h in best if nees(part, h.T_world_part, h.covariance, T)[0] < 30]
     assert right
     assert not right[0].unobserved
-    assert right[0].worst_corner_sd < 0.6 * loose
+    assert right[0].corner_sd < 0.6 * loose
 
 
 def test_a_rough_pose_far_off_is_doubted(parts):

@@ -23,9 +23,9 @@ def square_on(target, rng, n=25):
     along = -normals @ T[:3, :3].T
     x = np.cross(along, rng.normal(size=(n, 3)))
     x /= np.linalg.norm(x, axis=1, keepdims=True)
-    gains = TIP * np.stack([x, np.cross(along, x), along], axis=-1)
-    points = SE3.apply(T, p) - gains @ z + SD * rng.normal(size=p.shape)
-    return touches_of(points, SD, gains=gains), T
+    shared_jacobian = TIP * np.stack([x, np.cross(along, x), along], axis=-1)
+    points = SE3.apply(T, p) - shared_jacobian @ z + SD * rng.normal(size=p.shape)
+    return touches_of(points, SD, shared_jacobian=shared_jacobian), T
 
 
 @pytest.mark.xfail(strict=False, reason="shared errors of sixty times the noise are not supposed by proposals yet")

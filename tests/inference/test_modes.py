@@ -15,7 +15,7 @@ from tanteo.inference.search import alike, start_search
 from tanteo.lie import SE3
 
 
-def drawn(n, seed, bend=0.0, scale=1.0):
+def sample_prior(n, seed, bend=0.0, scale=1.0):
     """Samples of a wide density, weighed for a normal one that is ``scale`` times as heavy, and bent."""
     rng = np.random.default_rng(seed)
     x = 1.5 * rng.normal(size=(n, 6))
@@ -28,7 +28,7 @@ def drawn(n, seed, bend=0.0, scale=1.0):
 
 
 def test_of_a_normal_region_the_mass_has_no_noise():
-    region = drawn(64, 1)
+    region = sample_prior(64, 1)
     assert region.mass == pytest.approx(1.0, abs=1e-9)
     assert region.is_normal
     assert abs(region.weights.sum() - 1) > 0.02  # the samples by themselves do not know it so well
@@ -36,7 +36,7 @@ def test_of_a_normal_region_the_mass_has_no_noise():
 
 def test_of_a_region_that_is_not_normal_the_mass_is_right_on_average_and_less_noisy_than_by_samples_alone():
     exact = np.mean(np.exp(0.5 * np.tanh(np.random.default_rng(2).normal(size=400_000))))
-    both = np.array([(r.mass, r.weights.sum()) for r in (drawn(200, (3, k), bend=0.5) for k in range(300))])
+    both = np.array([(r.mass, r.weights.sum()) for r in (sample_prior(200, (3, k), bend=0.5) for k in range(300))])
     off = both - exact
     sd = off.std(axis=0) / np.sqrt(len(off))
     assert abs(off[:, 0].mean()) < 4 * sd[0] + 0.005  # the factor is fitted to the same samples
@@ -44,8 +44,8 @@ def test_of_a_region_that_is_not_normal_the_mass_is_right_on_average_and_less_no
 
 
 def test_a_normal_region_of_another_mass_is_no_normal_one_of_this_mass():
-    assert not drawn(200, 4, scale=3.0).is_normal
-    assert drawn(200, 4, scale=3.0).mass == pytest.approx(3.0, rel=0.25)
+    assert not sample_prior(200, 4, scale=3.0).is_normal
+    assert sample_prior(200, 4, scale=3.0).mass == pytest.approx(3.0, rel=0.25)
 
 
 def test_effective_samples_tell_how_well_a_spread_is_known():
@@ -81,11 +81,11 @@ def test_poses_at_which_nothing_is_touched_count_for_none(parts, shared, scale_s
     """They are as dense however far away: samples would find the more of them, the farther they are drawn."""
     target, rng = prepare(parts["bracket_left"]), np.random.default_rng(7)
     T = box_centred_pose(rng)
-    gains = 1e-3 * rng.normal(size=(6, 3, shared))
-    touches = touches_of(SE3.apply(T, surface_points(target, 6, rng)[0]), 1e-4, gains=gains)
+    shared_jacobian = 1e-3 * rng.normal(size=(6, 3, shared))
+    touches = touches_of(SE3.apply(T, surface_points(target, 6, rng)[0]), 1e-4, shared_jacobian=shared_jacobian)
     problem = Problem(touches, no_paths(), Priors(radius=target.part.radius), scale_sd=scale_sd)
-    climber = start_search(problem, target, rng).climber
-    sampler = Sampler(climber, climber.climb(T[None], fine=True), rng, 0.0)
+    objective = start_search(problem, target, rng).objective
+    sampler = Sampler(objective, objective.maximize(T[None], fine=True), rng, 0.0)
     away = T @ SE3.exp(np.array([5.0, 0, 0, 0, 0, 0]))
     here, there = sampler._target(np.stack([T, away]), np.zeros((2, problem.states)))[0]
     assert there < here - 300
@@ -118,7 +118,7 @@ def test_a_part_is_found_among_as_many_strays_as_are_expected(parts):
         p, _ = surface_points(target, 30, rng)
         p = SE3.apply(T, p) + 1e-4 * rng.normal(size=p.shape)
         p[30 - k :] += rng.uniform(-0.05, 0.05, (k, 3))
-        answer = identify_points(touches_of(p, 1e-4), no_paths(), [target], priors=Priors(clutter=0.3), seed=seed)
+        answer = identify_points(touches_of(p, 1e-4), no_paths(), [target], priors=Priors(outlier_rate=0.3), seed=seed)
         near = np.linalg.norm(SE3.log(SE3.inverse(answer.pose) @ T)[:3]) < 2e-3
         assert near or answer.status != "recognized"
         found += near
@@ -131,7 +131,7 @@ def test_later_rounds_start_from_other_points(parts):
     search = start_search(Problem(touches_of(p, 1e-4), no_paths(), Priors(radius=0.1)), target, rng)
     used = []
     for _ in range(3):
-        search.round(Effort(4, 10, 3, 4))
-        used.append(set(search.climber.rows.tolist()))
+        search.restart(Effort(4, 10, 3, 4))
+        used.append(set(search.objective.rows.tolist()))
         assert set(search.pairs.ravel().tolist()) <= used[-1]
     assert len(set.union(*used)) > 20

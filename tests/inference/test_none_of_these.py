@@ -23,8 +23,8 @@ def test_the_places_of_a_ball_that_holds_all_readings(n, reach):
     rng = np.random.default_rng(n)
     points, radius = np.array([5.0, -7.0, 1.0]) + rng.uniform(-1, 1, (n, 3)) * reach, 0.55
     where = whereabouts(points, radius)
-    drawn = points[0] + radius * rng.uniform(-1, 1, (40000, 3))
-    held = np.all(np.linalg.norm(drawn[:, None] - points, axis=2) < radius, axis=1)
+    sample_prior = points[0] + radius * rng.uniform(-1, 1, (40000, 3))
+    held = np.all(np.linalg.norm(sample_prior[:, None] - points, axis=2) < radius, axis=1)
     assert where.volume == pytest.approx((2 * radius) ** 3 * held.mean(), rel=0.06)
     assert (2 * np.pi * where.sd**2) ** 1.5 == pytest.approx(where.volume)
 

@@ -39,7 +39,7 @@ def test_the_same_in_another_frame(bar):
     first = identify_points(touches, no_paths(), [bar]).hypotheses[0]
     other = touches_of(touches.points @ turn.T + 0.3, SD)
     second = identify_points(other, no_paths(), [bar]).hypotheses[0]
-    assert second.worst_corner_sd == pytest.approx(first.worst_corner_sd, rel=0.2)
+    assert second.corner_sd == pytest.approx(first.corner_sd, rel=0.2)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -6,7 +6,7 @@ from tanteo.inference.search import _still_in
 
 
 def _part(log_evidence, on):
-    return SimpleNamespace(log_evidence=log_evidence, explains=lambda: on)
+    return SimpleNamespace(log_evidence=log_evidence, is_good_fit=lambda: on)
 
 
 def _kept(evidence, on, unknown=-1e9, behind=24.0):

@@ -59,7 +59,7 @@ def test_a_reading_astray_does_not_hide_the_truth():
         for seed in range(4):
             rng = np.random.default_rng((8, seed))
             T = box_centred_pose(rng)
-            touches, _, _ = scene(target, T, TOUCH, 10, rng, stray=0.1, radius=target.part.radius)
+            touches, _, _ = scene(target, T, TOUCH, 10, rng, outlier=0.1, radius=target.part.radius)
             answer = identify_points(touches, no_paths(), [target], top=1000, priors=Priors(radius=target.part.radius))
             squares = [nees(target.part, h.T_world_part, h.covariance, T)[0] for h in answer.hypotheses]
             among += min(squares, default=np.inf) < 40

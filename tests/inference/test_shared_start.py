@@ -20,9 +20,9 @@ def bracket():
     return prepare(tanteo.read_part(Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step"))
 
 
-def points(bracket, gains):
-    p, _ = surface_points(bracket, len(gains), np.random.default_rng(3))
-    return touches_of(p, 1e-4, gains=gains)
+def points(bracket, shared_jacobian):
+    p, _ = surface_points(bracket, len(shared_jacobian), np.random.default_rng(3))
+    return touches_of(p, 1e-4, shared_jacobian=shared_jacobian)
 
 
 @pytest.mark.parametrize("k", range(6))
@@ -47,7 +47,7 @@ def test_a_bias_is_not_taken_for_a_stray_where_few_readings_just_fix_the_pose(br
         w, d = SE3.apply(T, p), d @ T[:3, :3].T
         bias = (2 + rng.uniform()) * rng.choice([-1, 1])
         points = w + (1e-5 * rng.normal(size=(7, 1)) - 3e-4 * bias) * d
-        touches = touches_of(points, 1e-5, directions=d, gains=3e-4 * d[:, :, None])
+        touches = touches_of(points, 1e-5, directions=d, shared_jacobian=3e-4 * d[:, :, None])
         priors = Priors(pose=PosePrior(np.eye(4), C), radius=bracket.part.radius)
         best = identify_points(touches, FreeRays.none(), [bracket], priors=priors).hypotheses[0]
         assert best.outliers == (), k
@@ -63,7 +63,7 @@ def test_a_sensor_that_is_mounted_roughly_hides_no_pose(housing, k):
     """First poses alone lead to maxima that leave six readings aside, or that lie 15 standard deviations off."""
     rng = np.random.default_rng((90, k))
     T = box_centred_pose(rng)
-    answer = identify_points(mounted(housing, T, 25, rng, off=3e-3, turned=0.03), FreeRays.none(), [housing])
+    answer = identify_points(mounted(housing, T, 25, rng, off=3e-3, rotated=0.03), FreeRays.none(), [housing])
     assert answer.status == "recognized"
     best = answer.hypotheses[0]
     assert best.outliers == ()

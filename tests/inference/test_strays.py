@@ -18,11 +18,11 @@ def log_density(log_hit, log_outlier, mean):
     return log_sum(log_by_rate(log_hit, log_outlier, *outlier_rates(mean, log_hit.shape[1])), axis=0)
 
 
-def belongs(hit, stray, mean):
+def belongs(hit, outlier, mean):
     """Probability that the last reading is on the surface: the derivative of the log density by that there."""
     step = np.zeros(len(hit))
     step[-1] = 1e-5
-    up, down = (log_density((hit + sign * step)[None], stray[None], mean)[0] for sign in (1, -1))
+    up, down = (log_density((hit + sign * step)[None], outlier[None], mean)[0] for sign in (1, -1))
     return (up - down) / 2e-5
 
 
@@ -38,17 +38,17 @@ def test_rates_have_the_mean_that_is_stated(mean):
 def test_is_the_integral_over_all_rates(n, astray):
     """Readings that are half clear and half doubtful, with densities as different as a touch's."""
     rng = np.random.default_rng(n)
-    hit, stray = rng.normal(8, 2, n), rng.normal(0, 1, n)
+    hit, outlier = rng.normal(8, 2, n), rng.normal(0, 1, n)
     hit[:astray] -= 30
     hit[astray : astray + 2] -= 6  # doubtful
     density = beta(0.5, 0.5 / 0.02 - 0.5)
-    top = np.maximum(hit, stray)
+    top = np.maximum(hit, outlier)
 
     def of(rate):
-        return np.prod((1 - rate) * np.exp(hit - top) + rate * np.exp(stray - top)) * density.pdf(rate)
+        return np.prod((1 - rate) * np.exp(hit - top) + rate * np.exp(outlier - top)) * density.pdf(rate)
 
     expected = np.log(quad(of, 0, 1e-3)[0] + quad(of, 1e-3, 0.2)[0] + quad(of, 0.2, 1)[0]) + top.sum()
-    assert log_density(hit[None], stray[None], 0.02)[0] == pytest.approx(expected, abs=0.05)
+    assert log_density(hit[None], outlier[None], 0.02)[0] == pytest.approx(expected, abs=0.05)
 
 
 def test_one_doubtful_reading_belongs_less_where_others_are_astray():
@@ -60,9 +60,9 @@ def test_one_doubtful_reading_belongs_less_where_others_are_astray():
     assert among < 0.93 < stated < alone
 
 
-@pytest.mark.parametrize(("strays", "n"), [(1, 8), (3, 25), (6, 25), (12, 100)])
-def test_counts_of_strays_are_beta_binomial(strays, n):
-    assert so_many(strays, n, 0.02) == pytest.approx(betabinom(n, 0.5, 24.5).sf(strays - 1), rel=0.1)
+@pytest.mark.parametrize(("outliers", "n"), [(1, 8), (3, 25), (6, 25), (12, 100)])
+def test_counts_of_strays_are_beta_binomial(outliers, n):
+    assert so_many(outliers, n, 0.02) == pytest.approx(betabinom(n, 0.5, 24.5).sf(outliers - 1), rel=0.1)
 
 
 def test_no_strays_are_never_too_many_and_any_are_if_none_are_expected():
@@ -72,10 +72,10 @@ def test_no_strays_are_never_too_many_and_any_are_if_none_are_expected():
 
 @pytest.mark.parametrize(("elsewhere", "n"), [(0, 3), (1, 8), (4, 12), (10, 25), (2, 20)])
 def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n):
-    hit, stray = np.full(n, 10.0), np.zeros(n)
+    hit, outlier = np.full(n, 10.0), np.zeros(n)
     hit[:elsewhere] = -100
     expected = 10 * (n - elsewhere) + betaln(elsewhere + 1, n - elsewhere + 1)
-    assert log_density_elsewhere(hit[None], stray[None])[0] == pytest.approx(expected, abs=0.02)
+    assert log_density_elsewhere(hit[None], outlier[None])[0] == pytest.approx(expected, abs=0.02)
 
 
 @pytest.mark.parametrize("n", [3, 8, 30, 100, 300, 1000])
@@ -83,21 +83,21 @@ def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n
 def test_counts_weigh_what_they_weigh_however_many_readings_there_are(n, mean):
     """Both densities against beta functions, from no stray to a fifth of the readings."""
     counts = np.unique(np.linspace(0, n // 5, 12).astype(int))
-    hit, stray = np.full((len(counts), n), 10.0), np.zeros((len(counts), n))
+    hit, outlier = np.full((len(counts), n), 10.0), np.zeros((len(counts), n))
     hit[np.arange(n) < counts[:, None]] = -100
-    kin = 10 * (n - counts) + betaln(counts + 1, n - counts + 1)
-    assert log_density_elsewhere(hit, stray) == pytest.approx(kin, abs=0.1)
+    near_variant = 10 * (n - counts) + betaln(counts + 1, n - counts + 1)
+    assert log_density_elsewhere(hit, outlier) == pytest.approx(near_variant, abs=0.1)
     b = 0.5 / mean - 0.5
     rate = 10 * (n - counts) + betaln(counts + 0.5, n - counts + b) - betaln(0.5, b)
     likely = counts < 10 * mean * n + 2
-    assert log_density(hit, stray, mean)[likely] == pytest.approx(rate[likely], abs=0.1)
+    assert log_density(hit, outlier, mean)[likely] == pytest.approx(rate[likely], abs=0.1)
 
 
 def test_few_strays_are_the_sensor_s_and_many_are_another_part():
     """Odds at equal priors, over the number of 25 readings that are off the part."""
-    hit, stray = np.full((12, 25), 8.0), np.zeros((12, 25))
+    hit, outlier = np.full((12, 25), 8.0), np.zeros((12, 25))
     hit[np.arange(25) < np.arange(12)[:, None]] = -100
-    odds = log_density_elsewhere(hit, stray) - log_density(hit, stray, 0.02)
+    odds = log_density_elsewhere(hit, outlier) - log_density(hit, outlier, 0.02)
     assert np.all(np.diff(odds) > 0)
     assert odds[0] < -2.5
     assert odds[2] < 0 < odds[6]
@@ -106,14 +106,16 @@ def test_few_strays_are_the_sensor_s_and_many_are_another_part():
 
 def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_stray():
     """Two readings of one place, one of them off: of an object like the part, too, the sensor erred."""
-    off, on, stray = -300.0, 4.0, 1.0
-    hit, other = np.array([[on, on, off, on]]), np.full((1, 4), stray)
+    off, on, outlier = -300.0, 4.0, 1.0
+    hit, other = np.array([[on, on, off, on]]), np.full((1, 4), outlier)
     alone = log_density_elsewhere(hit[:, :3], other[:, :3])
     own = log_density_elsewhere(*by_place(hit, other, 0.02, np.arange(4)))
     np.testing.assert_allclose(own, log_density_elsewhere(hit, other))
     together = log_density_elsewhere(*by_place(hit, other, 0.02, np.array([0, 1, 2, 2])))
     share = np.linspace(0, 1, 200_001)
-    place = (1 - share) * 0.02 * np.exp(stray) * (0.98 * np.exp(on) + 0.02 * np.exp(stray)) + share * np.exp(2 * stray)
-    each = (1 - share) * np.exp(on) + share * np.exp(stray)
+    place = (1 - share) * 0.02 * np.exp(outlier) * (0.98 * np.exp(on) + 0.02 * np.exp(outlier)) + share * np.exp(
+        2 * outlier
+    )
+    each = (1 - share) * np.exp(on) + share * np.exp(outlier)
     assert together[0] == pytest.approx(np.log(np.trapezoid(each**2 * place, share)), abs=1e-6)
     assert together[0] - alone[0] < own[0] - alone[0]

@@ -115,7 +115,7 @@ def test_the_spin_of_a_cylinder_is_no_error(cylinder):
     best = answer.hypotheses[0]
     assert answer.status == "recognized"
     assert best.unobserved == ()
-    assert best.worst_corner_sd < 2e-3
+    assert best.corner_sd < 2e-3
     assert off(cylinder.part, best.T_world_part, T)[0] < 2e-3
 
 
@@ -134,7 +134,7 @@ def test_a_cylinder_not_touched_at_its_ends_slides(cylinder):
 def test_readings_astray_are_named_with_their_distance(targets):
     target, named, far, wrongly = targets["bracket_left"], 0, 0, 0
     for seed in range(6):
-        T, touches, rows, _ = scene_of(target, seed, 20, stray=0.1)
+        T, touches, rows, _ = scene_of(target, seed, 20, outlier=0.1)
         best = identify_points(touches, no_paths(), [target]).hypotheses[0]
         local = SE3.apply(SE3.inverse(T), touches.points[rows])
         distances = target.surface.closest(local).distances
@@ -200,10 +200,10 @@ def test_a_contradiction_names_the_reading_that_is_farthest_off(targets):
 def tip_scene(target, seed, n, sd, tip):
     """Touches by a hand that never turns: the tip's offset is one shift of all points."""
     _, touches, *_ = scene_of(target, seed, n)
-    gains = np.broadcast_to(tip * np.eye(3), (n, 3, 3))
+    shared_jacobian = np.broadcast_to(tip * np.eye(3), (n, 3, 3))
     covs = np.tile(sd**2 * np.eye(3), (n, 1, 1))
     shared = (SharedError("tip offset", tip**2 * np.eye(3), "offset of the tip in the hand's frame [m]"),)
-    return replace(touches, gains=gains, covs=covs, sd=np.full(n, sd)), shared
+    return replace(touches, shared_jacobian=shared_jacobian, covs=covs, sd=np.full(n, sd)), shared
 
 
 def test_it_says_when_an_error_that_all_share_limits_the_answer(targets):
@@ -246,7 +246,7 @@ def test_none_of_these_when_most_readings_are_on_a_part(targets, name, seed, n):
     assert answer.message == (
         f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
         f"part (P = {answer.unknown_probability:.2f}); add its file, check the sensor's standard deviation, or expect "
-        "more strays (--strays)."
+        "more strays (--outlier-rate)."
     )
 
 
@@ -302,9 +302,9 @@ def test_a_tolerance_does_not_count_twice_beside_an_error_that_all_readings_shar
     _, touches, *_ = scene_of(target, 13, 40)
     made = replace(touches, covs=touches.covs + tolerance**2 * np.eye(3), tolerance=tolerance)
     made = replace(made, sd=np.sqrt(np.linalg.eigvalsh(made.covs)[:, -1]))
-    shared = replace(made, gains=np.tile(base * np.eye(3), (len(made), 1, 1)))
+    shared = replace(made, shared_jacobian=np.tile(base * np.eye(3), (len(made), 1, 1)))
     alone, both = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (made, shared))
     own = both.covariance - np.diag(np.r_[np.full(3, base**2), np.zeros(3)])
-    for C in (own, both.covariance_same_robot):
+    for C in (own, both.covariance_relative):
         # samples tell the whole covariance to 4 %, of which the base is most; twice would be two thirds more
         assert np.diag(C) == pytest.approx(np.diag(alone.covariance), rel=0.25)

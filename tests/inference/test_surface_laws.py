@@ -49,7 +49,7 @@ def test_moving_the_world_moves_the_answer(targets):
 
 def test_the_order_of_the_readings_does_not_matter(targets):
     target = targets["bracket_left"]
-    touches, *_ = laser_scene(target, 2, stray=0.1)
+    touches, *_ = laser_scene(target, 2, outlier=0.1)
     order = np.random.default_rng(3).permutation(len(touches))
     a, b = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (touches, touches.take(order)))
     xi = SE3.log(SE3.inverse(a.T_world_part) @ b.T_world_part)
@@ -97,7 +97,7 @@ def test_an_error_that_all_readings_share_does_not_shrink(targets):
         touches, T, _, shared = laser_scene(target, 13, n, base_sd=5e-4)
         best = identify_points(touches, no_paths(), [target], shared=shared).hypotheses[0]
         place = np.sqrt(np.linalg.eigvalsh(best.covariance[:3, :3]))
-        same = np.sqrt(np.linalg.eigvalsh(best.covariance_same_robot[:3, :3]))
+        same = np.sqrt(np.linalg.eigvalsh(best.covariance_relative[:3, :3]))
         assert place.min() > 0.99 * 5e-4
         corners.append(same.max())
         value, dof = nees(target.part, best.T_world_part, best.covariance, T)

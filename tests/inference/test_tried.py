@@ -29,8 +29,8 @@ def test_many_strays_do_not_end_the_search_at_a_pose_that_leaves_many(targets, s
     rng = np.random.default_rng(seed)
     k = int(rng.integers(4))
     T = box_centred_pose(rng)
-    touches = scene(targets[k], T, TENTH, 16, rng, stray=0.1, radius=0.05)[0]
-    answer = identify_points(touches, no_paths(), targets, priors=Priors(radius=0.1, clutter=0.1), top=50)
+    touches = scene(targets[k], T, TENTH, 16, rng, outlier=0.1, radius=0.05)[0]
+    answer = identify_points(touches, no_paths(), targets, priors=Priors(radius=0.1, outlier_rate=0.1), top=50)
     right = [
         h.probability
         for h in answer.hypotheses

@@ -7,7 +7,7 @@ import pytest
 
 from tanteo.errors import InputError, TanteoError
 from tanteo.frames import ROS, name_covariance
-from tanteo.io import parse_box, parse_near, parse_table, pose_as_brand, read_prior
+from tanteo.io import parse_box, parse_pose_prior, parse_table, pose_as_brand, read_prior
 from tanteo.lie import SE3
 
 
@@ -41,14 +41,14 @@ def test_boxes():
     ],
 )
 def test_rough_poses(text):
-    near = parse_near(text)
+    near = parse_pose_prior(text)
     np.testing.assert_allclose(pose_as_brand("fanuc", near.T), [400, 200, -10, 10, 20, 90], atol=1e-9)
     np.testing.assert_allclose(near.C, np.diag(np.r_[np.full(3, 5e-3), np.full(3, np.radians(3))] ** 2), atol=1e-12)
 
 
 def test_three_standard_deviations_are_along_and_about_the_axes_of_the_world():
     """A part that lies on its side, known well in the world's height and badly about the world's vertical."""
-    near = parse_near("400,200,0mm 90,0,0deg +- 5,5,1mm 1,1,10deg")
+    near = parse_pose_prior("400,200,0mm 90,0,0deg +- 5,5,1mm 1,1,10deg")
     world = name_covariance(near, ROS).covariance
     np.testing.assert_allclose(np.sqrt(np.diag(world)), [5e-3, 5e-3, 1e-3, *np.radians([1, 1, 10])])
     # turned by 90 degrees about x, the part's y is the world's z
@@ -71,25 +71,29 @@ def test_three_standard_deviations_are_along_and_about_the_axes_of_the_world():
         (parse_box, "0,0,0mm", "expected six lengths"),
         (parse_box, "0,0,0,1,1,0mm", "expected six lengths, the lowest x, y, z and then the highest"),
         (parse_box, "0,0,0,1,1,1", "expected a unit"),
-        (parse_near, "1,2,3mm 0,0,90deg", "expected a value and its standard deviation"),
-        (parse_near, "1,2mm 0,0,90deg +- 5mm 3deg", "got 2 lengths and 3 angles"),
-        (parse_near, "1,2,3mm +- 5mm 3deg", "got 3 lengths and 0 angles"),
-        (parse_near, "1,2,3mm 0,0,90 +- 5mm 3deg", "expected a unit behind the numbers"),
-        (parse_near, "0,0,90deg 1,2,3mm +- 5mm 3deg", "expected lengths before angles"),
-        (parse_near, "1,2,3mm 0,0,90deg +- 5mm", "one length or three and one angle or three"),
-        (parse_near, "1,2,3mm 0,0,90deg +- 5,5mm 3deg", "got 2 and 1"),
-        (parse_near, "1,2,3mm 0,0,90deg +- 0mm 3deg", "of the world), got 0 mm and 3 deg. Write"),
-        (parse_near, "1,2,3mm 0,0,90deg +- 5mm -3deg", "of the world), got 5 mm and -3 deg. Write"),
-        (parse_near, "1;2;3mm 0;0;90deg +- 5mm 3deg", "--known: expected commas between the numbers, got '1;2;3mm"),
-        (parse_near, "ros 1,2,3,0,0,0,2 +- 5mm 3deg", "--known: quaternion: expected a length of 1"),
-        (parse_near, "1,2,3mm 0,0,90deg +- 5mm 90deg", "known to 60 degrees"),
-        (parse_near, "1,2,3mm 0,0,90deg +- 5mm 3grad", "Did you mean 'rad'"),
-        (parse_near, "kuka 1,2,3 +- 5mm 3deg", "expected 6 finite numbers (X Y Z A B C)"),
-        (parse_near, "kuka 1,2,3,a,5,6 +- 5mm 3deg", "expected plain numbers behind 'kuka'"),
-        (parse_near, "kuka 1mm,2,3,4,5,6 +- 5mm 3deg", "expected plain numbers behind 'kuka'"),
-        (parse_near, "ur 420,0,0,0,0,0 +- 5mm 3deg", "'420,0,0,0,0,0', which ur writes in metres"),
-        (parse_near, "kukka 1,2,3,4,5,6 +- 5mm 3deg", "Did you mean 'kuka'"),
-        (parse_near, "1,2,3mm 0,0,1e999deg +- 5mm 3deg", "expected a finite number"),
+        (parse_pose_prior, "1,2,3mm 0,0,90deg", "expected a value and its standard deviation"),
+        (parse_pose_prior, "1,2mm 0,0,90deg +- 5mm 3deg", "got 2 lengths and 3 angles"),
+        (parse_pose_prior, "1,2,3mm +- 5mm 3deg", "got 3 lengths and 0 angles"),
+        (parse_pose_prior, "1,2,3mm 0,0,90 +- 5mm 3deg", "expected a unit behind the numbers"),
+        (parse_pose_prior, "0,0,90deg 1,2,3mm +- 5mm 3deg", "expected lengths before angles"),
+        (parse_pose_prior, "1,2,3mm 0,0,90deg +- 5mm", "one length or three and one angle or three"),
+        (parse_pose_prior, "1,2,3mm 0,0,90deg +- 5,5mm 3deg", "got 2 and 1"),
+        (parse_pose_prior, "1,2,3mm 0,0,90deg +- 0mm 3deg", "of the world), got 0 mm and 3 deg. Write"),
+        (parse_pose_prior, "1,2,3mm 0,0,90deg +- 5mm -3deg", "of the world), got 5 mm and -3 deg. Write"),
+        (
+            parse_pose_prior,
+            "1;2;3mm 0;0;90deg +- 5mm 3deg",
+            "--known: expected commas between the numbers, got '1;2;3mm",
+        ),
+        (parse_pose_prior, "ros 1,2,3,0,0,0,2 +- 5mm 3deg", "--known: quaternion: expected a length of 1"),
+        (parse_pose_prior, "1,2,3mm 0,0,90deg +- 5mm 90deg", "known to 60 degrees"),
+        (parse_pose_prior, "1,2,3mm 0,0,90deg +- 5mm 3grad", "Did you mean 'rad'"),
+        (parse_pose_prior, "kuka 1,2,3 +- 5mm 3deg", "expected 6 finite numbers (X Y Z A B C)"),
+        (parse_pose_prior, "kuka 1,2,3,a,5,6 +- 5mm 3deg", "expected plain numbers behind 'kuka'"),
+        (parse_pose_prior, "kuka 1mm,2,3,4,5,6 +- 5mm 3deg", "expected plain numbers behind 'kuka'"),
+        (parse_pose_prior, "ur 420,0,0,0,0,0 +- 5mm 3deg", "'420,0,0,0,0,0', which ur writes in metres"),
+        (parse_pose_prior, "kukka 1,2,3,4,5,6 +- 5mm 3deg", "Did you mean 'kuka'"),
+        (parse_pose_prior, "1,2,3mm 0,0,1e999deg +- 5mm 3deg", "expected a finite number"),
     ],
 )
 def test_typed_refusals(parse, text, message):
@@ -118,7 +122,7 @@ def test_all_of_a_file(tmp_path):
     np.testing.assert_allclose(prior.table.point, [0, 0, -2e-3])
     assert prior.table.sd == pytest.approx(5e-4)
     np.testing.assert_allclose(prior.box, [[0, 0, 0], [0.254, 0.254, 0.1016]])
-    near = parse_near("400,200,0mm 0,0,90deg +- 5,5,1mm 3deg")
+    near = parse_pose_prior("400,200,0mm 0,0,90deg +- 5,5,1mm 3deg")
     np.testing.assert_allclose(prior.T_world_part, near.T, atol=1e-15)
     np.testing.assert_allclose(prior.covariance, near.C, atol=1e-15)
 
@@ -135,7 +139,7 @@ def test_a_table_may_be_inclined(tmp_path):
 def test_covariances_by_two_conventions(tmp_path, rows):
     rng = np.random.default_rng(1)
     A = rng.normal(size=(6, 6)) * np.r_[np.full(3, 1e-2), np.full(3, 0.1)][:, None]
-    near = parse_near("400,200,0mm 10,20,30deg +- 5mm 3deg")
+    near = parse_pose_prior("400,200,0mm 10,20,30deg +- 5mm 3deg")
     head = f"[near]\nposition_mm = [400, 200, 0]\nquaternion_wxyz = {quaternion(near.T)}\n"
     C = A @ A.T
     for key in ("covariance_m_rad", "ros_covariance_m_rad"):

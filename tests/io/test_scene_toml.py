@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.errors import InputError, PartError, TanteoError
 from tanteo.io import read_scene
 
@@ -87,8 +87,8 @@ def test_all_of_it(tmp_path):
     assert rail.name == "rail"
     np.testing.assert_allclose(rail.distances(np.array([[0.19, 0.005, 0.1], [0.21, 0.005, 0.1]]))[0], [-0.005, 0.01])
     assert (scene.seed, scene.standoff, scene.clearance) == pytest.approx((3, 0.015, 0.008))
-    assert [type(scene.ideas[k]) for k in ("plane", "edge", "vertex")] == [FaceIdea, EdgeIdea, CornerIdea]
-    np.testing.assert_allclose(scene.ideas["plane"].normal, [0, 0, 1])
+    assert [type(scene.guesses[k]) for k in ("plane", "edge", "vertex")] == [FaceGuess, EdgeGuess, VertexGuess]
+    np.testing.assert_allclose(scene.guesses["plane"].normal, [0, 0, 1])
 
 
 def test_the_least_there_must_be(tmp_path):
@@ -96,10 +96,10 @@ def test_the_least_there_must_be(tmp_path):
     assert scene.seed == 0
     assert scene.clearance == pytest.approx(0.6 * scene.standoff)
     assert np.isinf(scene.workspace.low).all()
-    idea = scene.ideas["plane"]
-    np.testing.assert_allclose(idea.point, [0.05, 0.05, 0.14], atol=1e-12)
-    np.testing.assert_allclose(idea.normal, [0, 0, 1], atol=1e-12)
-    assert set(scene.ideas) == {"plane"}
+    guess = scene.guesses["plane"]
+    np.testing.assert_allclose(guess.point, [0.05, 0.05, 0.14], atol=1e-12)
+    np.testing.assert_allclose(guess.normal, [0, 0, 1], atol=1e-12)
+    assert set(scene.guesses) == {"plane"}
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_files_that_are_missing(tmp_path):
 def test_the_example():
     scene = read_scene(Path(__file__).parents[2] / "examples" / "scenes" / "bracket.toml")
     assert [s.name for s in scene.scene.solids] == ["table", "bracket", "clamp", "riser"]
-    assert set(scene.ideas) == {"plane", "edge"}
+    assert set(scene.guesses) == {"plane", "edge"}
 
 
 def test_a_rough_place_and_the_furniture(tmp_path):

@@ -44,7 +44,7 @@ def plain_touches(targets):
     rng = np.random.default_rng(4)
     start = replace(rough(targets), weights=np.array([0.51, 0.9]))
     k, T = drawn_truth(start, rng)
-    session = new_session(start, seed=3, most=50)
+    session = new_session(start, seed=3, max_measurements=50)
 
     def asked():
         action = session.ask()
@@ -102,11 +102,11 @@ def rig(targets):
 def same(a, b):
     """Whether two sessions are one, to the last bit."""
     for name in ("weights", "poses", "covariances", "part", "rows"):
-        np.testing.assert_array_equal(getattr(a.belief, name), getattr(b.belief, name))
-    assert a.belief.unknown == b.belief.unknown
-    if a.belief.draws is not None:
-        np.testing.assert_array_equal(a.belief.draws.Ts, b.belief.draws.Ts)
-        np.testing.assert_array_equal(a.belief.draws.weights, b.belief.draws.weights)
+        np.testing.assert_array_equal(getattr(a.state, name), getattr(b.state, name))
+    assert a.state.unknown == b.state.unknown
+    if a.state.draws is not None:
+        np.testing.assert_array_equal(a.state.draws.Ts, b.state.draws.Ts)
+        np.testing.assert_array_equal(a.state.draws.weights, b.state.draws.weights)
     for one, other in zip(a.steps, b.steps, strict=True):
         assert (one.ids, one.note, one.unknown) == (other.ids, other.note, other.unknown)
         np.testing.assert_array_equal(one.covariance, other.covariance)
@@ -177,7 +177,7 @@ def test_what_a_hand_can_make_is_said_again(targets, tmp_path):
     session.put(None)  # no question waits
     write_record(session, tmp_path / "free.json")
     without = read_record(tmp_path / "free.json", targets).ask().direction
-    session.able = lambda belief, candidates: candidates.directions @ without < 0.5
+    session.able = lambda state, candidates: candidates.directions @ without < 0.5
     write_record(session, tmp_path / "a.json")
     asks_the_same(session, read_record(tmp_path / "a.json", targets, able=session.able))
     assert session.ask().direction @ without < 0.5

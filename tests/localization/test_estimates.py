@@ -52,9 +52,9 @@ def on_feature(relation, radius, rng):
     """A relative frame for which the relation holds exactly, a few centimetres away."""
     T = SE3.exp(rng.normal(size=6) * np.r_[np.full(3, 0.05), np.ones(3)])
     for _ in range(60):
-        f, D = relation.linearise(T, np.array(radius))
+        f, D = relation.linearize(T, np.array(radius))
         T = T @ SE3.exp(-np.linalg.pinv(D) @ f)
-    assert np.abs(relation.linearise(T, np.array(radius))[0]).max() < 1e-12
+    assert np.abs(relation.linearize(T, np.array(radius))[0]).max() < 1e-12
     inside_out = relation.name == "plane_plane" and T[2, 2] < 0
     return T @ SE3.exp(np.array([0, 0, 0, np.pi, 0, 0])) if inside_out else T
 
@@ -90,7 +90,7 @@ class Scene:
             ]
         self.R_hands = [SO3.from_quaternion(rng.normal(size=4)) for _ in names]
 
-    def gains(self, i, T_world_feature):
+    def shared_jacobian(self, i, T_world_feature):
         """Rigid base error (left, of the world) and tip offset (in a hand of this attitude), on the feature's rows."""
         rows = SE3.adjoint_inverse(T_world_feature)[..., list(self.relations[i].sensed.rows), :]
         return rows, rows[..., :3] @ self.R_hands[i]
@@ -105,7 +105,7 @@ class Scene:
             T_rel = SE3.inverse(self.Ts_model[i]) @ self.Ts_exact[i]
             T = self.T @ self.Ts_model[i] @ T_made @ T_rel
             p = rng.multivariate_normal(np.zeros(kind.size), self.Ps[i], size=trials)
-            for gain, draw in zip(self.gains(i, T), c, strict=False):
+            for gain, draw in zip(self.shared_jacobian(i, T), c, strict=False):
                 p = p + np.einsum("tij,tj->ti", gain, draw)
             out.append(T @ SE3.exp(p @ kind.B))
         return out
@@ -113,7 +113,7 @@ class Scene:
     def pairings(self, Ts):
         out = []
         for i, (relation, T) in enumerate(zip(self.relations, Ts, strict=True)):
-            terms = tuple(SharedTerm(e, g) for e, g in zip(self.errors, self.gains(i, T), strict=False))
+            terms = tuple(SharedTerm(e, g) for e, g in zip(self.errors, self.shared_jacobian(i, T), strict=False))
             sensed = Feature(relation.sensed, T, self.Ps[i], f"f{i}", terms)
             out.append(Pairing(sensed, ModelFeature(relation.model, self.Ts_model[i], self.P_models[i], self.radii[i])))
         return out
@@ -123,8 +123,8 @@ class Scene:
         L = np.sqrt(np.concatenate([np.diag(e.covariance) for e in self.errors])) if self.errors else np.zeros(0)
         blocks = []
         for i, (relation, T) in enumerate(zip(self.relations, Ts, strict=True)):
-            gains = (
-                np.concatenate(self.gains(i, T), axis=-1)[:, None] * L
+            shared_jacobian = (
+                np.concatenate(self.shared_jacobian(i, T), axis=-1)[:, None] * L
                 if len(L)
                 else np.zeros((1, 1, relation.sensed.size, 0))
             )
@@ -135,7 +135,7 @@ class Scene:
                     self.Ps[i][None],
                     self.Ts_model[i][None],
                     self.P_models[i][None],
-                    gains,
+                    shared_jacobian,
                     np.array([self.radii[i]]),
                     np.ones((trials, 1), dtype=bool),
                 )
@@ -182,9 +182,9 @@ def test_same_robot_covariance_is_of_the_error_that_the_same_robot_makes():
     world = nees(scene.T, poses, np.linalg.inv([e.covariance for e in estimates]))
     assert low <= world.sum() <= high
     seen = SE3.exp(c[: len(estimates)]) @ scene.T
-    same = nees(seen, poses, np.linalg.inv([e.covariance_same_robot for e in estimates]))
+    same = nees(seen, poses, np.linalg.inv([e.covariance_relative for e in estimates]))
     assert low <= same.sum() <= high
-    wrong = nees(scene.T, poses, np.linalg.inv([e.covariance_same_robot for e in estimates]))
+    wrong = nees(scene.T, poses, np.linalg.inv([e.covariance_relative for e in estimates]))
     assert wrong.sum() > 2 * high
 
 
@@ -304,7 +304,7 @@ def test_invariance(name):
         gap = SE3.log(SE3.inverse(T) @ other.T_world_part)
         assert np.sqrt(gap @ np.linalg.solve(e.covariance, gap)) < shift
         sd = np.sqrt(np.diag(e.covariance))
-        for name in ("covariance", "covariance_same_robot"):
+        for name in ("covariance", "covariance_relative"):
             np.testing.assert_allclose(
                 getattr(other, name), getattr(e, name), atol=shift * np.max(np.outer(sd, sd)), rtol=max(shift, 1e-5)
             )
@@ -358,7 +358,7 @@ def test_fusing_two_estimates_of_one_feature(kind):
         for P in (P1, P2)
     )
     fused, P, statistic = fuse_features(kind, T1, P1, T2, P2)
-    f, D = RELATIONS[f"{kind.name}_{kind.name}"].linearise(SE3.inverse(T) @ fused, np.zeros(trials))
+    f, D = RELATIONS[f"{kind.name}_{kind.name}"].linearize(SE3.inverse(T) @ fused, np.zeros(trials))
     G = D @ kind.B.T
     values = np.einsum("ti,ti->t", f, np.linalg.solve(G @ P @ np.swapaxes(G, 1, 2), f[..., None])[..., 0])
     low, high = interval(kind.size * trials)

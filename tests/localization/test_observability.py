@@ -66,7 +66,7 @@ def residuals(features, T_world_part, T):
     exact = pairings(features, T_world_part, np.random.default_rng(0), noise=0.0)
     return np.concatenate(
         [
-            p.relation.linearise(SE3.inverse(T @ p.model.T_part_feature) @ p.sensed.T_world_feature, np.zeros(()))[
+            p.relation.linearize(SE3.inverse(T @ p.model.T_part_feature) @ p.sensed.T_world_feature, np.zeros(()))[
                 0
             ].ravel()
             for p in exact

@@ -17,10 +17,10 @@ ALL = {**RELATIONS, "plane_directions": PLANE_DIRECTIONS, "edge_directions": EDG
 def test_derivative_against_differences(name):
     rng = np.random.default_rng(1)
     T, radius, h = SE3.exp(rng.normal(size=(20, 6))), np.full(20, 0.3), 1e-6
-    f, D = ALL[name].linearise(T, radius)
+    f, D = ALL[name].linearize(T, radius)
     assert f.shape == (20, ALL[name].size)
     for k, e in enumerate(h * np.eye(6)):
-        plus, minus = (ALL[name].linearise(T @ SE3.exp(s * e), radius)[0] for s in (1, -1))
+        plus, minus = (ALL[name].linearize(T @ SE3.exp(s * e), radius)[0] for s in (1, -1))
         np.testing.assert_allclose(D[..., k], (plus - minus) / (2 * h), atol=1e-8)
 
 
@@ -43,7 +43,7 @@ def test_the_test_statistic_ignores_the_free_directions(name):
     T = _exact(relation, rng, radius) @ SE3.exp(relation.sensed.B.T @ np.linalg.cholesky(P) @ rng.normal(size=len(P)))
 
     def distance(T, P):
-        f, D = relation.linearise(T, radius)
+        f, D = relation.linearize(T, radius)
         G = D @ relation.sensed.B.T
         return f @ np.linalg.solve(G @ P @ G.T, f)
 
@@ -58,9 +58,9 @@ def _exact(relation, rng, radius):
     """A relative frame for which the relation holds, by Gauss-Newton from a random one."""
     T = SE3.exp(0.3 * rng.normal(size=6))
     for _ in range(50):
-        f, D = relation.linearise(T, radius)
+        f, D = relation.linearize(T, radius)
         T = T @ SE3.exp(-np.linalg.pinv(D) @ f)
-    assert np.abs(relation.linearise(T, radius)[0]).max() < 1e-12
+    assert np.abs(relation.linearize(T, radius)[0]).max() < 1e-12
     return T
 
 

@@ -89,7 +89,7 @@ def test_shared_errors_move_points_with_the_feature():
         c, across = 1e-6 * rng.normal(size=2), [i for i in feature.kind.rows if i < 3]
         p = SE3.apply(SE3.inverse(feature.T_world_feature), points.points)
         moved = SE3.apply(SE3.exp(feature.kind.B.T @ (gain @ c)), p) - p
-        told = points.gains @ (c / [2.0, 3.0]) @ feature.T_world_feature[:3, :3]
+        told = points.shared_jacobian @ (c / [2.0, 3.0]) @ feature.T_world_feature[:3, :3]
         np.testing.assert_allclose(told[:, across], moved[:, across], rtol=1e-3, atol=1e-10)
 
 

@@ -15,7 +15,7 @@ from tanteo.typing import Tangents
 AHEAD: Tangents = np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 
 
-class Told:
+class Observation:
     """A robot at rest whose frontal sensors report what they are given: the same, or one range each."""
 
     latency, period = 0.02, 0.01
@@ -40,23 +40,23 @@ def share(robot, rules, twist=AHEAD):
 
 
 def test_what_is_too_near_for_a_range_stops_the_way_there():
-    assert share(Told(NEAR), Rules(0.01)) == 0.0
-    assert share(Told(NEAR), Rules(0.01), -AHEAD) == 1.0
-    assert share(Told(FREE), Rules(0.01)) == 1.0
-    assert share(Told(LOST), Rules(0.01)) == 1.0
+    assert share(Observation(NEAR), Rules(0.01)) == 0.0
+    assert share(Observation(NEAR), Rules(0.01), -AHEAD) == 1.0
+    assert share(Observation(FREE), Rules(0.01)) == 1.0
+    assert share(Observation(LOST), Rules(0.01)) == 1.0
 
 
 def test_the_way_left_beyond_the_clearance_sets_the_speed():
-    rules, robot = Rules(0.01), Told(MET)
+    rules, robot = Rules(0.01), Observation(MET)
     overhang = robot.hand.overhangs[list(robot.hand.frontal)].max()
     gain = Steering("test", robot, rules).loop.gain
-    near = Told(MET, 0.01 + overhang + 0.002)
+    near = Observation(MET, 0.01 + overhang + 0.002)
     assert share(near, rules) == pytest.approx(gain * 0.002 / 0.05, rel=1e-6)
-    assert share(Told(MET, 0.01 + overhang - 1e-4), rules) == 0.0
-    assert share(Told(MET, 0.01 + overhang + 0.06 / gain), rules) == 1.0
+    assert share(Observation(MET, 0.01 + overhang - 1e-4), rules) == 0.0
+    assert share(Observation(MET, 0.01 + overhang + 0.06 / gain), rules) == 1.0
 
 
-class Blinking(Told):
+class Blinking(Observation):
     """A robot that moves as it is told, before a thing of which an echo comes at every so-manieth reading only."""
 
     def __init__(self, distance, every):
@@ -94,11 +94,11 @@ def test_what_gives_no_echo_any_more_is_forgotten():
 
 
 def test_a_box_ahead_of_the_body_slows_it_and_one_behind_does_not():
-    robot = Told(FREE)
+    robot = Observation(FREE)
     top = (robot.hand.body.centres[:, 2] + robot.hand.body.radii).max()
     for place, slowed in ((top + 0.0105, True), (-1.0, False)):
         box = ForbiddenBox("box", np.array([-1.0, -1.0, place]), np.array([1.0, 1.0, place + 0.1]))
-        assert (share(Told(FREE), Rules(0.01, Workspace.everywhere([box]))) < 1.0) is slowed
+        assert (share(Observation(FREE), Rules(0.01, Workspace.everywhere([box]))) < 1.0) is slowed
 
 
 @pytest.mark.parametrize("tilt", [-0.6, 0.0, 0.3])
@@ -106,6 +106,6 @@ def test_height_and_tilt_are_those_of_the_plane_under_both_sensors(tilt):
     """A plane 50 mm from the middle between them, perpendicularly."""
     half = 0.5 * gripper().baseline
     ranges = 0.05 / np.cos(tilt) + np.array([-half, half]) * np.tan(tilt)
-    height, angle, both = seen_surface(Steering("test", Told(MET, ranges), Rules(0.01)))
+    height, angle, both = seen_surface(Steering("test", Observation(MET, ranges), Rules(0.01)))
     assert both
     assert (height, angle) == (pytest.approx(0.05), pytest.approx(tilt))

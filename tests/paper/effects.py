@@ -35,8 +35,8 @@ def edge_at(direction, origin, spin=0.0):
     return SE3.from_parts(R, np.asarray(origin, dtype=float))
 
 
-def rejected(D2, dof, alpha=0.05):
-    return float(np.mean(cs.chi2_limit(alpha, dof) < D2))
+def rejected(D2, dof, significance=0.05):
+    return float(np.mean(cs.chi2_limit(significance, dof) < D2))
 
 
 def coplanarity(psi, slide, seed=0):
@@ -195,9 +195,9 @@ def sign_of_26(seed=8):
     rng = np.random.default_rng(seed)
     Ts = (np.eye(4), SE3.from_parts(np.eye(3), np.array([0, 30.0, 0])))
     base = np.diag([0.5] * 3 + [2e-3] * 3)
-    gains = [EDGE.B.T @ EDGE.B @ SE3.adjoint_inverse(T) @ base for T in Ts]
-    C1, C2 = (body(EDGE, EDGE_SD) + A @ A.T for A in gains)
-    C12 = gains[0] @ gains[1].T
+    shared_jacobian = [EDGE.B.T @ EDGE.B @ SE3.adjoint_inverse(T) @ base for T in Ts]
+    C1, C2 = (body(EDGE, EDGE_SD) + A @ A.T for A in shared_jacobian)
+    C12 = shared_jacobian[0] @ shared_jacobian[1].T
     move = SE3.exp(rng.normal(size=(N, 6)) @ base)
     E1, E2 = (move @ draw(T, EDGE, EDGE_SD, rng) for T in Ts)
     found = published.parallel_edges(E1, C1, E2, C2, C12)[1]

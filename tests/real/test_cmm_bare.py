@@ -66,7 +66,7 @@ def test_located_without_labels(located, placement):
     assert best.probability > 0.99
     assert len(best.outliers) <= 2
     assert best.rms < 0.2e-3
-    assert best.worst_corner_sd < 0.5e-3
+    assert best.corner_sd < 0.5e-3
 
 
 @pytest.mark.parametrize("placement", PLACEMENTS)

@@ -148,7 +148,7 @@ def test_without_the_tolerance_the_scatter_is_said(data, parts, block):
     assert "times as much as stated" in noise.message
     assert "times as much as stated" not in made.message
     # what a face is off is one draw, not many: only the tolerance says so
-    assert noise.best.worst_corner_sd < made.best.worst_corner_sd
+    assert noise.best.corner_sd < made.best.corner_sd
 
 
 def test_preparing_parts_once_gives_the_same_answer(data, block):

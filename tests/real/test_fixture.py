@@ -63,7 +63,7 @@ def test_the_tip_that_each_set_finds_is_the_same(target, located):
 def test_the_share_of_the_tip_in_the_worst_corner(target, located, name):
     best = located[name, True].hypotheses[0]
     total = corner_sd(target.part, best.covariance)
-    without = corner_sd(target.part, best.covariance_same_robot)
+    without = corner_sd(target.part, best.covariance_relative)
     assert 0.4 < np.sqrt(total**2 - without**2) / total < 0.9  # samples tell the novice's 0.58 to about 0.1
 
 

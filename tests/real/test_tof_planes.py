@@ -54,7 +54,7 @@ def test_runs_agree_on_the_beam(each, together):
 
 
 def saturated(found):
-    return sorted({stray.ids[0].split(".")[0] for stray in found.strays if stray.reason == "saturated"})
+    return sorted({outlier.ids[0].split(".")[0] for outlier in found.outliers if outlier.reason == "saturated"})
 
 
 def test_saturated_readings_of_the_6180_are_found_and_named(each, together):
@@ -62,15 +62,15 @@ def test_saturated_readings_of_the_6180_are_found_and_named(each, together):
     places = ["W1/14", "W1/21", "W1/22", "W1/23", "W1/28", "W1/31"]
     for found in (each["6180", "W1"], together["6180"]):
         assert saturated(found) == places
-        assert {s.reason for s in found.strays} == {"saturated"}
-        assert min(s.expected for s in found.strays) > max(s.reading for s in found.strays)
-    assert not each["6180", "W2"].strays
+        assert {s.reason for s in found.outliers} == {"saturated"}
+        assert min(s.expected for s in found.outliers) > max(s.reading for s in found.outliers)
+    assert not each["6180", "W2"].outliers
 
 
 def test_few_other_readings_are_set_aside(each):
     for (sensor, surface), found in each.items():
         if (sensor, surface) != ("6180", "W1"):
-            assert len(found.strays) <= 2
+            assert len(found.outliers) <= 2
 
 
 def test_the_angle_between_the_surfaces_is_covered(each):

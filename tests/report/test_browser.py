@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from report_scenes import ROUGH, SD, TOUCH, TRUTH, told, touches
-from tanteo.active import at_pose, distinguish, plan
+from tanteo.active import at_pose, discriminate, plan
 from tanteo.inference import prepare
 from tanteo.recognition import identify, locate
 from tanteo.report import Run, distinction_page, gather, plan_page, report_page, session_page, write_report
@@ -105,7 +105,7 @@ def files(tmp_path_factory, wedge, near_wedge):
     write_report(folder / "session.html", session_page(told(wedge, near_wedge), Run("tanteo replay s.json")))
     planned = plan(at_pose(prepare(wedge), TRUTH, ROUGH), TOUCH, 2e-4)
     write_report(folder / "plan.html", plan_page(planned, wedge, TOUCH, 2e-4, 0.95, Run("tanteo plan --part w.stl")))
-    twins = distinguish(prepare(wedge), prepare(near_wedge), TOUCH)
+    twins = discriminate(prepare(wedge), prepare(near_wedge), TOUCH)
     write_report(folder / "twins.html", distinction_page(twins, [wedge, near_wedge], TOUCH, Run("tanteo plan")))
     return {path.stem: path for path in folder.glob("*.html")}
 

@@ -46,7 +46,7 @@ def dense(contacts, sensed):
     """Rows of the used readings, their covariance, and that which the estimator's weights assume, written out."""
     used = contacts.used[contacts.reading]
     V = np.diag((contacts.noise + contacts.repeatability)[used])
-    for error, gain in zip(sensed.measured.shared, contacts.gains, strict=True):
+    for error, gain in zip(sensed.measured.shared, contacts.shared_jacobian, strict=True):
         V += gain[used] @ error.covariance @ gain[used].T
     form = sensed.tolerance * contacts.form[used]
     return contacts.rows[used], V + form @ form.T, V + sensed.tolerance**2 * np.eye(len(V))
@@ -100,7 +100,7 @@ def test_it_agrees_with_the_answer_on_labelled_planes(wedge, tolerance):
     readings = touches(wedge, np.random.default_rng(6))
     h = locate(readings, wedge, tolerance=tolerance).hypotheses[0]
     budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance)
-    assert budget.total == pytest.approx(h.worst_corner_sd, rel=0.06)  # near edges readings count in part
+    assert budget.total == pytest.approx(h.corner_sd, rel=0.06)  # near edges readings count in part
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1e-4])
@@ -110,7 +110,7 @@ def test_it_agrees_with_the_answer_on_bare_points(wedge, tolerance):
     h = locate(readings, wedge, tolerance=tolerance).hypotheses[0]
     budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance)
     # the answer has the spread of the whole posterior, the budget that of a normal about its peak
-    assert budget.total == pytest.approx(h.worst_corner_sd, rel=0.1)
+    assert budget.total == pytest.approx(h.corner_sd, rel=0.1)
 
 
 def test_what_no_reading_resists_is_not_in_it(wedge):
@@ -120,7 +120,7 @@ def test_what_no_reading_resists_is_not_in_it(wedge):
     h = locate(readings, wedge).hypotheses[0]
     budget, _, _ = budget_of(wedge, readings, h)
     assert h.unobserved
-    assert h.worst_corner_sd > 1e-2
+    assert h.corner_sd > 1e-2
     assert budget.total < 1e-3
 
 
@@ -140,4 +140,4 @@ def test_what_was_known_beforehand_has_its_share(wedge):
     budget, _, _ = budget_of(wedge, readings, h, prior=prior)
     share = {s.name: s.share for s in budget.sources}["what was known beforehand"]
     assert 0.3 < share < 1
-    assert budget.total == pytest.approx(h.worst_corner_sd, rel=0.2)
+    assert budget.total == pytest.approx(h.corner_sd, rel=0.2)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from report_scenes import ROUGH, TOUCH, TRUTH
-from tanteo.active import at_pose, distinguish, plan
+from tanteo.active import at_pose, discriminate, plan
 from tanteo.inference import prepare
 from tanteo.report import Run, distinction_page, plan_page
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
@@ -50,8 +50,8 @@ def test_its_words_table_and_curves_say_the_same(planned, wedge):
     assert f"{len(planned.readings)} readings place wedge." in page
     assert "✓ planned" in page
     for n, r in enumerate(planned.readings, 1):
-        assert f"after {n}: {1e3 * r.worst_corner_sd:.3g} mm" in page
-        assert f"<td>{1e3 * r.worst_corner_sd:.3g}</td>" in page
+        assert f"after {n}: {1e3 * r.corner_sd:.3g} mm" in page
+        assert f"<td>{1e3 * r.corner_sd:.3g}</td>" in page
     assert "tolerance, 0.2 mm" in page
     assert "wanted, 95.0 %" in page
     last = planned.readings[-1]
@@ -77,7 +77,7 @@ def test_a_plan_that_cannot_be_made_is_a_page_too(planned, wedge):
 
 
 def test_the_reading_for_twins_meets_each_where_it_says(wedge, near_wedge):
-    found = distinguish(prepare(wedge), prepare(near_wedge), TOUCH)
+    found = discriminate(prepare(wedge), prepare(near_wedge), TOUCH)
     page = distinction_page(found, [wedge, near_wedge], TOUCH, RUN)
     scene = scene_of(page)
     distances = np.linalg.norm(places(scene, "points") - found.origin, axis=1)

@@ -37,19 +37,19 @@ def test_it_has_the_answer_the_course_the_directions_and_the_facts(session):
 
 
 def test_every_answer_has_its_place_in_the_charts_and_its_row(session):
-    (body,) = course_section(session, explain(session.belief, session.steps).added).bodies
+    (body,) = course_section(session, explain(session.state, session.steps).added).bodies
     rows = re.findall(r'<th scope="row">(\d+)</th>', body.text)
     assert rows == [str(k) for k in range(1, len(session.steps) + 1)]
     said = re.findall(r"<title>(.*?)</title>", body.text)
     curves = 3  # both parts and none of these, from before the first answer on
     assert len([s for s in said if "%" in s]) == curves * (len(rows) + 1)
     corners = [float(v) for v in re.findall(r"after \d+: ([\d.]+) mm, of (?:near_)?wedge", body.text)]
-    assert corners == pytest.approx([1e3 * s.worst_corner_sd for s in session.steps], rel=6e-3)
+    assert corners == pytest.approx([1e3 * s.corner_sd for s in session.steps], rel=6e-3)
     assert "tolerance of the corners, 1 mm" in body.text
 
 
 def test_the_directions_of_a_session_are_those_of_its_explanation(session):
-    page, directions = session_page(session, RUN), explain(session.belief, session.steps).directions
+    page, directions = session_page(session, RUN), explain(session.state, session.steps).directions
     first = page.index('id="rests"')
     for d in directions:
         name, share = d.shares[0]

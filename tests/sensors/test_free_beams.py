@@ -101,8 +101,8 @@ def test_bias_and_scale_do_not_move_free_beams():
 def test_a_sensor_that_met_nothing_yet_has_its_mounting():
     m = measure(ranged(hands(), np.full(N, True)), rig=Rig((eye(),)))
     assert [error.name for error in m.shared] == ["mounting of head"]
-    assert as_contact_points(m).gains.shape == (0, 3, 6)
-    assert as_free_rays(m, 0.0).gains.shape == (N, 3, 6)
+    assert as_contact_points(m).shared_jacobian.shape == (0, 3, 6)
+    assert as_free_rays(m, 0.0).shared_jacobian.shape == (N, 3, 6)
 
 
 def test_paths_and_touches_at_one_place_move_alike_with_the_whitened_errors():
@@ -110,7 +110,7 @@ def test_paths_and_touches_at_one_place_move_alike_with_the_whitened_errors():
     m = measure(touched(Ts), robot="ur_ros_nominal_dh", tip_sd=[1e-3, 0.0, 1e-4])
     touches, free, z = as_contact_points(m), as_free_rays(m, 0.0), np.random.default_rng(1).normal(size=9)
     origins, directions = free.at(z[None])
-    np.testing.assert_allclose(origins[0], touches.points + touches.gains @ z, atol=1e-15)
+    np.testing.assert_allclose(origins[0], touches.points + touches.shared_jacobian @ z, atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(directions[0], axis=1), 1.0)
     turned = directions[0] - free.directions
     np.testing.assert_allclose(turned, free.turns @ z, atol=1e-4)  # it stays a unit vector

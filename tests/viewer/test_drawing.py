@@ -9,7 +9,7 @@ from felt_scenes import gripper
 from tanteo.hand import FREE, LOST, MET, Sensed
 from tanteo.lie import SE3, SO3
 from tanteo.session import Action
-from tanteo.viewer import Snapshot, drawing, hues
+from tanteo.viewer import Snapshot, colors, drawing
 from tanteo.viewer.primitives import Arrow, Dots, Lines, Mesh
 from viewer_scenes import TABLE, TRUE, maker
 
@@ -41,7 +41,7 @@ def _reader(targets):
 
 
 def everything(now):
-    return [*drawing.belief_primitives(now), *drawing.reading_primitives(now), *drawing.next_primitives(now)]
+    return [*drawing.state_primitives(now), *drawing.reading_primitives(now), *drawing.next_primitives(now)]
 
 
 def test_names_are_unique_and_layers_known(moments):
@@ -53,13 +53,13 @@ def test_names_are_unique_and_layers_known(moments):
 
 def test_each_part_is_drawn_where_the_belief_has_it(moments):
     for now in moments:
-        meshes = [p for p in drawing.belief_primitives(now) if isinstance(p, Mesh)]
+        meshes = [p for p in drawing.state_primitives(now) if isinstance(p, Mesh)]
         assert len(meshes) == len(now.drawn_modes())
         for mesh, k in zip(meshes, now.drawn_modes(), strict=True):
-            np.testing.assert_array_equal(mesh.T, now.belief.poses[k])
-            assert len(mesh.vertices) == len(now.belief.target(int(k)).part.vertices)
-    first, last = ([p for p in drawing.belief_primitives(now) if isinstance(p, Mesh)] for now in moments[::2])
-    assert [m.colour for m in first] == [hues.PART, hues.RIVALS[0]]
+            np.testing.assert_array_equal(mesh.T, now.state.poses[k])
+            assert len(mesh.vertices) == len(now.state.target(int(k)).part.vertices)
+    first, last = ([p for p in drawing.state_primitives(now) if isinstance(p, Mesh)] for now in moments[::2])
+    assert [m.colour for m in first] == [colors.PART, colors.RIVALS[0]]
     assert [m.layer for m in first] == ["", "rivals"]
     assert last[0].opacity > first[0].opacity
     assert last[0].same_shape(first[0])  # the left bracket, which lies there, is sent once
@@ -67,19 +67,19 @@ def test_each_part_is_drawn_where_the_belief_has_it(moments):
 
 def test_how_the_pose_may_be_off_shrinks(moments):
     def spread(now):
-        ghosts = [p for p in drawing.belief_primitives(now) if p.layer == "ghosts"]
-        return np.ptp([g.T[:3, 3] for g in ghosts], axis=0).max() if ghosts else np.nan
+        overlays = [p for p in drawing.state_primitives(now) if p.layer == "overlays"]
+        return np.ptp([g.T[:3, 3] for g in overlays], axis=0).max() if overlays else np.nan
 
     assert np.isnan(spread(moments[0]))  # two parts are as likely: whose pose?
     assert 0 < spread(moments[2]) < 0.7 * spread(moments[1])
-    again = [p.T for p in drawing.belief_primitives(moments[2]) if p.layer == "ghosts"]
-    np.testing.assert_array_equal(again, [p.T for p in drawing.belief_primitives(moments[2]) if p.layer == "ghosts"])
+    again = [p.T for p in drawing.state_primitives(moments[2]) if p.layer == "overlays"]
+    np.testing.assert_array_equal(again, [p.T for p in drawing.state_primitives(moments[2]) if p.layer == "overlays"])
 
 
 def test_readings_and_beams_are_where_they_were_made(moments, targets):
     now = moments[2]
     drawn = {p.name: p for p in drawing.reading_primitives(now)}
-    touches = now.belief.touches
+    touches = now.state.touches
     np.testing.assert_array_equal(drawn["readings that fit"].points, touches.points)
     beams = drawn["beams"].segments
     np.testing.assert_allclose(beams[:, 1], touches.points)
@@ -100,11 +100,11 @@ def test_a_reading_that_does_not_fit_has_another_colour_and_shape(targets):
         session.tell(action.read(float(readings.ranges[0]) - 0.02) if k == 7 else readings)
     now = Snapshot.of(session)
     drawn = {p.name: p for p in drawing.reading_primitives(now)}
-    assert now.wrong().tolist() == [name == "a8" for name in now.belief.touches.ids]
+    assert now.wrong().tolist() == [name == "a8" for name in now.state.touches.ids]
     wrong = drawn["readings that do not fit"]
-    assert (wrong.colour, wrong.shape) == (hues.BAD, "diamond")
-    assert (drawn["readings that fit"].colour, drawn["readings that fit"].shape) == (hues.GOOD, "circle")
-    np.testing.assert_array_equal(wrong.points, now.belief.touches.points[now.wrong()])
+    assert (wrong.colour, wrong.shape) == (colors.BAD, "diamond")
+    assert (drawn["readings that fit"].colour, drawn["readings that fit"].shape) == (colors.GOOD, "circle")
+    np.testing.assert_array_equal(wrong.points, now.state.touches.points[now.wrong()])
 
 
 def test_the_next_reading_points_at_its_place(moments):
@@ -114,7 +114,7 @@ def test_the_next_reading_points_at_its_place(moments):
     np.testing.assert_array_equal(arrow.start, now.action.origin)
     np.testing.assert_allclose(arrow.end - arrow.start, now.action.expected * now.action.direction)
     assert label.text == f"next: {now.action.face} of {now.action.part}"
-    assert drawing.next_primitives(Snapshot(now.belief, now.steps, None)) == []
+    assert drawing.next_primitives(Snapshot(now.state, now.steps, None)) == []
 
 
 def test_the_hand_is_where_it_says_and_its_beams_end_where_they_met():
@@ -134,7 +134,7 @@ def test_the_hand_is_where_it_says_and_its_beams_end_where_they_met():
 
 def test_furniture_and_truth():
     (table,) = drawing.furniture_primitives([TABLE])
-    assert (table.colour, table.opacity) == (hues.TABLE, 1.0)
+    assert (table.colour, table.opacity) == (colors.TABLE, 1.0)
     (outline,) = drawing.truth_primitives([TABLE])
     assert len(outline.segments) == 12  # the edges of a box, and none of its diagonals
     lengths = np.linalg.norm(np.diff(outline.segments, axis=1)[:, 0], axis=1)

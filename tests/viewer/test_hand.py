@@ -18,7 +18,7 @@ from viewer_scenes import Person
 def make(targets):
     def of(seed, policy):
         unknown = unknown_scene(targets, 0, np.random.default_rng(seed))
-        session = unknown_session(unknown, policy, seed, most=1)
+        session = unknown_session(unknown, policy, seed, max_measurements=1)
         part = targets[0].part
         truth = Solid.at("part", part.vertices, part.triangles, unknown.T_world_part)
         return hand_show(session, unknown.robot, unknown.rules, (truth,), known=unknown.furniture)
@@ -65,10 +65,10 @@ def test_it_moves_stays_and_senses_as_if_nobody_looked(targets):
     assert ways.max() < 0.25
     np.testing.assert_allclose(person.poses[-1], shows[0].session.readings.Ts_world_hand[-1], atol=1e-9)
     alone = unknown_scene(targets, 0, np.random.default_rng(5))
-    session = unknown_session(alone, "largest-face", 5, most=1)
+    session = unknown_session(alone, "largest-face", 5, max_measurements=1)
     sense_part(session, alone.robot, alone.rules, furniture=alone.furniture)
     np.testing.assert_array_equal(session.readings.ranges, shows[0].session.readings.ranges)
-    np.testing.assert_array_equal(session.belief.poses, shows[0].session.belief.poses)
+    np.testing.assert_array_equal(session.state.poses, shows[0].session.state.poses)
     assert len(person.groups["truth"]) == 1
 
 

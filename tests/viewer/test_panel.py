@@ -10,7 +10,7 @@ import pytest
 
 from sensing_scenes import without_modes
 from tanteo.measurements import FreeRays
-from tanteo.viewer import Snapshot, drawing, hues, panel
+from tanteo.viewer import Snapshot, colors, drawing, panel
 from viewer_scenes import maker
 
 
@@ -33,16 +33,16 @@ def test_before_the_first_reading(session):
 
 def test_swatches_have_the_colours_of_what_is_drawn(session):
     now = Snapshot.of(session)
-    drawn = {hues.css(p.colour) for p in drawing.belief_primitives(now) if p.name.endswith("body")}
+    drawn = {colors.css(p.colour) for p in drawing.state_primitives(now) if p.name.endswith("body")}
     assert set(re.findall(r'style="background:(#\w{6})', panel.bars(now))) == drawn
 
 
 def test_what_a_file_says_is_escaped(session):
     now = Snapshot.of(session)
-    target = now.belief.start.targets[0]
+    target = now.state.start.targets[0]
     evil = replace(target, part=replace(target.part, name="<img src=x>"))
-    start = replace(now.belief.start, targets=(evil, *now.belief.start.targets[1:]))
-    now = replace(now, belief=replace(now.belief, start=start))
+    start = replace(now.state.start, targets=(evil, *now.state.start.targets[1:]))
+    now = replace(now, state=replace(now.state, start=start))
     for words in (panel.bars(now), panel.status(now, "<b>x</b>"), panel.told(["<i>"]), panel.verdict(now, ["<u>"])):
         assert not re.search(r"<(img|b|i|u)[ >]", words)
     assert "&lt;img src=x&gt;" in panel.bars(now)
@@ -55,18 +55,28 @@ def test_only_the_last_lines_are_shown_the_last_first():
 
 def test_the_legend_has_every_hue_that_has_a_meaning():
     words = panel.legend(hand=True)
-    for hue in (hues.EDGE, hues.RIVALS[0], hues.GHOST, hues.GOOD, hues.BAD, hues.BEAM, hues.FREE, hues.INK, hues.SOFT):
-        assert hues.css(hue) in words
+    for hue in (
+        colors.EDGE,
+        colors.RIVALS[0],
+        colors.GHOST,
+        colors.GOOD,
+        colors.BAD,
+        colors.BEAM,
+        colors.FREE,
+        colors.INK,
+        colors.SOFT,
+    ):
+        assert colors.css(hue) in words
     assert "50 mm" in words
     assert "hand" not in panel.legend(hand=False)
 
 
 def test_nothing_explains_the_readings(session):
     now = Snapshot.of(session)
-    nothing = without_modes(now.belief.start, _no_touches(now), FreeRays.none())
-    step = type("Step", (), {"worst_corner_sd": np.nan, "action": None, "part": -1})()
+    nothing = without_modes(now.state.start, _no_touches(now), FreeRays.none())
+    step = type("Step", (), {"corner_sd": np.nan, "action": None, "part": -1})()
     assert panel.headline(Snapshot(nothing, (step,), None)) == "No part explains the readings."
-    assert drawing.belief_primitives(Snapshot(nothing, (step,), None)) == []
+    assert drawing.state_primitives(Snapshot(nothing, (step,), None)) == []
 
 
 def _no_touches(now):

@@ -45,10 +45,10 @@ def went(targets):
 
 def test_it_goes_to_its_end_and_says_what_it_is(went):
     person, (session,) = went
-    assert session.stop.reached(session.belief)
+    assert session.stop.reached(session.state)
     assert "It is bracket_left" in person.words["status"]
     far = float(re.search(r"farther from it than ([\d.]+) mm", person.words["status"])[1])
-    assert 0.1 < far < 4e3 * session.steps[-1].worst_corner_sd
+    assert 0.1 < far < 4e3 * session.steps[-1].corner_sd
     assert f"Places sensed: {len(session.steps)}" in person.words["status"]
     assert person.words["told"].count("<li>") == min(len(session.steps), 8)
     assert "compared" not in person.words["status"]
@@ -60,7 +60,7 @@ def test_the_truth_is_not_drawn_before_the_end(targets):
     def look(then):
         return lambda person: shown.append(len(person.groups["truth"])) or then
 
-    play(maker(targets, most=2), look(Advance()), look(Advance()), look(Quit()))
+    play(maker(targets, max_measurements=2), look(Advance()), look(Advance()), look(Quit()))
     assert shown == [0, 0, 1]
 
 
@@ -69,8 +69,8 @@ def test_steps_and_pauses_change_nothing(targets, went):
     assert len(one.steps) > 1
     _, (other,) = play(maker(targets), Pause(), Advance(), (Choose(speed=1e9), Go()), Quit())
     np.testing.assert_array_equal(one.readings.points, other.readings.points)
-    np.testing.assert_array_equal(one.belief.poses, other.belief.poses)
-    _, (another,) = play(maker(targets, most=1), Go(), Quit(), seed=4)
+    np.testing.assert_array_equal(one.state.poses, other.state.poses)
+    _, (another,) = play(maker(targets, max_measurements=1), Go(), Quit(), seed=4)
     assert not np.array_equal(one.readings.points[:1], another.readings.points)
 
 
@@ -92,7 +92,7 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
 
 def test_a_click_beside_everything_is_said_and_senses_nothing(targets):
     away = Click(np.array([2.0, 2.0, 1.0]), np.array([0.0, 0.0, -1.0]))
-    person, (session,) = play(maker(targets, most=2), away, Quit())
+    person, (session,) = play(maker(targets, max_measurements=2), away, Quit())
     assert "There is nothing where you clicked" in person.words["status"]
     assert session.count == 0
 
@@ -119,6 +119,6 @@ def test_a_restart_begins_again_and_another_seed_holds_from_then(targets):
 
 
 def test_after_the_end_everything_but_a_restart_is_refused(targets):
-    person, sessions = play(maker(targets, most=1), Go(), Advance(), Restart(), Quit())
+    person, sessions = play(maker(targets, max_measurements=1), Go(), Advance(), Restart(), Quit())
     assert any("It is over: press Restart" in said for said in person.said)
     assert [s.count for s in sessions] == [1, 0]

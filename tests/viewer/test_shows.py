@@ -64,7 +64,7 @@ def click(session, place, ray, number=1):
 
 def test_a_click_looks_along_the_normal_of_what_it_points_at(session):
     k = int(Snapshot.of(session).drawn_modes()[0])
-    target, T = session.belief.target(k), session.belief.poses[k]
+    target, T = session.state.target(k), session.state.poses[k]
     foot = SE3.apply(T, [0.08, 0.04, 0.012])  # on the foot, from aslant
     ray = np.array([0.5, 0.3, -0.9]) / np.linalg.norm([0.5, 0.3, -0.9])
     action = click(replaced(session, target), foot, ray, 7)
@@ -120,7 +120,7 @@ def test_a_click_beside_the_part_looks_where_the_person_looks(session):
 def test_what_the_hand_cannot_do_is_said(session):
     alone = replaced(session, session.start.targets[0])
     foot = SE3.apply(alone.start.Ts[0], [0.08, 0.04, 0.012])
-    never = replace(alone, able=lambda belief, candidates: np.zeros(len(candidates), dtype=bool))
+    never = replace(alone, able=lambda state, candidates: np.zeros(len(candidates), dtype=bool))
     assert "cannot come" in click(never, foot, DOWN)
     low = replace(alone.probe, workspace=type(alone.probe.workspace).above(0.5))
     assert "no room" in click(replace(alone, probe=low), foot, DOWN)
@@ -129,7 +129,7 @@ def test_what_the_hand_cannot_do_is_said(session):
 def test_the_truth_is_measured_both_ways(session, targets):
     from tanteo.viewer.ending import apart, compared
 
-    target, T = session.start.targets[0], session.belief.poses[0]
+    target, T = session.start.targets[0], session.state.poses[0]
     same = Solid.at("a", target.part.vertices, target.part.triangles, T)
     assert apart(session, [same]) < 1e-9
     up = Solid.at("b", target.part.vertices, target.part.triangles, SE3.from_parts(np.eye(3), [0, 0, 2e-3]) @ T)
@@ -151,7 +151,7 @@ def test_viser_is_imported_by_the_page_alone():
 
 def test_whatever_is_read_answers_what_was_asked(targets):
     """A probe that says a bare point, under a name of its own, is not sent to the same place again."""
-    session = maker(targets, most=3)(0, "information").session
+    session = maker(targets, max_measurements=3)(0, "information").session
     bare = lambda action: Readings.from_columns(  # noqa: E731
         (action.origin + action.expected * action.direction)[None], ids=[f"point {session.count}"], sds=np.array([1e-3])
     )

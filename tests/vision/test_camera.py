@@ -8,7 +8,7 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
-from tanteo.vision.camera import Camera, on_plane, project, project_linearised, rays, without_distortion
+from tanteo.vision.camera import Camera, on_plane, project, project_linearized, rays, without_distortion
 
 K = np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]])
 LENSES = {
@@ -43,7 +43,7 @@ def test_rays_go_back(camera, points):
 
 
 def test_the_derivative_is_one(camera, points):
-    pixels, D = project_linearised(camera, points)
+    pixels, D = project_linearized(camera, points)
     assert pixels == pytest.approx(project(camera, points), abs=1e-12)
     h = 1e-7
     for k, e in enumerate(np.eye(3)):

@@ -57,7 +57,7 @@ def test_an_exact_edge_holds_the_model_edge():
         pairing = Pairing(image_edge(CAMERA, segments, k, T_WORLD_CAMERA), edge_model(i, j))
         assert pairing.relation.name == "plane_has_edge"
         T = SE3.inverse(T_WORLD_CAMERA @ T_CAMERA_PART @ pairing.model.T_part_feature) @ pairing.sensed.T_world_feature
-        f, _ = pairing.relation.linearise(T, np.zeros(()))
+        f, _ = pairing.relation.linearize(T, np.zeros(()))
         assert f == pytest.approx(np.zeros(2), abs=1e-9)
 
 
@@ -69,7 +69,7 @@ def test_the_plane_s_covariance_is_the_segment_s():
         for k, (i, j) in enumerate(EDGES[:3]):
             sensed, model = image_edge(CAMERA, segments, k, T_WORLD_CAMERA), edge_model(i, j)
             T = SE3.inverse(T_WORLD_CAMERA @ T_CAMERA_PART @ model.T_part_feature) @ sensed.T_world_feature
-            f, D = relation_between(sensed.kind, EDGE).linearise(T, np.zeros(()))
+            f, D = relation_between(sensed.kind, EDGE).linearize(T, np.zeros(()))
             G = D[:, list(sensed.kind.rows)]
             stats.append(f @ np.linalg.solve(G @ sensed.P @ G.T, f))
     low, high = chi2.ppf([0.001, 0.999], 2 * len(stats)) / len(stats)

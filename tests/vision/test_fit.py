@@ -11,7 +11,6 @@ import pytest
 from core.image_oracle import normal_equations
 from tanteo.lie import SE3
 from tanteo.vision.answers import hypothesis
-from tanteo.vision.belief import MISSED, UNKNOWN, Mode, believe
 from tanteo.vision.camera import project
 from tanteo.vision.candidates import Candidates
 from tanteo.vision.edges import CORRELATION
@@ -30,6 +29,7 @@ from tanteo.vision.evidence import (
     weigh,
 )
 from tanteo.vision.fit import BIAS, Met, meet, refine
+from tanteo.vision.posterior import MISSED, UNKNOWN, ImageMode, infer
 from tanteo.vision.settle import settle
 from vision_scenes import bracket, seen_alone
 
@@ -131,11 +131,11 @@ def test_probabilities_are_those_of_the_weighted_evidence(model):
     area = np.array([0.0, 288.0])
     evidence = Evidence(np.array([40.0, 30.0]), np.array([-3.0, -2.0]), area)
     found = Candidates(model, Ts, np.array([0, 0]), np.log([0.5, 0.25]), evidence)
-    belief = believe([found], 15.0, weights, 4)
+    posterior = infer([found], 15.0, weights, 4)
     # that none of the poses holds is shared by what is strange and what was missed, as often as they are beforehand
-    none = belief.unknown * (1 + (1 - UNKNOWN) * MISSED / UNKNOWN)
-    assert sum(m.probability for m in belief.modes) + none == pytest.approx(1)
-    a, b = belief.modes
+    none = posterior.unknown * (1 + (1 - UNKNOWN) * MISSED / UNKNOWN)
+    assert sum(m.probability for m in posterior.modes) + none == pytest.approx(1)
+    a, b = posterior.modes
     log = [weights.hits * h + weights.misses * m + more for h, m, more in ((40, -3, 0.0), (30, -2, -0.2 * 2))]
     assert a.probability / b.probability == pytest.approx(2 * np.exp(log[0] - log[1]))
     odds = UNKNOWN / ((1 - UNKNOWN) / 4 * 0.5) * np.exp(weights.base + weights.unknown * 15.0 - log[0])
@@ -159,7 +159,7 @@ def test_the_camera_s_own_error_moves_the_part_with_it(model, seen):
     camera, edges, T = seen
     rng = np.random.default_rng(3)
     A = rng.normal(size=(6, 6)) * np.r_[np.full(3, 1e-3), np.full(3, 5e-3)][:, None]
-    mode = Mode(model, 0, T, 0.0, 0.9)
+    mode = ImageMode(model, 0, T, 0.0, 0.9)
     settled = settle(model, camera, edges, T)
     plain, moved = (
         hypothesis(mode, camera.T_world_camera, c, settled) for c in (camera, replace(camera, covariance=A @ A.T))
@@ -172,7 +172,7 @@ def test_the_camera_s_own_error_moves_the_part_with_it(model, seen):
 
 def test_the_table_counts_as_three_equations_and_the_fit_is_told_in_metres(model, seen):
     camera, edges, T = seen
-    mode = Mode(model, 0, T, 0.0, 0.9)
+    mode = ImageMode(model, 0, T, 0.0, 0.9)
     settled = settle(model, camera, edges, T)
     alone, lying = (hypothesis(mode, camera.T_world_camera, camera, settled, lying=lies) for lies in (False, True))
     assert lying.dof == alone.dof + 3
@@ -188,7 +188,7 @@ def test_the_covariance_is_widened_by_what_does_not_fit_and_never_narrowed(model
     camera, edges, T = seen
     settled = settle(model, camera, edges, T)
     chi2 = share * (round(settled.equations) - 6)
-    h = hypothesis(Mode(model, 0, T, 0.0, 0.9), camera.T_world_camera, camera, replace(settled, chi2=chi2))
+    h = hypothesis(ImageMode(model, 0, T, 0.0, 0.9), camera.T_world_camera, camera, replace(settled, chi2=chi2))
     assert h.chi2 == pytest.approx(chi2)
     assert h.dof == round(settled.equations) - 6
     scale = np.r_[np.full(3, model.frame.diagonal), np.ones(3)]

@@ -10,11 +10,11 @@ from scipy.stats import chi2
 
 from tanteo.lie import SE3
 from tanteo.vision import TableErrors, find_regions, map_edges
-from tanteo.vision.belief import Mode
 from tanteo.vision.candidates import Candidates, _with_best, evidence_at, own_edges, poses_beside
 from tanteo.vision.evidence import Evidence, Weights, chance_hits, log_weight
 from tanteo.vision.fit import beside, pixel_length, refine
 from tanteo.vision.lying import mixed, settle_lying
+from tanteo.vision.posterior import ImageMode
 from tanteo.vision.settle import Settled, settle
 from vision_scenes import bracket, seen_alone
 
@@ -57,7 +57,7 @@ def test_a_pose_that_is_one_of_two_is_told_with_both(scene):
     region = max(find_regions(image, points), key=lambda region: region.mask.sum())
     found = {}
     for name, start in (("truth", T), ("copy", SE3.from_parts(np.eye(3), way) @ T)):
-        mode = Mode(model, 0, start, 0.0, 1.0)
+        mode = ImageMode(model, 0, start, 0.0, 1.0)
         found[name] = settle_lying(mode, camera, edges, region, T_camera_table, TableErrors(), Weights())
         assert squared_error(found[name], T) < chi2.ppf(0.999, 6)
     # settled by itself the copy is as sure of itself as the truth

@@ -24,8 +24,8 @@ from tanteo.vision import (
     see_table,
 )
 from tanteo.vision.answers import judged
-from tanteo.vision.belief import UNKNOWN, Belief, distinct_poses, one_pose
 from tanteo.vision.fit import REACHES, meet, refine
+from tanteo.vision.posterior import UNKNOWN, ImagePosterior, distinct_poses, one_pose
 from tanteo.vision.question import ask, heights
 from tanteo.vision.rendering import Look, Stage, render, thing
 from vision_scenes import random_shot
@@ -228,7 +228,7 @@ def test_poses_are_in_the_camera_s_frame_where_nobody_says_where_it_stands(two, 
 def test_edges_that_fit_badly_are_said_to(two, models, p_value, said):
     image, camera, _, _ = two
     best = see_anywhere(image, camera, models[:1]).objects[0].recognition.hypotheses[0]
-    message = judged([replace(best, p_value=p_value, probability=0.99)], Belief((), 0.01))[1]
+    message = judged([replace(best, p_value=p_value, probability=0.99)], ImagePosterior((), 0.01))[1]
     assert ("fit badly" in message) == said
 
 

@@ -27,7 +27,7 @@ double Likelihood::at(const State& state, bool with_slope) {
 }
 
 // All points together, the outlier rate of those without label integrated out; afterwards each hit has its share. A label counts where nothing
-// is blurred: a face that is only near must not be shut out while a climb is on its way.
+// is blurred: a face that is only near must not be shut out while a maximum is on its way.
 double Likelihood::combine() {
     const bool labels = blur == 0;
     const size_t groups = labels ? problem.groups.size() : 0;

@@ -113,12 +113,12 @@ Mat3 covariance(const double* values, double extra) {
 
 std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
                                       Doubles sides, Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier,
-                                      Ints kinds, Ints groups, Doubles log_elsewhere, Doubles gains, double scale_sd, Doubles rates,
+                                      Ints kinds, Ints groups, Doubles log_elsewhere, Doubles shared_jacobian, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
                                       Doubles prior_log_weights, Doubles table) {
     auto problem = std::make_unique<Problem>();
-    const size_t n = expect(at, "points", {ANY, 3}), D = gains.ndim() == 3 ? gains.shape(2) : 0;
+    const size_t n = expect(at, "points", {ANY, 3}), D = shared_jacobian.ndim() == 3 ? shared_jacobian.shape(2) : 0;
     for (const auto& [column, name] : {std::pair{&extra, "extra"}, {&radii, "radii"}, {&normal_sds, "normal_sds"},
                                        {&reach, "reach"}, {&log_outlier, "log_outlier"}})
         expect(*column, name, {n});
@@ -127,9 +127,9 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
     expect(sides, "sides", {n, 3});
     expect(normals, "normals", {n, 3});
     const std::vector<int> kind = expect(kinds, "kinds", n, 0, 2), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
-    problem->gains = doubles(gains, "gains", {n, 3, D});
+    problem->shared_jacobian = doubles(shared_jacobian, "shared_jacobian", {n, 3, D});
     problem->scale_sd = expect(scale_sd, "scale_sd", 0, 100);
-    if (6 + D + (scale_sd > 0) > MOST_STATES) refuse("gains", "expected fewer shared errors, got " + std::to_string(D));
+    if (6 + D + (scale_sd > 0) > MOST_STATES) refuse("shared_jacobian", "expected fewer shared errors, got " + std::to_string(D));
     problem->shared = static_cast<int>(D);
     for (size_t k = 0; k < n; ++k) {
         Point p;
@@ -343,16 +343,16 @@ std::tuple<Out, Out, OutInts> settled(const Shape& shape, const Problem& problem
 }
 
 // Maxima: poses, shared errors, log densities, informations about the centre, and which start led to each.
-nb::tuple climbed(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs, Doubles blurs, int steps,
+nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs, Doubles blurs, int steps,
                   double enough, double margin) {
     const std::vector<State> starts = states(Ts, zs, problem);
     const std::vector<double> coarse = doubles(blurs, "blurs", {ANY});
     expect(enough, "enough", 0, 1e300);
     expect(margin, "margin", 0, 1e300);
-    std::vector<Climb> found;
+    std::vector<Maximum> found;
     {
         nb::gil_scoped_release release;
-        found = climb_all(shape, problem, starts, coarse, steps, enough, margin);
+        found = maximize_all(shape, problem, starts, coarse, steps, enough, margin);
     }
     const size_t S = found.size(), K = problem.size();
     std::vector<Pose> at(S);
@@ -533,7 +533,7 @@ NB_MODULE(native, m) {
           "corners"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
     m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "sides"_a,
-          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "gains"_a,
+          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
           "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a,
           "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
@@ -543,7 +543,7 @@ NB_MODULE(native, m) {
           "blur"_a, "tilt"_a, "keep"_a, "seed"_a);
     m.def("scores", &scores, "shape"_a, "problem"_a, "rows"_a, "poses"_a, "blur"_a, "tilt"_a);
     m.def("settle", &settled, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a);
-    m.def("climb", &climbed, "shape"_a, "problem"_a, "poses"_a, "shared"_a, "blurs"_a, "steps"_a, "enough"_a,
+    m.def("maximize", &maximized, "shape"_a, "problem"_a, "poses"_a, "shared"_a, "blurs"_a, "steps"_a, "enough"_a,
           "margin"_a);
     m.def("marginals", &marginals, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("place", &placed, "poses"_a, "offsets"_a, "centre"_a);

@@ -60,7 +60,7 @@ def make_problem(
     kinds: AnyInts,
     groups: AnyInts,
     log_elsewhere: FloatArray,
-    gains: FloatArray,
+    shared_jacobian: FloatArray,
     scale_sd: float,
     rates: FloatArray,
     rate_weights: FloatArray,
@@ -114,7 +114,7 @@ def settle(
     scales: FloatArray,
     poses: FloatArray,
 ) -> tuple[FloatArray, FloatArray, Indices]: ...
-def climb(
+def maximize(
     shape: Shape,
     problem: Problem,
     poses: FloatArray,

@@ -44,7 +44,7 @@ struct Table {
 
 struct Problem {
     std::vector<Point> points;
-    std::vector<double> gains;  // (n, 3, D): true point = point + gain z
+    std::vector<double> shared_jacobian;  // (n, 3, D): true point = point + gain z
     std::vector<std::vector<int>> groups;  // rows of points, one group each
     std::vector<double> log_elsewhere;  // of each group if it is off the part as a whole, over that of as many outliers
     std::vector<FreeRay> rays;
@@ -58,7 +58,7 @@ struct Problem {
     Table table;
 
     int size() const { return 6 + shared + (scale_sd > 0); }
-    const double* gain(int j) const { return &gains[static_cast<size_t>(j) * 3 * shared]; }
+    const double* gain(int j) const { return &shared_jacobian[static_cast<size_t>(j) * 3 * shared]; }
 };
 
 }  // namespace tanteo

@@ -8,10 +8,10 @@ namespace {
 
 constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
 constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no more about which maximum is near
-constexpr int FIRST_STEPS = 6;        // until climbs are compared
+constexpr int FIRST_STEPS = 6;        // until maxima are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
-constexpr double ROUGHLY = 0.1;       // a gain that ends a climb that is not the last
+constexpr double ROUGHLY = 0.1;       // a gain that ends a maximum that is not the last
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
     State next = state;
@@ -116,37 +116,37 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
 }
 
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
-            Climb& climb) {
+            Maximum& maximum) {
     const int K = problem.size();
     likelihood.blur = blur;
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
-    climb.log = likelihood.at(climb.state, true);
-    climb.gradient = likelihood.gradient;
-    climb.information = likelihood.information;
+    maximum.log = likelihood.at(maximum.state, true);
+    maximum.gradient = likelihood.gradient;
+    maximum.information = likelihood.information;
     std::vector<double> L(static_cast<size_t>(K) * K), step(K);
     double damping = 1e-3;
     for (int k = 0; k < steps; ++k) {
-        L = climb.information;
+        L = maximum.information;
         for (int i = 0; i < K; ++i) {
             const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
             L[i * K + i] += damping * L[i * K + i] + soft * soft;
         }
-        step = climb.gradient;
+        step = maximum.gradient;
         double gain = -1;
         if (cholesky(L.data(), K)) {
             solve_cholesky(L.data(), K, step.data());
             double most = 0;  // what the step may gain at most, if the density is as its curvature says
-            for (int i = 0; i < K; ++i) most += step[i] * climb.gradient[i];
+            for (int i = 0; i < K; ++i) most += step[i] * maximum.gradient[i];
             if (most < enough) break;
             shorten(step.data(), K, LARGEST_TURN, 0.25 * shape.diagonal);
-            const State next = stepped(climb.state, step.data(), shape.centre);
+            const State next = stepped(maximum.state, step.data(), shape.centre);
             const double there = likelihood.at(next, true);
-            gain = there - climb.log;
+            gain = there - maximum.log;
             if (gain > 0) {
-                climb.state = next;
-                climb.log = there;
-                std::swap(climb.gradient, likelihood.gradient);
-                std::swap(climb.information, likelihood.information);
+                maximum.state = next;
+                maximum.log = there;
+                std::swap(maximum.gradient, likelihood.gradient);
+                std::swap(maximum.information, likelihood.information);
             }
         }
         damping = gain > 0 ? std::max(0.1 * damping, 1e-6) : 20 * damping;
@@ -171,31 +171,31 @@ static std::vector<char> far_apart(const std::vector<Point>& points, size_t coun
     return chosen;
 }
 
-std::vector<Climb> climb_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
+std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
                              const std::vector<double>& blurs, int steps, double enough, double margin) {
     Likelihood likelihood(shape, problem);
     likelihood.coarse = far_apart(problem.points, ROUGH_POINTS);
-    std::vector<Climb> climbs(starts.size());
+    std::vector<Maximum> maxima(starts.size());
     for (size_t k = 0; k < starts.size(); ++k) {
-        climbs[k].state = starts[k];
-        climbs[k].from = static_cast<int>(k);
+        maxima[k].state = starts[k];
+        maxima[k].from = static_cast<int>(k);
     }
     const int few = std::min(steps, FIRST_STEPS);
     const auto level = [&](double blur, int most, double gain, double behind) {
         double best = -1e300;
-        for (Climb& climb : climbs) {
-            ascend(likelihood, shape, problem, blur, most, gain, climb);
-            best = std::max(best, climb.log);
+        for (Maximum& maximum : maxima) {
+            ascend(likelihood, shape, problem, blur, most, gain, maximum);
+            best = std::max(best, maximum.log);
         }
-        climbs.erase(std::remove_if(climbs.begin(), climbs.end(),
-                                    [&](const Climb& climb) { return !(climb.log >= best - behind); }),
-                     climbs.end());
+        maxima.erase(std::remove_if(maxima.begin(), maxima.end(),
+                                    [&](const Maximum& maximum) { return !(maximum.log >= best - behind); }),
+                     maxima.end());
     };
-    if (climbs.size() > 2) level(blurs.empty() ? 0 : blurs[0], 0, 0, 2 * margin);  // as they stand
+    if (maxima.size() > 2) level(blurs.empty() ? 0 : blurs[0], 0, 0, 2 * margin);  // as they stand
     for (const double blur : blurs) level(blur, few, ROUGHLY, margin);
     level(0, few, ROUGHLY, margin);
     if (steps > few) level(0, steps - few, enough, margin);
-    return climbs;
+    return maxima;
 }
 
 double marginal(Likelihood& likelihood, const Problem& problem, State& state) {

@@ -17,21 +17,21 @@ struct Settled {
 std::vector<Settled> settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
                             const std::vector<double>& scales, const std::vector<Pose>& starts);
 
-// A climb: where it is, and what is known there.
-struct Climb {
+// A maximum: where it is, and what is known there.
+struct Maximum {
     State state;
     double log = 0;
     std::vector<double> gradient, information;
     int from = 0;  // which of the starts
 };
 
-// Levenberg-Marquardt steps with that much blur, until one gains less than enough.
+// Levenberg-Marquardt steps with that much blur, until one shared_jacobian less than enough.
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
-            Climb& climb);
+            Maximum& maximum);
 
 // Climbs from all starts to maxima, through blurred noise first. After each level, and a few steps into the last one,
 // those that are behind the best by more than a margin are given up.
-std::vector<Climb> climb_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
+std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
                              const std::vector<double>& blurs, int steps, double enough, double margin);
 
 // log of the integral over shared errors and noise scale at a pose, by Laplace's method about their best values,

@@ -8,7 +8,7 @@ bit, whether it comes from the run or from a file.
 
 from tanteo.acquisition.acquired import Acquired, Outcome
 from tanteo.acquisition.edge import sense_edge
-from tanteo.acquisition.ideas import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition.guesses import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.acquisition.plane import sense_plane
 from tanteo.acquisition.predicted import Predicted, predicted
 from tanteo.acquisition.record import features_of
@@ -17,11 +17,11 @@ from tanteo.acquisition.vertex import sense_vertex
 
 __all__ = [
     "Acquired",
-    "CornerIdea",
-    "EdgeIdea",
-    "FaceIdea",
+    "EdgeGuess",
+    "FaceGuess",
     "Outcome",
     "Predicted",
+    "VertexGuess",
     "features_of",
     "plane_as_published",
     "predicted",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.acquisition.ideas import FaceIdea
+from tanteo.acquisition.guesses import FaceGuess
 from tanteo.acquisition.session import Session
 from tanteo.acquisition.ways import facing
 from tanteo.motion import Motion, go_to
@@ -17,32 +17,32 @@ _WORTH = 0.025
 """Within range it stays where it begins, with free space around it, if it would win no more than this [m]."""
 
 
-def come_near(session: Session, idea: FaceIdea) -> Motion | None:
+def come_near(session: Session, guess: FaceGuess) -> Motion | None:
     """Bring the hand before a face that its frontal beams would hardly reach; None where they do.
 
     It keeps its distance until it stands over the place, and comes straight down then.
 
     Args:
         session: The acquisition.
-        idea: About where the face is.
+        guess: About where the face is.
 
     Returns:
         The last motion; one that did not reach its pose ends the way.
     """
     hand, T = session.hand, session.robot.sensed.T_world_hand
     front = T[:3, :3] @ hand.front + T[:3, 3]
-    away = float(np.linalg.norm(idea.point - front))
+    away = float(np.linalg.norm(guess.point - front))
     reach = float(error_model(hand.rig).max_range[list(hand.frontal)].min())
     least = max(_NEAR * reach, 2 * session.standoff)
     if not np.isfinite(reach) or away < _FAR * reach or away < min(reach, least + _WORTH):
         return None
     along = T[:3, :3] @ hand.pair
-    along = along - (along @ idea.normal) * idea.normal
+    along = along - (along @ guess.normal) * guess.normal
     if np.linalg.norm(along) < 1e-6:
-        along = np.cross(idea.normal, T[:3, 2])
+        along = np.cross(guess.normal, T[:3, 2])
     along = along / np.linalg.norm(along)
     for height in (away, least):
-        pose = facing(hand, idea.point, idea.normal, along, height, T)
+        pose = facing(hand, guess.point, guess.normal, along, height, T)
         motion = session.does(go_to(session.robot, pose, session.rules))
         if not motion.reached:
             break

@@ -12,7 +12,7 @@ from tanteo.acquisition.edge_places import Search, cross_at, look_over, pose_ove
 from tanteo.acquisition.edge_search import Found, cross_beside, find_edge
 from tanteo.acquisition.edge_sides import against
 from tanteo.acquisition.events import Line, agreeing, count_places, line_through, on_line, place_of
-from tanteo.acquisition.ideas import EdgeIdea
+from tanteo.acquisition.guesses import EdgeGuess
 from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
 from tanteo.acquisition.session import Session, finish
@@ -47,7 +47,7 @@ _BEYOND = 0.01
 
 def sense_edge(
     robot: Robot,
-    idea: EdgeIdea,
+    guess: EdgeGuess,
     *,
     standoff: float,
     rules: Rules,
@@ -61,7 +61,7 @@ def sense_edge(
 
     Args:
         robot: The hand, some way before the face, so that its beams reach it.
-        idea: About where the edge is, and its face.
+        guess: About where the edge is, and its face.
         standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
         rules: What to keep to.
         label: Of the readings and the feature; the face's is ``<label> face``, and ``<label> other face``.
@@ -71,21 +71,21 @@ def sense_edge(
         InputError: A stand-off too near to the clearance of the rules.
     """
     session = Session(robot, standoff, rules, errors)
-    status, message, face = acquire_plane(session, idea.face(INSET), f"{label} face")
+    status, message, face = acquire_plane(session, guess.face(INSET), f"{label} face")
     if face is None:
         return finish("edge", session, status, f"the face of the edge: {message}", None)
     session.others.append(face)
-    status, message, feature = acquire_edge(session, face, idea, label)
+    status, message, feature = acquire_edge(session, face, guess, label)
     return finish("edge", session, status, message, feature)
 
 
-def acquire_edge(session: Session, face: Feature, idea: EdgeIdea, label: str) -> Attempt:
+def acquire_edge(session: Session, face: Feature, guess: EdgeGuess, label: str) -> Attempt:
     """The same within a session that stands over the face."""
     normal = face.T_world_feature[:3, 2]
-    along = idea.direction - (idea.direction @ normal) * normal
+    along = guess.direction - (guess.direction @ normal) * normal
     if np.linalg.norm(along) < 0.2:
         return "unclear", "the edge should run across the face that was found, not along it", None
-    found = find_edge(session, face, along / np.linalg.norm(along), idea.point)
+    found = find_edge(session, face, along / np.linalg.norm(along), guess.point)
     if isinstance(found, Motion):
         return failed(found)
     if not found.events:

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.acquisition.acquired import Attempt, failed
 from tanteo.acquisition.edge_places import rise
 from tanteo.acquisition.events import place_of
-from tanteo.acquisition.ideas import FaceIdea
+from tanteo.acquisition.guesses import FaceGuess
 from tanteo.acquisition.plane import HOVER, acquire_plane
 from tanteo.acquisition.session import Session
 from tanteo.acquisition.ways import facing, fits, path
@@ -47,7 +47,7 @@ def acquire_bend(session: Session, face: Feature, outwards: FloatArray, bends: S
     if not above.reached:
         return failed(above)
     status, message, other = acquire_plane(
-        session, FaceIdea(place + _BEYOND * ahead, beyond), f"{label} other face", beside=face
+        session, FaceGuess(place + _BEYOND * ahead, beyond), f"{label} other face", beside=face
     )
     if other is None:
         return status, f"the surface bends away {how_far(bends)}, and of the face beyond it: {message}", None

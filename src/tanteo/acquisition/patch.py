@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.acquisition.cloud import Cloud
-from tanteo.acquisition.ideas import FaceIdea
+from tanteo.acquisition.guesses import FaceGuess
 from tanteo.features import Feature
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
@@ -86,7 +86,7 @@ class Patch:
         return self.turned(normal) < _ONE_FACE[0] and abs(off) < _ONE_FACE[1]
 
 
-def find_patches(cloud: Cloud, idea: FaceIdea) -> list[Patch]:
+def find_patches(cloud: Cloud, guess: FaceGuess) -> list[Patch]:
     """Patches that explain the points, the best first, those near the idea preferred; none if there are none.
 
     Every seed's neighbourhood proposes a plane; planes are judged by all points and refined by those that agree. Of
@@ -104,7 +104,7 @@ def find_patches(cloud: Cloud, idea: FaceIdea) -> list[Patch]:
             if agree.sum() < _FEW:
                 break
             point, normal = _plane(points[agree], cloud.beams[agree], 1 / sds[agree] ** 2)
-        score = _gain(points[agree], sds[agree], point, normal) * _near(idea, point, normal)
+        score = _gain(points[agree], sds[agree], point, normal) * _near(guess, point, normal)
         if agree.sum() >= _FEW and score > 0:
             found.append((score, point, normal, agree))
     kept: list[tuple[float, FloatArray, FloatArray, BoolArray]] = []
@@ -138,9 +138,9 @@ def _gain(points: Vectors, sds: FloatArray, point: FloatArray, normal: FloatArra
     return float(np.sum(np.log(_ELSE / (math.sqrt(2 * math.pi) * sds)) - 0.5 * off**2))
 
 
-def _near(idea: FaceIdea, point: FloatArray, normal: FloatArray) -> float:
-    off, along = float((idea.point - point) @ normal), float(normal @ idea.normal)
-    sd, turn_sd = max(idea.sd, _BLURRED[0]), max(idea.turn_sd, _BLURRED[1])
+def _near(guess: FaceGuess, point: FloatArray, normal: FloatArray) -> float:
+    off, along = float((guess.point - point) @ normal), float(normal @ guess.normal)
+    sd, turn_sd = max(guess.sd, _BLURRED[0]), max(guess.turn_sd, _BLURRED[1])
     if abs(off) > _FARTHEST[0] * sd or along < math.cos(min(_FARTHEST[1] * turn_sd, math.pi)):
         return 0.0
     return math.exp(-0.5 * (off / sd) ** 2) * (along + 0.2)

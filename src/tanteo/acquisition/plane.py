@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.acquisition.acquired import Acquired, Attempt, failed
 from tanteo.acquisition.cloud import beside, cloud_of, over
 from tanteo.acquisition.coming import come_near
-from tanteo.acquisition.ideas import FaceIdea
+from tanteo.acquisition.guesses import FaceGuess
 from tanteo.acquisition.patch import Patch, find_patches, stands
 from tanteo.acquisition.scan import ALONG, WIDTHS, scan
 from tanteo.acquisition.session import Session, back_off, finish
@@ -75,7 +75,7 @@ class Tried:
 
 def sense_plane(
     robot: Robot,
-    idea: FaceIdea,
+    guess: FaceGuess,
     *,
     standoff: float,
     rules: Rules,
@@ -89,7 +89,7 @@ def sense_plane(
 
     Args:
         robot: The hand, some way before the face, so that its beams reach it.
-        idea: About where the face is.
+        guess: About where the face is.
         standoff: Of the hand's front during the scan [m]; :data:`LEAST_STANDOFF` clearances or more.
         rules: What to keep to.
         label: Of the readings and the feature.
@@ -99,11 +99,11 @@ def sense_plane(
         InputError: A stand-off too near to the clearance of the rules.
     """
     session = Session(robot, standoff, rules, errors)
-    status, message, feature = acquire_plane(session, idea, label)
+    status, message, feature = acquire_plane(session, guess, label)
     return finish("plane", session, status, message, feature)
 
 
-def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Feature | None = None) -> Attempt:
+def acquire_plane(session: Session, guess: FaceGuess, label: str, *, beside: Feature | None = None) -> Attempt:
     """The same within a session, for another face than ``beside``; the hand is left over the face, square to it.
 
     What was seen obliquely from afar is seen better from above: the hand looks again from over the patch, until its
@@ -111,11 +111,11 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
     hand is to go. Where a patch could not be scanned at two places, the others that were seen come first.
     """
     attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
-    near = come_near(session, idea)
+    near = come_near(session, guess)
     if near is not None and not near.reached:
         return failed(near)
     begin = len(session.motions)
-    wanted, first, tried = idea, begin, Tried([], [], [])
+    wanted, first, tried = guess, begin, Tried([], [], [])
     for tilt, spacing in LOOKS:
         looked = look_around(session, tilt, spacing)
         if looked.status == "timeout":
@@ -127,40 +127,40 @@ def acquire_plane(session: Session, idea: FaceIdea, label: str, *, beside: Featu
         if not patches:
             attempt = attempt if looked.reached or tried.places else failed(looked)
             continue
-        patch, width, ends = _over_one(session, patches, wanted, idea.point, tried.places)
+        patch, width, ends = _over_one(session, patches, wanted, guess.point, tried.places)
         if patch is None:
             attempt = attempt if tried.places else ends
             continue
         attempt = ends
         tried.others.extend(p for p in patches if not p.is_of(patch))
         # the next look is from here: what it shows replaces what was seen before
-        wanted, first = replace(idea, point=patch.point, normal=patch.normal), len(session.motions)
+        wanted, first = replace(guess, point=patch.point, normal=patch.normal), len(session.motions)
         if not width:
             continue
         reach = HOVER + _BELOW * session.standoff
         down = session.does(approach(session.robot, session.standoff, session.rules, reach=reach))
-        attempt = meant(idea, scan(session, label, width)) if down.reached else failed(down)
+        attempt = meant(guess, scan(session, label, width)) if down.reached else failed(down)
         if attempt[0] in ("acquired", "timeout"):
             return attempt
         tried.places.append(session.places[-1])
         tried.patches.append(patch)
-        wanted, first = idea, begin
+        wanted, first = guess, begin
         back = back_off(session, HOVER)
         if not back.reached:
             return attempt
     return attempt
 
 
-def meant(idea: FaceIdea, attempt: Attempt) -> Attempt:
+def meant(guess: FaceGuess, attempt: Attempt) -> Attempt:
     """A face that was sensed, unless the idea was known too well for it to be the one that was meant."""
     face = attempt[2]
     if face is None:
         return attempt
     T, own = face.T_world_feature, np.sqrt(np.diag(face.P))
-    gap = idea.point - T[:3, 3]
-    off, turned = abs(float(gap @ T[:3, 2])), float(np.arccos(np.clip(T[:3, 2] @ idea.normal, -1, 1)))
-    turn_sd = float(np.hypot(idea.turn_sd, own[1:].max()))
-    sd = float(np.linalg.norm([idea.sd, own[0], turn_sd * np.linalg.norm(gap - (gap @ T[:3, 2]) * T[:3, 2])]))
+    gap = guess.point - T[:3, 3]
+    off, turned = abs(float(gap @ T[:3, 2])), float(np.arccos(np.clip(T[:3, 2] @ guess.normal, -1, 1)))
+    turn_sd = float(np.hypot(guess.turn_sd, own[1:].max()))
+    sd = float(np.linalg.norm([guess.sd, own[0], turn_sd * np.linalg.norm(gap - (gap @ T[:3, 2]) * T[:3, 2])]))
     if off <= _OTHER * sd and turned <= _OTHER * turn_sd:
         return attempt
     where = f"{1e3 * off:.2g} mm and {np.degrees(turned):.2g} deg off where it should be"
@@ -172,7 +172,7 @@ def meant(idea: FaceIdea, attempt: Attempt) -> Attempt:
 
 
 def _over_one(
-    session: Session, patches: list[Patch], wanted: FaceIdea, place: FloatArray, avoid: list[FloatArray]
+    session: Session, patches: list[Patch], wanted: FaceGuess, place: FloatArray, avoid: list[FloatArray]
 ) -> tuple[Patch | None, float, Attempt]:
     """The hand over the first patch that has room for it.
 

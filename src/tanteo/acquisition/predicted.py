@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.acquisition.ideas import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition.guesses import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
 from tanteo.shapes import Surface
 from tanteo.typing import Covariances, FloatArray, Transforms
 
-Idea = FaceIdea | EdgeIdea | CornerIdea
-_IDEAS: dict[str, Callable[..., Idea]] = {"plane": FaceIdea, "edge": EdgeIdea, "vertex": CornerIdea}
+Guess = FaceGuess | EdgeGuess | VertexGuess
+_GUESSES: dict[str, Callable[..., Guess]] = {"plane": FaceGuess, "edge": EdgeGuess, "vertex": VertexGuess}
 
 _FACING = 0.5
 """A face is gone to if its normal has at least this product with the direction towards the hand."""
@@ -40,13 +40,13 @@ class Predicted:
     Attributes:
         name: ``face 3``, ``edge of face 3 and face 5``, ``corner of face 3, face 5 and face 7``.
         faces: Names of its faces, that from which it is sensed first.
-        idea: In the world; its spread is that of the pose there, the largest over all directions.
+        guess: In the world; its spread is that of the pose there, the largest over all directions.
         value: By which features of one kind are compared: the size of what the hand would sense, seen from it.
     """
 
     name: str
     faces: tuple[str, ...]
-    idea: Idea
+    guess: Guess
     value: float
 
 
@@ -75,9 +75,9 @@ def predicted(
         J = np.concatenate([np.eye(3), -SO3.hat(point)], axis=1)
         place, turn = (np.linalg.eigvalsh(C)[-1] for C in (J @ covariance @ J.T, covariance[3:, 3:]))
         sd, turn_sd = float(np.sqrt(place)), float(np.sqrt(turn))
-        idea = _IDEAS[kind](SE3.apply(T_world_part, point), *(R @ d for d in directions), sd, turn_sd)
+        guess = _GUESSES[kind](SE3.apply(T_world_part, point), *(R @ d for d in directions), sd, turn_sd)
         names = tuple(part.faces[f].name for f in faces)
-        out.append(Predicted(_name(kind, names), names, idea, value))
+        out.append(Predicted(_name(kind, names), names, guess, value))
     return tuple(sorted(out, key=lambda p: -p.value))
 
 

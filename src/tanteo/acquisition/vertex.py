@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.acquisition.acquired import Acquired
 from tanteo.acquisition.edge import INSET, acquire_edge
-from tanteo.acquisition.ideas import CornerIdea, FaceIdea
+from tanteo.acquisition.guesses import FaceGuess, VertexGuess
 from tanteo.acquisition.plane import acquire_plane
 from tanteo.acquisition.session import Session, finish
 from tanteo.constraints import relate_all
@@ -26,7 +26,7 @@ _GATE = 3.5
 
 def sense_vertex(
     robot: Robot,
-    idea: CornerIdea,
+    guess: VertexGuess,
     *,
     standoff: float,
     rules: Rules,
@@ -37,7 +37,7 @@ def sense_vertex(
 
     Args:
         robot: The hand, some way before the face, so that its beams reach it.
-        idea: About where the corner is, and how the two edges of the face run.
+        guess: About where the corner is, and how the two edges of the face run.
         standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
         rules: What to keep to.
         label: Of the feature; readings are labelled ``<label> face``, ``<label> edge 1`` and ``<label> edge 2``.
@@ -47,9 +47,9 @@ def sense_vertex(
         InputError: A stand-off too near to the clearance of the rules.
     """
     session = Session(robot, standoff, rules, errors)
-    arriving, leaving = idea.edges(ALONG)
+    arriving, leaving = guess.edges(ALONG)
     middle = 0.5 * (arriving.face(INSET).point + leaving.face(INSET).point)
-    status, message, face = acquire_plane(session, FaceIdea(middle, idea.normal), f"{label} face")
+    status, message, face = acquire_plane(session, FaceGuess(middle, guess.normal), f"{label} face")
     if face is None:
         return finish("vertex", session, status, f"the face of the corner: {message}", None)
     session.others.append(face)

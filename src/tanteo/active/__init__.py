@@ -1,17 +1,17 @@
 """Where to sense next, and when to stop: candidates, what they would tell, policies, stopping rules, plans."""
 
-from tanteo.active.belief import Belief, begin, update
 from tanteo.active.candidates import Candidates, propose
-from tanteo.active.distinguish import Distinction, distinguish
+from tanteo.active.context import Choice, DecisionContext, Policy
+from tanteo.active.discriminate import Discrimination, discriminate
 from tanteo.active.features import Feature, features
 from tanteo.active.measures import (
     AcceptProbability,
-    Discrimination,
+    GateDiscrimination,
     RangePrediction,
     accept_matrix,
     accept_probability,
     bhattacharyya,
-    discriminate,
+    gate_discrimination,
     information_bounds,
     kl_divergence,
     mutual_information,
@@ -22,20 +22,20 @@ from tanteo.active.plans import Plan, PlannedReading, plan
 from tanteo.active.policies import POLICIES, policy_named
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
-from tanteo.active.situation import Choice, Policy, Situation
 from tanteo.active.start import Start, around, at_pose, from_hypotheses
-from tanteo.active.stopping import Stop, chance_within, corner_distances, worst_corner
+from tanteo.active.state import SensingState, begin, update
+from tanteo.active.stopping import Stop, chance_within, corner_distances, largest_corner_sd
 from tanteo.active.utility import expected_information
 
 __all__ = [
     "POLICIES",
     "AcceptProbability",
-    "Belief",
     "Candidates",
     "Choice",
+    "DecisionContext",
     "Discrimination",
-    "Distinction",
     "Feature",
+    "GateDiscrimination",
     "Places",
     "Plan",
     "PlannedReading",
@@ -43,7 +43,7 @@ __all__ = [
     "Probe",
     "RangePrediction",
     "Samples",
-    "Situation",
+    "SensingState",
     "Start",
     "Stop",
     "accept_matrix",
@@ -56,13 +56,14 @@ __all__ = [
     "check_feature",
     "corner_distances",
     "discriminate",
-    "distinguish",
     "draw",
     "expected_information",
     "features",
     "from_hypotheses",
+    "gate_discrimination",
     "information_bounds",
     "kl_divergence",
+    "largest_corner_sd",
     "mutual_information",
     "places_of",
     "plan",
@@ -72,5 +73,4 @@ __all__ = [
     "probe_of",
     "propose",
     "update",
-    "worst_corner",
 ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active.situation import Choice, Situation
+from tanteo.active.context import Choice, DecisionContext
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, IntArray
 
@@ -17,10 +17,10 @@ class Random:
 
     name: str = "random"
 
-    def choose(self, situation: Situation) -> Choice:
+    def choose(self, context: DecisionContext) -> Choice:
         """A draw that depends on seed and number of readings only."""
-        rng = np.random.default_rng((1991, situation.seed, situation.count))
-        return Choice(int(rng.integers(len(situation.candidates))), np.nan, "it was drawn at random")
+        rng = np.random.default_rng((1991, context.seed, context.count))
+        return Choice(int(rng.integers(len(context.candidates))), np.nan, "it was drawn at random")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +35,10 @@ class Nearest:
     apart: float = 0.1
     name: str = "nearest"
 
-    def choose(self, situation: Situation) -> Choice:
+    def choose(self, context: DecisionContext) -> Choice:
         """The nearest start, of those that meet a new place."""
-        s = situation
-        away = _from_readings(s) - self.apart * s.belief.target(0).part.diagonal
+        s = context
+        away = _from_readings(s) - self.apart * s.state.target(0).part.diagonal
         travel = s.travel()
         k = int(np.lexsort((travel, np.minimum(away, 0.0) * -1.0))[0])
         return Choice(k, np.nan, "it is the nearest new place")
@@ -50,13 +50,13 @@ class LargestFace:
 
     name: str = "largest-face"
 
-    def choose(self, situation: Situation) -> Choice:
+    def choose(self, context: DecisionContext) -> Choice:
         """A place on the face with the largest area for each reading on it."""
-        s = situation
+        s = context
         counts = _sensed_faces(s)
         on_best = np.flatnonzero(s.candidates.mode == 0)
         pool = on_best if len(on_best) else np.arange(len(s.candidates))
-        part = s.belief.target(int(s.candidates.mode[pool[0]])).part
+        part = s.state.target(int(s.candidates.mode[pool[0]])).part
         areas = np.array([part.faces[f].area for f in s.candidates.face[pool]])
         met = np.array([counts.get(int(f), 0) for f in s.candidates.face[pool]])
         worth = areas / (1 + met)
@@ -71,9 +71,9 @@ class Scripted321:
 
     name: str = "3-2-1"
 
-    def choose(self, situation: Situation) -> Choice:
+    def choose(self, context: DecisionContext) -> Choice:
         """A place on the plane whose turn it is, as far from earlier readings as there is one."""
-        s = situation
+        s = context
         on_best = np.flatnonzero(s.candidates.mode == 0)
         pool = on_best if len(on_best) else np.arange(len(s.candidates))
         script = _script(s, pool)
@@ -84,9 +84,9 @@ class Scripted321:
         return Choice(k, np.nan, f"it is reading {turn + 1} of 3-2-1")
 
 
-def _script(s: Situation, pool: IntArray) -> list[int]:
+def _script(s: DecisionContext, pool: IntArray) -> list[int]:
     """The largest plane that can be sensed, the largest across it, and the largest across both."""
-    part = s.belief.target(int(s.candidates.mode[pool[0]])).part
+    part = s.state.target(int(s.candidates.mode[pool[0]])).part
     reachable = set(s.candidates.face[pool].tolist())
     planes = part.planes
     order = [k for k in np.argsort(-planes.areas) if int(planes.faces[k]) in reachable]
@@ -98,26 +98,26 @@ def _script(s: Situation, pool: IntArray) -> list[int]:
     return [int(planes.faces[k]) for k in chosen[:3]]
 
 
-def _sensed_faces(s: Situation) -> dict[int, int]:
+def _sensed_faces(s: DecisionContext) -> dict[int, int]:
     """How many readings lie on each face of the likeliest mode."""
-    if s.belief.touches is None or not len(s.belief.touches) or not len(s.belief.weights):
+    if s.state.touches is None or not len(s.state.touches) or not len(s.state.weights):
         return {}
-    target = s.belief.target(0)
-    local = SE3.apply(SE3.inverse(s.belief.poses[0]), s.belief.touches.points)
+    target = s.state.target(0)
+    local = SE3.apply(SE3.inverse(s.state.poses[0]), s.state.touches.points)
     faces = target.part.triangle_face[target.surface.closest(local).triangles]
     names, counts = np.unique(faces, return_counts=True)
     return dict(zip(names.tolist(), counts.tolist(), strict=True))
 
 
-def _from_readings(s: Situation) -> FloatArray:
+def _from_readings(s: DecisionContext) -> FloatArray:
     """Distance of every candidate's aim from the nearest reading ``(C,)``; infinite before the first."""
-    if s.belief.touches is None or not len(s.belief.touches):
+    if s.state.touches is None or not len(s.state.touches):
         return np.full(len(s.candidates), np.inf)
-    gaps = s.aims()[:, None] - s.belief.touches.points
+    gaps = s.aims()[:, None] - s.state.touches.points
     return np.asarray(np.linalg.norm(gaps, axis=-1).min(axis=1))
 
 
-def _spread_out(s: Situation, pool: IntArray) -> int:
+def _spread_out(s: DecisionContext, pool: IntArray) -> int:
     """The one farthest from all readings; the first, nearest to the middle of them all."""
     away = _from_readings(s)[pool]
     if np.isinf(away).all():

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active.belief import Belief
 from tanteo.active.probe import Probe
 from tanteo.active.samples import draw, even_normals, predict
+from tanteo.active.state import SensingState
 from tanteo.answers.part_motions import box_corners
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
@@ -67,39 +67,39 @@ class Candidates:
         return np.asarray(self.origins + self.ranges[:, None] * self.directions)
 
 
-def propose(belief: Belief, probe: Probe, count: int = 500, seed: int = 0, *, anywhere: bool = True) -> Candidates:
+def propose(state: SensingState, probe: Probe, count: int = 500, seed: int = 0, *, anywhere: bool = True) -> Candidates:
     """Readings on the likelier modes, about as many as asked for, that keep clear of every mode that is alive.
 
     Args:
-        belief: what is known.
+        state: what is known.
         probe: what senses, and where it may come from.
         count: of readings.
         seed: which places of the surfaces are tried.
         anywhere: keep clear of the part wherever the belief says that it may be, not only at the pose of each mode.
     """
-    w = belief.weights
+    w = state.weights
     likely = np.flatnonzero(w >= min(_LIKELY, w.max(initial=0.0)))
     likely = likely[np.argsort(-w[likely], kind="stable")][: max(1, count // 20)]
     share = np.sqrt(w[likely]) / max(np.sqrt(w[likely]).sum(), 1e-300)
-    some = [_on_mode(belief, int(k), probe, int(np.ceil(n)), seed) for k, n in zip(likely, count * share, strict=True)]
+    some = [_on_mode(state, int(k), probe, int(np.ceil(n)), seed) for k, n in zip(likely, count * share, strict=True)]
     if not some:
         none, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         return Candidates(nowhere, nowhere, none, none, np.zeros(0))
     joint = Candidates(*(np.concatenate([getattr(c, name) for c in some]) for name in Candidates.__slots__))
-    joint = joint.take(has_room(belief, joint, probe, anywhere=anywhere))
-    return joint.take(_far_enough(belief, joint, probe)) if probe.min_range > 0 and len(joint) else joint
+    joint = joint.take(has_room(state, joint, probe, anywhere=anywhere))
+    return joint.take(_far_enough(state, joint, probe)) if probe.min_range > 0 and len(joint) else joint
 
 
-def _far_enough(belief: Belief, candidates: Candidates, probe: Probe) -> BoolArray:
+def _far_enough(state: SensingState, candidates: Candidates, probe: Probe) -> BoolArray:
     """Readings that are improbably too near for the sensor ``(C,)``; those for which it is least, if it is for most."""
-    samples = draw(belief, _DRAWS)
+    samples = draw(state, _DRAWS)
     near = (predict(samples, candidates.origins, candidates.directions).ranges < probe.min_range) @ samples.weights
     return np.asarray(near <= max(_TOO_NEAR, float(np.quantile(near, _ENOUGH))))
 
 
-def _on_mode(belief: Belief, k: int, probe: Probe, count: int, seed: int) -> Candidates:
+def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -> Candidates:
     """Readings that would meet evenly spread places of one mode first, at an incidence that the probe answers to."""
-    target, T = belief.target(k), belief.poses[k]
+    target, T = state.target(k), state.poses[k]
     rows = np.random.default_rng((1991, seed, k)).permutation(len(target.samples))[: max(_TRIED, count)]
     points, normals, faces = target.samples[rows], target.normals[rows], target.sample_faces[rows]
     world, outward = SE3.apply(T, points), normals @ T[:3, :3].T
@@ -130,7 +130,7 @@ def within_cone(directions: Vectors, probe: Probe) -> Vectors:
     return np.where((along >= np.cos(probe.cone))[:, None], directions, edge)
 
 
-def has_room(belief: Belief, candidates: Candidates, probe: Probe, *, anywhere: bool = True) -> BoolArray:
+def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywhere: bool = True) -> BoolArray:
     """Whether all of the way is inside the workspace, and start and way in clear of every live mode ``(C,)``.
 
     Clear of a mode is clear of its pose and, ``anywhere``, of draws about it, so that the part is not met wherever it
@@ -139,30 +139,30 @@ def has_room(belief: Belief, candidates: Candidates, probe: Probe, *, anywhere: 
     way = _way(candidates, probe)
     ok: BoolArray = np.all(probe.workspace.rooms(way)[0] >= probe.clearance, axis=(1, 2))
     ok &= _reached_freely(candidates, probe)
-    live = np.flatnonzero(belief.weights >= _LIVE * belief.weights.sum())
+    live = np.flatnonzero(state.weights >= _LIVE * state.weights.sum())
     gaps = np.zeros((len(live), *way.shape[:2]))
     for gap, k in zip(gaps, live, strict=True):
         rows = np.flatnonzero(ok)
-        gap[rows] = _distances(belief.target(int(k)), SE3.inverse(belief.poses[k]), way[rows])
+        gap[rows] = _distances(state.target(int(k)), SE3.inverse(state.poses[k]), way[rows])
         ok[rows] = gap[rows].min(axis=1) >= probe.clearance
-    return _clear_anywhere(belief, live, way, gaps, ok, probe.clearance) if anywhere else ok
+    return _clear_anywhere(state, live, way, gaps, ok, probe.clearance) if anywhere else ok
 
 
 def _clear_anywhere(
-    belief: Belief, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, clearance: float
+    state: SensingState, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, clearance: float
 ) -> BoolArray:
     """Which of the ways that are clear of the live modes' poses are so of draws about them ``(C,)``.
 
     Of draws wider than the belief, if that leaves enough to choose from; else of its own.
     """
-    w = belief.weights[live] / max(belief.weights.sum(), 1e-300)
+    w = state.weights[live] / max(state.weights.sum(), 1e-300)
     counts = np.maximum(_LEAST_DRAWS, np.round(_DRAWS * w)).astype(np.int64)
     clear = ok
     for beyond in _BEYOND:
         clear = ok.copy()
         for gap, k, count in zip(gaps, live, counts, strict=True):
             xi = beyond * even_normals(int(count))
-            clear[clear] = _clear_of_draws(belief, int(k), xi, way[clear], gap[clear], clearance)
+            clear[clear] = _clear_of_draws(state, int(k), xi, way[clear], gap[clear], clearance)
         if clear.sum() >= _ENOUGH * ok.sum():
             break
     return clear
@@ -187,25 +187,27 @@ def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
 
 
 def _clear_of_draws(
-    belief: Belief, k: int, xi: FloatArray, way: Vectors, gaps: FloatArray, clearance: float
+    state: SensingState, k: int, xi: FloatArray, way: Vectors, gaps: FloatArray, clearance: float
 ) -> BoolArray:
     """Whether ways keep clear of a mode's part wherever it may be ``(n,)``.
 
     Args:
-        belief: what is known.
+        state: what is known.
         k: the mode.
         xi: the draws, in standard deviations ``(D, 6)``.
         way: places of each way ``(n, P, 3)``.
         gaps: of each from the part at the mode's pose ``(n, P)`` [m].
         clearance: to keep [m].
     """
-    target, T = belief.target(k), belief.poses[k]
-    values, vectors = np.linalg.eigh(belief.covariances[k])
+    target, T = state.target(k), state.poses[k]
+    values, vectors = np.linalg.eigh(state.covariances[k])
     Ts = T @ SE3.exp(xi @ (vectors * np.sqrt(values.clip(0.0))).T)
     corners = box_corners(target.part)
-    most = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max()
+    max_measurements = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max()
     ok = np.ones(len(way), dtype=bool)
-    rows, places = np.nonzero(gaps < clearance + most)  # no part of the part moves farther than a corner of its box
+    rows, places = np.nonzero(
+        gaps < clearance + max_measurements
+    )  # no part of the part moves farther than a corner of its box
     least = _distances(target, SE3.inverse(Ts)[:, None], way[rows, places]).min(axis=0)
     ok[rows[least < clearance]] = False
     return ok
@@ -215,8 +217,10 @@ def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Ca
     """Whether start and way in keep clear of a part at poses ``(S, 4, 4)`` about ``T``: ``(S, C)``."""
     way = _way(candidates, probe)
     gaps, corners = _distances(target, SE3.inverse(T), way), box_corners(target.part)
-    most = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
-    s, c, p = np.nonzero(gaps < probe.clearance + most[:, None, None])  # nothing moves farther than a corner of the box
+    max_measurements = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
+    s, c, p = np.nonzero(
+        gaps < probe.clearance + max_measurements[:, None, None]
+    )  # nothing moves farther than a corner of the box
     near = _distances(target, SE3.inverse(Ts[s]), way[c, p]) < probe.clearance
     ok = np.ones((len(Ts), len(candidates)), dtype=bool)
     ok[s[near], c[near]] = False

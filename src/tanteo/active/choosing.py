@@ -11,27 +11,27 @@ _SWEEPS, _STARTS = 6, 12
 """Rounds of exchanges, and sets drawn at random that are exchanged as well: one alone may end at a poor one."""
 
 
-def choose(design: Design, tolerance: float, confidence: float, most: int, *, can: bool) -> IntArray:
+def choose(design: Design, tolerance: float, confidence: float, max_measurements: int, *, can: bool) -> IntArray:
     """The fewest candidates that keep the tolerance, or the best of the most that are allowed, best first.
 
     Args:
         design: the problem.
         tolerance: to be kept [m].
         confidence: with which.
-        most: readings at most.
+        max_measurements: readings at most.
         can: all candidates together keep it.
     """
-    chosen = _linear(design.steadied(), tolerance, confidence, most)
+    chosen = _linear(design.steadied(), tolerance, confidence, max_measurements)
     limited = design.chance(design.limit, tolerance) < confidence
     if not limited:
-        chosen = _steady(design, chosen, tolerance, confidence, most, exchange=can)
+        chosen = _steady(design, chosen, tolerance, confidence, max_measurements, exchange=can)
     return _ordered(design, chosen)
 
 
-def _linear(design: Design, tolerance: float, confidence: float, most: int) -> list[int]:
+def _linear(design: Design, tolerance: float, confidence: float, max_measurements: int) -> list[int]:
     """Those that would keep it if every reading met its face as often as on average."""
     chosen: list[int] = []
-    while len(chosen) < min(most, len(design.rows)):
+    while len(chosen) < min(max_measurements, len(design.rows)):
         starts = [_extended(design, chosen), *_drawn(len(design.rows), len(chosen) + 1)]
         chosen = min((_exchanged(design, start) for start in starts), key=design.cost_of)
         if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
@@ -42,11 +42,13 @@ def _linear(design: Design, tolerance: float, confidence: float, most: int) -> l
 
 
 def _steady(
-    design: Design, chosen: list[int], tolerance: float, confidence: float, most: int, *, exchange: bool
+    design: Design, chosen: list[int], tolerance: float, confidence: float, max_measurements: int, *, exchange: bool
 ) -> list[int]:
     """Exchanged, and then more of them, until the tolerance is kept over all placements."""
     chosen = _settled(design, chosen, tolerance) if exchange else chosen
-    while len(chosen) < min(most, len(design.rows)) and design.kept(np.array(chosen), tolerance) < confidence:
+    while (
+        len(chosen) < min(max_measurements, len(design.rows)) and design.kept(np.array(chosen), tolerance) < confidence
+    ):
         chosen = [*chosen, _best_with(design, chosen, tolerance)[0]]
         chosen = _settled(design, chosen, tolerance) if exchange else chosen
     return chosen

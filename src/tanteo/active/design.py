@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.active.belief import begin
 from tanteo.active.candidates import Candidates, propose
 from tanteo.active.placements import Placements, Promise, placements
 from tanteo.active.places import Places, places_of
 from tanteo.active.probe import Probe
 from tanteo.active.samples import beams, even_normals
 from tanteo.active.start import Start
+from tanteo.active.state import begin
 from tanteo.answers.part_motions import observed_covariance
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3

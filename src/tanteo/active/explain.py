@@ -8,11 +8,11 @@ from typing import Protocol
 
 import numpy as np
 
-from tanteo.active.belief import Belief, begin
 from tanteo.active.start import Start
-from tanteo.active.stopping import worst_corner
+from tanteo.active.state import SensingState, begin
+from tanteo.active.stopping import largest_corner_sd
 from tanteo.answers.part_motions import corner_moves, motion_words, observed_covariance, spins
-from tanteo.inference import NEGLIGIBLE, explained, face_names, information_by_point
+from tanteo.inference import NEGLIGIBLE, face_names, goodness_of_fit, information_by_point
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Transforms
 
@@ -20,7 +20,7 @@ _FORGOTTEN = np.exp(-NEGLIGIBLE)
 """What a part that is not listed any more may still have had."""
 
 
-class Told(Protocol):
+class Observation(Protocol):
     """What is known after a step, as :class:`tanteo.session.Step` has it."""
 
     @property
@@ -36,7 +36,7 @@ class Told(Protocol):
     @property
     def covariance(self) -> Covariances: ...  # noqa: D102
     @property
-    def worst_corner_sd(self) -> float: ...  # noqa: D102
+    def corner_sd(self) -> float: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,41 +104,41 @@ class Explanation:
     directions: tuple[Direction, ...]
 
 
-def explain(belief: Belief, steps: Sequence[Told]) -> Explanation:
+def explain(state: SensingState, steps: Sequence[Observation]) -> Explanation:
     """What each reading told and what the answer rests on.
 
     Args:
-        belief: at the end.
+        state: at the end.
         steps: on the way there, from the first.
     """
-    start, met = belief.start, _met(belief)
-    before: list[Told | None] = [None, *steps][: len(steps)]
+    start, met = state.start, _met(state)
+    before: list[Observation | None] = [None, *steps][: len(steps)]
     added = tuple(_added(start, a, b, met) for a, b in zip(before, steps, strict=True))
-    name = belief.target(0).part.name if len(belief.weights) else ""
-    return Explanation(name, added, _directions(belief))
+    name = state.target(0).part.name if len(state.weights) else ""
+    return Explanation(name, added, _directions(state))
 
 
-def _met(belief: Belief) -> dict[str, str]:
+def _met(state: SensingState) -> dict[str, str]:
     """Names of the faces that the readings met, if the best mode is true."""
-    if belief.touches is None or not belief.modes:
-        return {} if belief.touches is None else dict.fromkeys(belief.touches.ids, "nothing of it")
-    one = explained(belief.modes[0])
-    rows = zip(belief.touches.ids, face_names(one), one.belongs, strict=True)
+    if state.touches is None or not state.modes:
+        return {} if state.touches is None else dict.fromkeys(state.touches.ids, "nothing of it")
+    one = goodness_of_fit(state.modes[0])
+    rows = zip(state.touches.ids, face_names(one), one.belongs, strict=True)
     return {i: n if ok else "nothing of it" for i, n, ok in rows}
 
 
-def _added(start: Start, before: Told | None, after: Told, met: dict[str, str]) -> Added:
+def _added(start: Start, before: Observation | None, after: Observation, met: dict[str, str]) -> Added:
     faces = tuple(met.get(name, "nothing") for name in after.ids)
     told = _about_part(start, before, after)
     if after.part < 0:
         return Added(after.ids, faces, "", 0.0, told, np.nan, "", np.nan, np.nan, np.nan)
     part, old = start.targets[after.part].part, _covariance_before(start, before, after.part)
-    P, sd = float(after.probabilities[after.part]), after.worst_corner_sd
+    P, sd = float(after.probabilities[after.part]), after.corner_sd
     if old is None:
         return Added(after.ids, faces, part.name, P, told, np.nan, "", np.nan, np.nan, sd)
     shrunk = 0.5 * float(np.linalg.slogdet(old)[1] - np.linalg.slogdet(after.covariance)[1])
     motion, narrowed = _narrowed(part, old, after)
-    sd_before = _rough_corner_sd(start, after.part) if before is None else before.worst_corner_sd
+    sd_before = _rough_corner_sd(start, after.part) if before is None else before.corner_sd
     return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, sd_before, sd)
 
 
@@ -146,10 +146,10 @@ def _rough_corner_sd(start: Start, part: int) -> float:
     """Of the worst corner of a part, by its rough poses."""
     own = np.flatnonzero(start.part == part)
     rough = {name: getattr(start, name)[own] for name in ("part", "Ts", "covariances", "weights")}
-    return worst_corner(begin(replace(start, **rough)))
+    return largest_corner_sd(begin(replace(start, **rough)))
 
 
-def _about_part(start: Start, before: Told | None, after: Told) -> float:
+def _about_part(start: Start, before: Observation | None, after: Observation) -> float:
     """Relative entropy of the parts' probabilities, "none of these" among them, to those before."""
     P = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
     prior = np.r_[P, start.priors.unknown] if before is None else np.r_[before.probabilities, before.unknown]
@@ -158,7 +158,7 @@ def _about_part(start: Start, before: Told | None, after: Told) -> float:
     return max(0.0, float(np.sum(now[some] * np.log(now[some] / np.maximum(prior[some], _FORGOTTEN)))))
 
 
-def _covariance_before(start: Start, before: Told | None, part: int) -> Covariances | None:
+def _covariance_before(start: Start, before: Observation | None, part: int) -> Covariances | None:
     """Of the pose of a part; None where another part was likelier."""
     if before is not None:
         return before.covariance if before.part == part else None
@@ -166,7 +166,7 @@ def _covariance_before(start: Start, before: Told | None, part: int) -> Covarian
     return np.asarray(start.covariances[rows[np.argmax(start.weights[rows])]])
 
 
-def _narrowed(part: Part, old: Covariances, after: Told) -> tuple[str, float]:
+def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[str, float]:
     """The motion whose spread shrank most, in words, and by which factor; of all that is linear in the pose."""
     d = np.sqrt(np.diag(old))
     L = d[:, None] * np.linalg.cholesky(old / np.outer(d, d))
@@ -176,24 +176,24 @@ def _narrowed(part: Part, old: Covariances, after: Told) -> tuple[str, float]:
     return motion_words(part, L @ vectors[:, 0], after.T_world_part), float(np.sqrt(max(values[0], 0.0)))
 
 
-def _directions(belief: Belief) -> tuple[Direction, ...]:
+def _directions(state: SensingState) -> tuple[Direction, ...]:
     """Principal directions of the error of the corners of the part's box: whatever the part's frame, the same.
 
     The spin of a round part is no error, and none of them.
     """
-    if belief.touches is None or not belief.modes:
+    if state.touches is None or not state.modes:
         return ()
-    mode, part = belief.modes[0], belief.target(0).part
+    mode, part = state.modes[0], state.target(0).part
     own = information_by_point(mode)
     J = corner_moves(part)
     L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
-    values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, belief.covariances[0]) @ L)
+    values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, state.covariances[0]) @ L)
     out, count = [], 6 - len(spins(part))
     for variance, u in zip(values[::-1][:count], vectors.T[::-1][:count], strict=True):
         xi = np.linalg.solve(L.T, u)
         total, each = float(xi @ mode.information[:6, :6] @ xi), (own @ xi) @ xi
         order = np.argsort(-each, kind="stable")
-        shares = tuple((belief.touches.ids[i], float(each[i] / total)) for i in order)
-        words = motion_words(part, xi, belief.poses[0])
+        shares = tuple((state.touches.ids[i], float(each[i] / total)) for i in order)
+        words = motion_words(part, xi, state.poses[0])
         out.append(Direction(words, float(np.sqrt(max(variance, 0.0))), shares, 1 - float(each.sum()) / total))
     return tuple(out)

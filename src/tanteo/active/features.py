@@ -13,10 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from tanteo.active.belief import Belief
 from tanteo.active.candidates import Candidates
+from tanteo.active.context import DecisionContext
 from tanteo.active.samples import Predictions, Samples, beams
-from tanteo.active.situation import Situation
+from tanteo.active.state import SensingState
 from tanteo.active.utility import about_mode
 from tanteo.lie import SE3
 from tanteo.parts import Part
@@ -48,30 +48,30 @@ class Feature:
     rows: IntArray
 
 
-def features(belief: Belief, candidates: Candidates) -> tuple[Feature, ...]:
+def features(state: SensingState, candidates: Candidates) -> tuple[Feature, ...]:
     """The faces, edges and corners that the candidates can acquire; single places where they can acquire none.
 
     Args:
-        belief: what is known.
+        state: what is known.
         candidates: readings that can be made.
     """
     modes = np.unique(candidates.mode)
-    modes = modes[np.argsort(-belief.weights[modes], kind="stable")][:_MODES]
-    found = [feature for mode in modes for feature in _of_mode(belief, candidates, int(mode))]
+    modes = modes[np.argsort(-state.weights[modes], kind="stable")][:_MODES]
+    found = [feature for mode in modes for feature in _of_mode(state, candidates, int(mode))]
     if found:
         return tuple(found)
-    part = belief.target(int(candidates.mode[0])).part
+    part = state.target(int(candidates.mode[0])).part
     return tuple(
         Feature("face", int(m), (int(f),), f"{part.faces[f].name} of {part.name}", np.array([k]))
         for k, (m, f) in enumerate(zip(candidates.mode, candidates.face, strict=True))
     )
 
 
-def _of_mode(belief: Belief, c: Candidates, mode: int) -> Iterable[Feature]:
+def _of_mode(state: SensingState, c: Candidates, mode: int) -> Iterable[Feature]:
     """The features of one mode, faces first."""
-    part = belief.target(mode).part
+    part = state.target(mode).part
     own = np.flatnonzero(c.mode == mode)
-    local = SE3.apply(SE3.inverse(belief.poses[mode]), c.aims[own])
+    local = SE3.apply(SE3.inverse(state.poses[mode]), c.aims[own])
     on = {int(f): own[c.face[own] == f] for f in np.unique(c.face[own])}
     place = dict(zip(own.tolist(), local, strict=True))
 
@@ -125,7 +125,7 @@ def _nearest(rows: IntArray, place: dict[int, Vectors], point: Vectors) -> IntAr
 
 
 def joint_information(
-    found: Sequence[Feature], samples: Samples, predicted: Predictions, situation: Situation
+    found: Sequence[Feature], samples: Samples, predicted: Predictions, context: DecisionContext
 ) -> FloatArray:
     """What the readings of each feature are expected to tell together about part and pose ``(F,)`` [nats].
 
@@ -136,12 +136,12 @@ def joint_information(
         found: the features.
         samples: of the belief.
         predicted: what each candidate would read under them.
-        situation: belief, candidates and probe.
+        context: belief, candidates and probe.
     """
-    s, c = situation, situation.candidates
+    s, c = context, context.candidates
     apart, pose = about_mode(samples, predicted, s.probe), np.zeros(len(found))
     for mode in {feature.mode for feature in found}:
-        target, T = s.belief.target(mode), s.belief.poses[mode]
+        target, T = s.state.target(mode), s.state.poses[mode]
         ranges, cosine, _, moves = beams(target, T[None], c.origins, c.directions)
         d, cosines, g = ranges[:, 0], cosine[:, 0], moves[:, 0]
         answers = np.isfinite(d) & s.probe.answers(d, cosines)

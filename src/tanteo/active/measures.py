@@ -61,23 +61,23 @@ class AcceptProbability:
     p: FloatArray
 
 
-def accept_probability(delta: Vectors, S: Covariances, alpha: float) -> AcceptProbability:
+def accept_probability(delta: Vectors, S: Covariances, significance: float) -> AcceptProbability:
     """Probability that the gate (25), in its joint form, accepts a hypothesis that predicts ``delta`` off.
 
     Args:
         delta: difference of the two predictions ``(*batch, m)``.
         S: covariance common to both ``(*batch, m, m)``.
-        alpha: rejected share of true matches.
+        significance: rejected share of true matches.
     """
     from scipy.special import chndtr  # slow to import
 
     noncentrality = chi2_statistic(np.asarray(delta, dtype=np.float64), np.asarray(S, dtype=np.float64))
     m = np.shape(delta)[-1]
-    return AcceptProbability(noncentrality, np.asarray(chndtr(chi2_limit(alpha, m), m, noncentrality)))
+    return AcceptProbability(noncentrality, np.asarray(chndtr(chi2_limit(significance, m), m, noncentrality)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Discrimination:
+class GateDiscrimination:
     """What one scalar reading tells between hypotheses.
 
     Attributes:
@@ -97,24 +97,26 @@ class Discrimination:
     error_bound: float
 
 
-def discriminate(weights: FloatArray, means: FloatArray, variances: FloatArray, alpha: float) -> Discrimination:
+def gate_discrimination(
+    weights: FloatArray, means: FloatArray, variances: FloatArray, significance: float
+) -> GateDiscrimination:
     """All measures of one scalar reading with ``y | i ~ N(means_i, variances_i)`` (``math.md`` section 11).
 
     Args:
         weights: of the hypotheses ``(n,)``, summing to one.
         means: predicted readings ``(n,)``.
         variances: theirs ``(n,)``, positive.
-        alpha: level of the gate.
+        significance: level of the gate.
 
     Raises:
         InputError: if weights are no distribution or a variance is not positive.
     """
     w, mu, var = _check(weights, means, variances)
-    accept = accept_matrix(mu, var, alpha)
+    accept = accept_matrix(mu, var, significance)
     lower, upper = information_bounds(w, mu, var)
     B = _pairwise_bhattacharyya(mu, var)
     overlap = np.sqrt(np.outer(w, w)) * np.exp(-B)
-    return Discrimination(
+    return GateDiscrimination(
         accept,
         float(w @ accept.sum(axis=1)),
         mutual_information(w, mu, var),
@@ -124,11 +126,11 @@ def discriminate(weights: FloatArray, means: FloatArray, variances: FloatArray, 
     )
 
 
-def accept_matrix(means: FloatArray, variances: FloatArray, alpha: float) -> FloatArray:
+def accept_matrix(means: FloatArray, variances: FloatArray, significance: float) -> FloatArray:
     """``A_ij``: probability that the gate about hypothesis ``j`` accepts a reading drawn from ``i``."""
     from scipy.special import ndtr  # slow to import
 
-    D = np.sqrt(chi2_limit(alpha))
+    D = np.sqrt(chi2_limit(significance))
     mu, sd = np.asarray(means), np.sqrt(variances)
     low = (mu - D * sd - mu[:, None]) / sd[:, None]
     high = (mu + D * sd - mu[:, None]) / sd[:, None]

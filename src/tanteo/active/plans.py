@@ -54,7 +54,7 @@ class PlannedReading:
         point: expected on the surface, world ``(3,)`` [m].
         face: name of the face.
         covariance: of the pose after it ``(6, 6)``, part frame [m, rad].
-        worst_corner_sd: after it [m].
+        corner_sd: after it [m].
         within: chance that all corners, or the feature, are within the tolerance after it, wherever the part turns
             out to lie: only those of the readings count that meet their faces there.
         within_if_met: the same if it and all before meet their faces, as the covariance has it.
@@ -67,7 +67,7 @@ class PlannedReading:
     point: Vectors
     face: str
     covariance: Covariances
-    worst_corner_sd: float
+    corner_sd: float
     within: float
     within_if_met: float
     meets: float
@@ -76,7 +76,7 @@ class PlannedReading:
     @property
     def sd(self) -> float:
         """Of what has to keep the tolerance, where it is worst known [m]."""
-        return self.worst_corner_sd if np.isnan(self.feature_sd) else self.feature_sd
+        return self.corner_sd if np.isnan(self.feature_sd) else self.feature_sd
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +112,7 @@ def plan(
     probe: Probe,
     tolerance: float,
     confidence: float = 0.95,
-    most: int = 30,
+    max_measurements: int = 30,
     seed: int = 0,
     feature: str | None = None,
 ) -> Plan:
@@ -123,7 +123,7 @@ def plan(
         probe: what senses.
         tolerance: of the corners of the part's box [m].
         confidence: with which they keep it, wherever the part turns out to lie.
-        most: readings at most.
+        max_measurements: readings at most.
         seed: of the places that are tried.
         feature: ``face 3``, ``edge 4`` or ``vertex 2`` to place instead of the corners: a face along its normal, an
             edge across itself.
@@ -133,7 +133,7 @@ def plan(
     """
     if len(start) != 1:
         raise InputError(f"plan: expected one part at one rough pose, got {len(start)}. Plan for each.")
-    if not (np.isfinite(tolerance) and tolerance > 0 and 0 < confidence < 1 and most >= 1):
+    if not (np.isfinite(tolerance) and tolerance > 0 and 0 < confidence < 1 and max_measurements >= 1):
         raise InputError("plan: expected a positive tolerance, a confidence between 0 and 1 and a reading at least.")
     part = start.targets[0].part
     if feature is not None:
@@ -144,7 +144,7 @@ def plan(
         return Plan(part.name, start.Ts[0], (), before, False, _nowhere(start, probe, seed), feature)
     if (within := design.chance(design.prior, tolerance)) >= confidence:
         return _nothing_to_do(start, design, tolerance, within)
-    design, chosen, can = _steadiest(start, probe, tolerance, confidence, most, seed, design)
+    design, chosen, can = _steadiest(start, probe, tolerance, confidence, max_measurements, seed, design)
     found = _as_plan(start, design, chosen, tolerance, confidence)
     if not (found.reached or can) and (why := _too_rough(start, probe, design, found, tolerance, confidence, seed)):
         found = replace(found, message=why)
@@ -154,18 +154,18 @@ def plan(
 
 
 def _steadiest(
-    start: Start, probe: Probe, tolerance: float, confidence: float, most: int, seed: int, design: Design
+    start: Start, probe: Probe, tolerance: float, confidence: float, max_measurements: int, seed: int, design: Design
 ) -> tuple[Design, IntArray, bool]:
     """The problem with readings that are as steady as may be, what is chosen, and whether all of them would do."""
     can = design.best(tolerance)
-    chosen = choose(design, tolerance, confidence, most, can=can >= confidence)
+    chosen = choose(design, tolerance, confidence, max_measurements, can=can >= confidence)
     for steady, room in _LESS_STEADY:
         if (kept := design.kept(chosen, tolerance)) >= confidence:
             break
         other = design_of(start, probe, seed, design.places.feature, steady, room)
         if other is None or (best := other.best(tolerance)) < max(can, kept) + _WORTH * (best < confidence):
             continue
-        now = choose(other, tolerance, confidence, most, can=best >= confidence)
+        now = choose(other, tolerance, confidence, max_measurements, can=best >= confidence)
         if other.kept(now, tolerance) >= min(kept + _WORTH, confidence):
             design, chosen, can = other, now, best
     return design, chosen, can >= confidence

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.active.baselines import LargestFace, Nearest, Random, Scripted321
+from tanteo.active.context import Choice, DecisionContext, Policy
 from tanteo.active.features import Feature, features, joint_information
 from tanteo.active.samples import Predictions, Samples, draw, predict
-from tanteo.active.situation import Choice, Policy, Situation
 from tanteo.active.utility import about_mode, expected_information
 from tanteo.errors import InputError
 from tanteo.typing import FloatArray
@@ -22,14 +22,14 @@ _ALONE, _MEANWHILE = 0.01, 0.3
 between equals; and until it is known, where the pose is asked for as well."""
 
 
-def most_told(situation: Situation) -> float:
+def most_told(context: DecisionContext) -> float:
     """What the best candidate is expected to tell [nats], whichever one a policy takes: by this a session ends."""
-    return float(_told(situation)[2].max())
+    return float(_told(context)[2].max())
 
 
-def _told(s: Situation) -> tuple[Samples, Predictions, FloatArray]:
+def _told(s: DecisionContext) -> tuple[Samples, Predictions, FloatArray]:
     """Poses, what each candidate would read at them, and what it is expected to tell ``(C,)`` [nats]."""
-    samples = draw(s.belief, _SAMPLES, s.tolerance, s.feature)
+    samples = draw(s.state, _SAMPLES, s.tolerance, s.feature)
     predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe)
     return samples, predicted, expected_information(samples, predicted, s.probe)
 
@@ -48,9 +48,9 @@ class Information:
     per_second: bool = False
     name: str = "information"
 
-    def choose(self, situation: Situation) -> Choice:
+    def choose(self, context: DecisionContext) -> Choice:
         """The candidate with the largest expected information, or information a second."""
-        s = situation
+        s = context
         samples, predicted, gains = _told(s)
         worth = gains
         if s.part_only or s.part_open:
@@ -74,11 +74,11 @@ class Features:
 
     name: str = "features"
 
-    def choose(self, situation: Situation) -> Choice:
+    def choose(self, context: DecisionContext) -> Choice:
         """A reading of the feature that is worth most."""
-        s = situation
+        s = context
         samples, predicted, alone = _told(s)
-        found = features(s.belief, s.candidates)
+        found = features(s.state, s.candidates)
         gains = joint_information(found, samples, predicted, s)
         worth = gains / np.array([_seconds(s, feature) for feature in found])
         best = int(np.argmax(worth))
@@ -88,7 +88,7 @@ class Features:
         return Choice(k, float(gains[best]), why)
 
 
-def _seconds(s: Situation, feature: Feature) -> float:
+def _seconds(s: DecisionContext, feature: Feature) -> float:
     """Time that the readings of a feature take, one after another."""
     way = np.linalg.norm(np.diff(s.candidates.origins[feature.rows], axis=0), axis=1).sum()
     return float(s.probe.seconds * len(feature.rows) + (s.travel()[feature.rows[0]] + way) / s.probe.speed)

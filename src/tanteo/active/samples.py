@@ -9,10 +9,10 @@ from statistics import NormalDist
 import numpy as np
 
 from tanteo import _core
-from tanteo.active.belief import Belief
 from tanteo.active.places import places_of
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone, of_cone, rays_met
+from tanteo.active.state import SensingState
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
@@ -65,60 +65,60 @@ class Samples:
         return len(self.part)
 
 
-def draw(belief: Belief, count: int, tolerance: float | None = None, feature: str | None = None) -> Samples:
+def draw(state: SensingState, count: int, tolerance: float | None = None, feature: str | None = None) -> Samples:
     """About so many samples of a belief, more of the likelier modes, spread evenly over each (Sobol).
 
     Args:
-        belief: what is known.
+        state: what is known.
         count: of samples; every mode has one at least.
         tolerance: of the corners of the part [m], beyond which nothing more needs to be known; None for none.
         feature: name of one that has to keep it instead, see :class:`tanteo.active.Stop`.
     """
-    alive = np.flatnonzero(belief.weights > _LEAST * belief.weights.max(initial=0.0))
-    w = belief.weights[alive] / belief.weights[alive].sum()
+    alive = np.flatnonzero(state.weights > _LEAST * state.weights.max(initial=0.0))
+    w = state.weights[alive] / state.weights[alive].sum()
     counts = np.maximum(1, np.round(count * w)).astype(np.int64)
     which = np.repeat(np.arange(len(alive)), counts)
     mode = alive[which]
     xi = np.concatenate([even_normals(n) for n in counts]) if len(counts) else np.zeros((0, 6))
-    C = belief.covariances[mode]
-    values, vectors = np.linalg.eigh(belief.covariances[alive])
+    C = state.covariances[mode]
+    values, vectors = np.linalg.eigh(state.covariances[alive])
     L = (vectors * np.sqrt(values.clip(0.0))[:, None, :])[which]
     many = counts[which] > 1  # a single sample has all of the covariance
     moved = np.where(many[:, None], np.sqrt(1 - _KEPT) * (L @ xi[..., None])[..., 0], 0.0)
     kept = np.where(many, _KEPT, 1.0)[:, None, None] * C
-    Ts = belief.poses[mode] @ SE3.exp(moved)
-    kept, Ts = _from_draws(belief, alive, counts, kept, Ts)
-    useful = np.stack([_useful(belief, int(k), tolerance, feature) for k in alive]) if len(alive) else C
-    return Samples(belief.start.targets, belief.part[mode], mode, Ts, kept, (w / counts)[which], C, useful[which])
+    Ts = state.poses[mode] @ SE3.exp(moved)
+    kept, Ts = _from_draws(state, alive, counts, kept, Ts)
+    useful = np.stack([_useful(state, int(k), tolerance, feature) for k in alive]) if len(alive) else C
+    return Samples(state.start.targets, state.part[mode], mode, Ts, kept, (w / counts)[which], C, useful[which])
 
 
 def _from_draws(
-    belief: Belief, alive: IntArray, counts: IntArray, kept: Covariances, Ts: Transforms
+    state: SensingState, alive: IntArray, counts: IntArray, kept: Covariances, Ts: Transforms
 ) -> tuple[Covariances, Transforms]:
     """Where a mode is not normal, the draws of the belief, with a share of the curvature at its maximum."""
     first = np.cumsum(counts) - counts
     for k, n, at in zip(alive, counts, first, strict=True):
-        if belief.draws is None or belief.modes[k].normal or n < 2:
+        if state.draws is None or state.modes[k].normal or n < 2:
             continue
-        rows = np.flatnonzero(belief.draws.mode == k)
+        rows = np.flatnonzero(state.draws.mode == k)
         if not len(rows):
             continue
-        w = np.cumsum(belief.draws.weights[rows])
+        w = np.cumsum(state.draws.weights[rows])
         chosen = rows[np.searchsorted(w, w[-1] * (np.arange(n) + 0.5) / n).clip(0, len(rows) - 1)]
-        Ts[at : at + n] = belief.draws.Ts[chosen]
-        kept[at : at + n] = _KEPT * np.linalg.inv(pose_information(belief.modes[k].information))
+        Ts[at : at + n] = state.draws.Ts[chosen]
+        kept[at : at + n] = _KEPT * np.linalg.inv(pose_information(state.modes[k].information))
     return kept, Ts
 
 
-def _useful(belief: Belief, k: int, tolerance: float | None, feature: str | None) -> Covariances:
+def _useful(state: SensingState, k: int, tolerance: float | None, feature: str | None) -> Covariances:
     """``C - (C^-1 + W)^-1`` of mode ``k``, ``W`` the information that just keeps the places within the tolerance.
 
     Of motions that move none of them, nothing is worth knowing.
     """
-    C = belief.covariances[k]
+    C = state.covariances[k]
     if tolerance is None:
         return C
-    J = places_of(belief.target(k).part, feature).moves
+    J = places_of(state.target(k).part, feature).moves
     values, vectors = np.linalg.eigh(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
     some = values > _SEEN * values[-1]
     A = np.sqrt(some.sum() * values[some])[:, None] * (_RMS / tolerance) * vectors[:, some].T

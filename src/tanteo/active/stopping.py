@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active.belief import Belief
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.samples import even_normals
+from tanteo.active.state import SensingState
 from tanteo.answers.part_motions import observed_covariance, without_spin
 from tanteo.errors import InputError
 from tanteo.lie import SE3
@@ -41,7 +41,7 @@ class Stop:
             corners.
         least_gain: information below which no reading is worth making [nats], but to confirm what is known but for
             "none of these", and where the readings that may still be made tell what little is left to know.
-        most: number of readings at which to end in any case.
+        max_measurements: number of readings at which to end in any case.
 
     Raises:
         InputError: no probability, a tolerance that is no length, a feature without tolerance, or no name of one.
@@ -51,7 +51,7 @@ class Stop:
     tolerance: float | None = None
     confidence: float = 0.95
     least_gain: float = 0.02
-    most: int = 100
+    max_measurements: int = 100
     feature: str | None = None
 
     def __post_init__(self) -> None:
@@ -69,161 +69,161 @@ class Stop:
                 raise InputError(
                     f"feature: expected a tolerance with '{self.feature}', got none. Say tolerance=0.5e-3."
                 )
-        check_count("most", self.most, 1)
+        check_count("max_measurements", self.max_measurements, 1)
         check_number("least_gain", self.least_gain)
         if not self.least_gain >= 0:
             raise InputError("least_gain: expected no negative information [nats].")
 
-    def reached(self, belief: Belief) -> str:
+    def reached(self, state: SensingState) -> str:
         """Why sensing can end now, in words; empty if it cannot."""
-        if belief.touches is None or not len(belief.touches) or not len(belief.weights):
+        if state.touches is None or not len(state.touches) or not len(state.weights):
             return ""
-        P = belief.of_parts()
+        P = state.of_parts()
         k = int(np.argmax(P))
-        name = belief.start.targets[k].part.name
+        name = state.start.targets[k].part.name
         words = []
         if self.probability is not None:
-            if not self.knows_part(belief):
+            if not self.knows_part(state):
                 return ""
             words.append(f"it is {name} ({_short(P[k])})")
         if self.tolerance is not None:
-            inside = self.chance(belief)
+            inside = self.chance(state)
             if inside < max(self.confidence, _HALF):
                 return ""
-            places = places_of(belief.start.targets[k].part, self.feature)
+            places = places_of(state.start.targets[k].part, self.feature)
             what = f"every corner of {name}" if places.feature is None else places.name
             words.append(f"{what} is within {1e3 * self.tolerance:.3g} mm of where it is said to be ({_short(inside)})")
         return " and ".join(words)
 
-    def chance(self, belief: Belief) -> float:
+    def chance(self, state: SensingState) -> float:
         """That the corners, or the feature, are within the tolerance; NaN where none is asked for."""
-        return float("nan") if self.tolerance is None else chance_within(belief, self.tolerance, self.feature)
+        return float("nan") if self.tolerance is None else chance_within(state, self.tolerance, self.feature)
 
-    def knows_part(self, belief: Belief) -> bool:
+    def knows_part(self, state: SensingState) -> bool:
         """Whether it is known well enough which part it is; always, where nobody asks."""
         if self.probability is None:
             return True
-        return bool(belief.of_parts().max(initial=0.0) > max(self.probability, _HALF))
+        return bool(state.of_parts().max(initial=0.0) > max(self.probability, _HALF))
 
-    def confirms(self, belief: Belief) -> bool:
+    def confirms(self, state: SensingState) -> bool:
         """Whether more readings on the part are all that is missing: which it is among the parts, and where, is known.
 
         Then only "none of these" is in the way. That it is a part like this one gets less probable by one over the
         number of readings that are on it; no single one of them tells much.
         """
-        if self.probability is None or not len(belief.weights) or belief.unknown > _HALF:
+        if self.probability is None or not len(state.weights) or state.unknown > _HALF:
             return False
-        rest, readings = 1 - belief.unknown, 0 if belief.touches is None else len(belief.touches)
-        allowed = 1 - self.probability * rest / belief.of_parts().max()
-        if allowed <= 0 or (readings + 1) * belief.unknown > allowed * self.most:
+        rest, readings = 1 - state.unknown, 0 if state.touches is None else len(state.touches)
+        allowed = 1 - self.probability * rest / state.of_parts().max()
+        if allowed <= 0 or (readings + 1) * state.unknown > allowed * self.max_measurements:
             return False
-        return self.tolerance is None or self.chance(belief) >= self.confidence * rest
+        return self.tolerance is None or self.chance(state) >= self.confidence * rest
 
-    def settles(self, belief: Belief, gain: float, left: int) -> bool:
+    def settles(self, state: SensingState, gain: float, left: int) -> bool:
         """Whether so many readings, each of which tells little, would tell what is not known yet: part and place.
 
         What is left to know of a part at 0.98, where 0.99 is asked for, is little too. Where the tolerance is not kept
         even if it is what it most probably is, more is missing than that.
 
         Args:
-            belief: what is known.
+            state: what is known.
             gain: what the next reading is expected to tell [nats].
             left: readings that may still be made.
         """
-        if not len(belief.weights) or gain < _FAINT * self.least_gain:
+        if not len(state.weights) or gain < _FAINT * self.least_gain:
             return False
-        known = belief.of_parts() if self.tolerance is None else belief.weights
-        if gain * left < entropy(np.append(known, belief.unknown)).sum():
+        known = state.of_parts() if self.tolerance is None else state.weights
+        if gain * left < entropy(np.append(known, state.unknown)).sum():
             return False
-        return self.tolerance is None or self.chance(belief) >= self.confidence * float(belief.weights.max())
+        return self.tolerance is None or self.chance(state) >= self.confidence * float(state.weights.max())
 
 
 def _short(p: float) -> str:
     return f"P = {p:.4f}" if p < 0.9999 else "P > 0.9999"
 
 
-def chance_within(belief: Belief, tolerance: float, feature: str | None = None) -> float:
+def chance_within(state: SensingState, tolerance: float, feature: str | None = None) -> float:
     """Probability that all corners of the part's box are within a tolerance of where the best mode puts them.
 
     Other modes of the same part count as far as they put the corners there too; symmetric poses are one.
 
     Args:
-        belief: what is known.
+        state: what is known.
         tolerance: how far off they may be [m].
         feature: name of one that is to be within it instead, see :class:`Stop`.
     """
-    if (tolerance, feature) not in belief.chances:
-        belief.chances[tolerance, feature] = _chance_within(belief, tolerance, feature)
-    return belief.chances[tolerance, feature]
+    if (tolerance, feature) not in state.chances:
+        state.chances[tolerance, feature] = _chance_within(state, tolerance, feature)
+    return state.chances[tolerance, feature]
 
 
-def _chance_within(belief: Belief, tolerance: float, feature: str | None) -> float:
-    if not len(belief.weights):
+def _chance_within(state: SensingState, tolerance: float, feature: str | None) -> float:
+    if not len(state.weights):
         return 0.0
-    best = int(np.argmax(belief.weights))
-    same = np.flatnonzero(belief.part == belief.part[best])
-    counts = np.maximum(64, np.ceil(_SAMPLES * belief.weights[same] / belief.weights[same].sum())).astype(int)
+    best = int(np.argmax(state.weights))
+    same = np.flatnonzero(state.part == state.part[best])
+    counts = np.maximum(64, np.ceil(_SAMPLES * state.weights[same] / state.weights[same].sum())).astype(int)
     total = 0.0
     for k, n in zip(same, counts, strict=True):
-        Ts, w = _poses(belief, int(k), int(n))
-        total += float(belief.weights[k] * np.average(_distances(belief, best, Ts, feature) <= tolerance, weights=w))
+        Ts, w = _poses(state, int(k), int(n))
+        total += float(state.weights[k] * np.average(_distances(state, best, Ts, feature) <= tolerance, weights=w))
     return total
 
 
-def _poses(belief: Belief, k: int, count: int) -> tuple[FloatArray, FloatArray]:
+def _poses(state: SensingState, k: int, count: int) -> tuple[FloatArray, FloatArray]:
     """Poses of one mode and their weights: from its covariance, or those it was weighed by if it is not normal."""
     rows = np.zeros(0, dtype=np.int64)
-    if belief.draws is not None and not belief.modes[k].normal:
-        rows = np.flatnonzero(belief.draws.mode == k)
-    if belief.draws is not None and len(rows):  # of a mode that hardly matters, no draw may be left
-        return belief.draws.Ts[rows], belief.draws.weights[rows]
-    values, vectors = np.linalg.eigh(belief.covariances[k])
+    if state.draws is not None and not state.modes[k].normal:
+        rows = np.flatnonzero(state.draws.mode == k)
+    if state.draws is not None and len(rows):  # of a mode that hardly matters, no draw may be left
+        return state.draws.Ts[rows], state.draws.weights[rows]
+    values, vectors = np.linalg.eigh(state.covariances[k])
     xi = even_normals(count) @ (vectors * np.sqrt(values.clip(0.0))).T
-    return belief.poses[k] @ SE3.exp(xi), np.ones(count)
+    return state.poses[k] @ SE3.exp(xi), np.ones(count)
 
 
-def corner_distances(belief: Belief, k: int, Ts: FloatArray) -> FloatArray:
+def corner_distances(state: SensingState, k: int, Ts: FloatArray) -> FloatArray:
     """Largest distance of a corner of the part's box from where mode ``k`` has it ``(S,)`` [m], up to symmetry.
 
     Args:
-        belief: what is known.
+        state: what is known.
         k: the mode.
         Ts: poses of the same part ``(S, 4, 4)``.
     """
-    return _distances(belief, k, Ts)
+    return _distances(state, k, Ts)
 
 
-def _distances(belief: Belief, k: int, Ts: FloatArray, feature: str | None = None) -> FloatArray:
-    return _moved(belief, k, Ts, places_of(belief.target(k).part, feature))[2]
+def _distances(state: SensingState, k: int, Ts: FloatArray, feature: str | None = None) -> FloatArray:
+    return _moved(state, k, Ts, places_of(state.target(k).part, feature))[2]
 
 
-def worst_corner(belief: Belief) -> float:
+def largest_corner_sd(state: SensingState) -> float:
     """Largest standard deviation of the position of a corner of the likeliest part's box, in any direction [m].
 
     Over all poses that this part may have: that of one which may lie in either of two ways is large. Up to symmetry;
     NaN if no part explains the readings.
     """
-    if not len(belief.weights):
+    if not len(state.weights):
         return float("nan")
-    best = int(np.argmax(belief.weights))
-    part, same = belief.target(best).part, np.flatnonzero(belief.part == belief.part[best])
-    w = belief.weights[same] / belief.weights[same].sum()
+    best = int(np.argmax(state.weights))
+    part, same = state.target(best).part, np.flatnonzero(state.part == state.part[best])
+    w = state.weights[same] / state.weights[same].sum()
     places = places_of(part)
-    moved, R, _ = _moved(belief, best, belief.poses[same], places)
+    moved, R, _ = _moved(state, best, state.poses[same], places)
     J = R[:, None] @ places.moves
-    C = np.stack([observed_covariance(part, belief.covariances[k]) for k in same])[:, None]
+    C = np.stack([observed_covariance(part, state.covariances[k]) for k in same])[:, None]
     off = moved - np.tensordot(w, moved, 1)
     whole = np.tensordot(w, J @ C @ np.swapaxes(J, -1, -2) + off[..., :, None] * off[..., None, :], 1)
     return float(np.sqrt(np.linalg.eigvalsh(whole).max().clip(0.0)))
 
 
-def _moved(belief: Belief, k: int, Ts: FloatArray, places: Places) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _moved(state: SensingState, k: int, Ts: FloatArray, places: Places) -> tuple[FloatArray, FloatArray, FloatArray]:
     """From where mode ``k`` has the places to where poses have them, in its frame ``(S, K, 3)``; how these are turned.
 
     And how far the worst place is moved ``(S,)``. Of poses that symmetry makes equal, the one at which that is least.
     """
-    part = belief.target(k).part
-    gaps = SE3.inverse(belief.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
+    part = state.target(k).part
+    gaps = SE3.inverse(state.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
     if part.symmetry.continuous:
         gaps = without_spin(part, gaps)
     R, t = gaps[..., :3, :3], gaps[..., :3, 3]

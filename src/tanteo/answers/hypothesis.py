@@ -25,7 +25,7 @@ def hypothesis_at(
     outliers: tuple[str, ...] = (),
     pairings: tuple[tuple[str, str], ...] = (),
     outlier_distances: tuple[float, ...] = (),
-    covariance_same_robot: Covariances | None = None,
+    covariance_relative: Covariances | None = None,
     shared: SharedGiven | None = None,
 ) -> Hypothesis:
     """One answer, whatever it was found from.
@@ -42,7 +42,7 @@ def hypothesis_at(
         outliers: ids of the readings that do not belong.
         pairings: reading id and model feature of those that do.
         outlier_distances: of the outliers from the surface [m].
-        covariance_same_robot: with shared errors known; None if nothing is shared.
+        covariance_relative: with shared errors known; None if nothing is shared.
         shared: these errors, whitened, given the pose; None likewise.
     """
     words = tuple(describe_motion(xi, T_world_part, part_scale(part)) for xi in free)
@@ -53,7 +53,7 @@ def hypothesis_at(
         probability=probability,
         T_world_part=T_world_part,
         covariance=covariance,
-        worst_corner_sd=corner_sd(part, observed),
+        corner_sd=corner_sd(part, observed),
         unobserved=unobserved,
         symmetry_order=part.symmetry.order,
         symmetry_poses=T_world_part @ part.symmetry.Ts[1:],
@@ -64,7 +64,7 @@ def hypothesis_at(
         outliers=outliers,
         pairings=pairings,
         outlier_distances=outlier_distances,
-        covariance_same_robot=covariance_same_robot,
+        covariance_relative=covariance_relative,
         symmetry_axis=world_axis(part, T_world_part),
         advice=_advice(part, T_world_part, free),
         shared=shared,

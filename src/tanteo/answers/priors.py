@@ -18,7 +18,7 @@ class Priors:
 
     Attributes:
         unknown: probability that the object is none of the parts.
-        clutter: probability that a sensed feature does not belong to the part; of bare readings the mean of a rate
+        outlier_rate: probability that a sensed feature does not belong to the part; of bare readings the mean of a rate
             that the readings themselves find out (decision 35).
         radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
@@ -31,16 +31,16 @@ class Priors:
     """
 
     unknown: float = 0.05
-    clutter: float = 0.02
+    outlier_rate: float = 0.02
     radius: float = 0.0
     right_angled: float = 0.8
-    kin: float = 0.5
+    near_variant: float = 0.5
     pose: PosePrior | None = None
 
     def __post_init__(self) -> None:
-        for name in ("unknown", "clutter", "kin", "right_angled"):
+        for name in ("unknown", "outlier_rate", "kin", "right_angled"):
             check_number(f"priors, {name}", getattr(self, name))
-        for name in ("unknown", "clutter", "kin"):
+        for name in ("unknown", "outlier_rate", "kin"):
             if not 0 < getattr(self, name) < 1:
                 raise InputError(
                     f"priors, {name}: expected a probability between 0 and 1, got {getattr(self, name)}. A tiny one is "
@@ -48,8 +48,8 @@ class Priors:
                 )
         if not 0 <= self.right_angled < 1:
             raise InputError(f"priors, right_angled: expected a share from 0 to below 1, got {self.right_angled}.")
-        if self.clutter > OFTEN:
-            raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.clutter}. Say less.")
+        if self.outlier_rate > OFTEN:
+            raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.outlier_rate}. Say less.")
         check_length("priors, radius", self.radius)
 
 

@@ -13,18 +13,18 @@ from tanteo.limits import check_count, check_number
 from tanteo.parts.several import as_parts
 
 
-def check_question(parts: Any, alpha: float, top: int, seed: int, priors: Priors | None) -> tuple[Any, ...]:
+def check_question(parts: Any, significance: float, top: int, seed: int, priors: Priors | None) -> tuple[Any, ...]:
     """The parts as a tuple; arguments that cannot be meant are refused.
 
     Raises:
-        InputError: no part or something else in its place, ``alpha`` outside (0, 1), no ``top``, no seed, no priors.
+        InputError: no part, ``significance`` outside (0, 1), no ``top``, no seed, no priors.
     """
     found = as_parts("parts", parts)
     if not found:
         raise InputError("parts: expected at least one part, got none.")
-    check_number("alpha", alpha)
-    if not 0 < alpha < 1:
-        raise InputError(f"alpha: expected a probability between 0 and 1, got {alpha}.")
+    check_number("significance", significance)
+    if not 0 < significance < 1:
+        raise InputError(f"alpha: expected a probability between 0 and 1, got {significance}.")
     check_count("top", top, 1)
     check_count("seed", seed, 0)
     if priors is not None:

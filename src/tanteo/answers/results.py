@@ -23,7 +23,7 @@ class Hypothesis:
         T_world_part: pose ``(4, 4)``, maps points of the part [m] to the world.
         covariance: ``(6, 6)``, order x y z rx ry rz, in the part frame, right perturbation [m, rad]. Directions that
             nothing observes carry the variance of a uniform draw over the part's size (diagonal of its box) or a turn.
-        worst_corner_sd: largest standard deviation of the position of a corner of the part's box [m].
+        corner_sd: largest standard deviation of the position of a corner of the part's box [m].
         unobserved: directions that the readings leave free and no symmetry explains, in words.
         symmetry_order: number of equivalent poses, this one included.
         symmetry_poses: the other equivalent poses ``(symmetry_order - 1, 4, 4)``.
@@ -34,7 +34,7 @@ class Hypothesis:
         outliers: ids of the readings that the hypothesis does not explain.
         pairings: reading id and model feature, for every explained reading.
         outlier_distances: how far each outlier is from the surface [m]; NaN where that is not known.
-        covariance_same_robot: the same covariance with the errors that all readings share (robot, tip, sensor bias)
+        covariance_relative: the same covariance with the errors that all readings share (robot, tip, sensor bias)
             taken as known; None if nothing is shared. Where the robot's base is the only one of them, and nothing was
             said of where the part is in the world, it is how well the same robot finds the part again.
         symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
@@ -49,7 +49,7 @@ class Hypothesis:
     probability: float
     T_world_part: Transforms
     covariance: Covariances
-    worst_corner_sd: float
+    corner_sd: float
     unobserved: tuple[str, ...]
     symmetry_order: int
     symmetry_poses: Transforms
@@ -60,7 +60,7 @@ class Hypothesis:
     outliers: tuple[str, ...]
     pairings: tuple[tuple[str, str], ...]
     outlier_distances: tuple[float, ...] = ()
-    covariance_same_robot: Covariances | None = None
+    covariance_relative: Covariances | None = None
     symmetry_axis: FloatArray | None = None
     advice: str = ""
     shared: SharedGiven | None = None

@@ -23,7 +23,7 @@ probabilities, which samples tell."""
 def verdict(
     hypotheses: tuple[Hypothesis, ...],
     unknown: float,
-    alpha: float,
+    significance: float,
     *,
     cut: bool = False,
     as_published: bool = False,
@@ -40,7 +40,7 @@ def verdict(
     Args:
         hypotheses: best first.
         unknown: probability of "none of these".
-        alpha: least p-value of an answer.
+        significance: least p-value of an answer.
         cut: whether the search dropped something.
         as_published: the paper has no joint test, so the p-value does not reject.
         worst: what contradicts the best hypothesis most, in words; empty if no reading is far off.
@@ -53,7 +53,9 @@ def verdict(
         same: names of parts of the shape of the best one; all that fit alike, if not given.
     """
     note = " The search was cut short: sense fewer, better spread features." if cut else ""
-    doubted = prior_p < SUSPECT or (hypotheses and hypotheses[0].p_value < alpha and prior_p < alpha and not worst)
+    doubted = prior_p < SUSPECT or (
+        hypotheses and hypotheses[0].p_value < significance and prior_p < significance and not worst
+    )
     if elsewhere or (hypotheses and doubted):
         closest = elsewhere or hypotheses[0].part
         return "unknown", (
@@ -63,7 +65,7 @@ def verdict(
     if not hypotheses or (unknown > max(h.probability for h in hypotheses) and not known):
         return "unknown", _unknown_message(hypotheses, unknown) + note
     best = hypotheses[0]
-    if best.p_value < alpha and not as_published:
+    if best.p_value < significance and not as_published:
         most = f", most of all {worst}" if worst else ""
         return "unknown", (
             f"The closest part is {best.part}, but the readings contradict it (p = {best.p_value:.2g}){most}: "
@@ -76,7 +78,7 @@ def verdict(
     if best.probability < least:
         return "ambiguous", _ambiguous_message(hypotheses, unknown, shares, same) + note
     sure, else_ = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
-    located = f"located to {1e3 * best.worst_corner_sd:.2g} mm (1 sd, worst corner)"
+    located = f"located to {1e3 * best.corner_sd:.2g} mm (1 sd, worst corner)"
     return "recognized", f"{best.part}{sure}, {located}{else_}." + note
 
 
@@ -125,7 +127,7 @@ def _ambiguous_message(
     best, *others = hypotheses
     alike = [h for h in others if _fit_alike(best, h, _SAME if of_its_shape is None else _LIKELY)]
     itself = [h for h in others if (h.part, h.file) == (best.part, best.file)]
-    near = max(0.1 * best.worst_corner_sd, 1e-9)
+    near = max(0.1 * best.corner_sd, 1e-9)
     if any(np.allclose(h.T_world_part, best.T_world_part, rtol=0.0, atol=near) for h in itself):
         return f"{best.part} was given more than once, and no reading can tell it from itself: leave the others out."
     alike = [h for h in alike if h not in itself and (of_its_shape is None or h.part in of_its_shape)]

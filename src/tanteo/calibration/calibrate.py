@@ -13,7 +13,7 @@ from tanteo.calibration.geometry import BEAM, PLANE
 from tanteo.calibration.log import PlaneLog, plane_log
 from tanteo.calibration.noise import law_cov, place_basis, with_noise_uncertain
 from tanteo.calibration.prior import Prior, make_prior
-from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, make_strays, robot_tilt_cov
+from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, make_outliers, robot_tilt_cov
 from tanteo.calibration.start import starts
 from tanteo.calibration.words import is_lost, status_of, untold
 from tanteo.errors import ReadingsError
@@ -81,13 +81,13 @@ def calibrate(
 
 def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *, rigged: bool) -> Calibration:
     basis = place_basis(log.ranges, fit.prediction.incidences)
-    about = (fit.law, log, 1 - fit.stray, basis, fit.prediction.jacobian, fit.cov)
+    about = (fit.law, log, 1 - fit.outlier, basis, fit.prediction.jacobian, fit.cov)
     squares = law_cov(*about)
     fit = replace(fit, cov=with_noise_uncertain(*about))
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
     told = [untold(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
     status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
-    aside = fit.stray > 0.5
+    aside = fit.outlier > 0.5
     inexplicable = aside & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
     if not fit.explains:
         status = "insufficient"
@@ -122,13 +122,13 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
         message=message,
         beams=beams,
         planes=tuple(_plane(log, fit, p, robot) for p in range(len(log.planes))),
-        strays=make_strays(log, fit),
+        outliers=make_outliers(log, fit),
         log=log,
         ranges=log.ranges,
         incidences=fit.prediction.incidences,
         residuals=fit.residuals,
         sds=np.sqrt(fit.variances),
-        good=fit.stray <= 0.5,
+        good=fit.outlier <= 0.5,
         cov=fit.cov,
     )
 
@@ -155,7 +155,7 @@ def _doubts(beams: Sequence[BeamFit], log: PlaneLog, fit: Fit, prior: Prior, *, 
 
 
 def _plane(log: PlaneLog, fit: Fit, p: int, robot: RobotPreset | None) -> PlaneFit:
-    good = (log.plane == p) & (fit.stray <= 0.5)
+    good = (log.plane == p) & (fit.outlier <= 0.5)
     distances = fit.residuals[good] * np.cos(fit.prediction.incidences[good])
     at = len(BEAM) * len(log.beams) + len(PLANE) * p
     T, cov = fit.setup.T_world_planes[p], fit.cov[at : at + 3, at : at + 3]

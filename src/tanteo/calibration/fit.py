@@ -10,8 +10,8 @@ import numpy as np
 from tanteo.calibration.geometry import BEAM, Prediction, Setup, facing, predict
 from tanteo.calibration.log import PlaneLog
 from tanteo.calibration.noise import PlaceLaw, first_law, improved, place_basis
+from tanteo.calibration.outliers import mixture_log_likelihood, outlier_probabilities
 from tanteo.calibration.prior import Prior
-from tanteo.calibration.strays import mixture_log_likelihood, stray_probabilities
 from tanteo.typing import FloatArray
 
 _FIRST_PASSES, _PASSES = 25, 300
@@ -31,7 +31,7 @@ class Fit:
         prediction: Of every station.
         residuals: Read less predicted [m], ``(m,)``.
         variances: Of good residuals [m^2], ``(m,)``.
-        stray: How probably each station is a stray, ``(m,)``.
+        outlier: How probably each station is a stray, ``(m,)``.
         cov: Of all parameters, ``(size, size)``.
         evidence: Logarithm of the probability of the stations under the mixture, with the setup integrated out
             around its best (Laplace); comparable between fits of one log.
@@ -45,7 +45,7 @@ class Fit:
     prediction: Prediction
     residuals: FloatArray
     variances: FloatArray
-    stray: FloatArray
+    outlier: FloatArray
     cov: FloatArray
     evidence: float
     gain: float
@@ -54,7 +54,7 @@ class Fit:
     @property
     def explains(self) -> bool:
         """Most places are no strays, and chance does not explain them as well."""
-        return bool(np.mean(self.stray > 0.5) < 0.5) and self.gain > 0
+        return bool(np.mean(self.outlier > 0.5) < 0.5) and self.gain > 0
 
 
 def refine(
@@ -97,9 +97,9 @@ def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw | None, set
     now = predict(setup, log)
     residuals = log.ranges - now.ranges
     v = law.variances(log, place_basis(log.ranges, now.incidences))
-    stray = _strays(log, residuals, v)
+    outlier = _strays(log, residuals, v)
     J = now.jacobian
-    cov = _covariance((J * ((1 - stray) / v)[:, None]).T @ J, prior)
+    cov = _covariance((J * ((1 - outlier) / v)[:, None]).T @ J, prior)
     likelihood = sum(
         mixture_log_likelihood(residuals[mine], v[mine], log.widths[k])
         for k in range(len(log.beams))
@@ -111,7 +111,7 @@ def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw | None, set
     chance = -float(np.sum(np.log(log.widths[log.beam])))
     # every parameter, variances as well, gains half a unit by fitting and as much again by luck (Akaike)
     gain = likelihood - chance - setup.size - law.squares.size
-    return Fit(setup, law, now, residuals, v, stray, cov, evidence, gain, settled)
+    return Fit(setup, law, now, residuals, v, outlier, cov, evidence, gain, settled)
 
 
 def _strays(log: PlaneLog, residuals: FloatArray, v: FloatArray) -> FloatArray:
@@ -119,7 +119,7 @@ def _strays(log: PlaneLog, residuals: FloatArray, v: FloatArray) -> FloatArray:
     out = np.zeros(len(log))
     for k in range(len(log.beams)):
         mine = log.beam == k
-        out[mine] = stray_probabilities(residuals[mine], v[mine], log.widths[k])
+        out[mine] = outlier_probabilities(residuals[mine], v[mine], log.widths[k])
     return out
 
 

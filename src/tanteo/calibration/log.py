@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.calibration.strays import stray_probabilities
+from tanteo.calibration.outliers import outlier_probabilities
 from tanteo.errors import ReadingsError
 from tanteo.sensors import NoiseLaw, Readings, Rig
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
@@ -45,7 +45,7 @@ class PlaneLog:
         ranges: Mean of the station's readings without strays among them [m], ``(m,)``.
         counts: How many they are, ``(m,)``.
         station: Station of every reading, -1 for one that was not used, ``(n,)``.
-        is_stray: Readings that do not belong to the others of their station, ``(n,)``.
+        is_outlier: Readings that do not belong to the others of their station, ``(n,)``.
         readings: The readings.
         values: Their ranges along the beam [m], NaN where there is none, ``(n,)``.
         repeats: Of every sensor.
@@ -61,7 +61,7 @@ class PlaneLog:
     ranges: FloatArray
     counts: IntArray
     station: IntArray
-    is_stray: BoolArray
+    is_outlier: BoolArray
     readings: Readings
     values: FloatArray
     repeats: tuple[Repeats, ...]
@@ -95,14 +95,14 @@ def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
     station, first = order[station.ravel()], np.sort(first)
     cosines = {s.name: s.axis_cosine for s in rig.sensors} if rig is not None else {}
     d = readings.ranges[rows] / np.array([cosines.get(name, 1.0) for name in beams])[beam]
-    strays, repeats = np.zeros(len(rows), dtype=bool), []
+    outliers, repeats = np.zeros(len(rows), dtype=bool), []
     for k in range(len(beams)):
         mine = beam == k
-        law, strays[mine] = _repeat_noise(d[mine], station[mine], np.ptp(d[mine]))
+        law, outliers[mine] = _repeat_noise(d[mine], station[mine], np.ptp(d[mine]))
         repeats.append(law)
-    counts = np.bincount(station[~strays], minlength=len(first))
+    counts = np.bincount(station[~outliers], minlength=len(first))
     full_station, full_stray = np.full(len(readings), -1), np.zeros(len(readings), dtype=bool)
-    full_station[rows], full_stray[rows] = station, strays
+    full_station[rows], full_stray[rows] = station, outliers
     values = np.full(len(readings), np.nan)
     values[rows] = d
     return PlaneLog(
@@ -111,10 +111,10 @@ def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
         beam=beam[first],
         plane=plane[first],
         Ts_world_hand=readings.Ts_world_hand[rows[first]],
-        ranges=np.bincount(station[~strays], weights=d[~strays], minlength=len(first)) / counts,
+        ranges=np.bincount(station[~outliers], weights=d[~outliers], minlength=len(first)) / counts,
         counts=counts,
         station=full_station,
-        is_stray=full_stray,
+        is_outlier=full_stray,
         readings=readings,
         values=values,
         repeats=tuple(repeats),
@@ -151,28 +151,28 @@ def _repeat_noise(d: FloatArray, station: IntArray, width: float) -> tuple[Repea
     """The law of the differences within stations, and the readings that are strays among their repeats."""
     _, local = np.unique(station, return_inverse=True)
     counts = np.bincount(local)
-    strays = np.zeros(len(d), dtype=bool)
+    outliers = np.zeros(len(d), dtype=bool)
     if counts.max() < 2:
-        return Repeats(NoiseLaw.of(0.0), np.full((2, 2), np.nan), 0), strays
+        return Repeats(NoiseLaw.of(0.0), np.full((2, 2), np.nan), 0), outliers
     rows = [np.flatnonzero(local == s) for s in range(len(counts))]
     medians = np.array([np.median(d[r]) for r in rows])
     squares, cov = np.zeros(2), np.full((2, 2), np.nan)
     for _ in range(_PASSES):
-        left = np.bincount(local[~strays], minlength=len(counts)).astype(np.float64)
-        sums = np.bincount(local[~strays], weights=d[~strays], minlength=len(counts))
+        left = np.bincount(local[~outliers], minlength=len(counts)).astype(np.float64)
+        sums = np.bincount(local[~outliers], weights=d[~outliers], minlength=len(counts))
         means = np.where(left > 0, sums / np.maximum(left, 1), medians)
-        within = (d - means[local])[~strays] ** 2
-        scatter = np.bincount(local[~strays], weights=within, minlength=len(counts)).astype(np.float64)
+        within = (d - means[local])[~outliers] ** 2
+        scatter = np.bincount(local[~outliers], weights=within, minlength=len(counts)).astype(np.float64)
         squares, cov = _growth(scatter, np.maximum(left - 1.0, 0.0), means)
         away = d - medians[local]
         variance = squares[0] + squares[1] * medians[local] ** 2
         told = counts[local] >= _FEWEST_REPEATS
-        fresh = told & (stray_probabilities(away, np.maximum(variance, 1e-18), max(width, 1e-3)) > 0.5)
-        if (fresh == strays).all():
+        fresh = told & (outlier_probabilities(away, np.maximum(variance, 1e-18), max(width, 1e-3)) > 0.5)
+        if (fresh == outliers).all():
             break
-        strays = fresh
-    kept = np.bincount(local[~strays], minlength=len(counts))
-    return Repeats(NoiseLaw.of(*np.sqrt(squares)), cov, int(np.maximum(kept - 1, 0).sum())), strays
+        outliers = fresh
+    kept = np.bincount(local[~outliers], minlength=len(counts))
+    return Repeats(NoiseLaw.of(*np.sqrt(squares)), cov, int(np.maximum(kept - 1, 0).sum())), outliers
 
 
 def _growth(scatter: FloatArray, dof: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -67,7 +67,7 @@ class PlaneFit:
 
 
 @dataclass(frozen=True, slots=True)
-class Stray:
+class Outlier:
     """Readings that do not belong to the rest.
 
     Attributes:
@@ -76,7 +76,7 @@ class Stray:
         plane: That they were taken on.
         reading: What it read, in the mean [m].
         expected: What the calibration or the other readings of the place expect [m].
-        reason: ``saturated``, ``stray`` or ``unlike its repeats``.
+        reason: ``saturated``, ``outlier`` or ``unlike its repeats``.
     """
 
     ids: tuple[str, ...]
@@ -97,7 +97,7 @@ class Calibration:
         message: One sentence for a person.
         beams: The sensors.
         planes: The planes.
-        strays: Readings that were set aside.
+        outliers: Readings that were set aside.
         log: The stations.
         ranges: Of the stations [m], ``(m,)``.
         incidences: Of the stations [rad], ``(m,)``.
@@ -111,7 +111,7 @@ class Calibration:
     message: str
     beams: tuple[BeamFit, ...]
     planes: tuple[PlaneFit, ...]
-    strays: tuple[Stray, ...]
+    outliers: tuple[Outlier, ...]
     log: PlaneLog
     ranges: FloatArray
     incidences: FloatArray
@@ -170,26 +170,26 @@ def plane_angle(a: Calibration, plane_a: str, b: Calibration, plane_b: str) -> t
     return angle, math.sqrt(variance) / sine if sine > 1e-6 else math.sqrt(variance + np.trace(a.planes[i].cov[:2, :2]))
 
 
-def make_strays(log: PlaneLog, fit: Fit) -> tuple[Stray, ...]:
+def make_outliers(log: PlaneLog, fit: Fit) -> tuple[Outlier, ...]:
     """Stations that miss their plane, and readings that miss their station, with what speaks against them."""
     out = []
     ids = np.array(log.readings.ids, dtype=object)
-    for s in np.flatnonzero(fit.stray > 0.5).tolist():
+    for s in np.flatnonzero(fit.outlier > 0.5).tolist():
         reading, expected, ceiling = log.ranges[s], fit.prediction.ranges[s], log.largest[log.beam[s]]
         # it should have read more than it ever did, and read what it reads at most
         saturated = expected - ceiling > ceiling - reading
-        rows = (log.station == s) & ~log.is_stray
-        reason = "saturated" if saturated else "stray"
+        rows = (log.station == s) & ~log.is_outlier
+        reason = "saturated" if saturated else "outlier"
         out.append(_stray(log, s, tuple(ids[rows]), float(reading), float(expected), reason))
-    for row in np.flatnonzero(log.is_stray).tolist():
+    for row in np.flatnonzero(log.is_outlier).tolist():
         s = int(log.station[row])
         here = float(log.values[row])
         out.append(_stray(log, s, (ids[row],), here, float(log.ranges[s]), "unlike its repeats"))
     return tuple(out)
 
 
-def _stray(log: PlaneLog, s: int, ids: tuple[str, ...], reading: float, expected: float, reason: str) -> Stray:
-    return Stray(ids, log.beams[log.beam[s]], log.planes[log.plane[s]], reading, expected, reason)
+def _stray(log: PlaneLog, s: int, ids: tuple[str, ...], reading: float, expected: float, reason: str) -> Outlier:
+    return Outlier(ids, log.beams[log.beam[s]], log.planes[log.plane[s]], reading, expected, reason)
 
 
 def robot_tilt_cov(T_world_plane: Transforms, pos_sd: float, rot_sd: float) -> FloatArray:

@@ -54,7 +54,7 @@ def _headline(recognition: Recognition, frame: str) -> str:
     best = recognition.hypotheses[0]
     where = (
         f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the {frame}; "
-        f"probability {_percent(best.probability)}, worst corner sd {_millimetres(best.worst_corner_sd)}"
+        f"probability {_percent(best.probability)}, worst corner sd {_millimetres(best.corner_sd)}"
     )
     return {
         "recognized": where,
@@ -74,8 +74,8 @@ def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
         f"rx {np.degrees(sds[3]):.3g}  ry {np.degrees(sds[4]):.3g}  rz {np.degrees(sds[5]):.3g} deg, part frame",
         f"  fit         rms {_millimetres(best.rms)}, chi2 {best.chi2:.3g} with {best.dof} dof, p {best.p_value:.3g}",
     ]
-    if best.covariance_same_robot is not None:
-        same = np.sqrt(np.diag(best.covariance_same_robot))[:3] * 1e3
+    if best.covariance_relative is not None:
+        same = np.sqrt(np.diag(best.covariance_relative))[:3] * 1e3
         lines.append("  unshared    " + "x {:.3g} y {:.3g} z {:.3g} mm, if shared errors were known".format(*same))
     if best.symmetry_order > 1:
         lines.append(f"  symmetry    {best.symmetry_order} equivalent poses, reported as one")
@@ -98,7 +98,7 @@ def _others(hypotheses: tuple[Hypothesis, ...]) -> list[str]:
     for h in hypotheses:
         x = pose_as_brand("paper", h.T_world_part)
         numbers = [f"{v * 1e3:.2f}" for v in x[:3]] + [f"{np.degrees(v):.2f}" for v in x[3:]]
-        rows.append([h.part, _percent(h.probability), *numbers, f"{h.worst_corner_sd * 1e3:.3g}"])
+        rows.append([h.part, _percent(h.probability), *numbers, f"{h.corner_sd * 1e3:.3g}"])
     return table(headers, rows, indent=2)
 
 

@@ -65,7 +65,7 @@ TipSd = Annotated[
 RigPath = Annotated[
     str | None, typer.Option("--rig", metavar="FILE", help="Where the range sensors sit on the hand (TOML).")
 ]
-Alpha = Annotated[float, typer.Option("--alpha", help="Share of true answers that the tests may lose.")]
+Alpha = Annotated[float, typer.Option("--significance", help="Share of true answers that the tests may lose.")]
 Top = Annotated[int, typer.Option("--top", help="How many hypotheses to report.")]
 AsPublished = Annotated[bool, typer.Option("--as-published", help="Use the equations as the paper prints them.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
@@ -100,14 +100,14 @@ def identify(
     tolerance: Tolerance = "0mm",
     robot: Robot = None,
     tip_sd: TipSd = None,
-    strays: Strays = None,
+    outliers: Strays = None,
     none: NoneOf = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
     near: Near = None,
     prior: PriorPath = None,
-    alpha: Alpha = 0.01,
+    significance: Alpha = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
     report: Report = None,
@@ -124,7 +124,7 @@ def identify(
         with misuse():
             options = read_options(
                 units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd,
-                strays=strays, none=none, alpha=alpha, top=top, as_published=as_published, seed=seed,
+                outliers=outliers, none=none, significance=significance, top=top, as_published=as_published, seed=seed,
             )  # fmt: skip
         pose = read_pose_prior(table, box, near, prior)
         recognize(readings, parts, rig, options, pose, report=report, as_json=json, verbose=verbose)
@@ -140,14 +140,14 @@ def locate(
     tolerance: Tolerance = "0mm",
     robot: Robot = None,
     tip_sd: TipSd = None,
-    strays: Strays = None,
+    outliers: Strays = None,
     none: NoneOf = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
     near: Near = None,
     prior: PriorPath = None,
-    alpha: Alpha = 0.01,
+    significance: Alpha = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
     report: Report = None,
@@ -161,8 +161,8 @@ def locate(
     with guarded():
         require_file("--part", part)
     identify(
-        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, strays, none, rig, table, box, near, prior,
-        alpha, top, as_published, report, json, seed, verbose,
+        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, outliers, none, rig, table, box, near, prior,
+        significance, top, as_published, report, json, seed, verbose,
     )  # fmt: skip
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from tanteo.cli.printing import bold, printable, table
 
 if TYPE_CHECKING:
-    from tanteo.calibration import BeamFit, Calibration, Stray
+    from tanteo.calibration import BeamFit, Calibration, Outlier
     from tanteo.typing import FloatArray
 
-_MOST_STRAYS = 12
+_MOST_OUTLIERS = 12
 _RANGES, _ANGLE_STEP = 6, 15.0
 
 
@@ -29,7 +29,7 @@ def fit_lines(found: Calibration, *, verbose: bool) -> list[str]:
     for beam in found.beams:
         lines += ["", *_beam_lines(beam)]
     lines += ["", *_plane_table(found), "", *_coverage_table(found)]
-    return [*lines, "", *_stray_lines(found.strays, verbose=verbose)]
+    return [*lines, "", *_outlier_lines(found.outliers, verbose=verbose)]
 
 
 def _beam_lines(beam: BeamFit) -> list[str]:
@@ -112,26 +112,28 @@ def _coverage_table(found: Calibration) -> list[str]:
     return [*lines, "What is found holds for these ranges and incidences."]
 
 
-def _stray_lines(strays: tuple[Stray, ...], *, verbose: bool) -> list[str]:
-    if not strays:
+def _outlier_lines(outliers: tuple[Outlier, ...], *, verbose: bool) -> list[str]:
+    if not outliers:
         return ["No reading was set aside."]
-    kinds = Counter(s.reason for s in strays)
+    kinds = Counter(s.reason for s in outliers)
     lines = ["Set aside: " + ", ".join(f"{_count(n, r)}" for r, n in kinds.items())]
-    shown = strays if verbose else strays[:_MOST_STRAYS]
+    shown = outliers if verbose else outliers[:_MOST_OUTLIERS]
     for s in shown:
         first, last = printable(s.ids[0]), printable(s.ids[-1])
         names = first if len(s.ids) == 1 else f"{first} .. {last} ({len(s.ids)})"
         got, expected = 1e3 * s.reading, 1e3 * s.expected
         lines.append(f"  {s.reason}: {names} on {printable(s.plane)} read {got:.1f} mm, expected {expected:.1f} mm")
-    if len(shown) < len(strays):
-        lines.append(f"  ... and {len(strays) - len(shown)} more (-v shows all)")
+    if len(shown) < len(outliers):
+        lines.append(f"  ... and {len(outliers) - len(shown)} more (-v shows all)")
     return lines
 
 
 def _count(n: int, reason: str) -> str:
     what = "reading" if reason == "unlike its repeats" else "place"
     return (
-        f"{n} {what}{'s' if n > 1 else ''} {reason}" if reason != "stray" else f"{n} stray {what}{'s' if n > 1 else ''}"
+        f"{n} {what}{'s' if n > 1 else ''} {reason}"
+        if reason != "outlier"
+        else f"{n} stray {what}{'s' if n > 1 else ''}"
     )
 
 

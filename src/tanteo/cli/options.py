@@ -15,13 +15,13 @@ TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 
 _TYPED_AS = {
     "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
-    "as_published": "--as-published", "priors, clutter": "--strays", "priors, unknown": "--none",
+    "as_published": "--as-published", "priors, clutter": "--outlier-rate", "priors, unknown": "--unknown-prior",
     "table, sd": "--table", "prior, box": "--box",
-    "prior, T_world_part": "--near", "prior, covariance": "--near", "feature": "--feature",
+    "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior", "feature": "--feature",
 }  # fmt: skip
 """Names in messages of what an option says, and the option."""
 
-_MANY = ("--parts", "--distinguish")
+_MANY = ("--parts", "--discriminate")
 _READINGS_SUFFIXES = (".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -68,9 +68,9 @@ class RunOptions:
         sd: One standard deviation of readings without their own.
         tolerance: Standard deviation of the made part against its CAD.
         tip_sd: Of the tip's offset in the hand's frame.
-        strays: Share of readings expected to be off the part; None for the usual.
+        outliers: Share of readings expected to be off the part; None for the usual.
         none: Probability beforehand that it is none of the parts; None for the usual.
-        alpha: Share of true hypotheses that the tests may lose.
+        significance: Share of true hypotheses that the tests may lose.
         top: How many hypotheses to report.
         as_published: Use the paper's equations as printed.
         seed: Of the search.
@@ -82,9 +82,9 @@ class RunOptions:
     sd: float | None
     tolerance: float
     tip_sd: tuple[float, ...] | None
-    strays: float | None
+    outliers: float | None
     none: float | None
-    alpha: float
+    significance: float
     top: int
     as_published: bool
     seed: int
@@ -98,9 +98,9 @@ def read_options(
     sd: str | None,
     tolerance: str,
     tip_sd: str | None,
-    strays: str | None,
+    outliers: str | None,
     none: str | None,
-    alpha: float,
+    significance: float,
     top: int,
     as_published: bool,
     seed: int,
@@ -117,8 +117,8 @@ def read_options(
         sensor_preset(sensor)
     if robot is not None:
         robot_preset(robot)
-    if not 0 < alpha < 1:
-        raise InputError(f"--alpha: expected a number between 0 and 1, got {alpha:g}. Use 0.01.")
+    if not 0 < significance < 1:
+        raise InputError(f"--significance: expected a number between 0 and 1, got {significance:g}. Use 0.01.")
     read_top(top)
     if seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
@@ -129,32 +129,32 @@ def read_options(
         sd=None if sd is None else _require("--sd", parse_length(sd, "--sd"), sd, positive=True),
         tolerance=_require("--tolerance", parse_length(tolerance, "--tolerance"), tolerance, positive=False),
         tip_sd=None if tip_sd is None else _three("--tip-sd", parse_lengths(tip_sd, "--tip-sd"), tip_sd),
-        strays=read_strays(strays),
+        outliers=read_outlier_rate(outliers),
         none=read_none(none),
-        alpha=alpha,
+        significance=significance,
         top=top,
         as_published=as_published,
         seed=seed,
     )
 
 
-def read_strays(text: str | None) -> float | None:
-    """The share of ``--strays``; None if it was not typed."""
-    return None if text is None else _share("--strays", text, 0.5, "one half")
+def read_outlier_rate(text: str | None) -> float | None:
+    """The share of ``--outlier-rate``; None if it was not typed."""
+    return None if text is None else _share("--outlier-rate", text, 0.5, "one half")
 
 
 def read_none(text: str | None) -> float | None:
-    """The probability of ``--none``; None if it was not typed."""
-    return None if text is None else _share("--none", text, 1.0, "one")
+    """The probability of ``--unknown-prior``; None if it was not typed."""
+    return None if text is None else _share("--unknown-prior", text, 1.0, "one")
 
 
-def _share(name: str, text: str, most: float, word: str) -> float:
+def _share(name: str, text: str, max_measurements: float, word: str) -> float:
     """A share between 0 and the most that it may be, which has that name, as ``10%`` or ``0.1``."""
     try:
         value = float(text[:-1]) / 100 if text.endswith("%") else float(text)
     except ValueError:
         value = math.nan
-    if not 0 < value < most:
+    if not 0 < value < max_measurements:
         raise InputError(f"{name}: expected a share above 0 and below {word}, got '{text}'. Write it as 5%.")
     return value
 

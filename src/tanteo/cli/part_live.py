@@ -38,7 +38,7 @@ def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
     words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.face} of {action.part}"
     if step is not None and len(step.ids):
         count = "1 reading" if len(step.ids) == 1 else f"{len(step.ids)} readings"
-        words += f", {count}: {belief_words(visit)}"
+        words += f", {count}: {state_words(visit)}"
     words += f" ({visit.note})" if visit.note else ""
     lines = [printable(words)]
     if verbose:
@@ -47,11 +47,11 @@ def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
     return lines
 
 
-def belief_words(visit: Visit) -> str:
+def state_words(visit: Visit) -> str:
     """The leading part, how probable it is, and how well it is placed."""
     step = visit.step
     if step is None or step.part < 0:
         return "no part explains them"
     probability = float(step.probabilities[step.part])
     words = f"{visit.leader} P = {probability:.3f}" if probability < 0.9995 else f"{visit.leader} P > 0.999"
-    return f"{words}, worst corner sd {1e3 * step.worst_corner_sd:.2f} mm"
+    return f"{words}, worst corner sd {1e3 * step.corner_sd:.2f} mm"

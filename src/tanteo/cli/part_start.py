@@ -42,8 +42,8 @@ def start_of(
     start = _seen_or_rough(scene, parts, known, view)
     if start is None:
         return None
-    clutter, unknown = options.strays or start.priors.clutter, options.none or start.priors.unknown
-    return replace(start, priors=replace(start.priors, clutter=clutter, unknown=unknown))
+    outlier_rate, unknown = options.outliers or start.priors.outlier_rate, options.none or start.priors.unknown
+    return replace(start, priors=replace(start.priors, outlier_rate=outlier_rate, unknown=unknown))
 
 
 def _seen_or_rough(scene: SceneFile, parts: Sequence[Part], known: PosePrior | None, view: View | None) -> Start | None:
@@ -65,7 +65,9 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
     from tanteo.inference import prepare
 
     if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
-        raise MisuseError("--near, --prior: expected a rough pose and nothing else, got a table or a box. Say --near.")
+        raise MisuseError(
+            "--pose-prior, --prior: expected a rough pose and nothing else, got a table or a box. Say --pose-prior."
+        )
     targets = tuple(prepare(part) for part in parts)
     if known is not None and known.T_world_part is not None and known.covariance is not None:
         n = len(targets)
@@ -73,7 +75,7 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
         return Start(targets, np.arange(n), Ts, covariances, np.ones(n), Priors())
     if scene.prior is None:
         raise InputError(
-            f"{scene.source}: expected a table [prior] with where the part roughly is, got none. Add it, say --near, "
+            f"{scene.source}: expected a table [prior] with the prior pose, got none. Add it, give --pose-prior, "
             "or show an --image."
         )
     return around(targets, scene.prior.T, scene.prior.C)
@@ -84,9 +86,7 @@ def nothing_seen(*, as_json: bool) -> NoReturn:
     from tanteo.answers import Recognition
     from tanteo.io import recognition_json
 
-    message = (
-        "the image shows no part on the table, and no rough place is known. Say --near, or check image and camera."
-    )
+    message = "the image shows no part on the table, and no prior pose is given. Give --pose-prior."
     if as_json:
         put(recognition_json(Recognition("unknown", message, (), 1.0)))
     emit([f"unknown: {message}"], sys.stderr if as_json else sys.stdout)

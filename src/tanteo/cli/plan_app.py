@@ -18,10 +18,10 @@ def plan(
     part: Annotated[
         str | None, typer.Option("--part", metavar="FILE", help="CAD file of the part to place (STEP, STL, ...).")
     ] = None,
-    distinguish: Annotated[
+    discriminate: Annotated[
         list[str] | None,
         typer.Option(
-            "--distinguish", metavar="A B", help="CAD files of two parts: which one reading tells them apart?"
+            "--discriminate", metavar="A B", help="CAD files of two parts: which one reading tells them apart?"
         ),
     ] = None,
     tolerance: Annotated[
@@ -56,7 +56,9 @@ def plan(
         str | None,
         typer.Option("--clearance", metavar="LENGTH", help="Room that the probe needs: 10mm if not said."),
     ] = None,
-    most: Annotated[int | None, typer.Option("--most", help="Readings at most: 30 if not said.")] = None,
+    max_measurements: Annotated[
+        int | None, typer.Option("--max-measurements", help="Readings at most: 30 if not said.")
+    ] = None,
     units: Annotated[
         str | None,
         typer.Option(
@@ -79,8 +81,8 @@ def plan(
     with guarded():
         with misuse():
             options = PlanOptions.read(
-                part=part, distinguish=distinguish or [], tolerance=tolerance, confidence=confidence, feature=feature,
+                part=part, discriminate=discriminate or [], tolerance=tolerance, confidence=confidence, feature=feature,
                 sensor=sensor, sd=sd, robot=robot, near=near, approach=approach, standoff=standoff, clearance=clearance,
-                most=most, units=units, csv=csv, seed=seed,
+                max_measurements=max_measurements, units=units, csv=csv, seed=seed,
             )  # fmt: skip
         run_plan(options, report, as_json=json)

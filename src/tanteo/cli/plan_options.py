@@ -32,7 +32,7 @@ class PlanOptions:
         feature: name of the one to place instead of the corners, if any.
         probe: what senses.
         near: rough pose of the part; None for that of its file, roughly.
-        most: readings at most.
+        max_measurements: readings at most.
         units: of CAD files that carry none.
         csv: file to write, if any.
         seed: of the places that are tried.
@@ -44,7 +44,7 @@ class PlanOptions:
     feature: str | None
     probe: Probe
     near: PosePrior | None
-    most: int
+    max_measurements: int
     units: str | None
     csv: str | None
     seed: int
@@ -54,7 +54,7 @@ class PlanOptions:
         cls,
         *,
         part: str | None,
-        distinguish: Sequence[str],
+        discriminate: Sequence[str],
         tolerance: str | None,
         confidence: float | None,
         feature: str | None,
@@ -65,7 +65,7 @@ class PlanOptions:
         approach: str | None,
         standoff: str | None,
         clearance: str | None,
-        most: int | None,
+        max_measurements: int | None,
         units: str | None,
         csv: str | None,
         seed: int,
@@ -79,30 +79,36 @@ class PlanOptions:
         from tanteo.cli.options import read_unit
         from tanteo.io.units import parse_length
 
-        if (part is None) == (not distinguish):
-            got = "both" if distinguish else "neither"
-            raise InputError(f"plan: expected --part FILE, or --distinguish A B, got {got}. Say one.")
-        if distinguish and len(distinguish) != 2:
-            raise InputError(f"--distinguish: expected two CAD files, got {len(distinguish)}. Name both.")
-        if distinguish and Path(distinguish[0]).resolve() == Path(distinguish[1]).resolve():
+        if (part is None) == (not discriminate):
+            got = "both" if discriminate else "neither"
+            raise InputError(f"plan: expected --part FILE, or --discriminate A B, got {got}. Say one.")
+        if discriminate and len(discriminate) != 2:
+            raise InputError(f"--discriminate: expected two CAD files, got {len(discriminate)}. Name both.")
+        if discriminate and Path(discriminate[0]).resolve() == Path(discriminate[1]).resolve():
             raise InputError(
-                f"--distinguish: expected two parts, got {distinguish[0]} twice. Poses of one part are told apart by a "
+                f"--discriminate: expected two parts, got {discriminate[0]} twice. Poses of one part are for a "
                 "session (tanteo sense part --image)."
             )
         of_plans = {
-            "tolerance": tolerance, "confidence": confidence, "feature": feature, "near": near, "most": most,
+            "tolerance": tolerance, "confidence": confidence, "feature": feature, "near": near,
+            "max_measurements": max_measurements,
             "csv": csv,
         }  # fmt: skip
         unused = [f"--{name}" for name, value in of_plans.items() if value is not None]
-        if distinguish and unused:
-            raise InputError(f"{', '.join(unused)}: expected with --part, got it with --distinguish. Leave it out.")
+        if discriminate and unused:
+            raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Leave it out.")
         if part is not None and tolerance is None:
             raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
-        confidence, most = _CONFIDENCE if confidence is None else confidence, _MOST if most is None else most
+        confidence, max_measurements = (
+            _CONFIDENCE if confidence is None else confidence,
+            _MOST if max_measurements is None else max_measurements,
+        )
         if not 0 < confidence < 1:
             raise InputError(f"--confidence: expected a number between 0 and 1, got {confidence:g}. Use 0.95.")
-        if most < 1:
-            raise InputError(f"--most: expected 1 or more, got {most}. Leave it out for {_MOST}.")
+        if max_measurements < 1:
+            raise InputError(
+                f"--max-measurements: expected 1 or more, got {max_measurements}. Leave it out for {_MOST}."
+            )
         if seed < 0:
             raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
         length = np.nan if tolerance is None else parse_length(tolerance, "--tolerance")
@@ -111,13 +117,13 @@ class PlanOptions:
         if feature is not None:
             check_feature(feature)
         return cls(
-            parts=tuple(distinguish) if part is None else (part,),
+            parts=tuple(discriminate) if part is None else (part,),
             tolerance=length,
             confidence=confidence,
             feature=feature,
             probe=_probe(sensor, sd, robot, approach, standoff, clearance),
             near=read_pose_prior(None, None, near, None),
-            most=most,
+            max_measurements=max_measurements,
             units=None if units is None else read_unit(units),
             csv=csv,
             seed=seed,

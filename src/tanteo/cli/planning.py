@@ -18,7 +18,7 @@ from tanteo.cli.targets import check_different, check_target, parts_read, writin
 from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
-    from tanteo.active import Distinction, Plan, Probe
+    from tanteo.active import Discrimination, Plan, Probe
     from tanteo.answers import PosePrior
     from tanteo.parts import Part
     from tanteo.typing import Vectors
@@ -35,7 +35,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
     check_target("--csv", options.csv)
     check_different(("--csv", options.csv), ("--report", report), inputs=parts_read(options.parts))
     for path in options.parts:
-        require_file("--part" if len(options.parts) == 1 else "--distinguish", path)
+        require_file("--part" if len(options.parts) == 1 else "--discriminate", path)
     parts = [read_all_parts([path], options.units, quiet=as_json)[0] for path in options.parts]
     if len(parts) == 2:
         _tell_apart(parts, options, report, as_json=as_json)
@@ -47,7 +47,8 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
     T, C = _rough(parts[0], options.near)
     with misuse_of_options():
         found = plan(
-            at_pose(prepare(parts[0]), T, C), options.probe, options.tolerance, options.confidence, options.most,
+            at_pose(prepare(parts[0]), T, C), options.probe, options.tolerance, options.confidence,
+            options.max_measurements,
             options.seed, options.feature,
         )  # fmt: skip
     if options.csv is not None:
@@ -87,7 +88,7 @@ def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
     worst = plan.feature or "worst corner"
     if options.near is None:
         spread = f"{1e3 * _ROUGH[0]:g} mm and {np.degrees(_ROUGH[1]):g} deg"
-        before = f"with its frame at the world's, to {spread} (say --near for another pose)"
+        before = f"with its frame at the world's, to {spread} (say --pose-prior for another pose)"
     else:
         before = prior_words(options.near)
     lines = [
@@ -132,12 +133,12 @@ def _three(values: Vectors, digits: int) -> str:
 
 
 def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None, *, as_json: bool) -> None:
-    from tanteo.active import distinguish
+    from tanteo.active import discriminate
     from tanteo.inference import prepare
     from tanteo.io.plan_out import distinction_json
 
     first, second = (prepare(part) for part in parts)
-    found = distinguish(first, second, options.probe, seed=options.seed)
+    found = discriminate(first, second, options.probe, seed=options.seed)
     if as_json:
         put(distinction_json(found))
     else:
@@ -151,7 +152,7 @@ def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None,
         raise typer.Exit(UNDECIDED)
 
 
-def distinction_lines(found: Distinction) -> list[str]:
+def distinction_lines(found: Discrimination) -> list[str]:
     """The lines for a person."""
     lines = [bold(printable(found.message))]
     if np.isfinite(found.origin).all():

@@ -25,21 +25,27 @@ BoxAt = Annotated[
 ]
 Near = Annotated[
     str | None,
-    typer.Option("--near", metavar="POSE", help="The part is near this pose, as '400,200,0mm 0,0,90deg +- 5mm 3deg'."),
+    typer.Option(
+        "--pose-prior", metavar="POSE", help="The part is near this pose, as '400,200,0mm 0,0,90deg +- 5mm 3deg'."
+    ),
 ]
 PriorPath = Annotated[
     str | None, typer.Option("--prior", metavar="FILE", help="The same from a file: table, box, rough pose (TOML).")
 ]
 Strays = Annotated[
     str | None,
-    typer.Option("--strays", metavar="SHARE", help="Of readings expected to be off the part, as 10%; 2% if not given."),
+    typer.Option(
+        "--outlier-rate", metavar="SHARE", help="Of readings expected to be off the part, as 10%; 2% if not given."
+    ),
 ]
 NoneOf = Annotated[
     str | None,
-    typer.Option("--none", metavar="SHARE", help="Probability beforehand of none of these parts, as 0.1%; else 5%."),
+    typer.Option(
+        "--unknown-prior", metavar="SHARE", help="Probability beforehand of none of these parts, as 0.1%; else 5%."
+    ),
 ]
 
-_FIELDS = {"T_world_part": "--near", "covariance": "--near", "box": "--box", "table": "--table"}
+_FIELDS = {"T_world_part": "--pose-prior", "covariance": "--pose-prior", "box": "--box", "table": "--table"}
 
 
 def read_pose_prior(table: str | None, box: str | None, near: str | None, file: str | None) -> PosePrior | None:
@@ -48,7 +54,7 @@ def read_pose_prior(table: str | None, box: str | None, near: str | None, file: 
     Args:
         table: of ``--table``.
         box: of ``--box``.
-        near: of ``--near``.
+        near: of ``--pose-prior``.
         file: of ``--prior``.
 
     Raises:
@@ -58,11 +64,11 @@ def read_pose_prior(table: str | None, box: str | None, near: str | None, file: 
     if table is box is near is file is None:
         return None
     from tanteo.answers import PosePrior
-    from tanteo.io import BRANDS, parse_box, parse_near, parse_table, prior_brand, read_prior
+    from tanteo.io import BRANDS, parse_box, parse_pose_prior, parse_table, prior_brand, read_prior
 
     with misuse():
-        frame = None if near is None else parse_near(near, "--near")
-        _say_if_unverified("--near", BRANDS.get(near.split(maxsplit=1)[0].rstrip(":")) if near else None)
+        frame = None if near is None else parse_pose_prior(near, "--pose-prior")
+        _say_if_unverified("--pose-prior", BRANDS.get(near.split(maxsplit=1)[0].rstrip(":")) if near else None)
         typed = PosePrior(
             T_world_part=None if frame is None else frame.T,
             covariance=None if frame is None else frame.C,

@@ -29,4 +29,4 @@ def replay(
     from tanteo.cli.running import guarded
 
     with guarded():
-        run_replay(record, parts or [], explained=explain, report=report, as_json=json, verbose=verbose)
+        run_replay(record, parts or [], goodness_of_fit=explain, report=report, as_json=json, verbose=verbose)

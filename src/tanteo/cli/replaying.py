@@ -25,7 +25,7 @@ _SHOWN = 5
 
 
 def run_replay(
-    path: str, folders: Sequence[str], *, explained: bool, report: str | None = None, as_json: bool, verbose: bool
+    path: str, folders: Sequence[str], *, goodness_of_fit: bool, report: str | None = None, as_json: bool, verbose: bool
 ) -> None:
     """Print the answer of a record, write its report; exits with 3 when it is not decided.
 
@@ -47,7 +47,7 @@ def run_replay(
         session = resumed(record, parts, tick)
     answer, now = session.answer(), time.perf_counter()
     answer = replace(answer, elapsed={"load": loaded - begun, "replay": now - loaded, "total": now - begun})
-    told = explain(session.belief, session.steps) if explained else None
+    told = explain(session.state, session.steps) if goodness_of_fit else None
     how = _compared(record, answer)
     _print(answer, told, as_json=as_json, verbose=verbose)
     if verbose:

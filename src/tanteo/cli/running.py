@@ -77,7 +77,7 @@ def recognize(
     def ask(asked: Readings, among: Sequence[Part]) -> Recognition:
         return identify(
             asked, among, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
-            tip_sd=options.tip_sd, rig=given.rig, alpha=options.alpha, top=options.top,
+            tip_sd=options.tip_sd, rig=given.rig, significance=options.significance, top=options.top,
             as_published=options.as_published, priors=_priors(options, pose), seed=options.seed,
         )  # fmt: skip
 
@@ -151,7 +151,7 @@ def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:
     """What is assumed beforehand; None for what always is."""
     from tanteo.answers import Priors
 
-    said = {"clutter": options.strays, "unknown": options.none}
+    said = {"outlier_rate": options.outliers, "unknown": options.none}
     given = {name: value for name, value in said.items() if value is not None}
     return None if pose is None and not given else Priors(pose=pose, **given)
 

@@ -68,8 +68,8 @@ def sense_plane(
     verbose: Verbose = False,
 ) -> None:
     """Acquire a flat face without touching it."""
-    idea = parts, image, camera, marks, face, units
-    _sense("plane", scene, standoff, seed, record, forbid or [], idea, json, verbose)
+    guess = parts, image, camera, marks, face, units
+    _sense("plane", scene, standoff, seed, record, forbid or [], guess, json, verbose)
 
 
 @sense_app.command("edge")
@@ -89,8 +89,8 @@ def sense_edge(
     verbose: Verbose = False,
 ) -> None:
     """Acquire a straight edge, and its face, without touching them."""
-    idea = parts, image, camera, marks, face, units
-    _sense("edge", scene, standoff, seed, record, forbid or [], idea, json, verbose)
+    guess = parts, image, camera, marks, face, units
+    _sense("edge", scene, standoff, seed, record, forbid or [], guess, json, verbose)
 
 
 @sense_app.command("vertex")
@@ -110,8 +110,8 @@ def sense_vertex(
     verbose: Verbose = False,
 ) -> None:
     """Acquire a corner, its face and two edges, without touching them."""
-    idea = parts, image, camera, marks, face, units
-    _sense("vertex", scene, standoff, seed, record, forbid or [], idea, json, verbose)
+    guess = parts, image, camera, marks, face, units
+    _sense("vertex", scene, standoff, seed, record, forbid or [], guess, json, verbose)
 
 
 @sense_app.command("part")
@@ -126,12 +126,12 @@ def sense_part(
     tolerance: Tolerance = None,
     feature: Feature = None,
     confidence: Confidence = 0.95,
-    most: Most = 100,
+    max_measurements: Most = 100,
     standoff: Standoff = None,
     units: MeshUnits = None,
     near: Near = None,
     prior: PriorPath = None,
-    strays: Strays = None,
+    outliers: Strays = None,
     none: NoneOf = None,
     image: ImageFile = None,
     camera: CameraFile = None,
@@ -156,7 +156,8 @@ def sense_part(
         with misuse():
             options = read_part_options(
                 policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
-                most=most, standoff=standoff, seed=seed, units=units, strays=strays, none=none,
+                max_measurements=max_measurements, standoff=standoff, seed=seed, units=units,
+                outliers=outliers, none=none,
             )  # fmt: skip
         known = read_pose_prior(None, None, near, prior)
         seen = image_options(image, camera, marks)
@@ -170,16 +171,16 @@ def _sense(
     seed: int | None,
     record: str | None,
     forbid: list[str],
-    idea: tuple[list[str] | None, str | None, str | None, str | None, str | None, str | None],
+    guess: tuple[list[str] | None, str | None, str | None, str | None, str | None, str | None],
     json: bool,
     verbose: bool,
 ) -> None:
-    from tanteo.cli.image_idea import idea_options
+    from tanteo.cli.image_guess import guess_options
     from tanteo.cli.running import guarded
     from tanteo.cli.sensing import sense
 
     with guarded():
-        seen = idea_options(*idea)
+        seen = guess_options(*guess)
         sense(
             kind, scene, standoff=standoff, seed=seed, record=record, forbid=forbid, image=seen, as_json=json,
             verbose=verbose,

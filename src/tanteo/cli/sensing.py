@@ -17,7 +17,7 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.acquisition import Acquired, Predicted
-    from tanteo.cli.image_idea import IdeaOptions
+    from tanteo.cli.image_guess import GuessOptions
     from tanteo.features import Feature
     from tanteo.hand import ForbiddenBox
     from tanteo.io.scene_toml import SceneFile
@@ -34,12 +34,12 @@ def sense(
     seed: int | None,
     record: str | None,
     forbid: Sequence[str],
-    image: IdeaOptions | None,
+    image: GuessOptions | None,
     as_json: bool,
     verbose: bool,
 ) -> None:
     """Acquire one feature of a scene file, print it; exits with 3 when it is not acquired."""
-    from tanteo.cli.image_idea import idea_from_image
+    from tanteo.cli.image_guess import guess_from_image
     from tanteo.io import sensed_json, write_readings
     from tanteo.io.scene_toml import read_scene
     from tanteo.simulator import clearances
@@ -59,9 +59,9 @@ def sense(
         scene = replace(scene, standoff=distance, clearance=scene.clearance * distance / scene.standoff)
     if boxes:
         scene = replace(scene, workspace=replace(scene.workspace, forbidden=(*scene.workspace.forbidden, *boxes)))
-    expected = None if image is None else idea_from_image(kind, scene, image)
+    expected = None if image is None else guess_from_image(kind, scene, image)
     if expected is not None:
-        scene = replace(scene, ideas={**scene.ideas, kind: expected.idea})
+        scene = replace(scene, guesses={**scene.guesses, kind: expected.guess})
     got, robot = run(kind, scene)
     least = float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())
     if record is not None:
@@ -84,22 +84,22 @@ def run(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
     Raises:
         InputError: The file has no idea of such a feature.
     """
-    from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea, sense_edge, sense_plane, sense_vertex
+    from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess, sense_edge, sense_plane, sense_vertex
     from tanteo.motion import Rules
     from tanteo.simulator import SimulatedHand
 
-    idea = scene.ideas.get(kind)
+    guess = scene.guesses.get(kind)
     robot = SimulatedHand(
         scene.scene, scene.hand, scene.T_world_hand, rng=np.random.default_rng(scene.seed), cell=scene.cell
     )
     rules = Rules(clearance=scene.clearance, workspace=scene.workspace)
     errors = scene.cell.robot
-    if isinstance(idea, FaceIdea):
-        return sense_plane(robot, idea, standoff=scene.standoff, rules=rules, errors=errors), robot
-    if isinstance(idea, EdgeIdea):
-        return sense_edge(robot, idea, standoff=scene.standoff, rules=rules, errors=errors), robot
-    if isinstance(idea, CornerIdea):
-        return sense_vertex(robot, idea, standoff=scene.standoff, rules=rules, errors=errors), robot
+    if isinstance(guess, FaceGuess):
+        return sense_plane(robot, guess, standoff=scene.standoff, rules=rules, errors=errors), robot
+    if isinstance(guess, EdgeGuess):
+        return sense_edge(robot, guess, standoff=scene.standoff, rules=rules, errors=errors), robot
+    if isinstance(guess, VertexGuess):
+        return sense_vertex(robot, guess, standoff=scene.standoff, rules=rules, errors=errors), robot
     raise InputError(f"{scene.source}: expected a table [sense.{kind}] with a rough idea of it, got none. Add it.")
 
 
@@ -113,7 +113,7 @@ def sensed_lines(
     verbose: bool = False,
 ) -> list[str]:
     """The lines for a person."""
-    from tanteo.cli.image_idea import compared
+    from tanteo.cli.image_guess import compared
 
     lines = [
         bold(

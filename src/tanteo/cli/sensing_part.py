@@ -40,7 +40,7 @@ class PartOptions:
         standoff: Of the sensor from what it reads; None for the scene's.
         seed: Of all simulated errors and of the session; None for the scene's.
         units: Of part files that carry none.
-        strays: Share of readings expected to be off the part; None for the usual one.
+        outliers: Share of readings expected to be off the part; None for the usual one.
         none: Probability beforehand of none of the parts, likewise.
     """
 
@@ -49,7 +49,7 @@ class PartOptions:
     standoff: float | None
     seed: int | None
     units: str | None
-    strays: float | None
+    outliers: float | None
     none: float | None
 
 
@@ -60,11 +60,11 @@ def read_part_options(
     tolerance: str | None,
     confidence: float,
     feature: str | None,
-    most: int,
+    max_measurements: int,
     standoff: str | None,
     seed: int | None,
     units: str | None,
-    strays: str | None,
+    outliers: str | None,
     none: str | None,
 ) -> PartOptions:
     """The options from what was typed.
@@ -73,7 +73,7 @@ def read_part_options(
         InputError: The first one that cannot be meant, named as on the command line.
     """
     from tanteo.active import Stop, policy_named
-    from tanteo.cli.options import read_none, read_strays, read_unit
+    from tanteo.cli.options import read_none, read_outlier_rate, read_unit
     from tanteo.cli.sensing import read_standoff
     from tanteo.io import parse_length
 
@@ -81,8 +81,8 @@ def read_part_options(
     for name, value in (("--probability", probability), ("--confidence", confidence)):
         if not 0 < value < 1:
             raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Use 0.99.")
-    if most < 1:
-        raise InputError(f"--most: expected 1 or more, got {most}. Use 100.")
+    if max_measurements < 1:
+        raise InputError(f"--max-measurements: expected 1 or more, got {max_measurements}. Use 100.")
     if seed is not None and seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {seed}. Use 0.")
     within = None if tolerance is None else parse_length(tolerance, "--tolerance")
@@ -90,9 +90,15 @@ def read_part_options(
         raise InputError(f"--tolerance: expected a positive length, got '{tolerance}'. Write it as 2mm.")
     if feature is not None and within is None:
         raise InputError(f"--feature: expected --tolerance with '{feature}', got none. Say --tolerance 0.5mm.")
-    stop = Stop(probability=probability, tolerance=within, confidence=confidence, most=most, feature=feature)
+    stop = Stop(
+        probability=probability,
+        tolerance=within,
+        confidence=confidence,
+        max_measurements=max_measurements,
+        feature=feature,
+    )
     unit = None if units is None else read_unit(units)
-    return PartOptions(policy, stop, read_standoff(standoff), seed, unit, read_strays(strays), read_none(none))
+    return PartOptions(policy, stop, read_standoff(standoff), seed, unit, read_outlier_rate(outliers), read_none(none))
 
 
 def sense_unknown(

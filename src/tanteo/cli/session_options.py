@@ -24,7 +24,7 @@ Feature = Annotated[
     ),
 ]
 Confidence = Annotated[float, typer.Option("--confidence", help="With which they are.")]
-Most = Annotated[int, typer.Option("--most", help="Readings after which to stop in any case.")]
+Most = Annotated[int, typer.Option("--max-measurements", help="Readings after which to stop in any case.")]
 MeshUnits = Annotated[
     str | None,
     typer.Option("--units", metavar="UNIT", help="Unit of STL, OBJ, PLY and OFF: mm, cm, m, um, in, ft."),

@@ -39,7 +39,7 @@ def view(
     tolerance: Tolerance = None,
     feature: Feature = None,
     confidence: Confidence = 0.95,
-    most: Most = 100,
+    max_measurements: Most = 100,
     standoff: Annotated[
         str | None,
         typer.Option("--standoff", metavar="LENGTH", help="Of the sensors, as 40mm; else the scene's."),
@@ -47,7 +47,7 @@ def view(
     units: MeshUnits = None,
     near: Near = None,
     prior: PriorPath = None,
-    strays: Strays = None,
+    outliers: Strays = None,
     none: NoneOf = None,
     image: ImageFile = None,
     camera: CameraFile = None,
@@ -67,14 +67,17 @@ def view(
     with guarded():
         with misuse():
             of_session = {
-                "--bare": bare, "--tolerance": tolerance, "--feature": feature, "--standoff": standoff, "--near": near,
-                "--prior": prior, "--strays": strays, "--none": none, "--image": image, "--camera": camera,
+                "--bare": bare, "--tolerance": tolerance, "--feature": feature, "--standoff": standoff,
+                "--pose-prior": near,
+                "--prior": prior, "--outlier-rate": outliers, "--unknown-prior": none, "--image": image,
+                "--camera": camera,
                 "--marks": marks, "--seed": seed is not None,
             }  # fmt: skip
             check_view(record, scene, parts or [], port, of_session)
             options = read_part_options(
                 policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
-                most=most, standoff=standoff, seed=seed, units=units, strays=strays, none=none,
+                max_measurements=max_measurements, standoff=standoff, seed=seed, units=units,
+                outliers=outliers, none=none,
             )  # fmt: skip
         require_viser()
         if record is not None:

@@ -25,19 +25,21 @@ class Gate:
     accept: BoolArray
 
 
-def _level(alpha: float) -> float:
-    if not 0 < alpha < 1:
-        raise InputError(f"alpha: expected a rejection rate between 0 and 1, got {alpha}. Give for example 0.05.")
-    return float(alpha)
+def _level(significance: float) -> float:
+    if not 0 < significance < 1:
+        raise InputError(
+            f"alpha: expected a rejection rate between 0 and 1, got {significance}. Give for example 0.05."
+        )
+    return float(significance)
 
 
-def chi2_limit(alpha: float, dof: int = 1) -> float:
-    """The value that chi-square with ``dof`` degrees of freedom exceeds with probability ``alpha``; ``D_M^2``."""
+def chi2_limit(significance: float, dof: int = 1) -> float:
+    """What chi-square with ``dof`` degrees of freedom exceeds with probability ``significance``: ``D_M^2``."""
     if dof < 1:
         raise InputError(f"dof: expected at least 1, got {dof}.")
     from scipy import special  # slow to import
 
-    return float(special.chdtri(dof, _level(alpha)))
+    return float(special.chdtri(dof, _level(significance)))
 
 
 def chi2_p_value(D2: FloatArray, dof: int | FloatArray) -> FloatArray:
@@ -47,11 +49,11 @@ def chi2_p_value(D2: FloatArray, dof: int | FloatArray) -> FloatArray:
     return np.asarray(special.chdtrc(dof, np.asarray(D2, dtype=np.float64)), dtype=np.float64)
 
 
-def sidak(alpha: float, tests: int) -> float:
-    """Level of each of ``tests`` independent one-shot tests so that together they reject ``alpha``."""
+def sidak(significance: float, tests: int) -> float:
+    """Level of each of ``tests`` independent one-shot tests so that together they reject ``significance``."""
     if tests < 1:
         raise InputError(f"tests: expected at least 1, got {tests}.")
-    return float(-np.expm1(np.log1p(-_level(alpha)) / tests))
+    return float(-np.expm1(np.log1p(-_level(significance)) / tests))
 
 
 def chi2_statistic(value: FloatArray, covariance: Covariances) -> FloatArray:
@@ -62,14 +64,16 @@ def chi2_statistic(value: FloatArray, covariance: Covariances) -> FloatArray:
     return np.sum(white * white, axis=-1)
 
 
-def gate(value: FloatArray | float, variance: FloatArray | float, model: FloatArray | float, alpha: float) -> Gate:
+def gate(
+    value: FloatArray | float, variance: FloatArray | float, model: FloatArray | float, significance: float
+) -> Gate:
     """The paper's test (25) of one number: accept ``|c_model - c| <= sqrt(Var c) D_M``.
 
     Args:
         value: sensed values; broadcasts against ``model``.
         variance: theirs.
         model: the values in the model, as many as wanted.
-        alpha: rejected share of true matches *per test*: with k tests give ``sidak(alpha, k)``.
+        significance: rejected share of true matches *per test*: with k tests give ``sidak(alpha, k)``.
 
     Raises:
         InputError: if alpha is no probability or a variance is not positive.
@@ -79,26 +83,26 @@ def gate(value: FloatArray | float, variance: FloatArray | float, model: FloatAr
         raise InputError(
             f"variance: expected positive numbers, got {np.min(variance)}. Give the constraint's variance."
         )
-    limit = chi2_limit(alpha)
+    limit = chi2_limit(significance)
     D2 = (np.asarray(model) - value) * (1 / np.sqrt(variance))
     D2 = np.square(D2, out=D2) if D2.ndim else np.square(D2)
     return Gate(D2, float(np.sqrt(limit)), limit >= D2)
 
 
-def joint_gate(value: FloatArray, covariance: Covariances, model: FloatArray, alpha: float) -> Gate:
+def joint_gate(value: FloatArray, covariance: Covariances, model: FloatArray, significance: float) -> Gate:
     """The same for vectors: ``(model - value)' S^-1 (model - value)`` against chi-square with ``m`` dof.
 
     Args:
         value: ``(m,)``.
         covariance: ``(m, m)``, positive definite.
         model: ``(*batch, m)``.
-        alpha: as in :func:`gate`.
+        significance: as in :func:`gate`.
     """
     value = np.asarray(value, dtype=np.float64)
     sd = np.sqrt(np.diag(covariance))
     L = np.linalg.cholesky(covariance / np.outer(sd, sd))
     whiten = np.linalg.solve(L, np.diag(1 / sd))
     white = (np.asarray(model) - value) @ whiten.T
-    limit = chi2_limit(alpha, len(value))
+    limit = chi2_limit(significance, len(value))
     D2 = np.sum(white * white, axis=-1)
     return Gate(D2, float(np.sqrt(limit)), limit >= D2)

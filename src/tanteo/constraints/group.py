@@ -75,8 +75,8 @@ def angle_bias_of(group: Group, axis: int) -> FloatArray:
     arrays, (first, second) = group.arrays, group.pairs.T
     C12 = None
     C1, C2 = arrays.C[first], arrays.C[second]
-    if arrays.gains is not None:
-        A1, A2 = arrays.gains[first], arrays.gains[second]
+    if arrays.shared_jacobian is not None:
+        A1, A2 = arrays.shared_jacobian[first], arrays.shared_jacobian[second]
         A1t, A2t = A1.swapaxes(1, 2), A2.swapaxes(1, 2)
         C1, C2, C12 = C1 + A1 @ arrays.shared @ A1t, C2 + A2 @ arrays.shared @ A2t, A1 @ arrays.shared @ A2t
     pair = Relative(group.pair.R[group.part], group.pair.p[group.part], group.pair.slide[group.part])

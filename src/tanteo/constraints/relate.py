@@ -67,7 +67,7 @@ def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
     for feature in features:
         if feature.kind.name not in ("edge", "half_edge"):
             raise InputError(f"edge length: expected three edges, got a {feature.kind.name} ({feature.label!r}).")
-    _, shared, gains = collect_shared(features)
+    _, shared, shared_jacobian = collect_shared(features)
     B = np.zeros((sum(f.kind.size for f in features), 18))
     P = np.zeros((len(B), len(B)))
     row = 0
@@ -78,7 +78,7 @@ def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
     T_A, T_E, T_B = (feature.T_world_feature for feature in features)
     length = edge_length(T_A, T_E, T_B, np.zeros((18, 18)))
     g = length.gradient @ B.T
-    common = g @ np.concatenate(gains)
+    common = g @ np.concatenate(shared_jacobian)
     variance = np.asarray(g @ P @ g + common @ shared @ common).reshape(1, 1)
     labels = (edge.label, first.label, second.label)
     shallow = [f.label for f in (first, second) if not _meets(edge, f)]

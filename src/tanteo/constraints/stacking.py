@@ -92,7 +92,7 @@ class FeatureArrays:
         R: rotations ``(n, 3, 3)``.
         c: origins in the world ``(n, 3)`` [m].
         C: independent body covariances ``(n, 6, 6)``.
-        gains: ``B' A`` of each feature on all shared errors ``(n, 6, D)``; none if nothing is shared.
+        shared_jacobian: ``B' A`` of each feature on all shared errors ``(n, 6, D)``; none if nothing is shared.
         shared: covariance of the shared errors ``(D, D)``.
         extent: for lines, least, mean and greatest abscissa of the sensed points ``(n, 3)`` [m].
     """
@@ -100,7 +100,7 @@ class FeatureArrays:
     R: FloatArray
     c: Vectors
     C: Covariances
-    gains: FloatArray | None
+    shared_jacobian: FloatArray | None
     shared: Covariances
     extent: FloatArray
 
@@ -117,14 +117,14 @@ def stack_features(features: Sequence[Feature], shapes: tuple[int, ...]) -> Feat
     C = np.zeros((n, 6, 6))
     for k, feature in enumerate(features):
         C[k][_block(feature.kind.rows)] = feature.P
-    gains, shared = None, np.zeros((0, 0))
+    shared_jacobian, shared = None, np.zeros((0, 0))
     if any(feature.shared for feature in features):
         _, shared, rows = collect_shared(features)
-        gains = np.zeros((n, 6, len(shared)))
+        shared_jacobian = np.zeros((n, 6, len(shared)))
         for k, (feature, A) in enumerate(zip(features, rows, strict=True)):
-            gains[k, feature.kind.rows] = A
+            shared_jacobian[k, feature.kind.rows] = A
     R, c = T[:, :3, :3], T[:, :3, 3]
-    return FeatureArrays(R, c, C, gains, shared, _extents(features, shapes, R, c))
+    return FeatureArrays(R, c, C, shared_jacobian, shared, _extents(features, shapes, R, c))
 
 
 @lru_cache(maxsize=64)
@@ -157,7 +157,7 @@ def propagate_pairs(arrays: FeatureArrays, plan: PairPlan, g1: FloatArray, g2: F
     """
     S = g1 @ arrays.C[plan.first] @ g1.swapaxes(1, 2)
     S += g2 @ arrays.C[plan.second] @ g2.swapaxes(1, 2)
-    if arrays.gains is not None:
-        W = g1 @ arrays.gains[plan.first] + g2 @ arrays.gains[plan.second]
+    if arrays.shared_jacobian is not None:
+        W = g1 @ arrays.shared_jacobian[plan.first] + g2 @ arrays.shared_jacobian[plan.second]
         S += W @ arrays.shared @ W.swapaxes(1, 2)
     return S

@@ -34,7 +34,7 @@ _TRIES = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class Observation:
     """What came out.
 
     Attributes:
@@ -50,7 +50,7 @@ class Told:
     random: str
 
 
-def tell(say: Callable[[str], None], seed: int = 0) -> Told:
+def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
     """Run the story and say it line by line.
 
     Args:
@@ -76,7 +76,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Told:
     say(f"It was {name}, and its worst corner is {1e3 * off:.2f} mm from where it truly is.")
     others = _at_random(start, targets[name], T, seed)
     say(f"Readings: {session.count}. Random places would have taken {others}.")
-    return Told(session, name, float(off), others)
+    return Observation(session, name, float(off), others)
 
 
 def _at_random(start: Start, target: PreparedPart, T: Transforms, seed: int) -> str:
@@ -109,7 +109,7 @@ def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart
     answer = sight.objects[0].recognition
     likely = [h for h in answer.hypotheses if h.probability > 1e-3]
     words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in likely)
-    say(f"The camera above it: {words}; worst corner {1e3 * likely[0].worst_corner_sd:.1f} mm, 1 sd.")
+    say(f"The camera above it: {words}; worst corner {1e3 * likely[0].corner_sd:.1f} mm, 1 sd.")
     names = list(dict.fromkeys(h.part for h in answer.hypotheses))
     return from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
 
@@ -122,7 +122,7 @@ def _placed(targets: dict[str, PreparedPart], T: Transforms, name: str, say: Cal
 
 
 def _session(start: Start, policy: str, seed: int) -> Session:
-    stop = Stop(probability=0.99, tolerance=_TOLERANCE, confidence=0.95, least_gain=0.0, most=_MOST)
+    stop = Stop(probability=0.99, tolerance=_TOLERANCE, confidence=0.95, least_gain=0.0, max_measurements=_MOST)
     return Session(start, _LASER, Sensing(sd=_NOISE), policy_named(policy), stop, seed)
 
 
@@ -138,5 +138,5 @@ def _sense(session: Session, target: PreparedPart, T: Transforms, seed: int, say
             read = f"{1e3 * distance:6.1f} mm" if np.isfinite(distance) else "  nothing"
             say(
                 f"  {session.count:2d}  {action.part} {action.face:8} {read}   {session.start.targets[best].part.name} "
-                f"{100 * step.probabilities[best]:5.1f} %, worst corner {1e3 * step.worst_corner_sd:.2f} mm"
+                f"{100 * step.probabilities[best]:5.1f} %, worst corner {1e3 * step.corner_sd:.2f} mm"
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.active import Belief, Start
+from tanteo.active import SensingState, Start
 from tanteo.answers.part_motions import box_corners
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
@@ -27,15 +27,15 @@ _APART = 0.005
 """Allowed poses of which every corner of the part's box is nearer than this to another's stand for each other [m]."""
 
 
-def allowed(belief: Belief, most: int) -> tuple[Transforms, IntArray]:
+def allowed(state: SensingState, most: int) -> tuple[Transforms, IntArray]:
     """Poses ``(K, 4, 4)``, at most about so many, spread over all that is allowed; and the part of each ``(K,)``.
 
     Args:
-        belief: its start and its readings count, its probabilities do not.
+        state: its start and its readings count, its probabilities do not.
         most: of all parts together, though one of each that has one.
     """
-    start, Ts, part = belief.start, [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)]
-    left = {int(k): _uncontradicted(start, int(k), belief.touches, belief.free) for k in np.unique(start.part)}
+    start, Ts, part = state.start, [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)]
+    left = {int(k): _uncontradicted(start, int(k), state.touches, state.free) for k in np.unique(start.part)}
     alive = [k for k, poses in left.items() if len(poses)]
     for k in alive:
         Ts.append(_spread(start.targets[k], left[k], max(1, most // len(alive))))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active import Belief, draw, predict
+from tanteo.active import SensingState, draw, predict
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, error_model, measure
 from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray
@@ -28,7 +28,9 @@ class Furniture:
 
     surface: Surface
 
-    def met(self, readings: Readings, rig: Rig, robot: RobotPreset | None, belief: Belief | None = None) -> BoolArray:
+    def met(
+        self, readings: Readings, rig: Rig, robot: RobotPreset | None, state: SensingState | None = None
+    ) -> BoolArray:
         """Which readings are of it rather than of a part ``(n,)``.
 
         A point is taken on the beam's axis; any ray of its cone may have met it, so where the beam comes in flat the
@@ -40,7 +42,7 @@ class Furniture:
             readings: some of which may be free.
             rig: where the sensors sit.
             robot: errors of its poses.
-            belief: where parts are expected; None for nowhere.
+            state: where parts are expected; None for nowhere.
         """
         measured = measure(readings, rig=rig, robot=robot)
         out = np.zeros(len(readings), dtype=bool)
@@ -50,8 +52,8 @@ class Furniture:
         half_angles = error_model(rig).beam_half_angle[rig.numbers(readings.sensors)[rows]]
         spots = readings.ranges[rows] * np.tan(half_angles)
         near, density = self._reached(measured, spots)
-        if belief is not None and near.any():
-            hit, passed = _expected(belief, measured, readings.ranges[rows], spots)
+        if state is not None and near.any():
+            hit, passed = _expected(state, measured, readings.ranges[rows], spots)
             near &= hit <= _SURE * (hit + passed * density)
         out[rows] = near | self.surface.inside(measured.points)
         return out
@@ -71,10 +73,10 @@ class Furniture:
 
 
 def _expected(
-    belief: Belief, measured: PointMeasurements, ranges: FloatArray, spots: FloatArray
+    state: SensingState, measured: PointMeasurements, ranges: FloatArray, spots: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """How densely parts are expected at the ranges ``(n,)`` [1/m], and how probably none is before them ``(n,)``."""
-    samples, d = draw(belief, _SAMPLES), measured.directions
+    samples, d = draw(state, _SAMPLES), measured.directions
     if not len(samples):
         return np.zeros(len(ranges)), np.ones(len(ranges))
     p = predict(samples, measured.points - ranges[:, None] * d, d)
@@ -83,8 +85,8 @@ def _expected(
     variances = p.variances + along[:, None] + (0.5 * spots[:, None]) ** 2 * (1 / cosines**2 - 1)
     gaps = ranges[:, None] - np.where(met, p.ranges, 0.0)
     density = np.where(met, np.exp(-0.5 * gaps**2 / variances) / np.sqrt(2 * np.pi * variances), 0.0)
-    known = 1 - belief.unknown
-    return known * (density @ samples.weights), belief.unknown + known * ((gaps < 0) | ~met) @ samples.weights
+    known = 1 - state.unknown
+    return known * (density @ samples.weights), state.unknown + known * ((gaps < 0) | ~met) @ samples.weights
 
 
 def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings:

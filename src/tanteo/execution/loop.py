@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.active import Belief, Candidates
+from tanteo.active import Candidates, SensingState
+from tanteo.execution.approach_poses import approach_poses, feasible, ranked
 from tanteo.execution.furniture import Furniture, beyond_furniture
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.probes import REPEATS
 from tanteo.execution.resting import as_readings, of_parts, rest
 from tanteo.execution.routes import route
-from tanteo.execution.stances import feasible, ranked, stances
 from tanteo.hand import Hand, Robot
 from tanteo.lie import SE3
 from tanteo.motion import Motion, Rules, go_to
@@ -77,7 +77,7 @@ class Executed:
         return self.visits[-1].travel if self.visits else 0.0
 
 
-def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[Belief, Candidates], BoolArray]:
+def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState, Candidates], BoolArray]:
     """What a session asks which candidates the hand can make: for :attr:`tanteo.session.Session.able`.
 
     Args:
@@ -86,8 +86,8 @@ def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[Belief, Can
         retreat: from how far behind it comes to a reading [m].
     """
 
-    def able(belief: Belief, candidates: Candidates) -> BoolArray:
-        room = Room(hand.body, rules.workspace, Possible.of(belief), rules.clearance)
+    def able(state: SensingState, candidates: Candidates) -> BoolArray:
+        room = Room(hand.body, rules.workspace, Possible.of(state), rules.clearance)
         return feasible(hand, room, candidates, retreat)
 
     return able
@@ -120,7 +120,7 @@ def sense_part(
     while isinstance(action := session.ask(), Action):
         motions, step, note = run.answer(action)
         gone += sum(_front_way(robot.hand, motion) for motion in motions)
-        leader = session.belief.target(0).part.name if len(session.belief.weights) else ""
+        leader = session.state.target(0).part.name if len(session.state.weights) else ""
         visits.append(Visit(action, motions, step, leader, note, robot.sensed.time - began, gone))
         watch(visits[-1])
         in_vain = in_vain + 1 if visits[-1].step is None else 0
@@ -153,15 +153,15 @@ class _Run:
 
     def _way(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
-        room = Room(hand.body, self.rules.workspace, Possible.of(session.belief), self.rules.clearance)
+        room = Room(hand.body, self.rules.workspace, Possible.of(session.state), self.rules.clearance)
         probe = session.probe
-        Ts = stances(hand, action.origin[None], action.direction[None])[0]
+        Ts = approach_poses(hand, action.origin[None], action.direction[None])[0]
         Ts = Ts[room.allows(Ts)]
         if not len(Ts):
             return None
         ways = (
             route(hand, room, here, T, probe.retreat)
-            for T in ranked(hand, session.belief, Ts, here, probe.max_range)[:_TRIED]
+            for T in ranked(hand, session.state, Ts, here, probe.max_range)[:_TRIED]
         )
         return next((stops for stops in ways if stops is not None), None)
 
@@ -178,12 +178,12 @@ class _Run:
         """What was read at rest, told; and what is odd about it."""
         hand = self.robot.hand
         readings = as_readings(hand, rest(self.robot, REPEATS), str(action.number))
-        readings = None if readings is None else of_parts(hand, readings, Possible.of(self.session.belief))
+        readings = None if readings is None else of_parts(hand, readings, Possible.of(self.session.state))
         if readings is None:
             return None, "no echo"
         note = ""
         if self.furniture is not None:
-            of_it = self.furniture.met(readings, hand.rig, self.errors, self.session.belief)
+            of_it = self.furniture.met(readings, hand.rig, self.errors, self.session.state)
             readings = beyond_furniture(readings, of_it, hand.rig)
             note = f"{int(of_it.sum())} met furniture" if of_it.any() else ""
         if readings.is_free.all():

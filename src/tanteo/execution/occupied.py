@@ -44,7 +44,7 @@ class Occupied:
             size = " x ".join(f"{v:.3g}" for v in ends[:, 1].max(axis=0) - origin)
             raise InputError(
                 f"rough place: expected the parts within some metres, got {size} m in which they may be. Say better "
-                "where they are ([prior] of the scene, --near, or an image)."
+                "where they are ([prior] of the scene, --pose-prior, or an image)."
             )
         table = np.full(last.max(axis=0), FAR)
         for k, T, a, b in zip(part, Ts, first, last, strict=True):

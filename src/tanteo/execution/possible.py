@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from tanteo.active import Belief
+from tanteo.active import SensingState
 from tanteo.execution.allowed import allowed
 from tanteo.execution.occupied import Occupied
 from tanteo.hand import Body, Workspace
@@ -44,12 +44,12 @@ class Possible:
         object.__setattr__(self, "occupied", Occupied.by(self.targets, self.part, self.Ts))
 
     @classmethod
-    def of(cls, belief: Belief) -> Possible:
+    def of(cls, state: SensingState) -> Possible:
         """Every mode that is alive, draws from all of them, and what the start allows and no reading has contradicted.
 
         A belief may be wrong, and a hand that went by it alone would find out by touching.
         """
-        return _possible(belief)
+        return _possible(state)
 
     def distances(self, points: Vectors) -> FloatArray:
         """Least distance of points ``(*batch, 3)`` from any of them ``(*batch,)`` [m]; a bit less, negative inside."""
@@ -65,21 +65,21 @@ class Possible:
 
 
 @lru_cache(maxsize=1)
-def _possible(belief: Belief) -> Possible:
+def _possible(state: SensingState) -> Possible:
     """The same for one belief every time: candidates and ways ask in turn."""
-    live = np.flatnonzero(belief.weights >= _LIVE)
-    live = live[np.argsort(-belief.weights[live], kind="stable")]
-    Ts, part = [belief.poses[live]], [belief.part[live]]
-    if belief.draws is not None and len(belief.draws.weights):
-        w = np.cumsum(belief.draws.weights)
+    live = np.flatnonzero(state.weights >= _LIVE)
+    live = live[np.argsort(-state.weights[live], kind="stable")]
+    Ts, part = [state.poses[live]], [state.part[live]]
+    if state.draws is not None and len(state.draws.weights):
+        w = np.cumsum(state.draws.weights)
         rows = np.unique(np.searchsorted(w, w[-1] * (np.arange(_DRAWS) + 0.5) / _DRAWS).clip(0, len(w) - 1))
-        Ts.append(belief.draws.Ts[rows])
-        part.append(belief.part[belief.draws.mode[rows]])
-    if belief.of_parts().max(initial=0.0) < CONFIRMED:
-        more, of = allowed(belief, _ALLOWED)
+        Ts.append(state.draws.Ts[rows])
+        part.append(state.part[state.draws.mode[rows]])
+    if state.of_parts().max(initial=0.0) < CONFIRMED:
+        more, of = allowed(state, _ALLOWED)
         Ts.append(more)
         part.append(of)
-    return Possible(belief.start.targets, np.concatenate(part), np.concatenate(Ts))
+    return Possible(state.start.targets, np.concatenate(part), np.concatenate(Ts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

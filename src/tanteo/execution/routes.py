@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.execution.approach_poses import back
 from tanteo.execution.possible import Room
-from tanteo.execution.stances import back
 from tanteo.hand import Hand, advance, gap
 from tanteo.typing import FloatArray, Transforms
 

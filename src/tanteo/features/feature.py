@@ -40,11 +40,11 @@ class SharedTerm:
 
     Attributes:
         error: the shared draw ``c``.
-        gain: ``A`` ``(kind.size, d)``, ``math.md`` section 6.
+        jacobian: ``A`` ``(kind.size, d)``, ``math.md`` section 6.
     """
 
     error: SharedError
-    gain: FloatArray
+    jacobian: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +95,8 @@ def feature_covariance(feature: Feature) -> Covariances:
     """Total ``6 x 6`` body covariance in the world, shared errors included; rows of free directions are zero."""
     B = feature.kind.B
     P = feature.P + sum(
-        (term.gain @ term.error.covariance @ term.gain.T for term in feature.shared), start=np.zeros_like(feature.P)
+        (term.jacobian @ term.error.covariance @ term.jacobian.T for term in feature.shared),
+        start=np.zeros_like(feature.P),
     )
     return B.T @ P @ B
 
@@ -106,7 +107,7 @@ def cross_covariance(first: Feature, second: Feature) -> FloatArray:
     for a in first.shared:
         for b in second.shared:
             if a.error.name == b.error.name:
-                C += a.gain @ a.error.covariance @ b.gain.T
+                C += a.jacobian @ a.error.covariance @ b.jacobian.T
     return first.kind.B.T @ C @ second.kind.B
 
 
@@ -128,13 +129,13 @@ def collect_shared(features: Sequence[Feature]) -> tuple[tuple[SharedError, ...]
     for name, error in errors.items():
         block = slice(start[name], start[name] + len(error.covariance))
         C[block, block] = error.covariance
-    gains = []
+    shared_jacobian = []
     for feature in features:
         A = np.zeros((feature.kind.size, D))
         for term in feature.shared:
-            A[:, start[term.error.name] : start[term.error.name] + term.gain.shape[1]] += term.gain
-        gains.append(A)
-    return tuple(errors.values()), C, tuple(gains)
+            A[:, start[term.error.name] : start[term.error.name] + term.jacobian.shape[1]] += term.jacobian
+        shared_jacobian.append(A)
+    return tuple(errors.values()), C, tuple(shared_jacobian)
 
 
 def stacked_covariance(errors: Sequence[SharedError]) -> Covariances:

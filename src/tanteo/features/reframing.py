@@ -13,7 +13,7 @@ from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 
-def reframe_gain(kind: FeatureKind, S: Transforms) -> FloatArray:
+def reframe_shared_jacobian(kind: FeatureKind, S: Transforms) -> FloatArray:
     """``A = B Ad(S^-1) B'`` ``(*batch, size, size)``, with ``p' = A p``: exact for ``S`` in the symmetry group."""
     rows = list(kind.rows)
     Ad = SE3.adjoint_inverse(np.asarray(S, dtype=np.float64))
@@ -35,7 +35,7 @@ def reframe(kind: FeatureKind, T: Transforms, P: Covariances, S: Transforms) -> 
     S = np.asarray(S, dtype=np.float64)
     if not any(_leaves(kind, F @ S) for F in kind.symmetries):
         raise InputError(f"S: expected a motion that maps a {kind.name} onto itself, got one that moves it.")
-    A = reframe_gain(kind, S)
+    A = reframe_shared_jacobian(kind, S)
     return T @ S, A @ P @ np.swapaxes(A, -1, -2)
 
 
@@ -60,8 +60,8 @@ def flip_edge(T: Transforms) -> Transforms:
 def reframe_feature(feature: Feature, S: Transforms) -> Feature:
     """The same feature with its frame moved by ``S`` along its symmetry; shared gains follow."""
     T, P = reframe(feature.kind, feature.T_world_feature, feature.P, S)
-    A = reframe_gain(feature.kind, S)
-    shared = tuple(SharedTerm(term.error, A @ term.gain) for term in feature.shared)
+    A = reframe_shared_jacobian(feature.kind, S)
+    shared = tuple(SharedTerm(term.error, A @ term.jacobian) for term in feature.shared)
     return replace(feature, T_world_feature=T, P=P, shared=shared)
 
 

@@ -191,8 +191,8 @@ def _from_points(
     if C.shape != (3 * len(q), 3 * len(q)):
         raise InputError(f"{names[0]}, C: expected shape {(3 * len(q), 3 * len(q))}, got {C.shape}.")
     P = J @ C @ J.T
-    gains = np.moveaxis(J.reshape(kind.size, len(q), 3), 1, 0)
+    shared_jacobian = np.moveaxis(J.reshape(kind.size, len(q), 3), 1, 0)
     nothing = np.zeros(0)
-    estimate = Estimate(T, P, nothing, 0, nothing, nothing, gains)
+    estimate = Estimate(T, P, nothing, 0, nothing, nothing, shared_jacobian)
     terms = shared_terms(q, estimate, SE3.adjoint_inverse(T)[list(kind.rows)], shared)
     return Feature(kind, T, 0.5 * (P + P.T), names[1], terms, q, names[2])

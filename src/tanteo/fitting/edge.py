@@ -113,10 +113,10 @@ def _finish(points: Vectors, covs: Covariances, R: FloatArray, c: Vectors) -> Es
     r = local[..., 1:]
     Wr = (W @ r[..., None])[..., 0]
     each = np.sum(r * Wr, axis=-1)
-    gains = -P[..., None, :, :] @ HtW @ np.swapaxes(R, -1, -2)[..., None, 1:, :]
+    shared_jacobian = -P[..., None, :, :] @ HtW @ np.swapaxes(R, -1, -2)[..., None, 1:, :]
     freedom = 2 - np.trace(HtW @ H @ P[..., None, :, :], axis1=-2, axis2=-1)
     standardised = np.sqrt(2 * each / np.maximum(freedom, 1e-9))
-    return Estimate(SE3.from_parts(R, c), P, np.sum(each, axis=-1), 2 * n - 4, r, standardised, gains)
+    return Estimate(SE3.from_parts(R, c), P, np.sum(each, axis=-1), 2 * n - 4, r, standardised, shared_jacobian)
 
 
 def _refuse_short(spread: FloatArray, R: FloatArray) -> None:

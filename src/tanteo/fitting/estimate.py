@@ -30,7 +30,7 @@ class Estimate:
         dof: its degrees of freedom.
         residuals: of each point across the feature ``(*batch, n, k)`` [m].
         standardised: each point's residual in its own standard deviations ``(*batch, n)``.
-        gains: ``K`` ``(*batch, n, size, 3)``: if the true points are ``dq`` from the measured ones, ``p = sum K dq``.
+        shared_jacobian: ``K`` ``(*batch, n, size, 3)``: points off by ``dq`` move the feature by ``p = sum K dq``.
     """
 
     T: Transforms
@@ -39,7 +39,7 @@ class Estimate:
     dof: int
     residuals: FloatArray
     standardised: FloatArray
-    gains: FloatArray
+    shared_jacobian: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,6 +175,6 @@ def shared_terms(
                 "Give one 3 x d block for each point."
             )
         M = rigid_motion(world.reshape(3 * n, 6), J.reshape(3 * n, d))
-        gain = rows_of_feature @ M if M is not None else np.sum(estimate.gains @ J, axis=0)
-        terms.append(SharedTerm(error, gain))
+        jacobian = rows_of_feature @ M if M is not None else np.sum(estimate.shared_jacobian @ J, axis=0)
+        terms.append(SharedTerm(error, jacobian))
     return tuple(terms)

@@ -87,6 +87,6 @@ def _plane_at_point(measured: PointMeasurements, row: int, tolerance: float) -> 
     terms = []
     for error, J in zip(measured.shared, measured.jacobians, strict=True):
         rigid = J.shape[-1] == 6 and np.allclose(J[row], np.hstack([np.eye(3), -SO3.hat(measured.points[row])]))
-        gain = rows if rigid else np.vstack([normal @ J[row], np.zeros((2, J.shape[-1]))])
-        terms.append(SharedTerm(error, gain))
+        jacobian = rows if rigid else np.vstack([normal @ J[row], np.zeros((2, J.shape[-1]))])
+        terms.append(SharedTerm(error, jacobian))
     return Feature(PLANE, T, P, name, tuple(terms), point[None], (name,), float(measured.radii[row]))

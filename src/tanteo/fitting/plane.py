@@ -142,11 +142,17 @@ def _finish(points: Vectors, covs: Covariances, R: FloatArray) -> Estimate:
     hP = h @ P
     leftover = np.maximum(1 / w - np.sum(hP * h, axis=-1), 1e-9 / w)
     a = R[..., :, 2]
-    gains = -hP[..., None] * w[..., None, None] * a[..., None, None, :]
+    shared_jacobian = -hP[..., None] * w[..., None, None] * a[..., None, None, :]
     z = local[..., 2]
     centroid = np.sum(w[..., None] * points, axis=-2) / np.sum(w, axis=-1)[..., None]
     return Estimate(
-        SE3.from_parts(R, centroid), P, np.sum(w * z * z, axis=-1), n - 3, z[..., None], z / np.sqrt(leftover), gains
+        SE3.from_parts(R, centroid),
+        P,
+        np.sum(w * z * z, axis=-1),
+        n - 3,
+        z[..., None],
+        z / np.sqrt(leftover),
+        shared_jacobian,
     )
 
 
@@ -246,5 +252,5 @@ def _facing(estimate: Estimate, side: Vectors, label: str) -> Estimate:
         estimate.dof,
         -estimate.residuals,
         -estimate.standardised,
-        estimate.gains * flip[:, None],
+        estimate.shared_jacobian * flip[:, None],
     )

@@ -44,11 +44,11 @@ def vertex_ml(points: Vectors, covs: Covariances) -> Estimate:
     X = first[..., 0, :] + (P @ np.sum(W @ (points - first)[..., None], axis=-3))[..., 0]
     r = points - X[..., None, :]
     each = np.sum(r * (W @ r[..., None])[..., 0], axis=-1)
-    gains = P[..., None, :, :] @ W
-    freedom = 3 - np.trace(gains, axis1=-2, axis2=-1)
+    shared_jacobian = P[..., None, :, :] @ W
+    freedom = 3 - np.trace(shared_jacobian, axis1=-2, axis2=-1)
     standardised = np.sqrt(3 * each / np.maximum(freedom, 1e-9))
     T = SE3.from_parts(np.broadcast_to(np.eye(3), (*X.shape, 3)), X)
-    return Estimate(T, P, np.sum(each, axis=-1), 3 * points.shape[-2] - 3, r, standardised, gains)
+    return Estimate(T, P, np.sum(each, axis=-1), 3 * points.shape[-2] - 3, r, standardised, shared_jacobian)
 
 
 def fit_vertex(
@@ -79,13 +79,13 @@ class Corner:
         X: points ``(*batch, 3)`` [m].
         P: covariances ``(*batch, 3, 3)``.
         chi2: how far the lines miss ``(*batch,)``; ``2 k - 3`` degrees of freedom for ``k`` lines.
-        gains: of each line's four perturbations on the point ``(*batch, k, 3, 4)``.
+        shared_jacobian: of each line's four perturbations on the point ``(*batch, k, 3, 4)``.
     """
 
     X: Vectors
     P: Covariances
     chi2: FloatArray
-    gains: FloatArray
+    shared_jacobian: FloatArray
 
 
 def intersect_lines(T: Transforms, P: Covariances) -> Corner:
@@ -157,15 +157,17 @@ def intersect_edges(features: Sequence[Feature], label: str = "") -> tuple[Featu
     L = _lateral(local[:, 0])
     r = local[:, 1:]
     each = np.sqrt(np.sum(r * np.linalg.solve(L @ P @ np.swapaxes(L, 1, 2), r[..., None])[..., 0], axis=-1))
-    estimate = Estimate(T_world_vertex, corner.P, corner.chi2, 2 * len(features) - 3, r, each, corner.gains)
+    estimate = Estimate(T_world_vertex, corner.P, corner.chi2, 2 * len(features) - 3, r, each, corner.shared_jacobian)
     rows = SE3.adjoint_inverse(T_world_vertex)[list(VERTEX.rows)]
-    terms = inherit(features, list(corner.gains), rows)
+    terms = inherit(features, list(corner.shared_jacobian), rows)
     readings = tuple(r for feature in features for r in feature.readings)
     vertex = Feature(VERTEX, T_world_vertex, corner.P, label, terms, corner.X[None], readings)
     return vertex, make_report(estimate, [feature.label for feature in features])
 
 
-def inherit(features: Sequence[Feature], gains: Sequence[FloatArray], rows: FloatArray) -> tuple[SharedTerm, ...]:
+def inherit(
+    features: Sequence[Feature], shared_jacobian: Sequence[FloatArray], rows: FloatArray
+) -> tuple[SharedTerm, ...]:
     """Shared terms of a feature made of others with the given gains; exact for rigid errors (``math.md`` section 6)."""
     errors, _, parts = collect_shared(features)
     world = np.concatenate([SE3.adjoint_inverse(f.T_world_feature)[list(f.kind.rows)] for f in features])
@@ -174,6 +176,6 @@ def inherit(features: Sequence[Feature], gains: Sequence[FloatArray], rows: Floa
         block = slice(start, start + len(error.covariance))
         start = block.stop
         M = rigid_motion(world, np.concatenate(parts)[:, block])
-        own = sum((K @ A[:, block] for K, A in zip(gains, parts, strict=True)), np.zeros((len(rows), 1)))
+        own = sum((K @ A[:, block] for K, A in zip(shared_jacobian, parts, strict=True)), np.zeros((len(rows), 1)))
         terms.append(SharedTerm(error, rows @ M if M is not None else own))
     return tuple(terms)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         NamedCovariance,
         as_gtsam_covariance,
         as_ros_covariance,
-        convention_gain,
+        convention_jacobian,
         convert_covariance,
         from_gtsam_covariance,
         from_ros_covariance,
@@ -78,7 +78,7 @@ __all__ = [
     "compose_jacobians",
     "compose_locations",
     "congruence",
-    "convention_gain",
+    "convention_jacobian",
     "convert_covariance",
     "differential_jacobian",
     "differential_jacobian_inverse",
@@ -114,7 +114,7 @@ __getattr__, __dir__ = lazy(
         ),
         "named": (
             "GTSAM ROS SPATIAL TANTEO CovarianceConvention NamedCovariance as_gtsam_covariance "
-            "as_ros_covariance convention_gain convert_covariance from_gtsam_covariance "
+            "as_ros_covariance convention_jacobian convert_covariance from_gtsam_covariance "
             "from_ros_covariance name_covariance uncertain_frame"
         ),
         "propagation": "compose_arrays compose_fourth_order congruence invert_arrays relate_arrays",

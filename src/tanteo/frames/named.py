@@ -95,7 +95,7 @@ class NamedCovariance:
         object.__setattr__(self, "covariance", check_covariances("covariance", self.covariance, 6))
 
 
-def convention_gain(T: Transforms, convention: CovarianceConvention) -> Adjoints:
+def convention_jacobian(T: Transforms, convention: CovarianceConvention) -> Adjoints:
     """``G(T)`` ``(*batch, 6, 6)`` with ``e_named = G e``, ``e`` our body error."""
     T = np.asarray(T, dtype=np.float64)
     left, world = convention.perturbation == "left", convention.frame == "world"
@@ -117,7 +117,7 @@ def _turn(R: FloatArray) -> Adjoints:
     return G
 
 
-def _gain_inverse(T: Transforms, convention: CovarianceConvention) -> Adjoints:
+def _jacobian_inverse(T: Transforms, convention: CovarianceConvention) -> Adjoints:
     """``G^-1`` in closed form: ``diag(R', R')`` and ``Ad(T^-1)`` are exact where a solver would round."""
     left, world = convention.perturbation == "left", convention.frame == "world"
     R = SE3.rotation(np.asarray(T, dtype=np.float64))
@@ -130,12 +130,12 @@ def _gain_inverse(T: Transforms, convention: CovarianceConvention) -> Adjoints:
 
 def name_covariance(frame: UncertainFrame, convention: CovarianceConvention) -> NamedCovariance:
     """The covariance of a frame in another convention."""
-    return NamedCovariance(frame.T, congruence(convention_gain(frame.T, convention), frame.C), convention)
+    return NamedCovariance(frame.T, congruence(convention_jacobian(frame.T, convention), frame.C), convention)
 
 
 def uncertain_frame(named: NamedCovariance) -> UncertainFrame:
     """Back to ours: inverse of :func:`name_covariance`."""
-    return UncertainFrame(named.T, congruence(_gain_inverse(named.T, named.convention), named.covariance))
+    return UncertainFrame(named.T, congruence(_jacobian_inverse(named.T, named.convention), named.covariance))
 
 
 def convert_covariance(named: NamedCovariance, convention: CovarianceConvention) -> NamedCovariance:

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from tanteo.inference.problem import PoseMixture, Problem, outlier_log_density
     from tanteo.inference.recognition import identify_points
     from tanteo.inference.result import (
-        Explained,
+        GoodnessOfFit,
         as_hypothesis,
-        explained,
         face_names,
+        goodness_of_fit,
         information_by_point,
         worst_reading,
     )
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NEGLIGIBLE",
-    "Explained",
+    "GoodnessOfFit",
     "Mode",
     "PoseMixture",
     "Posterior",
     "PreparedPart",
     "Problem",
     "as_hypothesis",
-    "explained",
     "face_elsewhere",
     "face_names",
     "gone_through",
+    "goodness_of_fit",
     "identify_features",
     "identify_points",
     "infer",
@@ -65,7 +65,7 @@ __getattr__, __dir__ = lazy(
         "prior_check": "p_of_prior",
         "problem": "PoseMixture Problem outlier_log_density",
         "recognition": "identify_points",
-        "result": "Explained as_hypothesis explained face_names information_by_point worst_reading",
+        "result": "GoodnessOfFit as_hypothesis goodness_of_fit face_names information_by_point worst_reading",
         "settling": "settle",
         "update": "on_part posterior_about update_posterior",
     },

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.problem import outlier_log_density
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
@@ -56,26 +56,26 @@ class Details:
         return self.distances * self.per_sd
 
 
-def details_at(climber: Climber, Ts: Transforms, zs: FloatArray) -> Details:
+def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     """The measurements at poses ``(S, 4, 4)`` and other states ``(S, D)``."""
-    points = climber.problem.points
+    points = objective.problem.points
     table, faces, log_points, log_groups = _core.details(
-        climber.prepared.shape, climber.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
+        objective.prepared.shape, objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
     )
-    outlier = outlier_log_density(points, climber.problem.priors)
+    outlier = outlier_log_density(points, objective.problem.priors)
     with np.errstate(divide="ignore"):
         hit, there = np.log(table[..., 0]) + outlier, np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
-    groups = climber.problem.groups
+    groups = objective.problem.groups
     of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[1])])
     return Details(
         hit, np.broadcast_to(outlier, hit.shape), points.places, groups, log_groups + of_groups,
-        climber.problem.elsewhere.log_odds + of_groups, log_points, there,
+        objective.problem.elsewhere.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip
 
 
-def belongs_at(climber: Climber, peaks: Peaks, count: int) -> FloatArray:
+def belongs_at(objective: Objective, peaks: Peaks, count: int) -> FloatArray:
     """Probability of each point to be on the part at the first maxima ``(count, n)``."""
-    return details_at(climber, peaks.Ts[:count], peaks.zs[:count]).belongs
+    return details_at(objective, peaks.Ts[:count], peaks.zs[:count]).belongs

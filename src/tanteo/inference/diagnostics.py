@@ -8,7 +8,7 @@ from tanteo.answers.priors import Priors
 from tanteo.answers.results import Hypothesis
 from tanteo.inference.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
 from tanteo.inference.outliers import so_many
-from tanteo.inference.result import Explained
+from tanteo.inference.result import GoodnessOfFit
 from tanteo.measurements import ContactPoints
 from tanteo.special import binomial_cdf
 
@@ -33,17 +33,17 @@ def not_on_it(best: Hypothesis, unknown: float) -> str:
     return (
         f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
         f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more strays "
-        "(--strays)."
+        "(--outlier-rate)."
     )
 
 
-def against_labels(one: Explained, priors: Priors) -> str:
+def against_labels(one: GoodnessOfFit, priors: Priors) -> str:
     """What it means that more labelled points are off the part than labels are wrong; empty if not.
 
     A sensor may make more outliers than is stated, and then the rate is found out; but labels come from a person.
     """
     off, n = int(np.sum(~one.belongs & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
-    if not off or binomial_cdf(off - 1, n, np.array([priors.clutter]))[0] < 1 - _CONTRADICTED:
+    if not off or binomial_cdf(off - 1, n, np.array([priors.outlier_rate]))[0] < 1 - _CONTRADICTED:
         return ""
     name = one.mode.prepared.part.name
     return (
@@ -56,12 +56,12 @@ def left_out(best: Hypothesis, priors: Priors) -> str:
     """A warning if more points are off the part than is expected."""
     outliers = len(best.outliers)
     n = outliers + len(best.pairings)
-    if so_many(outliers, n, priors.clutter) > _NOTABLE:
+    if so_many(outliers, n, priors.outlier_rate) > _NOTABLE:
         return ""
     return f" {outliers} of {n} readings are not on it, more than expected: check them, and the order of their columns."
 
 
-def face_elsewhere(points: ContactPoints, one: Explained, unknown: float, priors: Priors) -> str:
+def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, priors: Priors) -> str:
     """Which face of the part is elsewhere, if it may be a near variant that differs by that one; empty if not.
 
     Args:
@@ -73,10 +73,10 @@ def face_elsewhere(points: ContactPoints, one: Explained, unknown: float, priors
     if unknown < _NOTABLE:
         return ""
     part, at = one.mode.prepared.part, one.at
-    anywhere = log_density_by_surfaces(at, priors.clutter)
-    if log_density_of_near_variant(at, part, priors.clutter)[0] < anywhere[0] + np.log(2):
+    anywhere = log_density_by_surfaces(at, priors.outlier_rate)
+    if log_density_of_near_variant(at, part, priors.outlier_rate)[0] < anywhere[0] + np.log(2):
         return ""
-    found = shifted(at, part, priors.clutter)
+    found = shifted(at, part, priors.outlier_rate)
     k = int(np.argmax(found.log_odds))
     way = "out" if found.offsets[k] > 0 else "in"
     return (

@@ -21,7 +21,7 @@ def identify_features(
     parts: Sequence[Part] | Sequence[PreparedPart],
     *,
     tolerance: float = 0.0,
-    alpha: float = 0.01,
+    significance: float = 0.01,
     top: int = 5,
     priors: Priors | None = None,
 ) -> Recognition:
@@ -35,7 +35,7 @@ def identify_features(
             both.
         parts: candidates, as parts or prepared.
         tolerance: sd of the made part's surface against its CAD [m].
-        alpha: an answer whose joint test has a smaller p-value than this is not accepted.
+        significance: an answer whose joint test has a smaller p-value than this is not accepted.
         top: number of hypotheses to report.
         priors: what is assumed beforehand; the radius is that of the largest part if not given.
 
@@ -44,12 +44,14 @@ def identify_features(
         readings of a feature, or by its label.
 
     Raises:
-        InputError: without parts, for an ``alpha`` outside (0, 1), or a feature that is no plane, edge or vertex.
+        InputError: without parts, for a ``significance`` outside (0, 1), or another kind of feature.
     """
     points = as_labelled_points(features, tolerance)
     firsts = [given[0] if isinstance(given, tuple) else given for given in features]
     shared = collect_shared(firsts)[0]
-    answer = identify_points(points, FreeRays.none(), parts, shared=shared, alpha=alpha, top=top, priors=priors)
+    answer = identify_points(
+        points, FreeRays.none(), parts, shared=shared, significance=significance, top=top, priors=priors
+    )
     readings = {name: f.readings or (name,) for name, f in zip(dict.fromkeys(points.ids), firsts, strict=True)}
     return replace(answer, hypotheses=tuple(_by_feature(h, readings) for h in answer.hypotheses))
 

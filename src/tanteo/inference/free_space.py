@@ -108,7 +108,7 @@ def _between(
     own = -np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=2)
     by_shared = np.zeros((len(points), 3, len(shared.mean)))
     if free.moved:
-        by_shared = T[:3, :3].T @ (free.gains + far[:, None, None] * free.turns)
+        by_shared = T[:3, :3].T @ (free.shared_jacobian + far[:, None, None] * free.turns)
         own = own + by_shared @ shared.follows
     C = observed_covariance(part.part, C)
     return np.asarray(own @ C @ np.swapaxes(own, 1, 2) + by_shared @ shared.covariance @ np.swapaxes(by_shared, 1, 2))

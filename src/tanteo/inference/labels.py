@@ -136,7 +136,9 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     turns = {1: 4 * np.pi if points.inward.any() else 2 * np.pi, 2: 2 * np.pi, 3: 1.0}[m]
     lever = (points.points - middle) @ along.T
     levers = [lever[:, k, None, None] * np.eye(m) for k in range(free)]
-    J = np.concatenate([np.broadcast_to(np.eye(m), (len(points), m, m)), *levers, -across @ points.gains], axis=2)
+    J = np.concatenate(
+        [np.broadcast_to(np.eye(m), (len(points), m, m)), *levers, -across @ points.shared_jacobian], axis=2
+    )
     states = m * (1 + free)  # of the plane, line or point, before the shared errors
     S = across @ points.covs @ across.T
     W = np.linalg.inv(S)
@@ -202,8 +204,8 @@ def log_level(facets: Facets, radius: float) -> float:
     n, total = facets.normals, 0.0
     for k in range(1, len(facets)):
         tilts = facets.covariances[:k] + facets.covariances[k]
-        turned = n[:k] - n[k]
-        alike = np.sum(turned**2, axis=1) < _ALIKE**2 * np.trace(tilts, axis1=1, axis2=2)
+        rotated = n[:k] - n[k]
+        alike = np.sum(rotated**2, axis=1) < _ALIKE**2 * np.trace(tilts, axis1=1, axis2=2)
         alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
         if not alike.any():
             continue
@@ -231,7 +233,7 @@ def log_right_angled(facets: Facets, share: float) -> float:
     tangents = SO3.frame_from_axis(normals, 2)[:, :, :2]
     S = np.swapaxes(tangents, 1, 2) @ covariances @ tangents
     frames = _axes_of_pairs(normals)
-    log, frames = _climbed(frames, tangents, S, normals, share)
+    log, frames = _maximized(frames, tangents, S, normals, share)
     order, kept = np.argsort(-log, kind="stable"), list[int]()
     for i in order:
         turns = np.abs(np.swapaxes(frames[kept], 1, 2) @ frames[i])
@@ -251,7 +253,7 @@ def _axes_of_pairs(normals: Vectors) -> FloatArray:
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-def _climbed(
+def _maximized(
     frames: FloatArray, tangents: FloatArray, S: Covariances, normals: Vectors, share: float
 ) -> tuple[FloatArray, FloatArray]:
     """Axes at their peaks and the log of the integral about each, over the density of any directions."""

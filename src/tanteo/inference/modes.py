@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.inference.peaks import Climber
+from tanteo.inference.peaks import Objective
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.sampler import COUNTS, Compared, Sampler, roots
 from tanteo.inference.symmetry import folded
@@ -35,7 +35,7 @@ class Mode:
     """One region of poses of one part.
 
     Attributes:
-        climber: the part and the problem, compiled.
+        objective: the part and the problem, compiled.
         T_world_part: mean pose ``(4, 4)``; of several maxima in one region the best.
         covariance: about it, of the samples ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
         T_peak: the best maximum ``(4, 4)``.
@@ -49,7 +49,7 @@ class Mode:
         normal: whether the region is normal, as the curvature of its maximum has it.
     """
 
-    climber: Climber
+    objective: Objective
     T_world_part: Transforms
     covariance: Covariances
     T_peak: Transforms
@@ -65,7 +65,7 @@ class Mode:
     @property
     def prepared(self) -> PreparedPart:
         """The part."""
-        return self.climber.prepared
+        return self.objective.prepared
 
 
 def modes_of(sampler: Sampler) -> list[Mode]:
@@ -87,7 +87,7 @@ def modes_of(sampler: Sampler) -> list[Mode]:
 
 def _inside(sampler: Sampler) -> np.ndarray:
     """Whether the region of one maximum reaches to another ``(m, m)``."""
-    centre, peaks = sampler.climber.prepared.shape.centre, sampler.peaks
+    centre, peaks = sampler.objective.prepared.shape.centre, sampler.peaks
     x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
     z = x @ np.swapaxes(np.linalg.inv(roots(sampler.covariances)), 1, 2)
     return np.asarray(np.sum(z * z, axis=-1) < _VALLEY)
@@ -95,11 +95,11 @@ def _inside(sampler: Sampler) -> np.ndarray:
 
 def _by_curvature(sampler: Sampler, k: int) -> Mode:
     """A region too improbable to be sampled, as the curvature of its maximum has it."""
-    climber, peaks, T = sampler.climber, sampler.peaks, sampler.peaks.Ts[k]
-    covariance = from_centre(climber, climber.of_pose(peaks.information[k]))
-    information = to_origin(climber, peaks.information[k])
+    objective, peaks, T = sampler.objective, sampler.peaks, sampler.peaks.Ts[k]
+    covariance = from_centre(objective, objective.of_pose(peaks.information[k]))
+    information = to_origin(objective, peaks.information[k])
     log_mass = float(peaks.evidence[k]) + sampler.log_constant
-    return Mode(climber, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
+    return Mode(objective, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
 
 
 def _groups(together: np.ndarray) -> list[IntArray]:
@@ -117,7 +117,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     Where there is one maximum, the samples only tell by how much its region differs from a normal density: what they
     say of the density itself, which is known, is taken from what they say of the region (a control variate).
     """
-    climber, peaks = sampler.climber, sampler.peaks
+    objective, peaks = sampler.objective, sampler.peaks
     top = float(sampler.log_weights.max())
     best = int(rows[np.argmax(peaks.evidence[rows])])
     T = T_peak = peaks.Ts[best]
@@ -125,8 +125,8 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     alone = len(rows) == 1 and w.sum() > COUNTS * W.sum()
     region = sampler.compared(best, w) if alone else Compared.alone(w)
     keep = w + region.normal > 1e-9 * w.max()
-    Ts = folded(climber.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=climber.named)
-    curved = from_centre(climber, climber.of_pose(peaks.information[best]))
+    Ts = folded(objective.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=objective.named)
+    curved = from_centre(objective, objective.of_pose(peaks.information[best]))
     xi, w, rest = SE3.log(SE3.inverse(T_peak) @ Ts), w[keep], region.rest[keep]
     mean = np.zeros(6)
     if len(rows) == 1 or not sampler.is_possible(T_peak):
@@ -138,7 +138,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     if not region.is_normal:
         covariance = covariance * _beyond_normal(xi, w, covariance)
     return Mode(
-        climber, T, covariance, T_peak, peaks.zs[best], to_origin(climber, peaks.information[best]),
+        objective, T, covariance, T_peak, peaks.zs[best], to_origin(objective, peaks.information[best]),
         float(np.log(region.mass)) + top, 0.0, Ts,
         w / w.sum(), region.ess, region.is_normal,
     )  # fmt: skip
@@ -167,15 +167,15 @@ def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances)
     return max(float(gaps[order[np.searchsorted(share, _LEVEL).clip(0, len(gaps) - 1)]]) / _OF_LEVEL, 1.0)
 
 
-def to_origin(climber: Climber, information: FloatArray) -> FloatArray:
+def to_origin(objective: Objective, information: FloatArray) -> FloatArray:
     """Information on motions about the part's centre as that on motions of its frame ``(6 + D, 6 + D)``."""
     A = np.eye(len(information))
-    A[:3, 3:6] = -SO3.hat(climber.prepared.centre)
+    A[:3, 3:6] = -SO3.hat(objective.prepared.centre)
     return np.asarray(A.T @ information @ A)
 
 
-def from_centre(climber: Climber, information: FloatArray) -> Covariances:
+def from_centre(objective: Objective, information: FloatArray) -> Covariances:
     """Covariance of motions of the part's frame, from the information on motions about its centre ``(6, 6)``."""
     A = np.eye(6)
-    A[:3, 3:] = SO3.hat(climber.prepared.centre)
+    A[:3, 3:] = SO3.hat(objective.prepared.centre)
     return np.asarray(A @ np.linalg.inv(information) @ A.T, dtype=np.float64)

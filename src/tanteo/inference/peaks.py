@@ -77,7 +77,7 @@ class Peaks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Climber:
+class Objective:
     """What leads from poses of one part to maxima.
 
     Attributes:
@@ -112,7 +112,7 @@ class Climber:
         kept, who = _core.distinct(Ts, near, 1.0, keep, shape.centre)
         return np.ascontiguousarray(Ts[kept]), _united(groups[order], who.astype(np.int64), len(kept))
 
-    def climb(
+    def maximize(
         self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
     ) -> Peaks:
         """The maxima that poses lead to, each once; ``fine``: without blurred noise first."""
@@ -121,7 +121,7 @@ class Climber:
             return Peaks.none(D)
         zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
         blurs = np.zeros(0) if fine else self.scales.blurs
-        Ts, zs, logs, information, rows = _core.climb(
+        Ts, zs, logs, information, rows = _core.maximize(
             self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, _STEPS, _ENOUGH, _MARGIN
         )
         evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
@@ -131,7 +131,7 @@ class Climber:
     def look(self, Ts: Transforms, groups: IntArray, keep: int) -> Peaks:
         """The maxima that proposals lead to."""
         Ts, groups = self.settle(Ts, groups, keep)
-        return self.climb(Ts, groups=groups)
+        return self.maximize(Ts, groups=groups)
 
     def regular(self, information: FloatArray) -> FloatArray:
         """Information with a weak prior of the part's own size and of a turn, so that free directions end somewhere."""

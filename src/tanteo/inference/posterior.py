@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.inference.details import details_at
 from tanteo.inference.modes import Mode, modes_of
 from tanteo.inference.near_variants import log_density_of_near_variant
-from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.sampler import Sampler
@@ -128,18 +128,18 @@ def weigh(
     evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
     total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)
     samplers, variants = [], []
-    for (s, prior, draws), own in zip(found, evidence, strict=True):
+    for (s, prior, prior_samples), own in zip(found, evidence, strict=True):
         if own > total - NEGLIGIBLE or own == best:
-            samplers.append(_sampler(s, prior, max(total, best), draws))
+            samplers.append(_sampler(s, prior, max(total, best), prior_samples))
         elif own > total - 2 * NEGLIGIBLE:  # a variant of a part explains more than the part
-            variants.append(_log_variant(s.climber, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
+            variants.append(_log_variant(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
     _sample(samplers, anywhere)
     modes = []
     for sampler in samplers:
         own_modes = modes_of(sampler)
         modes += own_modes
         masses = np.array([mode.log_mass for mode in own_modes])
-        variants.append(_log_variant(sampler.climber, _at_peaks(own_modes, sampler), masses))
+        variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
     log_none = log_unknown(anywhere, given_unknown, problem.priors)
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
@@ -153,30 +153,30 @@ def weigh(
 
 def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:
     """The maxima of modes, for what is asked of the measurements there."""
-    peaks = Peaks.none(sampler.climber.problem.states)
+    peaks = Peaks.none(sampler.objective.problem.states)
     if not modes:
         return peaks
     return replace(peaks, Ts=np.stack([m.T_peak for m in modes]), zs=np.stack([m.z for m in modes]))
 
 
-def _log_variant(climber: Climber, peaks: Peaks, log_masses: FloatArray) -> float:
+def _log_variant(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> float:
     """Log evidence of near variants of a part, about its maxima of those masses ``(M,)``, the likeliest of them."""
     if not len(log_masses):
         return -np.inf
     rows = np.argsort(-log_masses, kind="stable")[:_VARIANTS]
-    at = details_at(climber, peaks.Ts[rows], peaks.zs[rows])
-    mean = climber.problem.priors.clutter
-    variant = log_density_of_near_variant(at, climber.prepared.part, mean)
+    at = details_at(objective, peaks.Ts[rows], peaks.zs[rows])
+    mean = objective.problem.priors.outlier_rate
+    variant = log_density_of_near_variant(at, objective.prepared.part, mean)
     return float(log_sum(log_masses[rows] + variant - at.log_points))
 
 
 def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:
-    climber, peaks = search.climber, search.peaks
-    constant = climber.problem.log_pose_density(climber.prepared) + prior
-    constant += log_orbit(climber.prepared, named=climber.named)
+    objective, peaks = search.objective, search.peaks
+    constant = objective.problem.log_pose_density(objective.prepared) + prior
+    constant += log_orbit(objective.prepared, named=objective.named)
     some = np.flatnonzero(peaks.evidence + constant > total - NEGLIGIBLE - 2)
     some = some if len(some) else np.zeros(1, dtype=np.int64)
-    return Sampler(climber, peaks.take(some), rng, constant, search.along, trusted=search.trusted)
+    return Sampler(objective, peaks.take(some), rng, constant, search.along, trusted=search.trusted)
 
 
 def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -186,7 +186,7 @@ def _sample(samplers: Sequence[Sampler], log_none: float) -> None:
     count = 0
     for k in range(_ROUNDS + 1):
         for sampler, want in zip(samplers, wants, strict=True):
-            sampler.draw(want)
+            sampler.sample(want)
         before, count = count, sum(len(s.peaks) for s in samplers)
         if k == _ROUNDS or (k == _ROUNDS - 1 and count == before):  # maxima just shown are sampled once, too
             break
@@ -224,13 +224,15 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     if sampler.local.any():
         return _wanted_along(sampler, p)
     need = np.clip(_PER * p, _LEAST, _ENOUGH) * (p > _MATTERS)
-    worth = np.clip(ess / np.maximum(sampler.drawn(), 1), 1 / _MOST, 1)  # effective samples for each that is drawn
+    worth = np.clip(
+        ess / np.maximum(sampler.sample_prior(), 1), 1 / _MOST, 1
+    )  # effective samples for each that is drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, _FIRST, _MORE), 0).astype(np.int64)
     if not want.any():
         return want
     sampler.adapt(np.flatnonzero(want), float(sampler.log_weights.max()))
-    found = sampler.climber.climb(sampler.strange(), fine=True)
-    new = sampler.climber.unlike(found, sampler.peaks)
+    found = sampler.objective.maximize(sampler.strange(), fine=True)
+    new = sampler.objective.unlike(found, sampler.peaks)
     if len(new):
         sampler.add(new)
         want = np.concatenate([want, np.full(len(new), _MORE)])

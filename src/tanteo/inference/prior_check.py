@@ -17,9 +17,9 @@ from tanteo.answers.priors import Priors
 from tanteo.answers.results import Hypothesis
 from tanteo.inference.modes import Mode
 from tanteo.inference.outliers import so_many
-from tanteo.inference.peaks import Climber
+from tanteo.inference.peaks import Objective
 from tanteo.inference.posterior import Posterior
-from tanteo.inference.result import Explained, explained
+from tanteo.inference.result import GoodnessOfFit, goodness_of_fit
 from tanteo.localization import pose_information, weak_motions
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Transforms
@@ -53,18 +53,18 @@ class PriorCheck:
 
 
 def check_prior(
-    posterior: Posterior, best: Hypothesis | None, without: Callable[[], Posterior], alpha: float
+    posterior: Posterior, best: Hypothesis | None, without: Callable[[], Posterior], significance: float
 ) -> PriorCheck:
     """Whether the prior of the pose is contradicted: near the answer, or by an answer without it.
 
-    Where it is true, measurements are ``1 / alpha`` times denser without it than with it in at most ``alpha`` of all
+    Where it is true, measurements are ``1 / significance`` times denser without it in at most ``significance`` of all
     cases, whatever their distribution, because both densities integrate to one.
 
     Args:
         posterior: the answer.
         best: its first hypothesis; None if there is none.
         without: the answer if nothing had been known of the pose, which is looked for if there is doubt.
-        alpha: least p-value.
+        significance: least p-value.
     """
     priors = posterior.problem.priors
     if priors.pose is None:
@@ -76,15 +76,15 @@ def check_prior(
     other = without()
     if not other.modes or other.modes[0].probability < other.unknown:
         return PriorCheck(p if fits else 1.0)
-    if not explains(explained(other.modes[0]), priors.clutter):
+    if not is_good_fit(goodness_of_fit(other.modes[0]), priors.outlier_rate):
         return PriorCheck(p if fits else 1.0)
     bound = float(np.exp(min(posterior.log_evidence - other.log_evidence, 0.0)))
-    if bound < alpha:
+    if bound < significance:
         return PriorCheck(min(p, bound), other)
     return PriorCheck(p)
 
 
-def explains(one: Explained, rate: float) -> bool:
+def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
     outliers, n = int(np.sum(~one.belongs)), len(one.belongs)
     if so_many(outliers, n, rate) <= _OUTLIERS:
@@ -99,26 +99,26 @@ def _share(posterior: Posterior) -> float:
     if pose is None or pose.box is None:
         return 1.0
     alone = _alone(mode, posterior.problem.priors)
-    peak = alone.climb(mode.T_peak[None], fine=True)
+    peak = alone.maximize(mode.T_peak[None], fine=True)
     L = np.linalg.cholesky(np.linalg.inv(alone.of_pose(peak.information[0])))
-    draws = np.random.default_rng(1991).normal(size=(256, 6)) @ L.T
+    prior_samples = np.random.default_rng(1991).normal(size=(256, 6)) @ L.T
     from tanteo import _core
 
-    Ts = _core.place(np.repeat(peak.Ts[:1], len(draws), axis=0), draws, alone.prepared.shape.centre)
+    Ts = _core.place(np.repeat(peak.Ts[:1], len(prior_samples), axis=0), prior_samples, alone.prepared.shape.centre)
     return float(np.mean(in_box(pose, alone.prepared.part, Ts)))
 
 
-def _alone(mode: Mode, priors: Priors) -> Climber:
+def _alone(mode: Mode, priors: Priors) -> Objective:
     """The climber of a mode if nothing were known of the pose."""
-    problem = replace(mode.climber.problem, priors=replace(priors, pose=None), mixtures={})
-    return replace(mode.climber, problem=problem, core=problem.compiled(mode.prepared))
+    problem = replace(mode.objective.problem, priors=replace(priors, pose=None), mixtures={})
+    return replace(mode.objective, problem=problem, core=problem.compiled(mode.prepared))
 
 
 def without_prior(mode: Mode, priors: Priors) -> Mode:
     """The mode at the maximum that it has if nothing is known of the pose."""
     alone = _alone(mode, priors)
-    peak = alone.climb(mode.T_peak[None], mode.z[None], fine=True)
-    return replace(mode, climber=alone, T_peak=peak.Ts[0], z=peak.zs[0])
+    peak = alone.maximize(mode.T_peak[None], mode.z[None], fine=True)
+    return replace(mode, objective=alone, T_peak=peak.Ts[0], z=peak.zs[0])
 
 
 def p_of_prior(mode: Mode, priors: Priors) -> float:
@@ -138,7 +138,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
     if not known:
         return share
     alone = _alone(mode, priors)
-    apart = alone.climb(mode.T_peak[None], mode.z[None], fine=True)
+    apart = alone.maximize(mode.T_peak[None], mode.z[None], fine=True)
     left = weak_motions(pose_information(apart.information[0]), part_scale(part))
     best = float(apart.logs[0])
 

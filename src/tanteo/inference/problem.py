@@ -64,7 +64,7 @@ class Problem:
     @property
     def states(self) -> int:
         """Shared errors and noise scale beside the pose."""
-        return self.points.gains.shape[2] + (self.scale_sd > 0)
+        return self.points.shared_jacobian.shape[2] + (self.scale_sd > 0)
 
     def with_scale(self, sd: float) -> Problem:
         """The same with the noise known to that (log) standard deviation only."""
@@ -94,7 +94,7 @@ class Problem:
     def compiled(self, prepared: PreparedPart) -> _core.Problem:
         """The question about one part, for the core."""
         t, rays = self.points, self.rays
-        rates, weights = outlier_rates(self.priors.clutter, len(t))
+        rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
         extra = np.full(len(t), t.tolerance**2)
         table = self.priors.pose.table if self.priors.pose is not None else None
         lines = np.column_stack(
@@ -105,8 +105,9 @@ class Problem:
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
             np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), self.groups,
-            _c(self.elsewhere.log_odds), _c(t.gains), float(self.scale_sd), _c(rates), _c(weights),
-            self.priors.clutter, _c(lines), _c(rays.gains), _c(rays.turns), _c(means), _c(roots), _c(log_weights),
+            _c(self.elsewhere.log_odds), _c(t.shared_jacobian), float(self.scale_sd), _c(rates), _c(weights),
+            self.priors.outlier_rate, _c(lines), _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots),
+            _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
         )  # fmt: skip
 

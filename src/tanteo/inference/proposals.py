@@ -41,7 +41,7 @@ class Effort:
         pairs: of points.
         per_pair: pairs of surface places for each.
         keep: proposals of each pair that are settled.
-        climb: of all of them that are climbed.
+        maximize: of all of them that are climbed.
         move: of the best maxima afterwards that are turned in their place, and slid.
         hard: the same where maxima are narrow beside what is proposed, or the best one leaves points out that it should
             not.
@@ -50,7 +50,7 @@ class Effort:
     pairs: int = 12
     per_pair: int = 40
     keep: int = 7
-    climb: int = 40
+    maximize: int = 40
     move: int = 0
     hard: int = 10
 
@@ -76,7 +76,9 @@ def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     if not len(points):  # free-space rays alone: nothing settles
         return Scales(prepared.spacing, np.array([prepared.spacing]), np.zeros(0))
     sd = float(np.median(points.sd))
-    shared = float(np.sqrt(np.mean(np.sum(points.gains**2, axis=(1, 2))))) if points.gains.size else 0.0
+    shared = (
+        float(np.sqrt(np.mean(np.sum(points.shared_jacobian**2, axis=(1, 2))))) if points.shared_jacobian.size else 0.0
+    )
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
     spread = 2 * float(np.quantile(off, 0.75))
     wide = float(np.hypot(sd, shared))
@@ -189,10 +191,10 @@ def scores_of(core: _core.Problem, prepared: PreparedPart, rows: Indices, Ts: Tr
 
 def moved(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Transforms:
     """Poses beside poses, which explain many of the same points: the part turned in its place, or slid along itself."""
-    return np.concatenate([turned(prepared, Ts), slid(prepared, Ts, rng)])
+    return np.concatenate([rotated(prepared, Ts), translated(prepared, Ts, rng)])
 
 
-def slid(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Transforms:
+def translated(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Transforms:
     """Poses with the part slid along its axes, by up to half its length: from one wall, or step, to the next."""
     axes, size = _axes(prepared), np.ptp(prepared.part.box, axis=0)
     which = rng.integers(len(axes), size=(len(Ts), _SLIDES))
@@ -207,7 +209,7 @@ def _axes(prepared: PreparedPart) -> Vectors:
     return np.concatenate([np.eye(3), np.linalg.eigh(np.cov(prepared.samples.T))[1].T])
 
 
-def turned(prepared: PreparedPart, Ts: Transforms) -> Transforms:
+def rotated(prepared: PreparedPart, Ts: Transforms) -> Transforms:
     """Poses with the part turned in its place by half turns, after which many a part nearly fills its old place."""
     part = prepared.part
     axes = _axes(prepared)

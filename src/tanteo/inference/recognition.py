@@ -15,9 +15,9 @@ from tanteo.features import SharedError
 from tanteo.inference.diagnostics import against_labels, face_elsewhere, left_out, mostly_on, not_on_it, scattered
 from tanteo.inference.posterior import Posterior, infer, with_scale
 from tanteo.inference.prepared import PreparedPart, prepare
-from tanteo.inference.prior_check import check_prior, explains, without_prior
+from tanteo.inference.prior_check import check_prior, is_good_fit, without_prior
 from tanteo.inference.problem import Problem
-from tanteo.inference.result import Explained, as_hypothesis, explained, what_limits, worst_reading
+from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 
@@ -27,7 +27,9 @@ LEAST = 3
 _PATCH = 0.2
 """Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
 
-_CLOSE = "the readings lie so close together that other places may look like it: sense farther apart, or say --near."
+_CLOSE = (
+    "the readings lie so close together that other places may look like it: sense farther apart, or say --pose-prior."
+)
 
 _BARELY = 2.0
 """Points that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
@@ -49,7 +51,7 @@ def identify_points(
     parts: Sequence[Part] | Sequence[PreparedPart],
     *,
     shared: Sequence[SharedError] = (),
-    alpha: float = 0.01,
+    significance: float = 0.01,
     top: int = 5,
     priors: Priors | None = None,
     seed: int = 0,
@@ -61,15 +63,15 @@ def identify_points(
         rays: on which nothing was met.
         parts: candidates, prepared or not; what is prepared is kept with the part.
         shared: the errors behind ``points.gains``, in that order, for the words of the answer.
-        alpha: an answer whose joint test has a smaller p-value is not accepted.
+        significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         priors: what is assumed beforehand.
         seed: of the search and the samples.
 
     Raises:
-        InputError: without parts, or for an ``alpha`` outside (0, 1).
+        InputError: without parts, or for an ``significance`` outside (0, 1).
     """
-    parts = check_question(parts, alpha, top, seed, priors)
+    parts = check_question(parts, significance, top, seed, priors)
     named = priors is not None and priors.pose is not None
     if message := _too_little(points, named=named):
         return Recognition("insufficient", message, (), 1.0, {}, seed)
@@ -80,15 +82,17 @@ def identify_points(
     problem = Problem(points, rays, priors)
     posterior = _answer(problem, prepared, seed)
     clock.lap("search")
-    found = [explained(mode) for mode in posterior.modes]
+    found = [goodness_of_fit(mode) for mode in posterior.modes]
     scale = _noise_scale(found[0]) if found else 1.0
     hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
     clock.lap("locate")
     worst = worst_reading(points, found[0]) if found else ""
     alone = replace(problem, priors=replace(priors, pose=None))
-    check = check_prior(posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, prepared, seed), alpha)
+    check = check_prior(
+        posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, prepared, seed), significance
+    )
     if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
-        found = [explained(mode) for mode in check.other.modes]
+        found = [goodness_of_fit(mode) for mode in check.other.modes]
         hypotheses = tuple(
             replace(h, probability=h.probability * (1 - posterior.unknown))
             for h in (as_hypothesis(points, one, None) for one in found[:top])
@@ -97,7 +101,7 @@ def identify_points(
     shares = [(one.mode.prepared.part.name, one.mode.probability) for one in found]
     unknown = posterior.unknown
     status, message = verdict(
-        hypotheses, unknown, alpha, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,
+        hypotheses, unknown, significance, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,
         same=_of_its_shape(found[0].mode.prepared.part, prepared) if found else (),
     )  # fmt: skip
     if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
@@ -127,7 +131,7 @@ def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Poste
     better = scaled.log_evidence + np.log(_SCALE_PRIOR) > posterior.log_evidence + np.log1p(-_SCALE_PRIOR)
     if not better or not scaled.modes or scaled.modes[0].prepared is not posterior.modes[0].prepared:
         return posterior
-    return scaled if _noise_scale(explained(scaled.modes[0])) <= _MOST_SCALE else posterior
+    return scaled if _noise_scale(goodness_of_fit(scaled.modes[0])) <= _MOST_SCALE else posterior
 
 
 def _as_stated(posterior: Posterior) -> bool:
@@ -135,12 +139,12 @@ def _as_stated(posterior: Posterior) -> bool:
 
     Where something is known of the pose, it is asked what they are without it: a wrong prior is not their noise.
     """
-    one, priors = explained(posterior.modes[0]), posterior.problem.priors
+    one, priors = goodness_of_fit(posterior.modes[0]), posterior.problem.priors
     if priors.pose is not None:
-        one = explained(without_prior(posterior.modes[0], priors))
+        one = goodness_of_fit(without_prior(posterior.modes[0], priors))
     chi2, dof = one.chi_square()
     sure = posterior.unknown < 1 - CONFIDENCE
-    return sure and (dof <= 0 or chi2 < dof + 3 * np.sqrt(2 * dof)) and explains(one, priors.clutter)
+    return sure and (dof <= 0 or chi2 < dof + 3 * np.sqrt(2 * dof)) and is_good_fit(one, priors.outlier_rate)
 
 
 def _of_its_shape(part: Part, parts: Sequence[PreparedPart]) -> list[str]:
@@ -149,13 +153,13 @@ def _of_its_shape(part: Part, parts: Sequence[PreparedPart]) -> list[str]:
     return [p.part.name for p in parts if np.allclose((p.part.area, p.part.volume), size, rtol=_EQUAL, atol=0.0)]
 
 
-def _noise_scale(one: Explained) -> float:
+def _noise_scale(one: GoodnessOfFit) -> float:
     """Times the stated noise that the measurements have; 1 where it was taken as stated."""
-    problem = one.mode.climber.problem
+    problem = one.mode.objective.problem
     return float(np.exp(problem.scale_sd * one.mode.z[-1])) if problem.scale_sd > 0 else 1.0
 
 
-def _close_together(points: ContactPoints, best: Explained, priors: Priors) -> bool:
+def _close_together(points: ContactPoints, best: GoodnessOfFit, priors: Priors) -> bool:
     """Whether the points are of a small patch, which many a part has twice, and nothing else says where it is."""
     placed = priors.pose is not None and priors.pose.T_world_part is not None
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
@@ -197,5 +201,5 @@ def _large_enough(points: ContactPoints, part: Part) -> bool:
     """Whether the part is as large as the points' spread, a few outliers left aside."""
     centre = np.median(points.points, axis=0)
     reach = np.sort(np.linalg.norm(points.points - centre, axis=1) - 4 * points.sd - points.radii)
-    shared = 4 * np.sqrt(np.sum(points.gains**2) / max(len(points), 1))
+    shared = 4 * np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1))
     return bool(reach[int(0.75 * (len(reach) - 1))] - shared <= part.diagonal)

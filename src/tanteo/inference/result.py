@@ -48,7 +48,7 @@ samples say it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Explained:
+class GoodnessOfFit:
     """A mode with the measurements at its maximum.
 
     Attributes:
@@ -68,18 +68,18 @@ class Explained:
 
     def chi_square(self) -> tuple[float, int]:
         """Of the points that belong and their normals, and the degrees of freedom if no motion is free."""
-        belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.climber.problem.points.kinds
+        belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.kinds
         chi2 = float(np.sum(self.at.residuals[0, belongs] ** 2) + np.sum(tilts[belongs] ** 2))
         dof = sum(_ACROSS.get(kind, 1) for kind, on in zip(kinds, belongs, strict=True) if on)
         return chi2, dof + 2 * int(np.count_nonzero(tilts[belongs])) - 6
 
 
-def explained(mode: Mode) -> Explained:
+def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
     """The mode with the measurements at its maximum."""
     part, T = mode.prepared.part, mode.T_peak[None]
-    at = details_at(mode.climber, T, mode.z[None])
+    at = details_at(mode.objective, T, mode.z[None])
     information = without_spins(part, pose_information(mode.information))
-    return Explained(mode, at, _free(mode, information))
+    return GoodnessOfFit(mode, at, _free(mode, information))
 
 
 def _free(mode: Mode, information: FloatArray) -> Tangents:
@@ -95,7 +95,7 @@ def _free(mode: Mode, information: FloatArray) -> Tangents:
     return held if len(held) < len(free) else free
 
 
-def as_hypothesis(points: ContactPoints, one: Explained, pose: PosePrior | None = None) -> Hypothesis:
+def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | None = None) -> Hypothesis:
     """The hypothesis: the pose of the mode with the covariance of its samples.
 
     Args:
@@ -125,12 +125,12 @@ def as_hypothesis(points: ContactPoints, one: Explained, pose: PosePrior | None 
         outliers=tuple(name for name, ok in zip(points.ids, belongs, strict=True) if not ok),
         pairings=tuple((i, f) for i, f, ok in zip(points.ids, names, belongs, strict=True) if ok),
         outlier_distances=tuple(float(d) for d, ok in zip(distances, belongs, strict=True) if not ok),
-        covariance_same_robot=None if given is None else given + common_given,
+        covariance_relative=None if given is None else given + common_given,
         shared=_shared_given(mode),
     )
 
 
-def face_names(one: Explained) -> list[str]:
+def face_names(one: GoodnessOfFit) -> list[str]:
     """What each point is nearest to, in words."""
     part = one.mode.prepared.part
     edges = len(part.edges)
@@ -146,18 +146,18 @@ def information_by_point(mode: Mode) -> FloatArray:
     Part frame, right perturbation [m, rad]. Each is looked at alone: a point that the others make an outlier counts as
     far as it is none by itself.
     """
-    climber, problem = mode.climber, mode.climber.problem
+    objective, problem = mode.objective, mode.objective.problem
     out = np.zeros((len(problem.points), 6, 6))
     nothing = replace(problem, rays=FreeRays.none(), priors=replace(problem.priors, pose=None), mixtures={})
     T, z = np.ascontiguousarray(mode.T_peak[None]), np.ascontiguousarray(mode.z[None])
     for k in range(len(out)):
         alone = replace(nothing, points=problem.points.take(np.array([k])))
-        information = _core.slopes(climber.prepared.shape, alone.compiled(climber.prepared), T, z)[2][0]
-        out[k] = to_origin(climber, information)[:6, :6]
+        information = _core.slopes(objective.prepared.shape, alone.compiled(objective.prepared), T, z)[2][0]
+        out[k] = to_origin(objective, information)[:6, :6]
     return out
 
 
-def _covariances(one: Explained) -> tuple[Covariances, Covariances | None]:
+def _covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
     """Of the pose, uniform along free motions; and the same if the shared errors were known."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)
@@ -200,14 +200,14 @@ def _with_free(
 
 def _shared_given(mode: Mode) -> SharedGiven | None:
     """The shared errors given the pose that is the answer; None without any."""
-    D = mode.climber.problem.points.gains.shape[2]
+    D = mode.objective.problem.points.shared_jacobian.shape[2]
     if not D:
         return None
     given = SharedGiven.at(mode.z[:D], mode.information[: 6 + D, : 6 + D])
     return given.about(SE3.log(SE3.inverse(mode.T_peak) @ mode.T_world_part))
 
 
-def _common_tolerance(points: ContactPoints, one: Explained) -> tuple[Covariances, Covariances]:
+def _common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covariances, Covariances]:
     """What the covariances lack because a made face deviates as a whole, not anew at every point, twice ``(6, 6)``.
 
     The estimate weighs points as if their deviations were independent; for that estimator, points of one face with one
@@ -218,7 +218,7 @@ def _common_tolerance(points: ContactPoints, one: Explained) -> tuple[Covariance
         return np.zeros((6, 6)), np.zeros((6, 6))
     mode, at, part = one.mode, one.at, one.mode.prepared.part
     n, p, w, per_sd = at.normals[0], at.in_part[0], at.belongs[0], at.per_sd[0]
-    shared = np.einsum("ni,nid->nd", n @ mode.T_peak[:3, :3].T, points.gains)
+    shared = np.einsum("ni,nid->nd", n @ mode.T_peak[:3, :3].T, points.shared_jacobian)
     J = np.concatenate([-n, SO3.cross(n, p), shared], axis=1)
     J = np.pad(J, ((0, 0), (0, len(mode.information) - J.shape[1])))
     weighted = J * (w * points.tolerance * per_sd**2)[:, None]
@@ -229,8 +229,8 @@ def _common_tolerance(points: ContactPoints, one: Explained) -> tuple[Covariance
     for face in np.unique(at.faces[0]):
         together = weighted[at.faces[0] == face].sum(axis=0)
         extra = extra + np.outer(together, together)
-    gains = (np.asarray(np.linalg.inv(A), dtype=np.float64) for A in (held, held[:6, :6]))
-    return _gained(next(gains)[:6], extra), _gained(next(gains), extra[:6, :6])
+    shared_jacobian = (np.asarray(np.linalg.inv(A), dtype=np.float64) for A in (held, held[:6, :6]))
+    return _gained(next(shared_jacobian)[:6], extra), _gained(next(shared_jacobian), extra[:6, :6])
 
 
 def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
@@ -239,7 +239,7 @@ def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
     return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
 
 
-def worst_reading(points: ContactPoints, one: Explained) -> str:
+def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> str:
     """The point, or sensed normal, that agrees least among those on the part; empty if none is far off."""
     off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
@@ -248,7 +248,7 @@ def worst_reading(points: ContactPoints, one: Explained) -> str:
     return f"{'the normal of ' if tilted else ''}reading {points.ids[i]}, {off[tilted, i]:.1f} sd off"
 
 
-def what_limits(one: Explained, shared: Sequence[SharedError]) -> str:
+def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> str:
     """A sentence on the largest of the errors that all measurements share, if it matters; empty if not.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.answers.pose_prior import in_box
-from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.symmetry import is_held, log_gauge
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
@@ -108,7 +108,7 @@ class Sampler:
     """Samples of one part.
 
     Attributes:
-        climber: the part and the problem.
+        objective: the part and the problem.
         peaks: maxima, the bases of the components.
         rng: of all draws.
         log_constant: of the prior, what the core leaves out, symmetric poses included.
@@ -116,7 +116,7 @@ class Sampler:
         trusted: whether first components are as wide as their curvature says: where nothing suggests an end of a face.
     """
 
-    climber: Climber
+    objective: Objective
     peaks: Peaks
     rng: np.random.Generator
     log_constant: float
@@ -138,25 +138,25 @@ class Sampler:
     _untouched: float = field(init=False)
 
     def __post_init__(self) -> None:
-        D, peaks = self.climber.problem.states, self.peaks
+        D, peaks = self.objective.problem.states, self.peaks
         self.Ts, self.zs = np.zeros((0, 4, 4)), np.zeros((0, D))
         self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
         self.shares, self.means = np.zeros((0, len(peaks))), np.zeros((len(peaks), 6))
         self.covariances, self._slopes = self._about(peaks)
-        turns = self.climber.prepared.part.symmetry.Ts
+        turns = self.objective.prepared.part.symmetry.Ts
         self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
         self._fitted, self.local = np.full(len(peaks), self.trusted), np.zeros(len(peaks), dtype=bool)
         far = np.eye(4)
-        far[:3, 3] = peaks.Ts[0, :3, 3] + _AWAY * self.climber.prepared.part.diagonal
-        shape, core = self.climber.prepared.shape, self.climber.core
+        far[:3, 3] = peaks.Ts[0, :3, 3] + _AWAY * self.objective.prepared.part.diagonal
+        shape, core = self.objective.prepared.shape, self.objective.core
         self._untouched = -np.inf
-        if len(self.climber.problem.points):
+        if len(self.objective.problem.points):
             self._untouched = float(_core.marginals(shape, core, far[None], np.zeros((1, D)))[0][0])
 
     def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
         """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""
-        covariances = np.asarray(_WIDER * np.linalg.inv(self.climber.of_pose(peaks.information)), dtype=np.float64)
-        full = self.climber.regular(peaks.information)
+        covariances = np.asarray(_WIDER * np.linalg.inv(self.objective.of_pose(peaks.information)), dtype=np.float64)
+        full = self.objective.regular(peaks.information)
         if full.shape[-1] == 6:
             return covariances, np.zeros((len(peaks), 0, 6))
         return covariances, np.asarray(-np.linalg.solve(full[:, 6:, 6:], full[:, 6:, :6]), dtype=np.float64)
@@ -172,7 +172,7 @@ class Sampler:
         none = np.zeros(len(peaks), dtype=bool)
         self._fitted, self.local = np.concatenate([self._fitted, none]), np.concatenate([self.local, none])
 
-    def drawn(self) -> IntArray:
+    def sample_prior(self) -> IntArray:
         """Samples drawn so far of each component ``(m,)``."""
         counts = np.zeros(len(self.peaks), dtype=np.int64)
         for owner, _, _, count in self._components:
@@ -183,7 +183,7 @@ class Sampler:
         """Components about poses that are no maxima, and so many samples of each: along a bent ridge of them."""
         self.add(along)
         self.local[-len(along) :] = True
-        self.draw(count * self.local)
+        self.sample(count * self.local)
 
     def strange(self) -> Transforms:
         """Samples that weigh as much as a maximum of their own would: where the mixture has no component yet."""
@@ -193,13 +193,13 @@ class Sampler:
         rows = np.flatnonzero(w > _STRANGE * w.sum())
         return self.Ts[rows[np.argsort(-w[rows])][:_LOOKED_AT]]
 
-    def draw(self, counts: IntArray) -> None:
+    def sample(self, counts: IntArray) -> None:
         """So many more samples of each component ``(m,)``; all weights are made anew."""
         on = np.flatnonzero(counts)
         if not len(on):
             return
         self._fit_widths(on[~self._fitted[on] & (counts[on] >= _WORTH)])
-        centre = self.climber.prepared.shape.centre
+        centre = self.objective.prepared.shape.centre
         owners = np.repeat(on, counts[on])
         L = roots(self.covariances[on])
         for k in on:
@@ -216,9 +216,9 @@ class Sampler:
 
     def _count(self, k: int, count: int) -> None:
         """Remember what is drawn of a component: more of the same is one of larger weight."""
-        for row, (owner, mean, covariance, drawn) in enumerate(self._components):
+        for row, (owner, mean, covariance, sample_prior) in enumerate(self._components):
             if owner == k and np.array_equal(mean, self.means[k]) and np.array_equal(covariance, self.covariances[k]):
-                self._components[row] = k, mean, covariance, drawn + count
+                self._components[row] = k, mean, covariance, sample_prior + count
                 return
         self._components.append((k, self.means[k].copy(), self.covariances[k].copy(), count))
 
@@ -227,7 +227,7 @@ class Sampler:
         self._fitted[which] = True
         if not len(which):
             return
-        size = np.r_[np.ones(3), np.full(3, 4 / self.climber.prepared.part.diagonal)]  # turns as shifts of the rim
+        size = np.r_[np.ones(3), np.full(3, 4 / self.objective.prepared.part.diagonal)]  # turns as shifts of the rim
         values, vectors = np.linalg.eigh(self.covariances[which] / (size[:, None] * size))
         widths, axes = np.sqrt(values.clip(0)), np.swapaxes(vectors, 1, 2) * size
         top = self._target(self.peaks.Ts[which], self.peaks.zs[which])[0]
@@ -235,7 +235,7 @@ class Sampler:
         for _ in range(_HALVINGS):
             x = (widths[..., None] * axes)[:, :, None] * np.array([1.0, -1.0])[:, None]
             x = np.ascontiguousarray(x.reshape(-1, 6))
-            Ts = _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.climber.prepared.shape.centre)
+            Ts = _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.objective.prepared.shape.centre)
             zs = self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x)
             there = self._target(Ts, zs)[0].reshape(-1, 6, 2).max(axis=-1)
             steep = there < top[:, None] - _STEEP
@@ -247,14 +247,14 @@ class Sampler:
 
     def _target(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log of prior times likelihood over shifts and turns, and the other states there."""
-        climber = self.climber
-        log, zs = _core.marginals(climber.prepared.shape, climber.core, Ts, np.ascontiguousarray(zs))
+        objective = self.objective
+        log, zs = _core.marginals(objective.prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
         log = self._touched(log) + self.log_constant
-        if is_held(climber.prepared, named=climber.named):
-            log += log_gauge(climber.prepared, Ts, self.peaks.Ts[0])
-        pose = climber.problem.priors.pose
+        if is_held(objective.prepared, named=objective.named):
+            log += log_gauge(objective.prepared, Ts, self.peaks.Ts[0])
+        pose = objective.problem.priors.pose
         if pose is not None and pose.box is not None:
-            log[~in_box(pose, climber.prepared.part, Ts)] = -np.inf
+            log[~in_box(pose, objective.prepared.part, Ts)] = -np.inf
         return log, zs
 
     def _touched(self, log: FloatArray) -> FloatArray:
@@ -263,8 +263,8 @@ class Sampler:
 
     def is_possible(self, T: Transforms) -> bool:
         """Whether a pose ``(4, 4)`` is in the box, if there is one."""
-        pose = self.climber.problem.priors.pose
-        return pose is None or pose.box is None or bool(in_box(pose, self.climber.prepared.part, T[None])[0])
+        pose = self.objective.problem.priors.pose
+        return pose is None or pose.box is None or bool(in_box(pose, self.objective.prepared.part, T[None])[0])
 
     def _weigh(self) -> None:
         components = sorted(self._components, key=lambda c: c[0])
@@ -273,7 +273,7 @@ class Sampler:
         L = roots(np.array([c[2] for c in components]))
         inverse = np.ascontiguousarray(np.linalg.inv(L))
         log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
-        centre, bases = self.climber.prepared.shape.centre, np.ascontiguousarray(self.peaks.Ts)
+        centre, bases = self.objective.prepared.shape.centre, np.ascontiguousarray(self.peaks.Ts)
         args = bases, owners, means, inverse, log_w, FREEDOM, centre
         log_q, self.shares = _core.mixture(self.Ts, *args)
         for turn in self._images:  # symmetric poses are one: each may have been drawn as any of them
@@ -289,7 +289,7 @@ class Sampler:
     def adapt(self, which: IntArray, top: float) -> None:
         """Move components onto the weighed samples of their maximum; weights are over ``exp(top)``."""
         w = np.exp(self.log_weights - top)
-        centre = self.climber.prepared.shape.centre
+        centre = self.objective.prepared.shape.centre
         for k in which:
             rows = np.flatnonzero(self.shares[:, k] > 1e-3)
             own = w[rows] * self.shares[rows, k]
@@ -316,7 +316,7 @@ class Sampler:
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
         if not abs(mass) < _COMPARABLE:
             return Compared.alone(weights)
-        H = self.climber.of_pose(self.peaks.information[k][None])[0]
+        H = self.objective.of_pose(self.peaks.information[k][None])[0]
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
         own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
@@ -347,7 +347,7 @@ class Sampler:
 
     def _squared_gaps(self, k: int, information: FloatArray) -> FloatArray:
         """Squared lengths of the motions from a maximum to the samples, or to the nearest of their images ``(N,)``."""
-        centre, out = self.climber.prepared.shape.centre, np.full(len(self.Ts), np.inf)
+        centre, out = self.objective.prepared.shape.centre, np.full(len(self.Ts), np.inf)
         for turn in [np.eye(4), *self._images]:
             x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts @ turn), centre)
             out = np.minimum(out, np.sum((x @ information) * x, axis=1))

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.inference.details import belongs_at
-from tanteo.inference.draws import RIDGE, along_ridge, drawn
 from tanteo.inference.label_tuples import Planes, from_labels, labelled_planes
-from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.prior_samples import RIDGE, along_ridge, sample_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import (
     FEW,
@@ -77,22 +77,22 @@ class PartSearch:
     """The search for one part, round by round.
 
     Attributes:
-        climber: leads from poses to maxima.
+        objective: leads from poses to maxima.
         pairs: of points from which proposals are made, a few each round.
         rng: of all draws.
         peaks: maxima so far.
         planes: of the labels.
-        rounds: so far.
+        restarts: so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
         trusted: whether the region of its maximum was normal before the last measurement.
     """
 
-    climber: Climber
+    objective: Objective
     pairs: Indices
     rng: np.random.Generator
     peaks: Peaks
     planes: Planes
-    rounds: int = 0
+    restarts: int = 0
     along: Peaks | None = None
     trusted: bool = False
 
@@ -108,91 +108,93 @@ class PartSearch:
 
     @property
     def _constant(self) -> float:
-        prepared = self.climber.prepared
-        orbit = log_orbit(prepared, named=self.climber.named)
-        return self.climber.problem.log_pose_density(prepared) + orbit
+        prepared = self.objective.prepared
+        orbit = log_orbit(prepared, named=self.objective.named)
+        return self.objective.problem.log_pose_density(prepared) + orbit
 
-    def round(self, effort: Effort) -> None:
+    def restart(self, effort: Effort) -> None:
         """Propose from pairs of points, which know nothing of each other; settle, climb, merge."""
-        if self.rounds:  # the points that are farthest apart may be outliers: later rounds take others
+        if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
             self._take_other_points()
-        climber, k, count = self.climber, self.rounds, min(effort.pairs, len(self.pairs))
+        objective, k, count = self.objective, self.restarts, min(effort.pairs, len(self.pairs))
         each = replace(effort, per_pair=effort.per_pair * effort.pairs // max(count, 1))  # few points have few pairs
-        poses, groups = [self._of_labels(effort.climb)], [_CERTAIN]
+        poses, groups = [self._of_labels(effort.maximize)], [_CERTAIN]
         for i in range(count):
             pair = np.ascontiguousarray(self.pairs[[(k * count + i) % len(self.pairs)]])
             seed = int(self.rng.integers(2**63))
-            poses.append(from_pairs(climber.core, climber.prepared, climber.rows, pair, climber.scales, each, seed))
+            poses.append(
+                from_pairs(objective.core, objective.prepared, objective.rows, pair, objective.scales, each, seed)
+            )
             groups.append(1 << ((k * count + i) % _BITS))
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
-        self.peaks = climber.merged(self.peaks, climber.look(np.concatenate(poses), of, effort.climb), _MOST)
-        self.draw(effort.climb)
-        hard = bool(effort.hard) and (len(climber.scales.blurs) > 1 or self.doubtful())
+        self.peaks = objective.merged(self.peaks, objective.look(np.concatenate(poses), of, effort.maximize), _MOST)
+        self.sample(effort.maximize)
+        hard = bool(effort.hard) and (len(objective.scales.blurs) > 1 or self.doubtful())
         move = effort.hard if hard else effort.move
         if len(self.peaks) and move:
-            self.try_poses(moved(climber.prepared, self.peaks.Ts[:move], self.rng))
-        self.rounds += 1
+            self.try_poses(moved(objective.prepared, self.peaks.Ts[:move], self.rng))
+        self.restarts += 1
 
     def _take_other_points(self) -> None:
         """Propose from other points, settle on them."""
-        points = self.climber.problem.points
+        points = self.objective.problem.points
         if len(points) <= FEW:
             return
         rows = np.sort(self.rng.choice(len(points), FEW, replace=False)).astype(np.int32)
-        self.climber, self.pairs = replace(self.climber, rows=rows), far_pairs(points, rows, _PAIRS)
+        self.objective, self.pairs = replace(self.objective, rows=rows), far_pairs(points, rows, _PAIRS)
 
     def _of_labels(self, count: int) -> Transforms:
         """Poses that put labelled planes on faces, those that the points are near: once, for they are all there are."""
-        climber = self.climber
-        if self.rounds or not len(climber.rows):
+        objective = self.objective
+        if self.restarts or not len(objective.rows):
             return np.zeros((0, 4, 4))
-        Ts = np.ascontiguousarray(from_labels(self.planes, climber.prepared))
+        Ts = np.ascontiguousarray(from_labels(self.planes, objective.prepared))
         if not len(Ts):
             return Ts
-        costs = scores_of(climber.core, climber.prepared, climber.rows, Ts, climber.scales)
+        costs = scores_of(objective.core, objective.prepared, objective.rows, Ts, objective.scales)
         return Ts[np.argsort(costs, kind="stable")[:count]]
 
-    def draw(self, count: int) -> None:
+    def sample(self, count: int) -> None:
         """Climb from draws of what is known of the pose, each a group of its own; and follow the ridge it lies on."""
-        climber = self.climber
-        if not climber.named:
+        objective = self.objective
+        if not objective.named:
             return
         groups = np.left_shift(1, self.rng.integers(_BITS, size=count))
-        self.peaks = climber.merged(self.peaks, drawn(climber, groups, self.rng), _MOST)
+        self.peaks = objective.merged(self.peaks, sample_prior(objective, groups, self.rng), _MOST)
         if self.along is None:
-            self.along = along_ridge(climber, from_prior(climber.problem, climber.prepared, RIDGE, self.rng))
+            self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, RIDGE, self.rng))
 
     def try_poses(self, Ts: Transforms) -> None:
         """Climb from poses that no points proposed; what they lead to still has to be found, but for what is there."""
         if not len(Ts):
             return
-        found = self.climber.look(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
-        self.peaks = self.climber.merged(self.peaks, found, _MOST)
+        found = self.objective.look(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
+        self.peaks = self.objective.merged(self.peaks, found, _MOST)
 
     def asked(self, problem: Problem) -> PartSearch:
         """The same maxima where another problem has them: with more states, or other priors."""
-        climber = replace(self.climber, problem=problem, core=problem.compiled(self.climber.prepared))
+        objective = replace(self.objective, problem=problem, core=problem.compiled(self.objective.prepared))
         more = problem.states - self.peaks.zs.shape[1]
         zs = np.pad(self.peaks.zs, ((0, 0), (0, more)), constant_values=1.0)
-        peaks = climber.climb(self.peaks.Ts, zs, self.peaks.groups, fine=True)
-        along = along_ridge(climber, self.along.Ts) if self.along is not None and len(self.along) else None
-        return replace(self, climber=climber, peaks=peaks, along=along)
+        peaks = objective.maximize(self.peaks.Ts, zs, self.peaks.groups, fine=True)
+        along = along_ridge(objective, self.along.Ts) if self.along is not None and len(self.along) else None
+        return replace(self, objective=objective, peaks=peaks, along=along)
 
     def on_the_part(self) -> BoolArray:
         """Which points the best maximum has on the part ``(n,)``; none without a maximum."""
-        count = len(self.climber.problem.points)
+        count = len(self.objective.problem.points)
         if not count or not len(self.peaks):
             return np.zeros(count, dtype=bool)
-        return np.asarray(belongs_at(self.climber, self.peaks, 1)[0] > 0.5)
+        return np.asarray(belongs_at(self.objective, self.peaks, 1)[0] > 0.5)
 
-    def explains(self) -> bool:
+    def is_good_fit(self) -> bool:
         """Whether the best maximum has nine of ten points on the part, or there is nothing to explain."""
         on = self.on_the_part()
         return not len(on) or float(on.mean()) > _EXPLAINED
 
     def doubtful(self) -> bool:
         """Whether the best maximum calls more points outliers than are expected, which may have hidden a better one."""
-        on, rate = self.on_the_part(), self.climber.problem.priors.clutter
+        on, rate = self.on_the_part(), self.objective.problem.priors.outlier_rate
         expected = len(on) * rate + _UNUSUAL * np.sqrt(len(on) * rate) if len(on) > _FEW else 0.0
         return len(self.peaks) > 0 and float(np.sum(~on)) > expected
 
@@ -201,9 +203,9 @@ def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Genera
     """Before the first round."""
     rows = spread_rows(problem.points, FEW)
     scales = scales_for(problem, prepared)
-    climber = Climber(prepared, problem.compiled(prepared), problem, scales, rows)
+    objective = Objective(prepared, problem.compiled(prepared), problem, scales, rows)
     pairs = far_pairs(problem.points, rows, _PAIRS)
-    return PartSearch(climber, pairs, rng, Peaks.none(problem.states), labelled_planes(problem.points))
+    return PartSearch(objective, pairs, rng, Peaks.none(problem.states), labelled_planes(problem.points))
 
 
 def race(
@@ -221,7 +223,7 @@ def race(
     live = _after_a_glance(searches) if len(parts) > 1 else list(searches)
     for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
         if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
-            search.round(_LOOK)
+            search.restart(_LOOK)
     _try_on_others(live)
     live = _still_in(live, log_unknown, _BEHIND[1])
     fixed = len(problem.points) >= 6 or int(problem.points.oriented.sum()) >= _ORIENTED
@@ -232,11 +234,11 @@ def race(
         left = [
             s
             for s in live
-            if (s.rounds < min(_ROUNDS, share) and s.log_rare() > total + np.log(_MISSING))
-            or (s is best and s.rounds < min(_DOUBTFUL, share) and s.doubtful())
+            if (s.restarts < min(_ROUNDS, share) and s.log_rare() > total + np.log(_MISSING))
+            or (s is best and s.restarts < min(_DOUBTFUL, share) and s.doubtful())
         ]
         for search in left:
-            search.round(Effort())
+            search.restart(Effort())
         if not left:
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
@@ -248,21 +250,21 @@ def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
 
     The unknown object is no rival yet: a glance misses the pose of the right part often.
     """
-    problem = searches[0].climber.problem
+    problem = searches[0].objective.problem
     rows = spread_rows(problem.points, _GLANCED)
     glances = list(searches)
     if len(rows) < len(problem.points):
         few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
-        glances = [replace(start_search(few, s.climber.prepared, s.rng), planes=s.planes) for s in searches]
+        glances = [replace(start_search(few, s.objective.prepared, s.rng), planes=s.planes) for s in searches]
     for glance in glances:
-        glance.round(_GLANCE)
+        glance.restart(_GLANCE)
     _try_on_others(glances)
     kept = {id(glance) for glance in _still_in(glances, -np.inf, _BEHIND[0])}
     live = [(s, glance) for s, glance in zip(searches, glances, strict=True) if id(glance) in kept]
     for search, glance in live:
         if search is not glance:
             found = glance.peaks
-            search.peaks, search.rounds = search.climber.climb(found.Ts, found.zs, found.groups, fine=True), 1
+            search.peaks, search.restarts = search.objective.maximize(found.Ts, found.zs, found.groups, fine=True), 1
     return [search for search, _ in live]
 
 
@@ -273,7 +275,7 @@ def _still_in(searches: Sequence[PartSearch], log_unknown: float, behind: float)
     """
     order = sorted(searches, key=lambda s: -s.log_evidence)
     lead = max([log_unknown, *(s.log_evidence for s in order)])
-    half = 0 if not order or order[0].explains() else (len(order) + 1) // 2
+    half = 0 if not order or order[0].is_good_fit() else (len(order) + 1) // 2
     kept = {id(s) for k, s in enumerate(order) if k < half or s.log_evidence > lead - behind}
     return [s for s in searches if id(s) in kept]
 

@@ -102,5 +102,5 @@ def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) ->
         priors: what is assumed beforehand.
     """
     variant = float(log_sum(log_variant)) if len(log_variant) else -np.inf
-    log_near = np.log(priors.unknown) + np.log(priors.kin) + variant
-    return float(np.logaddexp(np.log1p(-priors.kin) + log_anywhere, log_near))
+    log_near = np.log(priors.unknown) + np.log(priors.near_variant) + variant
+    return float(np.logaddexp(np.log1p(-priors.near_variant) + log_anywhere, log_near))

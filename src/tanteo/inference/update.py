@@ -1,7 +1,7 @@
 """The posterior after more measurements: what was known climbs on, is joined by draws of the prior, and weighed anew.
 
 A step of sequential Monte Carlo whose moves are climbs: samples of the modes that were alive, a few draws of the prior
-beside them, lead to the maxima of the posterior of *all* measurements. Nothing that was linearised once is kept, so the
+beside them, lead to the maxima of the posterior of *all* measurements. Nothing that was linearized once is kept, so the
 order of the measurements matters no further than for which maxima are known. Where the answer is in doubt, every part
 is looked for all over its prior again.
 """
@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.inference.details import details_at
-from tanteo.inference.draws import RIDGE, along_ridge
 from tanteo.inference.modes import Mode
-from tanteo.inference.peaks import Climber, Peaks
+from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.prior_samples import RIDGE, along_ridge
 from tanteo.inference.problem import Problem, outlier_log_density
 from tanteo.inference.proposals import Effort
 from tanteo.inference.search import PartSearch, start_search
@@ -82,7 +82,7 @@ def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: n
     The unknown object has no probability in it.
     """
     search = start_search(problem, part, rng)
-    _take(search, search.climber.climb(Ts, fine=True))
+    _take(search, search.objective.maximize(Ts, fine=True))
     return weigh(problem, [search], np.zeros(1), -np.inf, rng)
 
 
@@ -103,18 +103,18 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     if not modes:
         known = problem.mixture(part)
         if known is not None:  # coarse measurements do not tell means apart that the prior does
-            _take(search, search.climber.climb(known.Ts[:_WIDELY], fine=True))
+            _take(search, search.objective.maximize(known.Ts[:_WIDELY], fine=True))
         _draw(search, _WIDELY)
         return search
-    climber, likely = search.climber, sum(mode.probability for mode in modes)
+    objective, likely = search.objective, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem.states, rng)
     if before is not None and likely > _MATTERS:
         Ts, zs = _with_maxima(Ts, zs, before, part)
-    _take(search, climber.climb(Ts, zs, fine=True))
+    _take(search, objective.maximize(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
     if likely > _MATTERS and not search.trusted:
         _draw(search, _FRESH)
-        search.along = along_ridge(climber, _resampled(modes, RIDGE, rng))
+        search.along = along_ridge(objective, _resampled(modes, RIDGE, rng))
     return search
 
 
@@ -137,7 +137,7 @@ def _with_maxima(
 ) -> tuple[Transforms, FloatArray]:
     """With all maxima that were known of a part, the improbable ones among them."""
     for search in before.searches:
-        if search.climber.prepared is part:
+        if search.objective.prepared is part:
             own = search.peaks.zs
             own = own if own.shape[1] == zs.shape[1] else np.zeros((len(own), zs.shape[1]))
             return np.concatenate([Ts, search.peaks.Ts]), np.concatenate([zs, own])
@@ -152,20 +152,20 @@ def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> T
 
 
 def _draw(search: PartSearch, count: int) -> None:
-    search.draw(count)
+    search.sample(count)
     search.peaks = _found(search.peaks)
 
 
 def _look_widely(search: PartSearch) -> None:
     """Look for a part all over its prior, and by pairs of points where these fix a pose."""
     _draw(search, _WIDELY)
-    if len(search.climber.problem.points) >= _SEVERAL:
-        search.round(Effort())
+    if len(search.objective.problem.points) >= _SEVERAL:
+        search.restart(Effort())
         search.peaks = _found(search.peaks)
 
 
 def _take(search: PartSearch, peaks: Peaks) -> None:
-    search.peaks = _found(search.climber.merged(search.peaks, peaks, 10**6))
+    search.peaks = _found(search.objective.merged(search.peaks, peaks, 10**6))
 
 
 def _found(peaks: Peaks) -> Peaks:
@@ -206,8 +206,8 @@ def _outliers(posterior: Posterior) -> int:
 
 def on_part(mode: Mode) -> BoolArray:
     """Which points are on the part at the maximum of a mode, rather than outliers ``(n,)``."""
-    climber: Climber = mode.climber
-    return np.asarray(details_at(climber, mode.T_peak[None], mode.z[None]).belongs[0] > 0.5)
+    objective: Objective = mode.objective
+    return np.asarray(details_at(objective, mode.T_peak[None], mode.z[None]).belongs[0] > 0.5)
 
 
 def probabilities(posterior: Posterior) -> dict[int, float]:

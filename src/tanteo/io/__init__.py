@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
     from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
-    from tanteo.io.prior_text import parse_box, parse_near, parse_table
+    from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table
     from tanteo.io.prior_toml import prior_brand, read_prior
     from tanteo.io.readings_csv import read_readings
     from tanteo.io.readings_write import write_readings
@@ -37,7 +37,7 @@ __all__ = [
     "parse_box",
     "parse_length",
     "parse_lengths",
-    "parse_near",
+    "parse_pose_prior",
     "parse_table",
     "pose_as_brand",
     "pose_from_brand",
@@ -69,7 +69,7 @@ __getattr__, __dir__ = lazy(
         "images": "read_image write_image",
         "marks_csv": "read_marks",
         "poses": "BRANDS Brand pose_as_brand pose_from_brand",
-        "prior_text": "parse_box parse_near parse_table",
+        "prior_text": "parse_box parse_pose_prior parse_table",
         "prior_toml": "prior_brand read_prior",
         "readings_csv": "read_readings",
         "readings_write": "write_readings",

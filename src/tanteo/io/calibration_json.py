@@ -37,7 +37,7 @@ def calibration_document(found: Calibration) -> dict[str, Any]:
                 "range_m": s.reading,
                 "expected_m": s.expected,
             }
-            for s in found.strays
+            for s in found.outliers
         ],
     }
 

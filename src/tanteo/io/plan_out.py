@@ -11,7 +11,7 @@ import tanteo
 from tanteo.io.result_json import covariance_document, numbers
 
 if TYPE_CHECKING:
-    from tanteo.active import Distinction, Plan
+    from tanteo.active import Discrimination, Plan
 
 
 def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
@@ -23,7 +23,7 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
             "direction": numbers(r.direction),
             "expected_point_m": numbers(r.point),
             "face": r.face,
-            "worst_corner_sd_m": float(r.worst_corner_sd),
+            "corner_sd_m": float(r.corner_sd),
             **({} if plan.feature is None else {"feature_sd_m": float(r.feature_sd)}),
             "within_tolerance": float(r.within),
             "within_tolerance_if_met": float(r.within_if_met),
@@ -32,7 +32,7 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
         for n, r in enumerate(plan.readings, 1)
     ]
     covariance = plan.readings[-1].covariance if plan.readings else None
-    before = "worst_corner_sd_before_m" if plan.feature is None else "feature_sd_before_m"
+    before = "corner_sd_before_m" if plan.feature is None else "feature_sd_before_m"
     return _dumped({
         "schema": "tanteo.plan/1", "version": tanteo.__version__, "part": plan.part, "reached": plan.reached,
         "message": plan.message, "tolerance_m": tolerance, "confidence": confidence,
@@ -52,22 +52,22 @@ def plan_csv(plan: Plan) -> str:
     own = [] if plan.feature is None else ["feature_sd_mm"]
     writer.writerow([
         "number", "start_x_mm", "start_y_mm", "start_z_mm", "dx", "dy", "dz", "x_mm", "y_mm", "z_mm", "face",
-        "worst_corner_sd_mm", *own, "within_tolerance", "within_tolerance_if_met", "meets_face",
+        "corner_sd_mm", *own, "within_tolerance", "within_tolerance_if_met", "meets_face",
     ])  # fmt: skip
     for n, r in enumerate(plan.readings, 1):
         mm = [f"{1e3 * v:.4f}" for v in (*r.origin, *r.point)]
         d = [f"{v:.6f}" for v in r.direction]
-        sds = [f"{1e3 * v:.4f}" for v in (r.worst_corner_sd, r.feature_sd)[: 1 + len(own)]]
+        sds = [f"{1e3 * v:.4f}" for v in (r.corner_sd, r.feature_sd)[: 1 + len(own)]]
         writer.writerow(
             [n, *mm[:3], *d, *mm[3:], r.face, *sds, *(f"{v:.4f}" for v in (r.within, r.within_if_met, r.meets))]
         )
     return out.getvalue()
 
 
-def distinction_json(found: Distinction) -> str:
-    """One document, schema ``tanteo.distinction/1``; metres, frame of the first part; null where nothing is met."""
+def distinction_json(found: Discrimination) -> str:
+    """One document, schema ``tanteo.discrimination/1``; metres, frame of the first part; null where nothing is met."""
     return _dumped({
-        "schema": "tanteo.distinction/1", "version": tanteo.__version__, "parts": list(found.parts),
+        "schema": "tanteo.discrimination/1", "version": tanteo.__version__, "parts": list(found.parts),
         "message": found.message, "frame": found.parts[0], "T_first_second": numbers(found.T_first_second),
         "origin_m": numbers(found.origin),
         "direction": numbers(found.direction), "expected_range_m": numbers(found.ranges),

@@ -53,7 +53,7 @@ def parse_box(text: str, name: str = "box") -> FloatArray:
     return box
 
 
-def parse_near(text: str, name: str = "near") -> UncertainFrame:
+def parse_pose_prior(text: str, name: str = "near") -> UncertainFrame:
     """``'400,200,0mm 0,0,90deg +- 5mm 3deg'`` or ``'kuka 400,200,0,90,0,0 +- 5mm 3deg'``: a rough pose and its sds.
 
     Before ``+-``: x, y, z and roll, pitch, yaw, as answers are printed; or the name of a brand and its fields. Behind
@@ -94,10 +94,10 @@ def rough_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name:
             f"about x, y, z of the world), got {got}. Write it as {_NEAR}."
         )
     six = np.concatenate([np.broadcast_to(values, 3) for values in spread])
-    return check_rough(uncertain_frame(NamedCovariance(T, np.diag(six**2), ROS)), name)
+    return check_pose_prior(uncertain_frame(NamedCovariance(T, np.diag(six**2), ROS)), name)
 
 
-def check_rough(frame: UncertainFrame, name: str) -> UncertainFrame:
+def check_pose_prior(frame: UncertainFrame, name: str) -> UncertainFrame:
     """The frame, if it can be a rough pose.
 
     Raises:

@@ -11,7 +11,7 @@ from tanteo.answers import PosePrior, Table
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import UncertainFrame, from_ros_covariance
 from tanteo.io.poses import BRANDS, Brand, brand, pose_from_brand
-from tanteo.io.prior_text import check_rough, rough_pose
+from tanteo.io.prior_text import check_pose_prior, rough_pose
 from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
 from tanteo.typing import FloatArray, Transforms
 
@@ -97,7 +97,7 @@ def _near(entry: Any, place: str) -> UncertainFrame:
         frame = from_ros_covariance(T, C) if ros else UncertainFrame(T, C.reshape(6, 6))
     except CovarianceError as error:
         raise InputError(f"{place}, {given[0]}: {error} Copy it as it was written.") from None
-    return check_rough(frame, f"{place}, {given[0]}")
+    return check_pose_prior(frame, f"{place}, {given[0]}")
 
 
 def _pose(keys: Keys) -> Transforms:

@@ -10,7 +10,7 @@ from tanteo.active import POLICIES, Policy
 from tanteo.errors import InputError
 from tanteo.io.plain_values import as_plain, hints, made, refused, table
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
-from tanteo.session import Action, Sensing, Told
+from tanteo.session import Action, Observation, Sensing
 from tanteo.typing import FloatArray
 
 _SENSING: dict[str, Any] = {
@@ -68,11 +68,11 @@ def _says(column: Any) -> bool:
     return bool(column) if isinstance(column, str) else any(column)
 
 
-def told_of(plain: Any, place: str) -> Told:
+def observation_of(plain: Any, place: str) -> Observation:
     """What was told at once, from its document."""
     values = table(plain, {"asked": Action | None, "readings": object, "note": str}, place)
     readings = None if values["readings"] is None else _readings(values["readings"], f"{place}, readings")
-    return Told(values["asked"], readings, values["note"])
+    return Observation(values["asked"], readings, values["note"])
 
 
 def _readings(plain: Any, place: str) -> Readings:

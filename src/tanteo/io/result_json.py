@@ -91,7 +91,7 @@ def _visit(visit: Visit) -> dict[str, Any]:
         "readings": [] if step is None else list(step.ids),
         "leader": visit.leader,
         "probability": None if step is None else _number(float(step.probabilities.max())),
-        "worst_corner_sd_m": None if step is None else _number(step.worst_corner_sd),
+        "corner_sd_m": None if step is None else _number(step.corner_sd),
         "note": visit.note,
         "seconds": _number(visit.seconds),
         "travel_m": _number(visit.travel),
@@ -111,7 +111,7 @@ def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
             "matrix": numbers(T),
         },
         "covariance": covariance_document(h.covariance),
-        "worst_corner_sd_m": _number(h.worst_corner_sd),
+        "corner_sd_m": _number(h.corner_sd),
         "unobserved": list(h.unobserved),
         "symmetry": {
             "order": int(h.symmetry_order),
@@ -127,9 +127,7 @@ def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
         "outliers": list(h.outliers),
         "pairings": [{"reading": reading, "feature": feature} for reading, feature in h.pairings],
         "outlier_distances_m": numbers(np.array(h.outlier_distances)),
-        "covariance_same_robot": None
-        if h.covariance_same_robot is None
-        else covariance_document(h.covariance_same_robot),
+        "covariance_relative": None if h.covariance_relative is None else covariance_document(h.covariance_relative),
     }
 
 

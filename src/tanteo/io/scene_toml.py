@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.errors import InputError, PartError
 from tanteo.frames import UncertainFrame
 from tanteo.hand import ForbiddenBox, Hand, Workspace
@@ -62,7 +62,7 @@ class SceneFile:
         seed: Of all errors.
         standoff: [m].
         clearance: [m].
-        ideas: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``.
+        guesses: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``.
         prior: Where the middle of a part roughly is, and how it is turned; None if it is not said.
         camera: The camera that looks at it; None if there is none.
         furniture: The solids that are no parts: what is known to stand there.
@@ -78,7 +78,7 @@ class SceneFile:
     seed: int
     standoff: float
     clearance: float
-    ideas: Mapping[str, FaceIdea | EdgeIdea | CornerIdea]
+    guesses: Mapping[str, FaceGuess | EdgeGuess | VertexGuess]
     prior: UncertainFrame | None
     camera: CameraPaths | None
     furniture: tuple[Solid, ...]
@@ -208,17 +208,17 @@ def _sense(entry: Any, place: str, T: Transforms, hand: Hand) -> dict[str, Any]:
     kinds = {k: entry[k] for k in ("plane", "edge", "vertex") if k in entry}
     keys = Keys({k: v for k, v in entry.items() if k not in kinds}, place, _SENSE)
     standoff = keys.number("standoff", 0.02, least=1e-3)
-    ideas: dict[str, FaceIdea | EdgeIdea | CornerIdea] = {
-        "plane": FaceIdea(SE3.apply(T, hand.front + np.array([0.0, 0.0, AHEAD])), -T[:3, 2])
+    guesses: dict[str, FaceGuess | EdgeGuess | VertexGuess] = {
+        "plane": FaceGuess(SE3.apply(T, hand.front + np.array([0.0, 0.0, AHEAD])), -T[:3, 2])
     }
     for kind, table in kinds.items():
-        idea = Keys(table, f"{place}.{kind}", _PLACE)
-        point, normal = idea.vector("point"), idea.vector("normal")
+        guess = Keys(table, f"{place}.{kind}", _PLACE)
+        point, normal = guess.vector("point"), guess.vector("normal")
         if kind == "plane":
-            ideas[kind] = FaceIdea(point, normal)
+            guesses[kind] = FaceGuess(point, normal)
         elif kind == "edge":
-            ideas[kind] = EdgeIdea(point, idea.vector("direction"), normal)
+            guesses[kind] = EdgeGuess(point, guess.vector("direction"), normal)
         else:
-            ideas[kind] = CornerIdea(point, idea.vector("arriving"), idea.vector("leaving"), normal)
+            guesses[kind] = VertexGuess(point, guess.vector("arriving"), guess.vector("leaving"), normal)
     clearance = keys.number("clearance", CLEARANCE * standoff, least=1e-4)
-    return {"standoff": standoff, "clearance": clearance, "ideas": ideas}
+    return {"standoff": standoff, "clearance": clearance, "guesses": guesses}

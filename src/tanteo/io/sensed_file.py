@@ -49,9 +49,9 @@ def sensed_json(got: Acquired, *, seed: int, clearance: float, expected: Predict
 
 
 def _expected(expected: Predicted) -> dict[str, Any]:
-    idea, plain = expected.idea, ("sd", "turn_sd")
-    places = {name: getattr(idea, name).tolist() for name in type(idea).__slots__ if name not in plain}
-    return {"name": expected.name, **places, "sd_m": idea.sd, "turn_sd_rad": idea.turn_sd}
+    guess, plain = expected.guess, ("sd", "turn_sd")
+    places = {name: getattr(guess, name).tolist() for name in type(guess).__slots__ if name not in plain}
+    return {"name": expected.name, **places, "sd_m": guess.sd, "turn_sd_rad": guess.turn_sd}
 
 
 def _feature(feature: Feature) -> dict[str, Any]:

@@ -9,24 +9,24 @@ from pathlib import Path
 from typing import Any
 
 from tanteo import __version__
-from tanteo.active import Belief, Candidates, Policy, Probe, Start, Stop
+from tanteo.active import Candidates, Policy, Probe, SensingState, Start, Stop
 from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart, prepare_all
 from tanteo.io.part_files import PartFile, part_file, parts_of
 from tanteo.io.plain_values import as_plain, made, refused, shown, table
 from tanteo.io.record_values import (
+    observation_of,
     policy_document,
     policy_of,
     readings_document,
     sensing_document,
     sensing_of,
-    told_of,
 )
 from tanteo.io.result_json import recognition_document
 from tanteo.parts import Part
 from tanteo.replaced import replaced
-from tanteo.session import Action, Sensing, Session, Told
+from tanteo.session import Action, Observation, Sensing, Session
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
 SCHEMA = "tanteo.session/1"
@@ -35,7 +35,7 @@ _AS_THEY_ARE = "version", "parts", "start", "probe", "stop", "seed", "asked", "r
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RoughPoses:
+class PosePriors:
     """A :class:`~tanteo.active.Start` without its parts; the same fields."""
 
     part: IntArray
@@ -69,13 +69,13 @@ class SessionRecord:
     source: str
     version: str
     parts: tuple[PartFile, ...]
-    start: RoughPoses
+    start: PosePriors
     probe: Probe
     sensing: Sensing
     policy: Policy
     stop: Stop
     seed: int
-    told: tuple[Told, ...]
+    told: tuple[Observation, ...]
     asked: Action | None
     refused: tuple[Action, ...]
     questions: int
@@ -97,7 +97,7 @@ def write_record(session: Session, path: str | Path) -> None:
 def session_document(session: Session) -> dict[str, Any]:
     """All of a session as plain dictionaries, lists, texts and numbers."""
     start = session.start
-    rough = RoughPoses(start.part, start.Ts, start.covariances, start.weights, start.priors)
+    rough = PosePriors(start.part, start.Ts, start.covariances, start.weights, start.priors)
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -131,7 +131,7 @@ def load_record(path: str | Path) -> SessionRecord:
         got = shown(document.get("schema", "none"))
         raise InputError(f"{file}, schema: expected {SCHEMA}, got {got}. Give the record of a session.")
     kinds: dict[str, Any] = {
-        "schema": str, "version": str, "parts": tuple[PartFile, ...], "start": RoughPoses, "probe": Probe,
+        "schema": str, "version": str, "parts": tuple[PartFile, ...], "start": PosePriors, "probe": Probe,
         "sensing": object, "policy": object, "stop": Stop, "seed": int, "told": tuple[object, ...],
         "asked": Action | None, "refused": tuple[Action, ...], "questions": int,
         "answer": object,
@@ -141,7 +141,7 @@ def load_record(path: str | Path) -> SessionRecord:
         raise refused(f"{file}, answer", "a table", values["answer"])
     if values["seed"] < 0:
         raise InputError(f"{file}, seed: expected 0 or more, got {values['seed']}. Correct it.")
-    told = tuple(told_of(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"]))
+    told = tuple(observation_of(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"]))
     numbered = [action.number for action in (*(t.action for t in told), values["asked"], *values["refused"]) if action]
     if values["questions"] < (least := max(numbered, default=0)):
         raise InputError(
@@ -161,7 +161,7 @@ def resumed(
     record: SessionRecord,
     parts: Sequence[Part | PreparedPart],
     progress: Callable[[int, int], None] | None = None,
-    able: Callable[[Belief, Candidates], BoolArray] | None = None,
+    able: Callable[[SensingState, Candidates], BoolArray] | None = None,
 ) -> Session:
     """The session of a record: told everything again, it has the same belief and asks the same next.
 
@@ -176,12 +176,12 @@ def resumed(
         InputError: what the record says together cannot be.
     """
     rough = record.start
-    values = {name: getattr(rough, name) for name in RoughPoses.__slots__}
+    values = {name: getattr(rough, name) for name in PosePriors.__slots__}
     targets = prepare_all("parts", parts)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
     session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed, able)
 
-    def told() -> Iterator[Told]:
+    def told() -> Iterator[Observation]:
         for k, one in enumerate(record.told):
             if progress is not None:
                 progress(k, len(record.told))
@@ -197,7 +197,7 @@ def resumed(
 def read_record(
     path: str | Path,
     parts: Sequence[Part | PreparedPart] | None = None,
-    able: Callable[[Belief, Candidates], BoolArray] | None = None,
+    able: Callable[[SensingState, Candidates], BoolArray] | None = None,
 ) -> Session:
     """The session of a record file, at the point where it was written: ask and tell on.
 

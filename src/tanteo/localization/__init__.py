@@ -6,13 +6,13 @@ from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
     from tanteo.localization.fusion import fuse_features
-    from tanteo.localization.observability import describe_motion, free_motions, weak_motions
+    from tanteo.localization.observability import describe_motion, unobserved_directions, weak_motions
     from tanteo.localization.pairing import ModelFeature, Pairing, build_blocks
     from tanteo.localization.pose import PoseEstimate, estimate_pose
     from tanteo.localization.relations import RELATIONS, Relation, relation_between
     from tanteo.localization.scaling import motion_scale, motions_about
     from tanteo.localization.shared_given import SharedGiven
-    from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearise, pose_information
+    from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearize, pose_information
     from tanteo.localization.summary import covariance_with_free
 
 __all__ = [
@@ -29,14 +29,14 @@ __all__ = [
     "covariance_with_free",
     "describe_motion",
     "estimate_pose",
-    "free_motions",
     "fuse_features",
     "gauss_newton",
-    "linearise",
+    "linearize",
     "motion_scale",
     "motions_about",
     "pose_information",
     "relation_between",
+    "unobserved_directions",
     "weak_motions",
 ]
 
@@ -44,13 +44,13 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "fusion": "fuse_features",
-        "observability": "describe_motion free_motions weak_motions",
+        "observability": "describe_motion unobserved_directions weak_motions",
         "pairing": "ModelFeature Pairing build_blocks",
         "pose": "PoseEstimate estimate_pose",
         "relations": "RELATIONS Relation relation_between",
         "scaling": "motion_scale motions_about",
         "shared_given": "SharedGiven",
-        "solve": "Block Solution assemble gauss_newton linearise pose_information",
+        "solve": "Block Solution assemble gauss_newton linearize pose_information",
         "summary": "covariance_with_free",
     },
 )

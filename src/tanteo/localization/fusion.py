@@ -13,7 +13,7 @@ from tanteo.typing import Covariances, FloatArray, Transforms
 def fuse_features(
     kind: FeatureKind, T1: Transforms, P1: Covariances, T2: Transforms, P2: Covariances
 ) -> tuple[Transforms, Covariances, FloatArray]:
-    """One linearised update of estimate 1 by estimate 2 of the same feature, then re-centring.
+    """One linearized update of estimate 1 by estimate 2 of the same feature, then re-centring.
 
     Args:
         kind: vertex, edge, plane, circle, cylinder or sphere. Edges must point the same way.
@@ -27,7 +27,7 @@ def fuse_features(
         are the same feature.
     """
     T12 = SE3.inverse(T1) @ T2
-    f, D = relation_between(kind, kind).linearise(T12, np.zeros(T12.shape[:-2]))
+    f, D = relation_between(kind, kind).linearize(T12, np.zeros(T12.shape[:-2]))
     rows = list(kind.rows)
     G1, G2 = -(D @ SE3.adjoint_inverse(T12))[..., rows], D[..., rows]
     G1t = np.swapaxes(G1, -1, -2)

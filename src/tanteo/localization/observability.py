@@ -32,13 +32,15 @@ def at_exact_pairings(blocks: Sequence[Block], T_world_part: Transforms) -> list
         to_world = T_world_part[..., None, :, :] @ block.Ts_part_model
         T = SE3.inverse(to_world) @ block.Ts_world_feature
         for _ in range(3):
-            f, D = block.relation.linearise(T, block.radii)
+            f, D = block.relation.linearize(T, block.radii)
             T = T @ SE3.exp(-(np.linalg.pinv(D) @ f[..., None])[..., 0])
         out.append(replace(block, Ts_world_feature=to_world @ T))
     return out
 
 
-def free_motions(blocks: Sequence[Block], T_world_part: Transforms, n_shared: int, scale: FloatArray) -> Tangents:
+def unobserved_directions(
+    blocks: Sequence[Block], T_world_part: Transforms, n_shared: int, scale: FloatArray
+) -> Tangents:
     """Orthonormal basis ``(k, 6)`` of the part-frame motions that no pairing resists, for one pose ``(4, 4)``.
 
     Args:
@@ -62,7 +64,7 @@ def weak_motions(
 ) -> Tangents:
     """Orthonormal basis ``(k, 6)`` of the motions known worse than ``sd`` of their scale.
 
-    Beyond that a linearised covariance means nothing: the direction is called free.
+    Beyond that a linearized covariance means nothing: the direction is called free.
 
     Args:
         information: of the pose ``(6, 6)``.
@@ -97,7 +99,7 @@ def describe_motion(u: Tangents, T_world_part: Transforms, scale: FloatArray) ->
     """A free motion in words: ``sliding along world x``, ``rotation about part z``, or a line in numbers.
 
     Args:
-        u: tangent over the scale, as :func:`free_motions` gives it.
+        u: tangent over the scale, as :func:`unobserved_directions` gives it.
         T_world_part: the pose.
         scale: of motions ``(6, 6)``, as :func:`motion_scale` gives it.
     """

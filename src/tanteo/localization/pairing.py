@@ -52,7 +52,7 @@ def build_blocks(pairings: Sequence[Pairing]) -> tuple[list[Block], FloatArray, 
         The blocks (one per relation), the factor ``L`` with shared error ``c = L z``, the shared errors, and the
         index of each block's pairings in the input, concatenated.
     """
-    errors, C, gains = collect_shared([pairing.sensed for pairing in pairings])
+    errors, C, shared_jacobian = collect_shared([pairing.sensed for pairing in pairings])
     values, vectors = np.linalg.eigh(C) if len(C) else (np.zeros(0), np.zeros((0, 0)))
     L = vectors * np.sqrt(np.maximum(values, 0.0))
     blocks, order = [], []
@@ -66,7 +66,7 @@ def build_blocks(pairings: Sequence[Pairing]) -> tuple[list[Block], FloatArray, 
                 np.stack([pairings[i].sensed.P for i in members]),
                 np.stack([pairings[i].model.T_part_feature for i in members]),
                 np.stack([_tolerance(pairings[i].model) for i in members]),
-                np.stack([gains[i] @ L for i in members]),
+                np.stack([shared_jacobian[i] @ L for i in members]),
                 np.array([pairings[i].model.radius for i in members]),
                 np.ones(len(members), dtype=bool),
             )

@@ -11,7 +11,7 @@ from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.frames import check_covariances, check_transforms
 from tanteo.limits import LEAST_SD, check_length
-from tanteo.localization.observability import describe_motion, free_motions
+from tanteo.localization.observability import describe_motion, unobserved_directions
 from tanteo.localization.pairing import Pairing, build_blocks, model_length, model_middle
 from tanteo.localization.scaling import motion_scale
 from tanteo.localization.shared_given import SharedGiven
@@ -37,7 +37,7 @@ class PoseEstimate:
         T_world_part: pose ``(4, 4)``.
         covariance: ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad], shared errors included.
             Free directions carry the variance of a uniform draw over ``length`` and over a full turn.
-        covariance_same_robot: the same with the shared errors known: where they are the robot's base alone, how well
+        covariance_relative: the same with the shared errors known: where they are the robot's base alone, how well
             the same robot finds the part again.
         free: motions ``(k, 6)`` that no pairing resists, part frame, pure translations first [m, rad].
         unobserved: the same in words.
@@ -55,7 +55,7 @@ class PoseEstimate:
 
     T_world_part: Transforms
     covariance: Covariances
-    covariance_same_robot: Covariances
+    covariance_relative: Covariances
     free: Tangents
     unobserved: tuple[str, ...]
     chi2: float
@@ -142,7 +142,7 @@ def _best(
     if blocks and not wrong.all():
         solution = take(solution, ~wrong)
     best = solution.T_world_part[int(np.argmin(solution.chi2))]
-    N = free_motions(blocks, best, n_shared, scale) if prior is None else np.zeros((0, 6))
+    N = unobserved_directions(blocks, best, n_shared, scale) if prior is None else np.zeros((0, 6))
     hold = hold_motions(N, scale, 1e6)
     return gauss_newton(blocks, solution.T_world_part, n_shared, prior=prior, hold=hold), N
 
@@ -172,7 +172,7 @@ def _report(
     return PoseEstimate(
         T_world_part=T,
         covariance=covariance,
-        covariance_same_robot=covariance_with_free(information[:6, :6], N, scale),
+        covariance_relative=covariance_with_free(information[:6, :6], N, scale),
         free=N @ scale.T,
         unobserved=unobserved,
         chi2=chi2,

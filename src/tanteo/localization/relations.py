@@ -29,14 +29,14 @@ class Relation:
         sensed: kind of the sensed feature.
         model: kind of the model feature.
         size: number of equations.
-        linearise: ``(T_model_feature, radius) -> (f, D)``.
+        linearize: ``(T_model_feature, radius) -> (f, D)``.
     """
 
     name: str
     sensed: FeatureKind
     model: FeatureKind
     size: int
-    linearise: Callable[[Transforms, FloatArray], Linear]
+    linearize: Callable[[Transforms, FloatArray], Linear]
 
 
 def _columns(T: Transforms) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -26,7 +26,7 @@ class Block:
         Ps: their independent covariances ``(*batch, n, k, k)``.
         Ts_part_model: model frames in the part ``(*batch, n, 4, 4)``.
         P_models: tolerance of the made part over the model kind's rows ``(*batch, n, km, km)``.
-        gains: whitened shared errors, ``p += gain z``, ``(*batch, n, k, D)``.
+        shared_jacobian: whitened shared errors, ``p += gain z``, ``(*batch, n, k, D)``.
         radii: of curved model features ``(*batch, n)`` [m], 0 otherwise.
         active: pairings that count ``(*batch, n)``.
     """
@@ -36,13 +36,13 @@ class Block:
     Ps: Covariances
     Ts_part_model: Transforms
     P_models: Covariances
-    gains: FloatArray
+    shared_jacobian: FloatArray
     radii: FloatArray
     active: BoolArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linearised:
+class Linearized:
     """One block at one pose: ``f + H xi + K z + noise of covariance S``; inactive rows are zero with unit ``S``."""
 
     f: FloatArray
@@ -76,16 +76,16 @@ class Solution:
     steps: FloatArray
 
 
-def linearise(
+def linearize(
     block: Block, T_world_part: Transforms, z: FloatArray, Ts_model_part: Transforms | None = None
-) -> Linearised:
+) -> Linearized:
     """Residuals of a block and their derivatives by pose and shared errors.
 
     ``Ts_model_part`` are the inverse model frames, for callers that come back with many poses.
     """
     T_part_feature = SE3.inverse(T_world_part)[..., None, :, :] @ block.Ts_world_feature
     T_model_feature = (SE3.inverse(block.Ts_part_model) if Ts_model_part is None else Ts_model_part) @ T_part_feature
-    f, D = block.relation.linearise(T_model_feature, block.radii)
+    f, D = block.relation.linearize(T_model_feature, block.radii)
     H = -D @ SE3.adjoint_inverse(T_part_feature)
     G = D[..., list(block.relation.sensed.rows)]
     Gt = np.swapaxes(G, -1, -2)
@@ -94,14 +94,14 @@ def linearise(
         rows = list(block.relation.model.rows)
         G_model = -(D @ SE3.adjoint_inverse(T_model_feature))[..., rows]
         S = S + G_model @ block.P_models @ np.swapaxes(G_model, -1, -2)
-    K = G @ block.gains
+    K = G @ block.shared_jacobian
     f = f + (K @ z[..., None, :, None])[..., 0]
     on = block.active[..., None]
     shape = np.broadcast_shapes(f.shape, on.shape)
     f = np.where(on, f, 0.0)
     H, K = (np.where(on[..., None], M, 0.0) for M in (H, K))
     S = np.where(on[..., None], S, np.eye(shape[-1]))
-    return Linearised(np.broadcast_to(f, shape), H, K, S)
+    return Linearized(np.broadcast_to(f, shape), H, K, S)
 
 
 def assemble(
@@ -122,7 +122,7 @@ def assemble(
     gradient = np.zeros((*batch, 6 + D))
     chi2, equations, log_det = (np.zeros(batch) for _ in range(3))
     for b, block in enumerate(blocks):
-        at = linearise(block, T, z, None if inverses is None else inverses[b])
+        at = linearize(block, T, z, None if inverses is None else inverses[b])
         J = np.concatenate([at.H, np.broadcast_to(at.K, (*at.H.shape[:-1], D))], axis=-1) if D else at.H
         W = np.linalg.inv(at.S)
         JW = np.swapaxes(J, -1, -2) @ W

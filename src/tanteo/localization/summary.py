@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.features import SharedError
 from tanteo.lie import SE3
-from tanteo.localization.solve import Block, Solution, linearise
+from tanteo.localization.solve import Block, Solution, linearize
 from tanteo.typing import BoolArray, Covariances, FloatArray, Tangents, Transforms
 
 _ROUNDING = 1e-15
@@ -50,7 +50,7 @@ def pairing_distances(blocks: list[Block], order: list[int], T: Transforms, z: F
     """Squared Mahalanobis distance of each pairing's residual under its own noise; infinite from the wrong side."""
     out, flat = np.zeros(len(order)), list[float]()
     for block in blocks:
-        at = linearise(block, T, z)
+        at = linearize(block, T, z)
         values = [float(f @ np.linalg.solve(S, f)) for f, S in zip(at.f, at.S, strict=True)]
         flat += list(np.where(wrong_side(block, T), np.inf, values))
     out[order] = flat

@@ -33,10 +33,10 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
         InputError: another kind of feature; a plane of unknown side that was not sensed at points that spread.
     """
     views = [given if isinstance(given, tuple) else (given,) for given in features]
-    errors, _, gains = collect_shared([view[0] for view in views])
+    errors, _, shared_jacobian = collect_shared([view[0] for view in views])
     root = shared_root(errors)
     names = _names([view[0] for view in views])
-    rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, gains, strict=True)]
+    rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, shared_jacobian, strict=True)]
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
     points, covs, sides, normals, sds, gained = (np.concatenate(column) for column in zip(*columns, strict=True))
@@ -84,9 +84,9 @@ def _rows(view: tuple[Feature, ...], name: str, gain: FloatArray) -> _Columns:
     )
 
 
-def _plain(points: Vectors, covs: Covariances, gains: FloatArray) -> _Columns:
+def _plain(points: Vectors, covs: Covariances, shared_jacobian: FloatArray) -> _Columns:
     none = np.zeros(points.shape)
-    return points, covs, none, none, np.full(len(points), np.pi), gains
+    return points, covs, none, none, np.full(len(points), np.pi), shared_jacobian
 
 
 def _of_plane(feature: Feature, name: str, gain: FloatArray, *, sided: bool) -> _Columns:
@@ -152,8 +152,8 @@ def _scatter(A: FloatArray) -> FloatArray:
     return off * np.sqrt(free.shape[1]) / size if size > 1e-9 else off
 
 
-def _along(direction: Vectors, gains: FloatArray) -> FloatArray:
-    return direction[:, None] * gains[:, None]
+def _along(direction: Vectors, shared_jacobian: FloatArray) -> FloatArray:
+    return direction[:, None] * shared_jacobian[:, None]
 
 
 def _of_edge(feature: Feature, gain: FloatArray) -> _Columns:

@@ -31,7 +31,7 @@ class ContactPoints:
         normals: sensed outward normals ``(n, 3)``; zero where not sensed.
         normal_sds: sd of each tilt of the normal ``(n,)`` [rad].
         reach: length of the straight path along ``direction`` that was free up to the point ``(n,)`` [m]; 0 if unknown.
-        gains: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
+        shared_jacobian: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
         sd: largest standard deviation of each point ``(n,)`` [m].
         tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
         places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
@@ -52,7 +52,7 @@ class ContactPoints:
     normals: Vectors
     normal_sds: FloatArray
     reach: FloatArray
-    gains: FloatArray
+    shared_jacobian: FloatArray
     sd: FloatArray
     tolerance: float = 0.0
     places: IntArray | None = None
@@ -95,7 +95,7 @@ class ContactPoints:
                 "normals",
                 "normal_sds",
                 "reach",
-                "gains",
+                "shared_jacobian",
                 "sd",
             )
         }

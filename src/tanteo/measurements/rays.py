@@ -23,10 +23,10 @@ class FreeRays:
             along them ``(m,)``; zero if not given. A cone's echo comes from any of its rays.
         incidences: up to which a surface would have been met ``(m,)`` [rad]; a right angle if not given. A path on
             which one lies more obliquely says nothing.
-        gains: how origins move with the whitened shared errors of the readings, true origin = origin + gain z,
+        shared_jacobian: how origins move with the whitened shared errors of the readings, true = origin + jacobian z,
             ``(m, 3, D)``; not at all if not given.
         turns: the same of directions ``(m, 3, D)``.
-        moved: whether any path moves; follows from ``gains`` and ``turns``.
+        moved: whether any path moves; follows from ``shared_jacobian`` and ``turns``.
     """
 
     origins: Vectors
@@ -35,7 +35,7 @@ class FreeRays:
     margin: FloatArray
     slopes: FloatArray = field(default_factory=lambda: np.zeros(0))
     incidences: FloatArray = field(default_factory=lambda: np.zeros(0))
-    gains: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    shared_jacobian: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     turns: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     moved: bool = field(init=False, repr=False)
 
@@ -44,10 +44,10 @@ class FreeRays:
             object.__setattr__(self, "slopes", np.zeros(len(self.lengths)))
         if len(self.incidences) != len(self.lengths):
             object.__setattr__(self, "incidences", np.full(len(self.lengths), np.pi / 2))
-        for name in ("gains", "turns"):
+        for name in ("shared_jacobian", "turns"):
             if len(getattr(self, name)) != len(self.lengths):
                 object.__setattr__(self, name, np.zeros((len(self.lengths), 3, 0)))
-        object.__setattr__(self, "moved", bool(self.gains.any() or self.turns.any()))
+        object.__setattr__(self, "moved", bool(self.shared_jacobian.any() or self.turns.any()))
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -58,13 +58,13 @@ class FreeRays:
 
     def take(self, rows: IntArray) -> FreeRays:
         """Some of the paths."""
-        names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "gains", "turns"
+        names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
         return FreeRays(*(getattr(self, name)[rows] for name in names))
 
     def unmoved(self) -> FreeRays:
         """The same as if they were exactly where they are said to be."""
         none = np.zeros((len(self), 3, 0))
-        return replace(self, gains=none, turns=none)
+        return replace(self, shared_jacobian=none, turns=none)
 
     def at(self, z: FloatArray) -> tuple[Vectors, Vectors]:
         """Origins and directions where the whitened shared errors are these ``(S, D)``.
@@ -74,7 +74,7 @@ class FreeRays:
         """
         if not self.moved:
             return self.origins, self.directions
-        shifts, turns = (z @ J.reshape(-1, z.shape[1]).T for J in (self.gains, self.turns))
+        shifts, turns = (z @ J.reshape(-1, z.shape[1]).T for J in (self.shared_jacobian, self.turns))
         along = self.directions + turns.reshape(len(z), len(self), 3)
         along /= np.linalg.norm(along, axis=2, keepdims=True)
         return self.origins + shifts.reshape(len(z), len(self), 3), along
@@ -87,8 +87,8 @@ class FreeRays:
 
 def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
     """The free beams of some measurements."""
-    beams, (_, gains, turns) = measured.free, measured.whitened()
+    beams, (_, shared_jacobian, turns) = measured.free, measured.whitened()
     slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
     margins = np.full(len(beams), margin)
     lines = beams.origins, beams.directions, beams.lengths
-    return FreeRays(*lines, margins, slopes, beams.max_incidences, gains, turns)
+    return FreeRays(*lines, margins, slopes, beams.max_incidences, shared_jacobian, turns)

@@ -52,13 +52,15 @@ def candidates_of(part: Part) -> dict[str, Candidates]:
     return {kind: some for kind, some in found.items() if len(some)}
 
 
-def assignments(features: Sequence[Feature], candidates: dict[str, Candidates], alpha: float) -> tuple[IntArray, bool]:
+def assignments(
+    features: Sequence[Feature], candidates: dict[str, Candidates], significance: float
+) -> tuple[IntArray, bool]:
     """Assignments of all features of which every pair passes ``(F, n)``, and whether some were cut.
 
     Args:
         features: planes, edges and vertices; the paper has no constraint for vertices, so they may be anything.
         candidates: of the part.
-        alpha: rejection percentage of each gate (25).
+        significance: rejection percentage of each gate (25).
     """
     n, kinds = len(features), [feature.kind.name for feature in features]
     choices, cut = np.full((1, n), -1), False
@@ -67,7 +69,7 @@ def assignments(features: Sequence[Feature], candidates: dict[str, Candidates], 
     for i in range(n):
         ok = np.ones((len(choices), len(candidates[kinds[i]])), dtype=bool)
         for j in range(i):
-            ok &= _pair_gate(features[j], features[i], candidates, alpha)[choices[:, j]]
+            ok &= _pair_gate(features[j], features[i], candidates, significance)[choices[:, j]]
         which, candidate = np.nonzero(ok)
         choices = choices[which]
         choices[:, i] = candidate
@@ -76,7 +78,7 @@ def assignments(features: Sequence[Feature], candidates: dict[str, Candidates], 
     return choices, cut
 
 
-def _pair_gate(first: Feature, second: Feature, candidates: dict[str, Candidates], alpha: float) -> BoolArray:
+def _pair_gate(first: Feature, second: Feature, candidates: dict[str, Candidates], significance: float) -> BoolArray:
     """Gates (25) of one sensed pair against all pairs of the model ``(Ni, Nj)``."""
     kind = first.kind.name
     A, B = candidates[kind], candidates[second.kind.name]
@@ -92,18 +94,18 @@ def _pair_gate(first: Feature, second: Feature, candidates: dict[str, Candidates
         measure = published.angle_planes if kind == "plane" else published.angle_edges
         found = measure(T1, C1, T2, C2)
         value = np.minimum(found.value, np.pi - found.value) if kind == "edge" else found.value
-        ok = _passes(value, found.variance, angle, alpha)
+        ok = _passes(value, found.variance, angle, significance)
         relation = published.parallel_planes if kind == "plane" else published.parallel_edges
         cosine, distance = relation(T1, C1, T2, C2)
-        beside = _passes(np.abs(cosine.value), cosine.variance, np.ones_like(angle), alpha)
-        beside &= _passes(np.abs(distance.value), distance.variance, _distances(A, kind), alpha)
+        beside = _passes(np.abs(cosine.value), cosine.variance, np.ones_like(angle), significance)
+        beside &= _passes(np.abs(distance.value), distance.variance, _distances(A, kind), significance)
     return np.where(parallel, beside, ok)
 
 
-def _passes(value: FloatArray, variance: FloatArray, model: FloatArray, alpha: float) -> BoolArray:
+def _passes(value: FloatArray, variance: FloatArray, model: FloatArray, significance: float) -> BoolArray:
     """(25); a variance of 0/0, which (21) has at its extremum, passes only the exact value."""
     safe = np.where(np.isfinite(variance) & (variance > 0), variance, 1e-300)
-    return np.asarray(gate(np.nan_to_num(value), safe, model, alpha).accept, dtype=np.bool_)
+    return np.asarray(gate(np.nan_to_num(value), safe, model, significance).accept, dtype=np.bool_)
 
 
 def _distances(candidates: Candidates, kind: str) -> FloatArray:

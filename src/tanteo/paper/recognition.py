@@ -53,20 +53,20 @@ class _Accepted:
 
 
 def identify_as_published(
-    features: Sequence[Sides], parts: Sequence[Part], *, alpha: float = 0.01, top: int = 5
+    features: Sequence[Sides], parts: Sequence[Part], *, significance: float = 0.01, top: int = 5
 ) -> Recognition:
     """Which of the parts pass the constraints and tests of 1991, all poses of all of them with equal weight.
 
     Args:
         features: sensed planes, edges and vertices in the world; of a plane of unknown side the first is taken.
         parts: candidates.
-        alpha: rejection percentage of each gate (25).
+        significance: rejection percentage of each gate (25).
         top: number of hypotheses to report.
 
     Raises:
-        InputError: without parts, for an ``alpha`` outside (0, 1), or a feature of another kind.
+        InputError: without parts, for an ``significance`` outside (0, 1), or a feature of another kind.
     """
-    parts, clock = check_question(parts, alpha, top, 0, None), Clock()
+    parts, clock = check_question(parts, significance, top, 0, None), Clock()
     sensed = [given[0] if isinstance(given, tuple) else given for given in features]
     for feature in sensed:
         if feature.kind.name not in _KINDS:
@@ -77,7 +77,7 @@ def identify_as_published(
     accepted, cut = list[_Accepted](), False
     for part in parts:
         candidates = candidates_of(part)
-        choices, dropped = assignments(sensed, candidates, alpha)
+        choices, dropped = assignments(sensed, candidates, significance)
         cut |= dropped
         accepted += _poses(part, candidates, sensed, choices)
     clock.lap("search")
@@ -85,7 +85,7 @@ def identify_as_published(
     clock.lap("locate")
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
-    status, message = verdict(hypotheses, unknown, alpha, cut=cut, as_published=True, shares=shares)
+    status, message = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
     return Recognition(status, message, hypotheses, unknown, clock.laps())
 
 
@@ -97,7 +97,7 @@ def _poses(
         return []
     blocks = _blocks(candidates, sensed, choices)
     start = np.broadcast_to(first_pose(blocks), (len(choices), 4, 4))
-    shared = blocks[0].gains.shape[-1]
+    shared = blocks[0].shared_jacobian.shape[-1]
     solution = gauss_newton(blocks, start, shared, hold=_HOLD * np.eye(6), iterations=10, tolerance=1e-12)
     left, out = np.argsort(solution.chi2, kind="stable"), []
     while len(left):
@@ -111,7 +111,7 @@ def _poses(
 
 def _blocks(candidates: dict[str, Candidates], sensed: Sequence[Feature], choices: IntArray) -> list[Block]:
     """The pairings of all assignments, for the solver."""
-    errors, _, gains = collect_shared(sensed)
+    errors, _, shared_jacobian = collect_shared(sensed)
     root, out = shared_root(errors), []
     for kind in _KINDS:
         rows = [i for i, feature in enumerate(sensed) if feature.kind.name == kind]
@@ -120,7 +120,7 @@ def _blocks(candidates: dict[str, Candidates], sensed: Sequence[Feature], choice
         of = sensed[rows[0]].kind
         chosen = candidates[kind].Ts_part_feature[choices[:, rows]]
         Ts = np.stack([sensed[i].T_world_feature for i in rows])
-        Ps, own = np.stack([sensed[i].P for i in rows]), np.stack([gains[i] @ root for i in rows])
+        Ps, own = np.stack([sensed[i].P for i in rows]), np.stack([shared_jacobian[i] @ root for i in rows])
         every = np.ones(chosen.shape[:2], dtype=bool)
         none = np.zeros((1, 1, 1))
         out.append(Block(relation_between(of, of), Ts, Ps, chosen, none, own, np.zeros(len(rows)), every))
@@ -155,7 +155,7 @@ def _hypothesis(one: _Accepted, sensed: Sequence[Feature], probability: float) -
         outliers=(),
         pairings=tuple((r, name) for p, name in pairings for r in p.sensed.readings or (p.sensed.label,)),
         outlier_distances=(),
-        covariance_same_robot=estimate.covariance_same_robot if estimate.shared else None,
+        covariance_relative=estimate.covariance_relative if estimate.shared else None,
     )
 
 

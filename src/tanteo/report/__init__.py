@@ -5,12 +5,12 @@ It has words, a picture in 3-D, charts, figures, and how to run it again. A page
 more to tell about an answer hands in further :class:`Section` values.
 """
 
-from tanteo.report.apart import distinction_page
 from tanteo.report.budget import Budget, Source, make_budget
 from tanteo.report.contacts import Contacts, find_contacts
 from tanteo.report.course import course_section
-from tanteo.report.ghosts import Way, find_ways
+from tanteo.report.discrimination import distinction_page
 from tanteo.report.html import Html, element
+from tanteo.report.overlays import Way, find_ways
 from tanteo.report.planned import plan_page
 from tanteo.report.rests import directions_of, rests_section
 from tanteo.report.section import Section

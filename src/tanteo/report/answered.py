@@ -87,4 +87,4 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed) -> Html:
 def _scaled(candidate: Candidate) -> list[tuple[str, str]]:
     """What is drawn enlarged, and how much."""
     stick = f"distance to the surface{times(distance_enlarged(candidate))}"
-    return [("stick", stick), ("ghost", f"ghosts: off by 1, 2 and 3 sd{times(candidate.enlarged)}")]
+    return [("stick", stick), ("overlay", f"ghosts: off by 1, 2 and 3 sd{times(candidate.enlarged)}")]

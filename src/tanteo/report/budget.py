@@ -103,7 +103,7 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int) -> d
     out = {"noise of the sensor": term(contacts.noise[used])}
     if contacts.repeatability[used].any():
         out["repeatability of the robot"] = term(contacts.repeatability[used])
-    for error, gain in zip(sensed.measured.shared, contacts.gains, strict=True):
+    for error, gain in zip(sensed.measured.shared, contacts.shared_jacobian, strict=True):
         values, vectors = np.linalg.eigh(error.covariance)
         out[f"{error.name} (shared)"] = term(common=gain[used] @ (vectors * np.sqrt(values.clip(0.0))))
     if sensed.tolerance > 0:

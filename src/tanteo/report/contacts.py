@@ -37,7 +37,7 @@ class Contacts:
         rows: Derivatives of the rows with respect to the pose, right perturbation ``(m, 6)``.
         noise: Variance of each row from the sensor ``(m,)``, and from the robot's repeatability.
         repeatability: See ``noise``.
-        gains: Derivatives with respect to each shared error, ``(m, d)`` one an error.
+        shared_jacobian: Derivatives with respect to each shared error, ``(m, d)`` one an error.
         form: How the rows move with the deviations of what was made: the height of a face, an edge or a corner, and
             the tilts of those that labels name, each in units of the tolerance ``(m, k)``.
         labelled: Whether features were fitted to labels; else every reading was compared with the whole surface.
@@ -52,7 +52,7 @@ class Contacts:
     rows: FloatArray
     noise: FloatArray
     repeatability: FloatArray
-    gains: tuple[FloatArray, ...]
+    shared_jacobian: tuple[FloatArray, ...]
     form: FloatArray
     labelled: bool
 
@@ -77,9 +77,9 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
     in_world = d @ R.T
     noise = _along(in_world, (measured.covs - sensed.repeatability)[reading])
     repeatability = _along(in_world, sensed.repeatability[reading])
-    gains = [np.einsum("mi,mij->mj", in_world, J[reading]) for J in measured.jacobians]
+    shared_jacobian = [np.einsum("mi,mij->mj", in_world, J[reading]) for J in measured.jacobians]
     spread = noise + repeatability + sensed.tolerance**2
-    off = off - _shared_shift(off, spread, gains, sensed, used[reading])
+    off = off - _shared_shift(off, spread, shared_jacobian, sensed, used[reading])
     count = np.bincount(reading, minlength=len(q))
     size = _sizes(np.sqrt(np.bincount(reading, off**2, minlength=len(q))), sensed, hypothesis)
     sign = np.where((count == 1) & (np.bincount(reading, off, minlength=len(q)) < 0), -1.0, 1.0)
@@ -95,7 +95,7 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
         rows=np.concatenate([rows, tilts[1]]),
         noise=np.concatenate([noise, tilts[2]]),
         repeatability=np.concatenate([repeatability, np.zeros(len(tilts[0]))]),
-        gains=tuple(np.concatenate([g, np.zeros((len(tilts[0]), g.shape[1]))]) for g in gains),
+        shared_jacobian=tuple(np.concatenate([g, np.zeros((len(tilts[0]), g.shape[1]))]) for g in shared_jacobian),
         labelled=any(name.startswith(_LABELLED) for name in paired.values()),
         form=np.pad(_form(part, q, met, reading, slot), ((0, len(tilts[0])), (0, 0))),
     )
@@ -167,12 +167,14 @@ def _along(d: Vectors, covs: FloatArray) -> FloatArray:
 
 
 def _shared_shift(
-    off: FloatArray, spread: FloatArray, gains: list[FloatArray], sensed: Sensed, used: BoolArray
+    off: FloatArray, spread: FloatArray, shared_jacobian: list[FloatArray], sensed: Sensed, used: BoolArray
 ) -> FloatArray:
     """What the most probable shared errors add to each row; nothing without shared errors."""
-    if not gains or not used.any():
+    if not shared_jacobian or not used.any():
         return np.zeros(len(off))
-    L = np.concatenate([g @ _root(e.covariance) for g, e in zip(gains, sensed.measured.shared, strict=True)], axis=1)
+    L = np.concatenate(
+        [g @ _root(e.covariance) for g, e in zip(shared_jacobian, sensed.measured.shared, strict=True)], axis=1
+    )
     weighted = L[used] / spread[used, None]
     z = np.linalg.solve(np.eye(L.shape[1]) + weighted.T @ L[used], weighted.T @ off[used])
     return np.asarray(L @ z)

@@ -75,7 +75,7 @@ def _before(session: Session) -> FloatArray:
 
 def _corners(session: Session) -> Html:
     steps, names = session.steps, _names(session)
-    values = MM * np.array([np.nan, *(s.worst_corner_sd for s in steps)])
+    values = MM * np.array([np.nan, *(s.corner_sd for s in steps)])
     if not np.isfinite(values).any():
         return Html("")
     places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
@@ -103,7 +103,7 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
             _listed(tuple(dict.fromkeys(one.met))),
             *(_share(step.probabilities[k]) for k in shown),
             _share(step.unknown),
-            _number(MM * step.worst_corner_sd, "{:.3g} mm"),
+            _number(MM * step.corner_sd, "{:.3g} mm"),
             _number(one.about_part, "{:.2f}"),
             _number(one.about_pose, "{:.2f}"),
             one.motion.partition(" through")[0] or "–",
@@ -132,11 +132,11 @@ def _names(session: Session) -> tuple[str, ...]:
     return tuple(target.part.name for target in session.start.targets)
 
 
-def _leading(steps: Sequence[Step], most: int) -> list[int]:
+def _leading(steps: Sequence[Step], max_measurements: int) -> list[int]:
     """Parts that led after some answer, the last first; and the strongest others."""
     led = [int(np.argmax(step.probabilities)) for step in reversed(steps)]
     strongest = np.argsort(-np.stack([step.probabilities for step in steps]).max(axis=0), kind="stable").tolist()
-    return list(dict.fromkeys([*led, *strongest]))[:most]
+    return list(dict.fromkeys([*led, *strongest]))[:max_measurements]
 
 
 def _share(p: float) -> Html:

@@ -38,12 +38,12 @@ def draw_part(part: Part, share: int = 1) -> Drawn:
         share: Number of parts that share the page.
     """
     vertices, triangles = part.vertices, part.triangles
-    most = _MOST_TRIANGLES // share
+    max_measurements = _MOST_TRIANGLES // share
     cells = 256
-    while len(triangles) > most:
+    while len(triangles) > max_measurements:
         vertices, triangles = _clustered(part, cells)
         cells = cells * 3 // 4
-    return Drawn(vertices, triangles, _lines(part)[: _MOST_LINES // share], len(part.triangles) > most)
+    return Drawn(vertices, triangles, _lines(part)[: _MOST_LINES // share], len(part.triangles) > max_measurements)
 
 
 def _clustered(part: Part, cells: int) -> tuple[FloatArray, IntArray]:

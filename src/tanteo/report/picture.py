@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tanteo.report.ghosts import Way
 from tanteo.report.html import Html, element, join
+from tanteo.report.overlays import Way
 from tanteo.report.section import switched
 from tanteo.report.words import MM
 
@@ -30,7 +30,7 @@ class Layer:
 
 def picture(
     layers: Sequence[Layer],
-    ghosts: Sequence[Sequence[Way]],
+    overlays: Sequence[Sequence[Way]],
     legend: Sequence[tuple[str, str]],
     scaled: Sequence[Sequence[tuple[str, str]]] = (),
     *,
@@ -40,7 +40,7 @@ def picture(
 
     Args:
         layers: What can be hidden.
-        ghosts: Ways in which the pose may be off, of each hypothesis.
+        overlays: Ways in which the pose may be off, of each hypothesis.
         legend: Marks (``page.css``) and words.
         scaled: More of them, of each hypothesis.
         haunted: Whether ghosts are shown at first.
@@ -50,10 +50,10 @@ def picture(
     words = "The picture needs JavaScript; everything else on this page does not."
     no_script = element("noscript", element("p", words))
     stage = element("div", canvas, overlay, element("p", id="no3d", hidden=True), no_script, class_="stage")
-    return element("div", stage, _controls(layers, ghosts, haunted), _legend(legend, scaled), class_="picture")
+    return element("div", stage, _controls(layers, overlays, haunted), _legend(legend, scaled), class_="picture")
 
 
-def _controls(layers: Sequence[Layer], ghosts: Sequence[Sequence[Way]], haunted: bool) -> Html:
+def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunted: bool) -> Html:
     views = [element("button", name, type="button", data_view=name.lower()) for name in _VIEWS]
     boxes = [
         element(
@@ -64,11 +64,15 @@ def _controls(layers: Sequence[Layer], ghosts: Sequence[Sequence[Way]], haunted:
         )
         for layer in layers
     ]
-    choice = switched([_ghosts(ways, haunted) for ways in ghosts], "span", class_="ghosts") if any(ghosts) else Html("")
+    choice = (
+        switched([_overlays(ways, haunted) for ways in overlays], "span", class_="overlays")
+        if any(overlays)
+        else Html("")
+    )
     return element("div", *views, *boxes, choice, class_="controls")
 
 
-def _ghosts(ways: Sequence[Way], haunted: bool) -> Html:
+def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
     """Keys and words of the ways, for the choice of ghosts."""
     options = [
         element("option", f"off by {way.words}: {MM * way.moves:.2g} mm at the farthest corner", value=k)

@@ -14,11 +14,11 @@ from tanteo.parts import Part
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.drawn import feature_lines
 from tanteo.report.figures import pose_figures
-from tanteo.report.ghosts import Way, find_ways
 from tanteo.report.html import element, join, table
+from tanteo.report.overlays import Way, find_ways
 from tanteo.report.page import Front, fact_list, make_page
 from tanteo.report.picture import Layer, picture, times
-from tanteo.report.scene import ghost_numbers, packed, part_document, pose_numbers, view_document
+from tanteo.report.scene import overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.report.section import Section
 from tanteo.report.sections import rerun_section
 from tanteo.report.words import MM, fixed, length, percent
@@ -61,7 +61,7 @@ def _front(
         layers.append(Layer("sticks", plan.feature))
     legend = [("stick", f"{plan.feature}, which has to keep the tolerance")] if plan.feature is not None else []
     legend += [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
-    ghost = f"ghosts: off by 1, 2 and 3 sd after the last{times(enlarged)}"
+    overlay = f"ghosts: off by 1, 2 and 3 sd after the last{times(enlarged)}"
     x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
     facts = [
         ("Goal", f"{_all(plan)} within {length(tolerance)}, with {percent(confidence)}"),
@@ -83,7 +83,7 @@ def _front(
         ("Part expected at, in the world", f"x {x}, y {y}, z {z} mm"),
     ]
     side = join([element("h2", "What it brings"), element("dl", fact_list([*facts, *run.facts]), class_="first")])
-    shown = picture(layers, [ways] if ways else [], legend, [[("ghost", ghost)]] if ways else [], haunted=False)
+    shown = picture(layers, [ways] if ways else [], legend, [[("overlay", overlay)]] if ways else [], haunted=False)
     chip, status = ("✓ planned", "recognized") if plan.reached else ("✕ not reached", "unknown")
     return Front(title, chip, status, plan.message, shown, side)
 
@@ -186,7 +186,7 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
         "hypotheses": [
             {
                 "part": 0, "pose": pose_numbers(T, centre), "wrong": [0] * len(points), "sticks": packed(lines),
-                "ghosts": ghost_numbers(ways, centre),
+                "overlays": overlay_numbers(ways, centre),
             }
         ],
     }  # fmt: skip

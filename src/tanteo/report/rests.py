@@ -58,15 +58,15 @@ def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]
 def _rows(candidate: Candidate, directions: Sequence[Direction]) -> Html:
     if not directions:
         return element("p", "Nothing was met, so nothing is fixed.")
-    ghosts = [way.words for way in candidate.ways]
+    overlays = [way.words for way in candidate.ways]
     rows = []
     for d in directions:
         words = brief(d.motion)
         show: Html | str = ""
-        if words in ghosts:
-            show = element("button", "Show", type="button", data_way=ghosts.index(words), aria_label=f"Show: {words}")
+        if words in overlays:
+            show = element("button", "Show", type="button", data_way=overlays.index(words), aria_label=f"Show: {words}")
         rows.append((words, f"{MM * d.moves:.3g}", join([_bar(d), element("div", _said(d))]), show))
-    headers = ("may be off by", "corners move, rms [mm]", "known from", "ghosts")
+    headers = ("may be off by", "corners move, rms [mm]", "known from", "overlays")
     return table(headers, rows, class_="directions")
 
 

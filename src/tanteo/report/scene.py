@@ -13,7 +13,7 @@ from tanteo.answers import Hypothesis
 from tanteo.parts import Part
 from tanteo.report.contacts import Contacts
 from tanteo.report.drawn import draw_part
-from tanteo.report.ghosts import Way
+from tanteo.report.overlays import Way
 from tanteo.report.sensed import Sensed
 from tanteo.report.words import MM
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
@@ -141,7 +141,7 @@ def _hypothesis(
         "sd_mm": [round(float(contacts.sds[i]) * MM, 5) for i in rows],
         "wrong": [int(not contacts.used[i]) for i in rows],
         "sticks": packed(sticks[rows]),
-        "ghosts": ghost_numbers(candidate.ways, centre),
+        "overlays": overlay_numbers(candidate.ways, centre),
     }
 
 
@@ -169,6 +169,6 @@ def _base64(array: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
 
 
-def ghost_numbers(ways: Sequence[Way], centre: Vectors) -> list[list[list[list[float]]]]:
+def overlay_numbers(ways: Sequence[Way], centre: Vectors) -> list[list[list[list[float]]]]:
     """Poses of the ghosts: of each way, each level, both sides."""
     return [[[pose_numbers(T, centre) for T in level] for level in way.Ts_world_part] for way in ways]

@@ -94,7 +94,7 @@ def _budget(candidate: Candidate, sensed: Sensed) -> Html:
 
 
 def _total(candidate: Candidate, budget: Budget) -> str:
-    told, free = candidate.hypothesis.worst_corner_sd, candidate.hypothesis.unobserved
+    told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.unobserved
     words = f"Together {length(budget.total)} at the worst corner, one standard deviation"
     if free:
         return f"{words}; without what nothing observes: {'; '.join(free)}."

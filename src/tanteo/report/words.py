@@ -27,7 +27,7 @@ def headline(answer: Recognition) -> str:
     if answer.status == "recognized":
         P = sum(h.probability for h in answer.hypotheses if h.part == best.part)
         sure = "" if P >= CONFIDENCE else f" ({percent(P)})"
-        return f"It is {best.part}{sure}, located to {MM * best.worst_corner_sd:.2g} mm."
+        return f"It is {best.part}{sure}, located to {MM * best.corner_sd:.2g} mm."
     if answer.status == "insufficient":
         free = " and ".join(best.unobserved) or "a direction"
         return (
@@ -48,11 +48,11 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str,
     x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
     rows = [
         ("Position in the world", f"x {x}, y {y}, z {z} mm"),
-        ("Worst corner, 1 sd", length(hypothesis.worst_corner_sd)),
+        ("Worst corner, 1 sd", length(hypothesis.corner_sd)),
         ("Readings that fit", f"{used} of {n}"),
     ]
-    if hypothesis.covariance_same_robot is not None and not hypothesis.unobserved:
-        same = corner_sd(part, hypothesis.covariance_same_robot)
+    if hypothesis.covariance_relative is not None and not hypothesis.unobserved:
+        same = corner_sd(part, hypothesis.covariance_relative)
         rows.insert(2, ("The same, if the errors that all readings share were known", length(same)))
     if wrong:
         rows.append(("Wrong readings", _wrong(hypothesis)))

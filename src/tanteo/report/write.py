@@ -15,7 +15,7 @@ from tanteo.report.answered import answer_front
 from tanteo.report.contacts import find_contacts
 from tanteo.report.course import course_section
 from tanteo.report.figures import figure_section
-from tanteo.report.ghosts import find_ways
+from tanteo.report.overlays import find_ways
 from tanteo.report.page import make_page
 from tanteo.report.rests import directions_of, rests_section
 from tanteo.report.scene import Candidate, scene_document
@@ -69,7 +69,7 @@ def session_page(session: Session, run: Run) -> str:
         session: That was told something, or nothing yet.
         run: Where it comes from.
     """
-    answer, told = session.answer(), explain(session.belief, session.steps)
+    answer, told = session.answer(), explain(session.state, session.steps)
     readings = Readings.from_columns(n=0) if session.readings is None else session.readings
     sensed = gather(readings, session.sensing, session.prior)
     candidates = _candidates(answer, sensed, [target.part for target in session.start.targets])

@@ -9,6 +9,6 @@ The only thing here with memory. It touches no file and moves no hand::
 """
 
 from tanteo.session.conversation import Session
-from tanteo.session.values import Action, Done, Sensing, Step, Told
+from tanteo.session.values import Action, Done, Observation, Sensing, Step
 
-__all__ = ["Action", "Done", "Sensing", "Session", "Step", "Told"]
+__all__ = ["Action", "Done", "Observation", "Sensing", "Session", "Step"]

@@ -9,11 +9,11 @@ import numpy as np
 
 from tanteo.active import (
     POLICIES,
-    Belief,
     Candidates,
+    DecisionContext,
     Policy,
     Probe,
-    Situation,
+    SensingState,
     Start,
     Stop,
     begin,
@@ -30,7 +30,7 @@ from tanteo.session.again import once_more
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.names import new_readings
 from tanteo.session.questions import action_of, answers, is_same, unlike
-from tanteo.session.values import Action, Done, Sensing, Step, Told
+from tanteo.session.values import Action, Done, Observation, Sensing, Step
 from tanteo.session.worth import OUT_OF_REACH, enough, worth_making
 from tanteo.typing import BoolArray, Vectors
 
@@ -58,8 +58,8 @@ class Session:
     policy: Policy = POLICIES["information"]
     stop: Stop = field(default_factory=Stop)
     seed: int = 0
-    able: Callable[[Belief, Candidates], BoolArray] | None = None
-    _belief: Belief = field(init=False)
+    able: Callable[[SensingState, Candidates], BoolArray] | None = None
+    _state: SensingState = field(init=False)
     _readings: list[Readings] = field(init=False, default_factory=list)
     _joined: Readings | None = field(init=False, default=None)
     _steps: list[Step] = field(init=False, default_factory=list)
@@ -74,12 +74,12 @@ class Session:
         check_count("seed", self.seed, 0)
         if self.stop.feature is not None:
             check_feature(self.stop.feature, [target.part for target in self.start.targets])
-        self._belief = begin(self.start)
+        self._state = begin(self.start)
 
     @property
-    def belief(self) -> Belief:
+    def state(self) -> SensingState:
         """What is known now."""
-        return self._belief
+        return self._state
 
     @property
     def readings(self) -> Readings | None:
@@ -89,7 +89,7 @@ class Session:
     @property
     def prior(self) -> PosePrior:
         """The rough pose of the start that the best hypothesis comes from; the likeliest before the first reading."""
-        row = int(self._belief.rows[0]) if self._belief.modes else int(np.argmax(self.start.weights))
+        row = int(self._state.rows[0]) if self._state.modes else int(np.argmax(self.start.weights))
         return PosePrior(self.start.Ts[row], self.start.covariances[row])
 
     @property
@@ -113,10 +113,10 @@ class Session:
         return tuple(self._refused)
 
     @property
-    def told(self) -> tuple[Told, ...]:
+    def told(self) -> tuple[Observation, ...]:
         """All that has to be kept to :meth:`resume` from here."""
         readings = iter(self._readings)
-        return tuple(Told(s.action, next(readings) if s.ids else None, s.note) for s in self._steps)
+        return tuple(Observation(s.action, next(readings) if s.ids else None, s.note) for s in self._steps)
 
     @property
     def count(self) -> int:
@@ -135,31 +135,31 @@ class Session:
         be on the way. Other readings that are told meanwhile may show that enough is known; else they do not change the
         question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
-        if end := enough(self.stop, self._belief, self.count):
+        if end := enough(self.stop, self._state, self.count):
             return replace(end, why=f"{end.why} {self._doubt()}".rstrip())
         if self._asked is not None:
             return self._asked
-        if not len(self._belief.weights):
+        if not len(self._state.weights):
             return Done(False, NOTHING)
-        candidates = self._open(propose(self._belief, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
+        candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         if not len(candidates):
             return Done(False, OUT_OF_REACH)
-        situation = self._situation(candidates)
-        repeats = self._open(once_more(self._belief, self._steps))
-        chosen = worth_making(self.stop, situation, self.policy.choose(situation), repeats)
+        context = self._context(candidates)
+        repeats = self._open(once_more(self._state, self._steps))
+        chosen = worth_making(self.stop, context, self.policy.choose(context), repeats)
         if isinstance(chosen, Done):
             return chosen
         self._questions += 1
         self._asked = action_of(*chosen, self._questions)
         return self._asked
 
-    def _situation(self, candidates: Candidates) -> Situation:
+    def _context(self, candidates: Candidates) -> DecisionContext:
         """What the policy decides on."""
-        stop, belief = self.stop, self._belief
+        stop, state = self.stop, self._state
         part_only = stop.tolerance is None and stop.probability is not None
-        known = stop.knows_part(belief)
-        values = belief, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
-        return Situation(*values, part_only=part_only, part_open=not known, feature=stop.feature)
+        known = stop.knows_part(state)
+        values = state, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
+        return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature)
 
     def refuse(self, action: Action) -> None:
         """The reading cannot be made, or was in vain: readings near it are not asked for again.
@@ -201,10 +201,14 @@ class Session:
         asked = self._asked
         if action is None and fresh is not None and asked is not None and answers(fresh, asked):
             action = asked
-        return self._take(Told(action, fresh, note))
+        return self._take(Observation(action, fresh, note))
 
     def resume(
-        self, told: Iterable[Told], asked: Action | None = None, refused: Iterable[Action] = (), questions: int = 0
+        self,
+        told: Iterable[Observation],
+        asked: Action | None = None,
+        refused: Iterable[Action] = (),
+        questions: int = 0,
     ) -> None:
         """Take what another session was told, in its order: belief and next question are then the same as there.
 
@@ -221,14 +225,14 @@ class Session:
         self.put(asked)
         self._questions = max(self._questions, questions)
 
-    def _take(self, told: Told) -> Step:
-        belief, joined, fresh, action = self._belief, self._joined, told.readings, told.action
+    def _take(self, told: Observation) -> Step:
+        state, joined, fresh, action = self._state, self._joined, told.readings, told.action
         if fresh is not None:
             joined = fresh if joined is None else concatenate([joined, fresh])
-            belief = update(belief, *self.sensing.touches(joined, self.probe))
-        step = step_of(belief, self.stop, told)
+            state = update(state, *self.sensing.touches(joined, self.probe))
+        step = step_of(state, self.stop, told)
         # only now, all of it: who interrupts the long work above finds the session as it was before
-        self._belief, self._joined = belief, joined
+        self._state, self._joined = state, joined
         self._readings += [] if fresh is None else [fresh]
         self._steps.append(step)
         if action is not None:
@@ -237,14 +241,14 @@ class Session:
             self._asked = None
         return step
 
-    def answer(self, top: int = 5, alpha: float = ALPHA) -> Recognition:
+    def answer(self, top: int = 5, significance: float = ALPHA) -> Recognition:
         """The answer as of now, with status and message, as :func:`tanteo.identify` gives it.
 
         Args:
             top: hypotheses to report.
-            alpha: an answer whose joint test has a smaller p-value is not accepted.
+            significance: an answer whose joint test has a smaller p-value is not accepted.
         """
-        answer = answered(self._belief, self.stop, self.seed, top, alpha)
+        answer = answered(self._state, self.stop, self.seed, top, significance)
         return replace(answer, message=f"{answer.message} {self._doubt()}".rstrip())
 
     def _doubt(self) -> str:
@@ -256,7 +260,7 @@ class Session:
         candidates = unlike(candidates, self._refused)
         if self.able is None or not len(candidates):
             return candidates
-        return candidates.take(self.able(self._belief, candidates))
+        return candidates.take(self.able(self._state, candidates))
 
     def _place(self) -> Vectors | None:
         asked = [s.action for s in self._steps if s.action is not None]

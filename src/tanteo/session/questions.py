@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.active import Candidates, Choice, Situation
+from tanteo.active import Candidates, Choice, DecisionContext
 from tanteo.sensors import Readings
 from tanteo.session.values import Action
 
@@ -21,12 +21,12 @@ _LIKE = 0.15
 """A reading is like a question within this angle [rad], and a place of this share of the stand-off."""
 
 
-def action_of(situation: Situation, choice: Choice, number: int) -> Action:
+def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
     """The question of that number that makes the chosen reading."""
-    k, c = choice.index, situation.candidates
-    part = situation.belief.target(int(c.mode[k])).part
+    k, c = choice.index, context.candidates
+    part = context.state.target(int(c.mode[k])).part
     return Action(
-        number, c.origins[k], c.directions[k], situation.probe.max_range, float(c.ranges[k]), part.name,
+        number, c.origins[k], c.directions[k], context.probe.max_range, float(c.ranges[k]), part.name,
         part.faces[c.face[k]].name, choice.gain, choice.why,
     )  # fmt: skip
 

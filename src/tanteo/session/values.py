@@ -201,7 +201,7 @@ class Step:
         T_world_part: likeliest pose ``(4, 4)``.
         part: index of its part; -1 if no part explains the readings.
         covariance: of that pose ``(6, 6)``.
-        worst_corner_sd: largest standard deviation of a corner of that part's box, over all poses that it may have [m].
+        corner_sd: largest standard deviation of a corner of that part's box, over all poses that it may have [m].
         within: probability that all corners, or the feature, are within the tolerance; NaN without one.
         note: what a person should know; empty for nothing.
     """
@@ -213,13 +213,13 @@ class Step:
     T_world_part: Transforms
     part: int
     covariance: Covariances
-    worst_corner_sd: float
+    corner_sd: float
     within: float
     note: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class Observation:
     """What was told at once, as a record keeps it.
 
     Attributes:

@@ -13,7 +13,7 @@ from tanteo.parts import Part
 from tanteo.report.drawn import Drawn, draw_part
 from tanteo.simulator import Solid
 from tanteo.typing import FloatArray, IntArray, Transforms
-from tanteo.viewer import hues
+from tanteo.viewer import colors
 from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive
 from tanteo.viewer.snapshot import Snapshot
 from tanteo.viewer.solids import dashed, ellipsoids, hand_mesh, outline
@@ -32,7 +32,7 @@ _DASH, OPEN = 0.006, 0.12
 
 LAYERS = {
     "rivals": "What else it may be",
-    "ghosts": "How its pose may be off",
+    "overlays": "How its pose may be off",
     "readings": "Readings",
     "beams": "Beams",
     "next": "Next reading",
@@ -41,42 +41,43 @@ LAYERS = {
 """What can be hidden, and what it is called."""
 
 
-def belief_primitives(now: Snapshot) -> list[Primitive]:
+def state_primitives(now: Snapshot) -> list[Primitive]:
     """Parts where they may be: the likeliest as a solid, others as ghosts in colours of their own."""
     out: list[Primitive] = []
-    b = now.belief
+    b = now.state
     for k in now.drawn_modes():
         name = f"mode {k}"
         rank, w, drawn = now.rank(int(b.part[k])), float(b.weights[k]), _drawn(b.target(int(k)).part)
         if rank == 0:
-            colour, line, layer = hues.PART, hues.EDGE, ""
+            colour, line, layer = colors.PART, colors.EDGE, ""
         else:
-            colour = line = hues.RIVALS[rank - 1]
+            colour = line = colors.RIVALS[rank - 1]
             layer = "rivals"
         opacity = 0.25 + 0.6 * w if rank == 0 else 0.08 + 0.3 * w
         out.append(Mesh(f"{name} body", drawn.vertices, drawn.triangles, colour, opacity, b.poses[k], layer))
         out.append(Lines(f"{name} edges", drawn.lines, line, 2.0 if rank == 0 else 1.5, b.poses[k], layer))
-    return [*out, *_ghosts(now)]
+    return [*out, *_overlays(now)]
 
 
 def reading_primitives(now: Snapshot) -> list[Primitive]:
     """Readings with their beams and spread; those that do not fit are of another colour and shape."""
-    b, out = now.belief, list[Primitive]()
+    b, out = now.state, list[Primitive]()
     if b.touches is not None and len(b.touches):
         t, wrong = b.touches, now.wrong()
         reach = np.where(t.reach > 0, t.reach, _ARM * now.size)
         starts = t.points - t.directions * reach[:, None]
-        out.append(Lines("beams", np.stack([starts, t.points], axis=1), hues.BEAM, 1.5, layer="beams"))
-        spread = ellipsoids(t.points, t.covs + t.gains @ np.swapaxes(t.gains, 1, 2), _SDS)
-        out.append(Mesh("spread", *spread, hues.GOOD, 0.25, layer="readings"))
+        out.append(Lines("beams", np.stack([starts, t.points], axis=1), colors.BEAM, 1.5, layer="beams"))
+        spread = ellipsoids(t.points, t.covs + t.shared_jacobian @ np.swapaxes(t.shared_jacobian, 1, 2), _SDS)
+        out.append(Mesh("spread", *spread, colors.GOOD, 0.25, layer="readings"))
         for name, rows, colour, shape in (
-            ("readings that fit", ~wrong, hues.GOOD, "circle"), ("readings that do not fit", wrong, hues.BAD, "diamond")
+            ("readings that fit", ~wrong, colors.GOOD, "circle"),
+            ("readings that do not fit", wrong, colors.BAD, "diamond")
         ):  # fmt: skip
             if rows.any():
                 out.append(Dots(name, t.points[rows], colour, 0.02 * now.size, shape, "readings"))
     if len(b.free.origins):
         ends = b.free.origins + b.free.directions * np.minimum(b.free.lengths, OPEN)[:, None]
-        out.append(Lines("free beams", dashed(b.free.origins, ends, _DASH), hues.FREE, 2.0, layer="beams"))
+        out.append(Lines("free beams", dashed(b.free.origins, ends, _DASH), colors.FREE, 2.0, layer="beams"))
     return out
 
 
@@ -87,7 +88,7 @@ def next_primitives(now: Snapshot) -> list[Primitive]:
         return []
     end = a.origin + a.expected * a.direction
     return [
-        Arrow("next", a.origin, end, hues.INK, 0.01 * now.size, "next"),
+        Arrow("next", a.origin, end, colors.INK, 0.01 * now.size, "next"),
         Label("next label", f"next: {a.face} of {a.part}", a.origin, "next"),
     ]
 
@@ -100,38 +101,40 @@ def hand_primitives(hand: Hand, sensed: Sensed) -> list[Primitive]:
     met, free = sensed.states == MET, sensed.states == FREE
     hits = starts[met] + sensed.ranges[met, None] * axes[met]
     return [
-        Mesh("hand", vertices, triangles, hues.SOFT, 0.55, T, "hand"),
-        Lines("seen", np.stack([starts[met], hits], axis=1), hues.BEAM, 2.0, layer="hand"),
-        Lines("not seen", dashed(starts[free], starts[free] + OPEN * axes[free], _DASH), hues.FREE, 1.5, layer="hand"),
+        Mesh("hand", vertices, triangles, colors.SOFT, 0.55, T, "hand"),
+        Lines("seen", np.stack([starts[met], hits], axis=1), colors.BEAM, 2.0, layer="hand"),
+        Lines(
+            "not seen", dashed(starts[free], starts[free] + OPEN * axes[free], _DASH), colors.FREE, 1.5, layer="hand"
+        ),
     ]
 
 
 def furniture_primitives(furniture: Sequence[Solid]) -> list[Primitive]:
     """What is known to stand there."""
     return [
-        Mesh(f"furniture {s.name}", s.vertices, s.triangles, hues.TABLE if s.name == "table" else hues.FURNITURE)
+        Mesh(f"furniture {s.name}", s.vertices, s.triangles, colors.TABLE if s.name == "table" else colors.FURNITURE)
         for s in furniture
     ]
 
 
 def truth_primitives(solids: Sequence[Solid]) -> list[Primitive]:
     """What truly lies there, as an outline."""
-    return [Lines(f"truth {s.name}", outline(s.vertices, s.triangles), hues.INK, 3.0) for s in solids]
+    return [Lines(f"truth {s.name}", outline(s.vertices, s.triangles), colors.INK, 3.0) for s in solids]
 
 
-def _ghosts(now: Snapshot) -> list[Primitive]:
+def _overlays(now: Snapshot) -> list[Primitive]:
     """The outline of the likeliest mode at poses drawn from its spread, once it is likelier than all else."""
-    b = now.belief
+    b = now.state
     if not now.decided:
         return []
     k = int(np.argmax(b.weights))
     lines = _drawn(b.target(k).part).lines[:_GHOST_LINES]
-    return [Lines(f"ghost {i}", lines, hues.GHOST, 1.0, T, "ghosts") for i, T in enumerate(_poses(now, k))]
+    return [Lines(f"ghost {i}", lines, colors.GHOST, 1.0, T, "overlays") for i, T in enumerate(_poses(now, k))]
 
 
 def _poses(now: Snapshot, k: int) -> Transforms:
     """Poses drawn from a mode, the same for the same belief ``(n, 4, 4)``."""
-    b = now.belief
+    b = now.state
     if b.draws is None:
         L = np.linalg.cholesky(b.covariances[k])
         return np.asarray(b.poses[k] @ SE3.exp(np.random.default_rng(1991).normal(size=(_GHOSTS, 6)) @ L.T))

@@ -17,13 +17,13 @@ def words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterator[str]
     """The answer and why it ended; how far the truth is from it."""
     yield headline(session.answer())
     yield done.why
-    if len(session.belief.weights) and truth:
+    if len(session.state.weights) and truth:
         yield f"No place of the true surface is farther from it than {length(apart(session, truth))}."
 
 
 def apart(session: Session, truth: Sequence[Solid]) -> float:
     """Largest distance of corners of the truth from the surface of the likeliest mode, and the reverse [m]."""
-    b = session.belief
+    b = session.state
     k = int(np.argmax(b.weights))
     target, T = b.target(k), b.poses[k]
     starts = np.cumsum([0, *(len(s.vertices) for s in truth)])

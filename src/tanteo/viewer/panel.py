@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.report.charts import bar
 from tanteo.report.html import Html, element
 from tanteo.report.words import percent
-from tanteo.viewer import hues
+from tanteo.viewer import colors
 from tanteo.viewer.drawing import OPEN
 from tanteo.viewer.primitives import Colour
 from tanteo.viewer.snapshot import Snapshot, by_hand
@@ -26,15 +26,15 @@ GRID = 0.05
 GRID_WORDS = f"A square of the grid is {1e3 * GRID:.0f} mm; of beams that met nothing {1e3 * OPEN:.0f} mm are drawn."
 
 STYLE = f"""<style>
-.tanteo {{ font-size: 13.5px; line-height: 1.4; padding: 2px 12px 4px; color: {hues.css(hues.INK)};
+.tanteo {{ font-size: 13.5px; line-height: 1.4; padding: 2px 12px 4px; color: {colors.css(colors.INK)};
   overflow-wrap: anywhere; }}
 .tanteo .say {{ font-size: 15px; font-weight: 600; }}
-.tanteo .soft {{ color: {hues.css(hues.SOFT)}; }}
+.tanteo .soft {{ color: {colors.css(colors.SOFT)}; }}
 .tanteo .row {{ display: grid; grid-template-columns: 14px minmax(0, 1fr) auto; gap: 1px 7px; align-items: center;
   margin: 5px 0; }}
 .tanteo .row .bar {{ grid-column: 2 / -1; display: block; height: 8px; border-radius: 4px; background: #e3e7eb;
   overflow: hidden; }}
-.tanteo .fill {{ display: block; height: 100%; background: {hues.css(hues.GOOD)}; }}
+.tanteo .fill {{ display: block; height: 100%; background: {colors.css(colors.GOOD)}; }}
 .tanteo .fill.none {{ background: #8a949e; }}
 .tanteo .value {{ font-variant-numeric: tabular-nums; }}
 .tanteo .box {{ width: 13px; height: 13px; border-radius: 3px; border: 2px solid transparent; box-sizing: border-box; }}
@@ -45,10 +45,10 @@ STYLE = f"""<style>
 .tanteo .diamond {{ border-radius: 0; transform: rotate(45deg); }}
 .tanteo .told li {{ border-top: 1px solid #e3e7eb; padding: 3px 0; }}
 .mantine-Button-root {{ height: 30px !important; padding: 0 5px !important;
-  border-color: {hues.css(hues.GOOD)} !important; }}
-.mantine-Button-label {{ font-size: 13px; color: {hues.css(hues.GOOD)}; }}
+  border-color: {colors.css(colors.GOOD)} !important; }}
+.mantine-Button-label {{ font-size: 13px; color: {colors.css(colors.GOOD)}; }}
 .mantine-Input-input, .mantine-Select-option {{ font-size: 13.5px !important; }}
-label, .mantine-Notification-description {{ color: {hues.css(hues.SOFT)} !important; }}
+label, .mantine-Notification-description {{ color: {colors.css(colors.SOFT)} !important; }}
 </style>"""
 """Of what is said here; and viser's own words, which are small and pale, so that they can be read."""
 
@@ -59,7 +59,7 @@ def _framed(*children: Html | str) -> str:
 
 def headline(now: Snapshot) -> str:
     """What is believed now, in a sentence."""
-    b, n = now.belief, len(now.names)
+    b, n = now.state, len(now.names)
     if not now.steps:
         return f"Nothing was sensed yet: {n} parts may be here." if n > 1 else "Nothing was sensed yet."
     if not len(b.weights):
@@ -68,7 +68,7 @@ def headline(now: Snapshot) -> str:
     words = f"{now.names[best]}: {percent(float(b.of_parts()[best]))}"
     if not now.decided:
         return f"Not decided; the likeliest is {words}"
-    sd = now.steps[-1].worst_corner_sd
+    sd = now.steps[-1].corner_sd
     return words if np.isnan(sd) else f"{words}, worst corner {1e3 * sd:.3g} mm (1 sd)"
 
 
@@ -93,8 +93,8 @@ def counted(now: Snapshot) -> str:
 
 def bars(now: Snapshot) -> str:
     """How probable each part is: the likeliest, all others together, and none of these."""
-    p, order = now.belief.of_parts(), now.order
-    drawn = set(now.belief.part[now.drawn_modes()].tolist())
+    p, order = now.state.of_parts(), now.order
+    drawn = set(now.state.part[now.drawn_modes()].tolist())
     rows = [
         _row(now.names[k], float(p[k]), _swatch(rank) if int(k) in drawn else None)
         for rank, k in enumerate(order[:_BARS])
@@ -102,15 +102,15 @@ def bars(now: Snapshot) -> str:
     rest = order[_BARS:]
     if len(rest):
         rows.append(_row(f"{len(rest)} others", float(p[rest].sum()), None, "none"))
-    rows.append(_row("none of these", now.belief.unknown, None, "none"))
+    rows.append(_row("none of these", now.state.unknown, None, "none"))
     return _framed(*rows)
 
 
 def _swatch(rank: int) -> str:
     """Style of the square that has the colour of what is drawn."""
     if rank == 0:
-        return f"background:{hues.css(hues.PART)};border-color:{hues.css(hues.EDGE)}"
-    return f"background:{hues.css(hues.RIVALS[rank - 1])}"
+        return f"background:{colors.css(colors.PART)};border-color:{colors.css(colors.EDGE)}"
+    return f"background:{colors.css(colors.RIVALS[rank - 1])}"
 
 
 def _row(name: str, share: float, swatch: str | None, kind: str = "") -> Html:
@@ -137,24 +137,24 @@ def step_line(now: Snapshot) -> str:
     best = int(np.argmax(step.probabilities))
     return (
         f"{len(now.steps)}. {who}, {at}: {now.names[best]} {percent(float(step.probabilities[best]))}, "
-        f"worst corner {1e3 * step.worst_corner_sd:.3g} mm"
+        f"worst corner {1e3 * step.corner_sd:.3g} mm"
     )
 
 
 def legend(*, hand: bool) -> str:
     """What colours and shapes mean."""
     keys = [
-        ("mark", hues.EDGE, "the likeliest part"),
-        ("mark", hues.RIVALS[0], "other parts, coloured as above"),
-        ("mark", hues.GHOST, "how the likeliest may be off"),
-        ("mark dot", hues.GOOD, "reading that fits, with 2 sd"),
-        ("mark dot diamond", hues.BAD, "reading that does not fit"),
-        ("mark", hues.BEAM, "beam of a reading"),
-        ("mark dashes", hues.FREE, "beam that met nothing"),
-        ("mark", hues.INK, "next reading; in the end, the truth"),
+        ("mark", colors.EDGE, "the likeliest part"),
+        ("mark", colors.RIVALS[0], "other parts, coloured as above"),
+        ("mark", colors.GHOST, "how the likeliest may be off"),
+        ("mark dot", colors.GOOD, "reading that fits, with 2 sd"),
+        ("mark dot diamond", colors.BAD, "reading that does not fit"),
+        ("mark", colors.BEAM, "beam of a reading"),
+        ("mark dashes", colors.FREE, "beam that met nothing"),
+        ("mark", colors.INK, "next reading; in the end, the truth"),
     ]
     if hand:
-        keys.append(("mark dot", hues.SOFT, "hand, and what it sees now"))
+        keys.append(("mark dot", colors.SOFT, "hand, and what it sees now"))
     items = [
         element("li", element("span", class_=kind, style=_ink(kind, colour)), element("span", words))
         for kind, colour, words in keys
@@ -164,5 +164,5 @@ def legend(*, hand: bool) -> str:
 
 def _ink(kind: str, colour: Colour) -> str:
     if "dot" in kind:
-        return f"background:{hues.css(colour)}"
-    return f"border-top:3px {'dashed' if 'dashes' in kind else 'solid'} {hues.css(colour)}"
+        return f"background:{colors.css(colour)}"
+    return f"border-top:3px {'dashed' if 'dashes' in kind else 'solid'} {colors.css(colour)}"

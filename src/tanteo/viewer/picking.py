@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.active import Belief, Candidates, Probe
+from tanteo.active import Candidates, Probe, SensingState
 from tanteo.active.candidates import has_room, within_cone
 from tanteo.lie import SE3
 from tanteo.session import Action, Session
@@ -27,19 +27,19 @@ def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number
         ray: in which direction, ``(3,)``.
         number: of the question.
     """
-    hit = _first(session.belief, modes, eye, ray / np.linalg.norm(ray))
+    hit = _first(session.state, modes, eye, ray / np.linalg.norm(ray))
     if hit is None:
         return "There is nothing where you clicked: click on a part or near one."
     mode, face, point, inward = hit
     ways = _ways(session.probe, mode, face, point, inward)
-    ways = ways.take(has_room(session.belief, ways, session.probe, anywhere=False))
+    ways = ways.take(has_room(session.state, ways, session.probe, anywhere=False))
     if not len(ways):
         return "There is no room to sense that: click on another place."
     if session.able is not None:
-        ways = ways.take(session.able(session.belief, ways))
+        ways = ways.take(session.able(session.state, ways))
     if not len(ways):
         return "The hand cannot come to where it would sense that: click on another place."
-    part, probe = session.belief.target(mode).part, session.probe
+    part, probe = session.state.target(mode).part, session.probe
     name = part.faces[face].name if face >= 0 else "a place beside it"
     return Action(
         number, ways.origins[0], ways.directions[0], probe.max_range, float(ways.ranges[0]), part.name, name, np.nan,
@@ -60,11 +60,13 @@ def _ways(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -
     return Candidates(origins, directions, np.full(len(ranges), mode), np.full(len(ranges), face), ranges)
 
 
-def _first(belief: Belief, modes: IntArray, eye: Vectors, ray: Vectors) -> tuple[int, int, Vectors, Vectors] | None:
+def _first(
+    state: SensingState, modes: IntArray, eye: Vectors, ray: Vectors
+) -> tuple[int, int, Vectors, Vectors] | None:
     """Mode, face, place and inward normal of what is met first; beside the part, the place nearest to its middle."""
     best: tuple[float, tuple[int, int, Vectors, Vectors]] | None = None
     for k in modes.tolist():
-        target, T = belief.target(k), belief.poses[k]
+        target, T = state.target(k), state.poses[k]
         to_part = SE3.inverse(T)
         hits = target.surface.cast(SE3.apply(to_part, eye)[None], (to_part[:3, :3] @ ray)[None])
         distance, triangle = float(hits.distances[0]), int(hits.triangles[0])
@@ -74,7 +76,7 @@ def _first(belief: Belief, modes: IntArray, eye: Vectors, ray: Vectors) -> tuple
     if best is not None or not len(modes):
         return None if best is None else best[1]
     k = int(modes[0])
-    part, T = belief.target(k).part, belief.poses[k]
+    part, T = state.target(k).part, state.poses[k]
     middle = SE3.apply(T, part.centroid)
     point = eye + max(float((middle - eye) @ ray), 0.0) * ray
     return (k, -1, point, ray) if np.linalg.norm(point - middle) < part.diagonal else None

@@ -219,7 +219,7 @@ class Player:
 
     def _draw(self) -> None:
         now = Snapshot.of(self._show.session)
-        self.page.show("belief", drawing.belief_primitives(now))
+        self.page.show("state", drawing.state_primitives(now))
         self.page.show("readings", drawing.reading_primitives(now))
         self.page.show("next", drawing.next_primitives(now))
         self.page.say("bars", panel.bars(now))

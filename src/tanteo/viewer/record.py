@@ -19,17 +19,17 @@ def moments(session: Session) -> list[Snapshot]:
     again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
     told = session.told
     following = [*(one.action for one in told), session.asked]
-    beliefs = [again.belief]
+    states = [again.state]
     for one in told:
         again.resume([one])
-        beliefs.append(again.belief)
-    return [Snapshot(b, session.steps[:k], a) for k, (b, a) in enumerate(zip(beliefs, following, strict=True))]
+        states.append(again.state)
+    return [Snapshot(b, session.steps[:k], a) for k, (b, a) in enumerate(zip(states, following, strict=True))]
 
 
 def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:
     """Draw one of them."""
     now = all_moments[k]
-    page.show("belief", drawing.belief_primitives(now))
+    page.show("state", drawing.state_primitives(now))
     page.show("readings", drawing.reading_primitives(now))
     page.show("next", drawing.next_primitives(now))
     page.say("status", panel.status(now, f"After step {k} of {len(all_moments) - 1} of the record."))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active import Belief
+from tanteo.active import SensingState
 from tanteo.session import Action, Session, Step
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
@@ -36,39 +36,39 @@ class Snapshot:
     """What is known, and what comes next.
 
     Attributes:
-        belief: what is known.
+        state: what is known.
         steps: what each telling told.
         action: the next reading; None if there is none.
     """
 
-    belief: Belief
+    state: SensingState
     steps: tuple[Step, ...]
     action: Action | None
 
     @classmethod
     def of(cls, session: Session) -> Snapshot:
         """A session as it is now."""
-        return cls(session.belief, session.steps, session.asked)
+        return cls(session.state, session.steps, session.asked)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parts in the order of the session's start."""
-        return tuple(target.part.name for target in self.belief.start.targets)
+        return tuple(target.part.name for target in self.state.start.targets)
 
     @property
     def size(self) -> float:
         """Diagonal of the largest part [m]."""
-        return max(target.part.diagonal for target in self.belief.start.targets)
+        return max(target.part.diagonal for target in self.state.start.targets)
 
     @property
     def order(self) -> IntArray:
         """The parts, the likeliest first ``(P,)``."""
-        return np.argsort(-self.belief.of_parts(), kind="stable")
+        return np.argsort(-self.state.of_parts(), kind="stable")
 
     @property
     def decided(self) -> bool:
         """Whether one part is likelier than all else."""
-        return bool(self.belief.of_parts().max(initial=0.0) > _DECIDED)
+        return bool(self.state.of_parts().max(initial=0.0) > _DECIDED)
 
     @property
     def places(self) -> tuple[int, int]:
@@ -78,7 +78,7 @@ class Snapshot:
 
     def drawn_modes(self) -> IntArray:
         """Modes that are drawn, the likeliest first: some of each of the likeliest parts."""
-        b = self.belief
+        b = self.state
         if not len(b.weights):
             return np.zeros(0, dtype=np.int64)
         order = np.argsort(-b.weights, kind="stable")
@@ -91,7 +91,7 @@ class Snapshot:
 
     def wrong(self) -> BoolArray:
         """Which of the readings that met something do not fit the likeliest mode ``(n,)``."""
-        b = self.belief
+        b = self.state
         if b.touches is None or not len(b.touches):
             return np.zeros(0, dtype=bool)
         if not len(b.weights):
@@ -100,12 +100,12 @@ class Snapshot:
 
     def _distances(self) -> FloatArray:
         """Of the readings from the surface of the likeliest mode, in their standard deviations ``(n,)``."""
-        b = self.belief
+        b = self.state
         assert b.touches is not None
         k, touches = int(np.argmax(b.weights)), b.touches
         R, p = b.poses[k][:3, :3], b.poses[k][:3, 3]
         near = b.target(k).surface.closest((touches.points - p) @ R)
         normals = b.target(k).surface.normals[near.triangles] @ R.T
-        shared = touches.gains @ np.swapaxes(touches.gains, 1, 2)
+        shared = touches.shared_jacobian @ np.swapaxes(touches.shared_jacobian, 1, 2)
         variances = np.einsum("ni,nij,nj->n", normals, touches.covs + shared, normals)
         return np.asarray((near.distances - touches.radii) / np.sqrt(variances))

@@ -14,9 +14,9 @@ from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, weak_motions
 from tanteo.parts import Part
 from tanteo.typing import Transforms
-from tanteo.vision.belief import Belief, Mode
 from tanteo.vision.camera import Camera
 from tanteo.vision.fit import Met
+from tanteo.vision.posterior import ImageMode, ImagePosterior
 from tanteo.vision.settle import Settled
 
 _MISFIT = 1e-6
@@ -24,7 +24,7 @@ _MISFIT = 1e-6
 
 
 def hypothesis(
-    mode: Mode, T_world_camera: Transforms, camera: Camera, settled: Settled, *, lying: bool = False
+    mode: ImageMode, T_world_camera: Transforms, camera: Camera, settled: Settled, *, lying: bool = False
 ) -> Hypothesis:
     """The answer that a mode is: pose and covariance in the world, what stays free, how well its edges fit.
 
@@ -64,12 +64,12 @@ def _rms(met: Met, camera: Camera, T_camera_part: Transforms, part: Part) -> flo
     return float(np.sqrt(np.mean(met.offsets[met.hits] ** 2))) * distance / float(camera.focal.mean())
 
 
-def judged(hypotheses: Sequence[Hypothesis], belief: Belief) -> tuple[Status, str]:
+def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, str]:
     """Status and sentence. Edges of real parts are not those of models: a poor fit widens, and is said."""
-    status, message = verdict(tuple(hypotheses), belief.unknown, 0.0)
+    status, message = verdict(tuple(hypotheses), posterior.unknown, 0.0)
     if status == "unknown":
         closest = f"; the closest is {hypotheses[0].part} (P = {hypotheses[0].probability:.2f})" if hypotheses else ""
-        message = f"None of the parts is the best explanation (P = {belief.unknown:.2f}){closest}: "
+        message = f"None of the parts is the best explanation (P = {posterior.unknown:.2f}){closest}: "
         message += "check camera file, marks, light and focus, or add the part's file."
     elif hypotheses[0].p_value < _MISFIT:
         message += f" Its edges fit badly (p = {hypotheses[0].p_value:.1g}): check the camera's file, marks and CAD."

@@ -118,7 +118,7 @@ def project(camera: Camera, points: Vectors) -> FloatArray:
     return np.stack([camera.K[0, 0] * x + camera.K[0, 2], camera.K[1, 1] * y + camera.K[1, 2]], axis=-1)
 
 
-def project_linearised(camera: Camera, points: Vectors) -> tuple[FloatArray, FloatArray]:
+def project_linearized(camera: Camera, points: Vectors) -> tuple[FloatArray, FloatArray]:
     """Pixels and their derivative by the point ``(*batch, 2, 3)`` [px/m]."""
     z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     x, y = points[..., 0] / z, points[..., 1] / z

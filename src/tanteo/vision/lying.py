@@ -15,7 +15,6 @@ from tanteo.lie import SE3
 from tanteo.localization import motions_about
 from tanteo.special import softmax
 from tanteo.typing import FloatArray, IntArray, Transforms
-from tanteo.vision.belief import Mode
 from tanteo.vision.camera import Camera
 from tanteo.vision.candidates import LIKELY, evidence_at, lie_down, own_edges, poses_beside
 from tanteo.vision.choices import EdgeErrors
@@ -23,6 +22,7 @@ from tanteo.vision.edge_map import EdgeMap
 from tanteo.vision.evidence import Weights, chance_hits, log_weight
 from tanteo.vision.fit import BESIDE, pixel_length, refine
 from tanteo.vision.models import VisionModel
+from tanteo.vision.posterior import ImageMode
 from tanteo.vision.regions import Region
 from tanteo.vision.settle import Settled, as_one, covariance_of, information_of, settle
 from tanteo.vision.table import TableErrors, lying_information
@@ -38,7 +38,7 @@ _ONE = 4.0
 
 
 def settle_lying(
-    mode: Mode,
+    mode: ImageMode,
     camera: Camera,
     edges: EdgeMap,
     region: Region,

@@ -14,7 +14,6 @@ from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
-from tanteo.vision.belief import Belief, Mode, believe
 from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.checks import check_place, check_sight
@@ -26,6 +25,7 @@ from tanteo.vision.fit import BIAS
 from tanteo.vision.lying import POSSIBLE, settle_lying
 from tanteo.vision.models import VisionModel
 from tanteo.vision.outlines import like_outline
+from tanteo.vision.posterior import ImageMode, ImagePosterior, infer
 from tanteo.vision.question import Question, ask
 from tanteo.vision.regions import Region, find_regions
 from tanteo.vision.table import TableErrors, seen_table
@@ -46,7 +46,7 @@ class Sighting:
     """
 
     recognition: Recognition
-    modes: tuple[Mode, ...]
+    modes: tuple[ImageMode, ...]
     question: Question | None
     region: Region | None
     outline: Descriptors | None = None
@@ -115,8 +115,8 @@ def see_table(
         if ignore is not None and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
             continue
         found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights)
-        belief = believe(found, stretches, weights, len(models))
-        seen = _sighting(belief, camera, edges, region, T_world_table, table, weights, top)
+        posterior = infer(found, stretches, weights, len(models))
+        seen = _sighting(posterior, camera, edges, region, T_world_table, table, weights, top)
         outline = outline_on_table(camera, region, T_camera_table)
         order = [] if outline is None else [model.part.name for model, _, _ in like_outline(outline, models)]
         objects.append(replace(seen, outline=outline, alike=tuple(dict.fromkeys(order))))
@@ -137,7 +137,7 @@ def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms)
 
 
 def _sighting(
-    belief: Belief,
+    posterior: ImagePosterior,
     camera: Camera,
     edges: EdgeMap,
     region: Region,
@@ -149,15 +149,15 @@ def _sighting(
     assert camera.T_world_camera is not None
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
     modes, hypotheses = [], []
-    for mode in belief.modes[:top]:
+    for mode in posterior.modes[:top]:
         settled = settle_lying(mode, camera, edges, region, T_camera_table, table, weights)
         modes.append(replace(mode, T_camera_part=settled.T_camera_part))
         hypotheses.append(hypothesis(modes[-1], camera.T_world_camera, camera, settled, lying=True))
-    status, message = judged(hypotheses, belief)
+    status, message = judged(hypotheses, posterior)
     question = _question(modes, T_world_table, camera.T_world_camera)
     if status == "ambiguous" and question is not None:
         message = f"The image leaves {_both(question)}: {question.words}."
-    recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
+    recognition = Recognition(status, message, tuple(hypotheses), posterior.unknown)
     return Sighting(recognition, tuple(modes), question, region)
 
 
@@ -166,7 +166,7 @@ def _both(question: Question) -> str:
     return f"two poses of {a}" if a == b else f"{a} and {b}"
 
 
-def _question(modes: Sequence[Mode], T_world_table: Transforms, T_world_camera: Transforms) -> Question | None:
+def _question(modes: Sequence[ImageMode], T_world_table: Transforms, T_world_camera: Transforms) -> Question | None:
     """Between the best answer and the most probable one whose surface is elsewhere."""
     T_table_camera = SE3.inverse(T_world_table) @ T_world_camera
     answers = [

@@ -19,7 +19,6 @@ from tanteo.parts import Part
 from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
-from tanteo.vision.belief import UNKNOWN, Belief, Mode, distinct_poses
 from tanteo.vision.camera import Camera, project
 from tanteo.vision.chance import chance_map
 from tanteo.vision.checks import check_sight
@@ -29,6 +28,7 @@ from tanteo.vision.evidence import REACH, Weights, log_weight, weigh
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.models import VisionModel
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
+from tanteo.vision.posterior import UNKNOWN, ImageMode, ImagePosterior, distinct_poses
 from tanteo.vision.segments import find_corners, find_segments
 from tanteo.vision.settle import settle
 from tanteo.vision.sight import Sight, Sighting
@@ -69,16 +69,16 @@ def see_anywhere(
     points = find_edges(image)
     edges = map_edges(points)
     T_world_camera = np.eye(4) if camera.T_world_camera is None else camera.T_world_camera
-    belief = search(image, camera, edges, models, weights or Weights())
+    posterior = search(image, camera, edges, models, weights or Weights())
     modes, hypotheses = [], []
-    for mode in belief.modes[:top]:
+    for mode in posterior.modes[:top]:
         T = refine(mode.model.frame, camera, edges, mode.T_camera_part[None], reaches=_LAST)[0]
         # where nothing holds the part, as a table would, the mean of the mixture may wander off to other edges
         settled = settle(mode.model, camera, edges, T)
         modes.append(replace(mode, T_camera_part=T))
         hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
-    status, message = judged(hypotheses, belief)
-    recognition = Recognition(status, message, tuple(hypotheses), belief.unknown)
+    status, message = judged(hypotheses, posterior)
+    recognition = Recognition(status, message, tuple(hypotheses), posterior.unknown)
     objects = (Sighting(recognition, tuple(modes), None, None),) if modes else ()
     return Sight(objects, points, T_world_camera, "camera" if camera.T_world_camera is None else "world")
 
@@ -92,12 +92,12 @@ def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
 
 def search(
     image: FloatArray, camera: Camera, edges: EdgeMap, models: Sequence[VisionModel], weights: Weights
-) -> Belief:
+) -> ImagePosterior:
     """Posterior over parts and poses, from the corners of the image."""
     segments = find_segments(image, camera, edges)
     paths = image_paths(segments, find_corners(segments))
     chance = chance_map(edges)
-    modes: list[Mode] = []
+    modes: list[ImageMode] = []
     tried = 1
     for model in models:
         first = _ahead(model.part, poses_from_paths(camera, paths, model_paths(model.part)))
@@ -113,13 +113,13 @@ def search(
         met = meet(model.frame, camera, edges, T, REACH)
         evidence = weigh(model.frame, met, chance.at(met.normals, met.pixels))
         log = log_weight(evidence, weights) + np.log((1 - UNKNOWN) / len(models))
-        modes += [Mode(model, -1, T[k], float(log[k])) for k in distinct_poses(model.part, T, log)]
+        modes += [ImageMode(model, -1, T[k], float(log[k])) for k in distinct_poses(model.part, T, log)]
     # the best of many tries is better than chance by about the logarithm of their number
     none = np.log(UNKNOWN) + np.log(tried)
     modes.sort(key=lambda mode: -mode.log)
     total = float(log_sum([none, *(mode.log for mode in modes)]))
     scored = tuple(replace(mode, probability=float(np.exp(mode.log - total))) for mode in modes)
-    return Belief(scored, float(np.exp(none - total)))
+    return ImagePosterior(scored, float(np.exp(none - total)))
 
 
 def follow(

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.errors import DegenerateError, InputError
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
-from tanteo.vision.camera import Camera, project, project_linearised, rays
+from tanteo.vision.camera import Camera, project, project_linearized, rays
 from tanteo.vision.opencv import opencv
 
 _CONTRADICT = 0.01
@@ -163,7 +163,7 @@ def _improve(
     """Gauss-Newton on the pixels; information for unit deviation, and the sum of squares."""
     for _ in range(40):
         local = SE3.apply(T, points)
-        seen, D = project_linearised(camera, local)
+        seen, D = project_linearized(camera, local)
         off = pixels - seen
         if not np.all(np.isfinite(off)):
             return T, np.eye(6), np.inf
@@ -174,5 +174,5 @@ def _improve(
         T = T @ SE3.exp(step * min(1.0, 0.5 / max(float(np.linalg.norm(step[3:])), 1e-12)))
         if np.linalg.norm(step) < 1e-12:
             break
-    off = pixels - project_linearised(camera, SE3.apply(T, points))[0]
+    off = pixels - project_linearized(camera, SE3.apply(T, points))[0]
     return T, A, float(np.sum(off**2))

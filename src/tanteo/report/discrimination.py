@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.active import Distinction, Probe
+from tanteo.active import Discrimination, Probe
 from tanteo.answers.part_motions import box_corners
 from tanteo.lie import SE3
 from tanteo.parts import Part
@@ -22,7 +22,7 @@ from tanteo.report.words import MM, fixed
 from tanteo.report.write import Run
 
 
-def distinction_page(found: Distinction, parts: Sequence[Part], probe: Probe, run: Run) -> str:
+def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe, run: Run) -> str:
     """The report of a reading that tells two parts apart as the text of one HTML file.
 
     Args:
@@ -44,7 +44,7 @@ def distinction_page(found: Distinction, parts: Sequence[Part], probe: Probe, ru
     return make_page(front, _scene(found, parts), sections)
 
 
-def _side(found: Distinction, probe: Probe, run: Run) -> Html:
+def _side(found: Discrimination, probe: Probe, run: Run) -> Html:
     rows = [
         switch_row(k, name, "" if np.isnan(r) else "nothing" if np.isinf(r) else f"{MM * r:.2f} mm", Html(""))
         for k, (name, r) in enumerate(zip(found.parts, found.ranges, strict=True))
@@ -59,7 +59,7 @@ def _side(found: Distinction, probe: Probe, run: Run) -> Html:
     return join([heading, hint, element("div", *rows, class_="bars"), element("dl", fact_list(facts))])
 
 
-def _reading(found: Distinction) -> Section:
+def _reading(found: Discrimination) -> Section:
     lead = f"In the frame of {found.parts[0]}, to which the other was laid."
     rows = [
         ("from x, y, z", ", ".join(fixed(MM * v, 2) for v in found.origin), "mm"),
@@ -70,7 +70,7 @@ def _reading(found: Distinction) -> Section:
     return Section("reading", "The reading", lead, (table(("figure", "value", "unit"), rows),))
 
 
-def _scene(found: Distinction, parts: Sequence[Part]) -> dict[str, Any]:
+def _scene(found: Discrimination, parts: Sequence[Part]) -> dict[str, Any]:
     """Both parts where they look alike, in the frame of the first."""
     Ts = np.stack([np.eye(4), found.T_first_second])
     there = np.isfinite(found.ranges)
@@ -95,7 +95,7 @@ def _scene(found: Distinction, parts: Sequence[Part]) -> dict[str, Any]:
         },
         "free": packed(beyond),
         "hypotheses": [
-            {"part": k, "pose": pose_numbers(T, centre), "wrong": [0] * len(points), "sticks": "", "ghosts": []}
+            {"part": k, "pose": pose_numbers(T, centre), "wrong": [0] * len(points), "sticks": "", "overlays": []}
             for k, T in enumerate(Ts)
         ],
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""``--strays`` and ``--none``: how many readings are expected to be off the part, and how probably it is another."""
+"""``--outlier-rate`` and ``--unknown-prior``: expected outliers, and the prior of the unknown object."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ def touches(tmp_path_factory):
     p += 1e-4 * rng.normal(size=p.shape)
     p[22:] += rng.uniform(-0.05, 0.05, (8, 3))
     lines = ["x_mm,y_mm,z_mm,sd_mm", *("{:.4f},{:.4f},{:.4f},0.1".format(*(1e3 * x)) for x in p)]
-    path = tmp_path_factory.mktemp("strays") / "touches.csv"
+    path = tmp_path_factory.mktemp("outliers") / "touches.csv"
     path.write_text("\n".join(lines) + "\n")
     return str(path)
 
@@ -30,7 +30,7 @@ def test_more_strays_than_expected_are_no_answer_and_as_many_as_expected_are(run
     code, out, _ = run("locate", touches, "--part", str(BRACKET))
     assert code == 3
     assert "of 30 readings are not on it" in out
-    code, out, _ = run("locate", touches, "--part", str(BRACKET), "--strays", "30%")
+    code, out, _ = run("locate", touches, "--part", str(BRACKET), "--outlier-rate", "30%")
     assert code == 0
     assert "bracket_left at x " in out
 
@@ -43,18 +43,18 @@ def test_none_of_these_is_as_probable_as_was_said(run, tmp_path):
     path.write_text("\n".join(["x_mm,y_mm,z_mm,sd_mm", *("{:.4f},{:.4f},{:.4f},0.1".format(*(1e3 * x)) for x in p)]))
     usual, rare, common = (
         json.loads(run("locate", path, "--part", str(BRACKET), "--json", *more).out)["unknown_probability"]
-        for more in ((), ("--none", "0.1%"), ("--none", "0.9"))
+        for more in ((), ("--unknown-prior", "0.1%"), ("--unknown-prior", "0.9"))
     )
     odds = [p / (1 - p) for p in (usual, rare, common)]
     assert odds[1] / odds[0] == pytest.approx(0.001 / 0.999 / (0.05 / 0.95), rel=0.01)
     assert odds[2] / odds[0] == pytest.approx(9 / (0.05 / 0.95), rel=0.01)
-    code, _, err = run("locate", path, "--part", str(BRACKET), "--none", "100%")
+    code, _, err = run("locate", path, "--part", str(BRACKET), "--unknown-prior", "100%")
     assert code == 2
-    assert "--none: expected a share above 0 and below one, got '100%'" in err
+    assert "--unknown-prior: expected a share above 0 and below one, got '100%'" in err
 
 
 @pytest.mark.parametrize("text", ["0", "0.5", "-10%", "60%", "some", "nan", "1e999"])
 def test_a_share_that_cannot_be_meant_is_refused(run, touches, text):
-    code, out, err = run("locate", touches, "--part", str(BRACKET), f"--strays={text}")
+    code, out, err = run("locate", touches, "--part", str(BRACKET), f"--outlier-rate={text}")
     assert (code, out) == (2, "")
-    assert f"--strays: expected a share above 0 and below one half, got '{text}'" in err
+    assert f"--outlier-rate: expected a share above 0 and below one half, got '{text}'" in err

@@ -7,18 +7,18 @@ from typing import Protocol
 
 import numpy as np
 
-from tanteo.active.belief import Belief
 from tanteo.active.candidates import Candidates
 from tanteo.active.probe import Probe
+from tanteo.active.state import SensingState
 from tanteo.typing import FloatArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Situation:
+class DecisionContext:
     """What a policy decides on.
 
     Attributes:
-        belief: what is known.
+        state: what is known.
         candidates: one at least.
         probe: what senses.
         place: where the probe is, world ``(3,)`` [m]; None before the first reading.
@@ -30,7 +30,7 @@ class Situation:
         feature: name of one that has to keep the tolerance instead of the corners.
     """
 
-    belief: Belief
+    state: SensingState
     candidates: Candidates
     probe: Probe
     place: Vectors | None
@@ -79,6 +79,6 @@ class Policy(Protocol):
         """As on the command line."""
         ...
 
-    def choose(self, situation: Situation) -> Choice:
+    def choose(self, context: DecisionContext) -> Choice:
         """One of the candidates."""
         ...

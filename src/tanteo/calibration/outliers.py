@@ -17,7 +17,7 @@ _LARGEST_SHARE = 0.5
 """A device whose readings are mostly strays is not a sensor: the rest must be explained."""
 
 
-def stray_probabilities(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> FloatArray:
+def outlier_probabilities(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> FloatArray:
     """How probable it is that each residual is a stray.
 
     Args:
@@ -26,11 +26,11 @@ def stray_probabilities(residuals: FloatArray, variances: FloatArray, width: Flo
         width: Of the ranges that the device can report [m]: the density of a stray is one over it.
     """
     good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
-    stray = 1.0 / np.broadcast_to(width, good.shape)
+    outlier = 1.0 / np.broadcast_to(width, good.shape)
     share = 0.5
     p = np.zeros_like(good)
     for _ in range(_PASSES):
-        p = share * stray / (share * stray + (1 - share) * good)
+        p = share * outlier / (share * outlier + (1 - share) * good)
         fresh = _share(p)
         if abs(fresh - share) < _SETTLED:
             break
@@ -44,8 +44,8 @@ def _share(p: FloatArray) -> float:
 
 
 def mixture_log_likelihood(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> float:
-    """Log likelihood of the residuals under the mixture, at the share that :func:`stray_probabilities` settles at."""
-    p = stray_probabilities(residuals, variances, width)
+    """Log likelihood of the residuals under the mixture, at the share that :func:`outlier_probabilities` settles at."""
+    p = outlier_probabilities(residuals, variances, width)
     share = _share(p)
     good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
     return float(np.sum(np.log(share / np.broadcast_to(width, good.shape) + (1 - share) * good)))

@@ -35,10 +35,10 @@ def readings(target, T, n, rng, sensing=LASER):
 
 def test_before_the_first_reading_it_is_the_start(targets):
     start = rough(targets, priors=Priors(unknown=0.1))
-    belief = begin(start)
-    np.testing.assert_allclose(belief.of_parts(), 0.3)
-    assert belief.unknown == pytest.approx(0.1)
-    np.testing.assert_array_equal(belief.poses, start.Ts)
+    state = begin(start)
+    np.testing.assert_allclose(state.of_parts(), 0.3)
+    assert state.unknown == pytest.approx(0.1)
+    np.testing.assert_array_equal(state.poses, start.Ts)
 
 
 def test_a_place_puts_the_centroid_of_every_part_there(targets):
@@ -62,19 +62,19 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
     start = rough(targets, (0.008, 0.06), Priors(unknown=unknown))
     rng = np.random.default_rng(3)
     touches = readings(targets[2], start.Ts[2] @ SE3.exp(0.5 * np.repeat([0.008, 0.06], 3)), n, rng, coarse)
-    belief = update(begin(start), touches, no_paths())
-    log, kin = [], []
+    state = update(begin(start), touches, no_paths())
+    log, near_variant = [], []
     for k, target in enumerate(targets):
         xi = np.linalg.cholesky(start.covariances[k]) @ rng.normal(size=(20000, 6, 1))
         Ts = start.Ts[k] @ SE3.exp(xi[..., 0])
         each = log_densities(touches, target, start.priors, Ts)
         log.append(logsumexp(each) - np.log(len(Ts)) + np.log((1 - start.priors.unknown) / 3))
         like = log_variants(touches, target, start.priors, Ts)
-        kin.append(logsumexp(like) - np.log(len(Ts)) - np.log(3))
+        near_variant.append(logsumexp(like) - np.log(len(Ts)) - np.log(3))
     anywhere = outlier_log_density(touches, start.priors).sum()
-    log.append(np.log(start.priors.unknown) + np.logaddexp(logsumexp(kin), anywhere) - np.log(2))
+    log.append(np.log(start.priors.unknown) + np.logaddexp(logsumexp(near_variant), anywhere) - np.log(2))
     expected = np.exp(log - logsumexp(log))
-    np.testing.assert_allclose([*belief.of_parts(), belief.unknown], expected, atol=0.04)
+    np.testing.assert_allclose([*state.of_parts(), state.unknown], expected, atol=0.04)
 
 
 def test_precise_readings_of_a_rough_place_do_not_rule_out_what_they_are_of(targets):
@@ -83,11 +83,11 @@ def test_precise_readings_of_a_rough_place_do_not_rule_out_what_they_are_of(targ
     for seed in range(3):
         rng = np.random.default_rng((7, seed))
         k, T = drawn_truth(start, rng, seed % 3)
-        touches, belief = readings(targets[k], T, 4, rng, replace(LASER, sd=8e-6)), begin(start)
+        touches, state = readings(targets[k], T, 4, rng, replace(LASER, sd=8e-6)), begin(start)
         for n in range(1, 5):
-            belief = update(belief, touches.take(np.arange(n)), no_paths())
-        log.append(np.log(belief.of_parts()[k]))
-        unknown.append(belief.unknown)
+            state = update(state, touches.take(np.arange(n)), no_paths())
+        log.append(np.log(state.of_parts()[k]))
+        unknown.append(state.unknown)
     assert np.mean(log) > -0.7
     assert np.mean(unknown) < 0.1
 
@@ -96,16 +96,16 @@ def test_many_readings_give_what_identify_gives(targets):
     start, rng = rough(targets), np.random.default_rng(1)
     T = start.Ts[0] @ SE3.exp(0.5 * np.repeat([0.015, 0.15], 3))
     touches = readings(targets[0], T, 25, rng)
-    belief = update(begin(start), touches, no_paths())
+    state = update(begin(start), touches, no_paths())
     answer = identify_points(touches, no_paths(), targets).hypotheses[0]
-    xi = SE3.log(SE3.inverse(answer.T_world_part) @ belief.poses[0])
+    xi = SE3.log(SE3.inverse(answer.T_world_part) @ state.poses[0])
     assert xi @ np.linalg.solve(answer.covariance, xi) < 0.3  # means of 150 effective samples each: 0.08 by chance
-    ratio = np.linalg.eigvals(np.linalg.solve(answer.covariance, belief.covariances[0])).real
+    ratio = np.linalg.eigvals(np.linalg.solve(answer.covariance, state.covariances[0])).real
     assert 0.5 < ratio.min() <= ratio.max() < 2.0  # both by samples, of which 150 count
-    kin = (
+    near_variant = (
         0.05 / 2 / 0.95 / 26 / betabinom(25, 0.5, 24.5).pmf(0)
     )  # a part that is like it, of which no other face was met
-    assert belief.weights[0] == pytest.approx(1 - kin, abs=2e-4)
+    assert state.weights[0] == pytest.approx(1 - near_variant, abs=2e-4)
 
 
 @pytest.mark.slow
@@ -115,9 +115,9 @@ def test_the_region_holds_the_truth(targets):
     for seed in range(total):
         rng = np.random.default_rng((4, seed))
         T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
-        belief = update(begin(start), readings(targets[2], T, 8, rng), no_paths())
-        off = corner_distances(belief, 0, T[None])[0]
-        inside += chance_within(belief, off) < 0.9  # the corners' true error is within the 90 % ball
+        state = update(begin(start), readings(targets[2], T, 8, rng), no_paths())
+        off = corner_distances(state, 0, T[None])[0]
+        inside += chance_within(state, off) < 0.9  # the corners' true error is within the 90 % ball
     assert inside >= binom.ppf(0.001, total, 0.9)
 
 
@@ -140,8 +140,8 @@ def test_a_symmetric_part_is_one_answer_and_no_more_probable():
     start = rough(pair, (0.005, 0.05))
     far = readings(pair[0], SE3.exp(np.array([3.0, 0, 0, 0, 0, 0])), 3, np.random.default_rng(0))
     blank = replace(far, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
-    belief = update(begin(start), blank, no_paths())  # readings that say nothing leave the start as it was
-    P = belief.of_parts() / belief.of_parts().sum()
+    state = update(begin(start), blank, no_paths())  # readings that say nothing leave the start as it was
+    P = state.of_parts() / state.of_parts().sum()
     areas = np.array([t.part.area for t in pair])
     assert areas.all()
     np.testing.assert_allclose(P, 0.5, atol=0.1)
@@ -158,9 +158,9 @@ def test_rough_poses_keep_their_odds_while_readings_say_nothing(targets):
     start = two_places(targets[2])
     some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
     blank = replace(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
-    belief = update(begin(start), blank, no_paths())
-    near = np.linalg.norm(belief.poses[:, :3, 3] - start.Ts[0, :3, 3], axis=1) < 0.05
-    share = belief.weights[near].sum() / belief.weights.sum()
+    state = update(begin(start), blank, no_paths())
+    near = np.linalg.norm(state.poses[:, :3, 3] - start.Ts[0, :3, 3], axis=1) < 0.05
+    share = state.weights[near].sum() / state.weights.sum()
     assert share == pytest.approx(0.9, abs=0.03)
 
 
@@ -216,27 +216,27 @@ def test_a_mode_without_draws_counts_by_its_covariance(targets):
     """Of a mode that hardly matters no draw may be left among those that are kept."""
     start = rough(targets)
     touches = readings(targets[0], start.Ts[0], 2, np.random.default_rng(3))
-    belief = update(begin(start), touches, no_paths())
-    curved = [k for k, mode in enumerate(belief.modes) if not mode.normal]
+    state = update(begin(start), touches, no_paths())
+    curved = [k for k, mode in enumerate(state.modes) if not mode.normal]
     assert curved
-    assert belief.draws is not None
-    keep = ~np.isin(belief.draws.mode, curved)
-    bare = replace(belief.draws, **{name: getattr(belief.draws, name)[keep] for name in ("Ts", "mode", "weights")})
-    chances = [chance_within(replace(belief, draws=bare), tolerance) for tolerance in (1e-4, 0.02, 1.0)]
+    assert state.draws is not None
+    keep = ~np.isin(state.draws.mode, curved)
+    bare = replace(state.draws, **{name: getattr(state.draws, name)[keep] for name in ("Ts", "mode", "weights")})
+    chances = [chance_within(replace(state, draws=bare), tolerance) for tolerance in (1e-4, 0.02, 1.0)]
     assert chances == sorted(chances)
-    assert chances[-1] == pytest.approx(belief.of_parts()[belief.part[0]])
+    assert chances[-1] == pytest.approx(state.of_parts()[state.part[0]])
 
 
 def test_free_beams_alone_leave_the_start_where_they_did_not_pass(targets):
     """Nothing was met: there is no touch to weigh, only paths; beside the part they say nothing."""
     start = rough(targets, sd=(1e-3, 1e-2))
     far = FreeRays(np.array([[1.0, 0.0, 0.5]]), np.array([[0.0, 0.0, -1.0]]), np.array([0.4]), np.zeros(1))
-    belief = update(
+    state = update(
         begin(start), readings(targets[0], np.eye(4), 1, np.random.default_rng(1)).take(np.zeros(0, int)), far
     )
-    P = belief.of_parts()
+    P = state.of_parts()
     np.testing.assert_allclose(P / P.sum(), 1 / 3, atol=0.05)
-    assert belief.unknown == pytest.approx(start.priors.unknown, rel=0.05)
+    assert state.unknown == pytest.approx(start.priors.unknown, rel=0.05)
 
 
 @pytest.mark.parametrize("bias", [-1.5, 0.5, 2.0])
@@ -245,15 +245,15 @@ def test_a_shared_error_may_explain_what_looks_astray(targets, bias):
     start, rng, n = rough(targets[2:], (2e-4, 2e-3), Priors(unknown=0.5)), np.random.default_rng(6), 40000
     touches = readings(targets[2], start.Ts[0], 2, rng, replace(LASER, sd=1e-4))
     gains = 3e-3 * touches.directions[:, :, None]
-    touches = replace(touches, gains=gains, points=touches.points + bias * gains[:, :, 0])
-    belief = update(begin(start), touches, no_paths())
+    touches = replace(touches, shared_jacobian=gains, points=touches.points + bias * gains[:, :, 0])
+    state = update(begin(start), touches, no_paths())
     Ts = start.Ts[0] @ SE3.exp((np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=(n, 6, 1)))[..., 0])
     z = rng.normal(size=(n, 1))
     each = log_densities(touches, targets[2], start.priors, Ts, z) + 0.5 * np.sum(z * z, axis=1)
     like = logsumexp(log_variants(touches, targets[2], start.priors, Ts, z)) - np.log(n)
     anywhere = outlier_log_density(touches, start.priors).sum()
     log = [logsumexp(each) - np.log(n), np.logaddexp(like, anywhere) - np.log(2)]
-    assert belief.unknown == pytest.approx(np.exp(log[1] - logsumexp(log)), rel=0.25)  # plain draws know it to 7 %
+    assert state.unknown == pytest.approx(np.exp(log[1] - logsumexp(log)), rel=0.25)  # plain draws know it to 7 %
 
 
 def test_a_part_that_was_ruled_out_is_looked_at_again_before_another_gets_certain(targets):
@@ -279,9 +279,9 @@ def test_parts_without_a_rough_pose_are_never_looked_for(targets):
     """An image leaves some parts out: when the others are looked at again, these are not."""
     start = replace(rough(targets), part=np.array([2, 2, 2]))
     touches = readings(targets[2], start.Ts[2], 5, np.random.default_rng(9))
-    belief = update(begin(start), touches, no_paths())
-    assert belief.of_parts()[2] > 0.99
-    np.testing.assert_array_equal(belief.of_parts()[:2], 0.0)
+    state = update(begin(start), touches, no_paths())
+    assert state.of_parts()[2] > 0.99
+    np.testing.assert_array_equal(state.of_parts()[:2], 0.0)
 
 
 def test_a_part_that_was_not_looked_for_is_when_none_of_the_others_fits(targets):
@@ -301,9 +301,9 @@ def test_what_is_left_of_a_rival_is_weighed_as_well_as_the_leading_part():
     start, rng = rough(parts, (0.005, 0.15)), np.random.default_rng((3, 2))
     k, T = drawn_truth(start, rng)
     touches = readings(parts[k], T, int(rng.integers(6, 13)), rng, SENSORS[2])
-    belief = update(begin(start), touches, no_paths())
+    state = update(begin(start), touches, no_paths())
     log = [_evidence(start, part, touches, rng) for part in (0, 2)]
-    found = belief.of_parts()
+    found = state.of_parts()
     assert found[2] > 0.98
     assert found[0] / found[2] == pytest.approx(np.exp(log[0] - log[1]), rel=0.4)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.active import Belief, Candidates
+from tanteo.active import Candidates, SensingState
 from tanteo.execution.possible import Room
 from tanteo.hand import Hand
 from tanteo.lie import SE3
@@ -14,7 +14,7 @@ _TURNS = 8
 """Turns about a beam that are tried."""
 
 
-def stances(hand: Hand, origins: Vectors, directions: Vectors) -> Transforms:
+def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transforms:
     """Poses of the hand with a frontal sensor at ``origins (C, 3)`` that looks along ``directions (C, 3)``.
 
     Returns:
@@ -43,16 +43,16 @@ def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
 
 def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> BoolArray:
     """Which candidates the hand can make in one of its stances, and come to from behind ``(C,)``."""
-    Ts = stances(hand, candidates.origins, candidates.directions)
+    Ts = approach_poses(hand, candidates.origins, candidates.directions)
     ways = np.stack([Ts, back(Ts, retreat)], axis=2)
     ok: BoolArray = np.all(room.within(ways), axis=2)
     ok[ok] = (room.gaps(ways[ok]) >= room.clearance).all(axis=1)
     return np.asarray(ok.any(axis=1))
 
 
-def ranked(hand: Hand, belief: Belief, Ts: Transforms, near: Transforms, reach: float) -> Transforms:
+def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, reach: float) -> Transforms:
     """Stances ``(m, 4, 4)``, those first in which more beams would meet the likeliest mode, then the least turned."""
-    target, to_part = belief.target(0), SE3.inverse(belief.poses[0])
+    target, to_part = state.target(0), SE3.inverse(state.poses[0])
     pair = list(hand.frontal)
     starts = SE3.apply(to_part, SE3.apply(Ts[:, None], hand.origins[pair]))
     beams = (to_part[:3, :3] @ Ts[:, None, :3, :3] @ hand.axes[pair][..., None])[..., 0]

@@ -64,9 +64,9 @@ def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> 
     enlarged = _enlarged(float(moves.max()), part.diagonal)
     steps = np.array([[-level, level] for level in LEVELS], dtype=np.float64) * enlarged
     ways = []
-    for xi, most, all_ in zip(xis[kept], moves[kept], rms[kept], strict=True):
+    for xi, max_measurements, all_ in zip(xis[kept], moves[kept], rms[kept], strict=True):
         words = brief(motion_words(part, xi, T))
-        ways.append(Way(words, float(most), float(all_), xi, T @ SE3.exp(steps[..., None] * xi)))
+        ways.append(Way(words, float(max_measurements), float(all_), xi, T @ SE3.exp(steps[..., None] * xi)))
     return tuple(ways), enlarged
 
 

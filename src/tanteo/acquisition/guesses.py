@@ -31,15 +31,15 @@ SD, TURN_SD = 0.015, np.radians(30.0)
 """Of a guess: place [m] and attitude [rad]."""
 
 
-def _check_spread(idea: FaceIdea | EdgeIdea | CornerIdea) -> None:
+def _check_spread(guess: FaceGuess | EdgeGuess | VertexGuess) -> None:
     for name, unit in (("sd", "m"), ("turn_sd", "rad")):
-        value = getattr(idea, name)
+        value = getattr(guess, name)
         if not 0 < value < np.inf:
             raise InputError(f"{name}: expected a positive standard deviation [{unit}], got {value}. Correct it.")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FaceIdea:
+class FaceGuess:
     """Somewhere on a flat face.
 
     Attributes:
@@ -62,14 +62,14 @@ class FaceIdea:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class EdgeIdea:
+class EdgeGuess:
     """Somewhere on a straight edge, and the face from which it is to be sensed.
 
     Attributes:
         point: About there ``(3,)`` [m].
         direction: About along the edge, with the face on its left as seen from outside ``(3,)``; made unit.
         normal: About the outward normal of that face ``(3,)``; made unit.
-        sd: As of a :class:`FaceIdea` [m].
+        sd: As of a :class:`FaceGuess` [m].
         turn_sd: The same [rad].
     """
 
@@ -87,14 +87,14 @@ class EdgeIdea:
         if np.linalg.norm(np.cross(self.direction, self.normal)) < 0.1:
             raise InputError("direction: expected one across the normal, got one along it. An edge lies in its face.")
 
-    def face(self, inset: float) -> FaceIdea:
+    def face(self, inset: float) -> FaceGuess:
         """The idea of the face, this far inside of the edge [m]."""
         inwards = np.cross(self.normal, self.direction)
-        return FaceIdea(self.point + inset * inwards / np.linalg.norm(inwards), self.normal, self.sd, self.turn_sd)
+        return FaceGuess(self.point + inset * inwards / np.linalg.norm(inwards), self.normal, self.sd, self.turn_sd)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CornerIdea:
+class VertexGuess:
     """About where two edges of one face meet.
 
     Attributes:
@@ -102,7 +102,7 @@ class CornerIdea:
         arriving: Direction of the edge that ends in it, with the face on its left ``(3,)``; made unit.
         leaving: Direction of the edge that begins in it, with the face on its left ``(3,)``; made unit.
         normal: About the outward normal of the face ``(3,)``; made unit.
-        sd: As of a :class:`FaceIdea` [m].
+        sd: As of a :class:`FaceGuess` [m].
         turn_sd: The same [rad].
     """
 
@@ -121,10 +121,10 @@ class CornerIdea:
         if np.linalg.norm(np.cross(self.arriving, self.leaving)) < 0.1:
             raise InputError("leaving: expected an edge that meets the other, got parallel ones. A corner has two.")
 
-    def edges(self, along: float) -> tuple[EdgeIdea, EdgeIdea]:
+    def edges(self, along: float) -> tuple[EdgeGuess, EdgeGuess]:
         """Both edges, this far from the corner [m]."""
         spread = self.sd, self.turn_sd
         return (
-            EdgeIdea(self.point - along * self.arriving, self.arriving, self.normal, *spread),
-            EdgeIdea(self.point + along * self.leaving, self.leaving, self.normal, *spread),
+            EdgeGuess(self.point - along * self.arriving, self.arriving, self.normal, *spread),
+            EdgeGuess(self.point + along * self.leaving, self.leaving, self.normal, *spread),
         )

@@ -6,12 +6,12 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from tanteo.active.belief import Belief, begin
 from tanteo.active.candidates import Candidates, propose
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone
 from tanteo.active.samples import draw, predict
 from tanteo.active.start import Start
+from tanteo.active.state import SensingState, begin
 from tanteo.active.utility import about_mode
 from tanteo.answers import Priors
 from tanteo.answers.part_motions import corner_moves
@@ -44,7 +44,7 @@ _TWINS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Distinction:
+class Discrimination:
     """A reading that tells two parts apart.
 
     Attributes:
@@ -73,9 +73,9 @@ class Distinction:
         return self.information >= _TELLS
 
 
-def distinguish(
+def discriminate(
     first: PreparedPart | Part, second: PreparedPart | Part, probe: Probe, sd: float = 2e-4, seed: int = 0
-) -> Distinction:
+) -> Discrimination:
     """The reading that tells most about which of two parts it is, located to ``sd`` at its corners.
 
     The second part is where it looks most like the first; it may look like it in several ways, and the reading is that
@@ -98,14 +98,14 @@ def distinguish(
         np.r_[0.5, np.full(len(twins), 0.5 / max(len(twins), 1))],
         Priors(),
     )
-    belief = begin(start)
-    candidates = propose(belief, probe, 1500, seed)
+    state = begin(start)
+    candidates = propose(state, probe, 1500, seed)
     names = (first.part.name, second.part.name)
     if not len(candidates):
         nowhere = np.full(3, np.nan)
         message = "The probe reaches no place of the parts: give it more room, or another approach."
-        return Distinction(names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, message)
-    told = _told(belief, candidates, probe, len(twins))
+        return Discrimination(names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, message)
+    told = _told(state, candidates, probe, len(twins))
     k = int(np.lexsort((told.sum(axis=0), told.min(axis=0)))[-1])
     twin = int(np.argmin(told[:, k]))
     here = draw(begin(start), 1)  # the middle of every pose
@@ -115,16 +115,16 @@ def distinguish(
     answers = probe.answers(ranges, seen.cosines[0, rows])
     own = probe.variance(np.where(answers, ranges, 1.0), np.where(answers, seen.cosines[0, rows], 1.0))
     sds = np.sqrt(own + seen.variances[0, rows] + seen.scatter[0, rows])
-    ranges, echoes = np.where(answers, ranges, np.inf), _echoes(belief, candidates.take(np.array([k])), probe)
-    return Distinction(
+    ranges, echoes = np.where(answers, ranges, np.inf), _echoes(state, candidates.take(np.array([k])), probe)
+    return Discrimination(
         names, candidates.origins[k], candidates.directions[k], ranges, sds,
         twins[twin], float(told[twin, k]), _message(names, ranges, echoes[[0, 1 + twin]], float(told[twin, k])),
     )  # fmt: skip
 
 
-def _told(belief: Belief, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
+def _told(state: SensingState, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
     """What each reading tells about which part it is, if the second is known to be at each of its places ``(k, C)``."""
-    samples = draw(belief, _SAMPLES * (1 + twins))
+    samples = draw(state, _SAMPLES * (1 + twins))
     predicted = predict(samples, candidates.origins, candidates.directions, probe)
     out = []
     for twin in range(1, 1 + twins):
@@ -136,11 +136,11 @@ def _told(belief: Belief, candidates: Candidates, probe: Probe, twins: int) -> F
     return np.minimum(out, np.log(2))
 
 
-def _echoes(belief: Belief, one: Candidates, probe: Probe) -> FloatArray:
+def _echoes(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
     """How often a reading by a cone has an echo at every mode; 1 for a thin beam."""
     if not has_cone(probe):
-        return np.ones(len(belief.weights))
-    samples = draw(belief, _SAMPLES * len(belief.weights))
+        return np.ones(len(state.weights))
+    samples = draw(state, _SAMPLES * len(state.weights))
     echo = predict(samples, one.origins, one.directions, probe).shares[0]
     return np.asarray(np.bincount(samples.mode, echo) / np.bincount(samples.mode))
 
@@ -158,7 +158,7 @@ def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
         tuple(map(str, range(n))), points, np.tile(sd**2 * np.eye(3), (n, 1, 1)), np.zeros(n), directions, normals,
         np.full(n, 0.2), np.zeros(n), none, np.full(n, sd),
     )  # fmt: skip
-    priors = Priors(clutter=0.2, radius=max(first.part.radius, second.part.radius))
+    priors = Priors(outlier_rate=0.2, radius=max(first.part.radius, second.part.radius))
     answer = identify_points(touches, FreeRays.none(), [second], priors=priors, top=_TWINS)
     if not answer.hypotheses:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tanteo.acquisition import CornerIdea, EdgeIdea, FaceIdea
+from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.patch import find_patches
 from tanteo.acquisition.plane import meant
@@ -15,16 +15,16 @@ UP = np.array([0.0, 0.0, 1.0])
 X, Y = np.eye(3)[:2]
 
 
-@pytest.mark.parametrize("make", [FaceIdea, EdgeIdea, CornerIdea])
+@pytest.mark.parametrize("make", [FaceGuess, EdgeGuess, VertexGuess])
 @pytest.mark.parametrize(("name", "value"), [("sd", 0.0), ("sd", np.nan), ("turn_sd", -0.1), ("turn_sd", np.inf)])
 def test_a_spread_is_positive(make, name, value):
-    directions = {FaceIdea: (UP,), EdgeIdea: (X, UP), CornerIdea: (X, Y, UP)}[make]
+    directions = {FaceGuess: (UP,), EdgeGuess: (X, UP), VertexGuess: (X, Y, UP)}[make]
     with pytest.raises(InputError, match=f"{name}: expected a positive standard deviation"):
         make(np.zeros(3), *directions, **{name: value})
 
 
 def test_the_spread_goes_with_the_features_of_an_idea():
-    corner = CornerIdea(np.zeros(3), X, Y, UP, sd=1e-3, turn_sd=0.02)
+    corner = VertexGuess(np.zeros(3), X, Y, UP, sd=1e-3, turn_sd=0.02)
     for edge in corner.edges(0.02):
         assert (edge.sd, edge.turn_sd) == (1e-3, 0.02)
         face = edge.face(0.01)
@@ -43,7 +43,7 @@ def two_levels():
 
 
 def test_what_is_known_well_is_not_taken_for_a_larger_face_beside_it():
-    vague, sharp = (find_patches(two_levels(), FaceIdea(0.018 * UP, UP, sd=sd)) for sd in (0.015, 1e-3))
+    vague, sharp = (find_patches(two_levels(), FaceGuess(0.018 * UP, UP, sd=sd)) for sd in (0.015, 1e-3))
     assert any(abs(patch.point[2]) < 1e-3 for patch in vague)
     assert len(sharp) == 1
     assert abs(sharp[0].point[2] - 0.018) < 3e-4
@@ -53,7 +53,7 @@ def test_what_is_known_well_is_not_taken_for_a_larger_face_beside_it():
 def test_a_face_far_off_a_sharp_idea_is_another_one(height, tilt, taken):
     """A millimetre and 0.02 rad are known; the guess of a person takes all three."""
     face = Feature(PLANE, SE3.exp(np.array([0, 0, height, tilt, 0, 0])), 1e-8 * np.eye(3))
-    status, message, feature = meant(FaceIdea(np.zeros(3), UP, 1e-3, 0.02), ("acquired", "", face))
+    status, message, feature = meant(FaceGuess(np.zeros(3), UP, 1e-3, 0.02), ("acquired", "", face))
     assert (status, feature is face) == (("acquired", True) if taken else ("unclear", False))
     assert taken or "off where it should be" in message
-    assert meant(FaceIdea(np.zeros(3), UP), ("acquired", "", face))[2] is face
+    assert meant(FaceGuess(np.zeros(3), UP), ("acquired", "", face))[2] is face

@@ -26,7 +26,7 @@ _MERGE_TURN, _MERGE_SHIFT = 0.04, 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mode:
+class ImageMode:
     """A part at a pose.
 
     Attributes:
@@ -45,7 +45,7 @@ class Mode:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Belief:
+class ImagePosterior:
     """Posterior of one object.
 
     Attributes:
@@ -53,11 +53,11 @@ class Belief:
         unknown: probability of "none of these". What is missing to 1 belongs to the parts in poses that were not found.
     """
 
-    modes: tuple[Mode, ...]
+    modes: tuple[ImageMode, ...]
     unknown: float
 
 
-def believe(candidates: Sequence[Candidates], stretches: float, weights: Weights, parts: int) -> Belief:
+def infer(candidates: Sequence[Candidates], stretches: float, weights: Weights, parts: int) -> ImagePosterior:
     """Posterior from candidates; poses that are one by symmetry or by convergence are merged, the best stands for them.
 
     Args:
@@ -66,18 +66,18 @@ def believe(candidates: Sequence[Candidates], stretches: float, weights: Weights
         weights: of the evidence.
         parts: how many there are in the catalogue.
     """
-    modes: list[Mode] = []
+    modes: list[ImageMode] = []
     for c in candidates:
         log = np.log((1 - UNKNOWN) / parts) + c.priors + log_weight(c.evidence, weights)
         kept = distinct_poses(c.model.part, c.T_camera_part, log)
-        modes += [Mode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])) for k in kept]
+        modes += [ImageMode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])) for k in kept]
     none = np.log(UNKNOWN) + weights.unknown * stretches + weights.base
     total = float(log_sum([m.log for m in modes] + [none]))
     # that none of the poses holds is a strange part's doing, or the search's that missed the true one
     strange = UNKNOWN / (UNKNOWN + (1 - UNKNOWN) * MISSED)
     modes.sort(key=lambda m: -m.log)
-    scored = tuple(Mode(m.model, m.rest, m.T_camera_part, m.log, float(np.exp(m.log - total))) for m in modes)
-    return Belief(scored, strange * float(np.exp(none - total)))
+    scored = tuple(ImageMode(m.model, m.rest, m.T_camera_part, m.log, float(np.exp(m.log - total))) for m in modes)
+    return ImagePosterior(scored, strange * float(np.exp(none - total)))
 
 
 def distinct_poses(part: Part, Ts: Transforms, log: FloatArray) -> list[int]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class IdeaOptions:
+class GuessOptions:
     """Options of an idea that an image gives.
 
     Attributes:
@@ -35,14 +35,14 @@ class IdeaOptions:
     units: str | None
 
 
-def idea_options(
+def guess_options(
     parts: Sequence[str] | None,
     image: str | None,
     camera: str | None,
     marks: str | None,
     face: str | None,
     units: str | None,
-) -> IdeaOptions | None:
+) -> GuessOptions | None:
     """The options from what was typed; None without an image.
 
     Raises:
@@ -55,10 +55,10 @@ def idea_options(
         return None
     if not parts:
         raise MisuseError("--image: expected with --parts, the CAD files that it may show, got none. Add --parts.")
-    return IdeaOptions(tuple(parts), seen, face, units)
+    return GuessOptions(tuple(parts), seen, face, units)
 
 
-def idea_from_image(kind: str, scene: SceneFile, options: IdeaOptions) -> Predicted:
+def guess_from_image(kind: str, scene: SceneFile, options: GuessOptions) -> Predicted:
     """The feature that the likeliest part has for the hand; where it is said to be is told on standard error.
 
     Raises:
@@ -101,25 +101,23 @@ def idea_from_image(kind: str, scene: SceneFile, options: IdeaOptions) -> Predic
 def _known(expected: Predicted) -> str:
     import numpy as np
 
-    return (
-        f"placed by the image to {1e3 * expected.idea.sd:.2g} mm and {np.degrees(expected.idea.turn_sd):.2g} deg (1 sd)"
-    )
+    return f"placed by the image to {1e3 * expected.guess.sd:.2g} mm and {np.degrees(expected.guess.turn_sd):.2g} deg"
 
 
 def compared(expected: Predicted, got: Feature) -> str:
     """How far the sensed feature is from where the image said."""
     import numpy as np
 
-    from tanteo.acquisition import EdgeIdea, FaceIdea
+    from tanteo.acquisition import EdgeGuess, FaceGuess
     from tanteo.lie import SO3
 
-    T, idea = got.T_world_feature, expected.idea
-    gap = idea.point - T[:3, 3]
-    if isinstance(idea, FaceIdea):
-        off, own, said = f"{1e3 * abs(gap @ T[:3, 2]):.2g}", T[:3, 2], idea.normal
-    elif isinstance(idea, EdgeIdea):
-        own = T[:3, 0] * np.sign(T[:3, 0] @ idea.direction)
-        off, said = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", idea.direction
+    T, guess = got.T_world_feature, expected.guess
+    gap = guess.point - T[:3, 3]
+    if isinstance(guess, FaceGuess):
+        off, own, said = f"{1e3 * abs(gap @ T[:3, 2]):.2g}", T[:3, 2], guess.normal
+    elif isinstance(guess, EdgeGuess):
+        own = T[:3, 0] * np.sign(T[:3, 0] @ guess.direction)
+        off, said = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", guess.direction
     else:
         return f"{1e3 * np.linalg.norm(gap):.2g} mm off what was expected, {_known(expected)}"
     turned = f"{np.degrees(np.arctan2(np.linalg.norm(SO3.cross(own, said)), own @ said)):.2g}"

@@ -20,7 +20,7 @@ _LEAST_P = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Draws:
+class WeightedPoses:
     """Samples of a belief.
 
     Attributes:
@@ -35,7 +35,7 @@ class Draws:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Belief:
+class SensingState:
     """What is known after some readings.
 
     Attributes:
@@ -54,7 +54,7 @@ class Belief:
     start: Start
     posterior: Posterior | None
     unknown: float
-    draws: Draws | None = None
+    draws: WeightedPoses | None = None
     poses: Transforms = field(init=False)
     covariances: Covariances = field(init=False)
     part: IntArray = field(init=False)
@@ -108,21 +108,21 @@ class Belief:
         return on_part(self.modes[0])
 
 
-def _draws(posterior: Posterior) -> Draws:
+def _draws(posterior: Posterior) -> WeightedPoses:
     """The samples of all modes."""
     modes = posterior.modes
     Ts = np.concatenate([np.zeros((0, 4, 4)), *(m.Ts for m in modes)])
     mode = np.repeat(np.arange(len(modes)), [len(m.Ts) for m in modes])
     weights = np.concatenate([np.zeros(0), *(max(m.probability, _LEAST_P) * m.weights for m in modes)])
-    return Draws(Ts, mode, weights)
+    return WeightedPoses(Ts, mode, weights)
 
 
-def begin(start: Start) -> Belief:
+def begin(start: Start) -> SensingState:
     """The belief before the first reading."""
-    return Belief(start, None, start.priors.unknown)
+    return SensingState(start, None, start.priors.unknown)
 
 
-def update(before: Belief, touches: ContactPoints, free: FreeRays) -> Belief:
+def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> SensingState:
     """The belief after readings.
 
     Args:
@@ -135,8 +135,8 @@ def update(before: Belief, touches: ContactPoints, free: FreeRays) -> Belief:
     some = np.flatnonzero(shares > 0)
     problem = Problem(touches, free, priors, mixtures=start.mixtures())
     anywhere = np.log(priors.unknown) + outlier_log_density(touches, priors).sum()
-    anywhere += len(free) * np.log1p(-priors.clutter)
+    anywhere += len(free) * np.log1p(-priors.outlier_rate)
     rng = np.random.default_rng((1991, len(touches), len(free)))  # the same belief of the same readings every time
     parts, log_priors = [start.targets[k] for k in some], np.log(shares[some]) + np.log1p(-priors.unknown)
     after = update_posterior(problem, parts, log_priors, before.posterior, float(anywhere), rng)
-    return Belief(start, after, after.unknown, _draws(after))
+    return SensingState(start, after, after.unknown, _draws(after))
