@@ -168,7 +168,7 @@ def with_tip_off(target, T, z, n, rng, sd=5e-5, off=3e-3):
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     J = off * np.stack([x, np.cross(along, x), along], axis=-1)
     return touches_of(
-        SE3.apply(T, p) - shared_jacobian @ z + sd * rng.normal(size=p.shape), sd, shared_jacobian=shared_jacobian
+        SE3.apply(T, p) - J @ z + sd * rng.normal(size=p.shape), sd, shared_jacobian=J
     )
 
 

@@ -38,9 +38,9 @@ class Priors:
     pose: PosePrior | None = None
 
     def __post_init__(self) -> None:
-        for name in ("unknown", "outlier_rate", "kin", "right_angled"):
+        for name in ("unknown", "outlier_rate", "near_variant", "right_angled"):
             check_number(f"priors, {name}", getattr(self, name))
-        for name in ("unknown", "outlier_rate", "kin"):
+        for name in ("unknown", "outlier_rate", "near_variant"):
             if not 0 < getattr(self, name) < 1:
                 raise InputError(
                     f"priors, {name}: expected a probability between 0 and 1, got {getattr(self, name)}. A tiny one is "

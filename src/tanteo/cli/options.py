@@ -15,7 +15,7 @@ TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 
 _TYPED_AS = {
     "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
-    "as_published": "--as-published", "priors, clutter": "--outlier-rate", "priors, unknown": "--unknown-prior",
+    "as_published": "--as-published", "priors, outlier_rate": "--outlier-rate", "priors, unknown": "--unknown-prior",
     "table, sd": "--table", "prior, box": "--box",
     "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior", "feature": "--feature",
 }  # fmt: skip
