@@ -8,7 +8,7 @@ import numpy as np
 from bench_identify import sense
 from common import Table, seconds
 
-from tanteo import identify_features
+from tanteo.inference import identify_features
 from tanteo.catalogue import read_parts
 from tanteo.inference import prepare
 

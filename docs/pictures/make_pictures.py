@@ -108,7 +108,7 @@ def draw_readings(
             out.add("circle", cx=f"{p[0]:.1f}", cy=f"{p[1]:.1f}", r=4, fill=fill, stroke=hue[label], stroke_width=1.6)
 
 
-def draw_planes(out: Drawing, features: list[tanteo.Feature], T_part_world: np.ndarray) -> None:
+def draw_planes(out: Drawing, features: list[tanteo.features.Feature], T_part_world: np.ndarray) -> None:
     """Each sensed plane as a patch over its points, with its normal and the cone of two standard deviations."""
     order = sorted(
         range(len(features)), key=lambda k: float(SE3.apply(T_part_world, features[k].support).mean(0) @ EYE)
@@ -132,7 +132,7 @@ def arrow(out: Drawing, a: np.ndarray, b: np.ndarray, stroke: str, width: float 
     out.polygon(np.array([b, b - 9 * along + 4 * across, b - 9 * along - 4 * across]), fill=stroke)
 
 
-def draw_pairs(out: Drawing, features: list[tanteo.Feature], hypotheses: list[tuple[str, str, bool]]) -> None:
+def draw_pairs(out: Drawing, features: list[tanteo.features.Feature], hypotheses: list[tuple[str, str, bool]]) -> None:
     """Some constraints with their variance, and what the search makes of the candidates."""
     x = 20 + 2 * (PANEL + 13)
     table = {c.labels: c for c in relate_all(features) if c.kind.name in ("plane_angle", "plane_offset")}
@@ -219,7 +219,7 @@ def make(path: Path) -> None:
     part = next(p for p in parts if p.name == best.part)
     measured = measure(readings)
     labelled = fit_labelled(measured)
-    features = [f for f in labelled.features if isinstance(f, tanteo.Feature)]
+    features = [f for f in labelled.features if isinstance(f, tanteo.features.Feature)]
     T_part_world = SE3.inverse(best.T_world_part)
     out = Drawing()
     frame(out)

@@ -1,75 +1,106 @@
-"""tanteo: which part is it, where is it, and how sure are we.
+"""tanteo: which part is it, where is it, and where to sense next.
 
-The whole path in a few names; the rooms have the rest::
+The whole path in a few names::
 
-    readings = tanteo.read_readings("touches.csv")
-    parts = tanteo.read_parts(["parts/"]).parts
+    parts = tanteo.read_parts("parts/")
+    readings = tanteo.read_readings("contact_points.csv")
     answer = tanteo.identify(readings, parts, tolerance=0.1e-3)
+    print(answer.message, answer.pose, answer.covariance)
 
-Everything inside is in metres and radians; poses ``T_world_part`` map points of the part to the world; covariances
-are 6 x 6 over ``x y z rx ry rz`` in the part frame. Names are imported when they are first used.
+Everything is in metres and radians. A pose ``T_world_part`` maps points of the part to the world; its covariance is
+6 x 6 over ``x y z rx ry rz`` in the part frame. Names are imported on first use. Rooms for those who build on the
+mathematics: ``lie``, ``frames``, ``features``, ``constraints``, ``localization``.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tanteo.answers import Recognition
+    from tanteo import constraints, features, frames, lie, localization
+    from tanteo.active import Probe, Stop, around, discriminate, plan, probe_of
+    from tanteo.answers import Hypothesis, PosePrior, Priors, Recognition
+    from tanteo.calibration import calibrate
     from tanteo.catalogue import read_parts
-    from tanteo.errors import TanteoError
-    from tanteo.features import Feature
-    from tanteo.inference import identify_features
-    from tanteo.io import read_readings
-    from tanteo.localization import ModelFeature, Pairing, estimate_pose
+    from tanteo.errors import InputError, TanteoError
+    from tanteo.frames import UncertainFrame
+    from tanteo.io import read_camera, read_image, read_prior, read_readings, read_rig
     from tanteo.parts import Part, read_part
     from tanteo.recognition import identify, locate
-    from tanteo.sensors import Readings
+    from tanteo.sensors import Readings, robot_preset, sensor_preset
+    from tanteo.session import Action, Done, Sensing, Session
+    from tanteo.vision import Camera, see
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "Feature": "features",
-    "ModelFeature": "localization",
-    "Pairing": "localization",
-    "Part": "parts",
-    "Readings": "sensors",
-    "Recognition": "answers",
-    "TanteoError": "errors",
-    "estimate_pose": "localization",
-    "identify": "recognition",
-    "identify_features": "inference",
-    "locate": "recognition",
-    "read_part": "parts",
-    "read_parts": "catalogue",
-    "read_readings": "io",
+_ROOMS = ("constraints", "features", "frames", "lie", "localization")
+_HOMES = {
+    "active": ("Probe", "Stop", "around", "discriminate", "plan", "probe_of"),
+    "answers": ("Hypothesis", "PosePrior", "Priors", "Recognition"),
+    "calibration": ("calibrate",),
+    "catalogue": ("read_parts",),
+    "errors": ("InputError", "TanteoError"),
+    "frames": ("UncertainFrame",),
+    "io": ("read_camera", "read_image", "read_prior", "read_readings", "read_rig"),
+    "parts": ("Part", "read_part"),
+    "recognition": ("identify", "locate"),
+    "sensors": ("Readings", "robot_preset", "sensor_preset"),
+    "session": ("Action", "Done", "Sensing", "Session"),
+    "vision": ("Camera", "see"),
 }
+_HOME = {name: room for room, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "Feature",
-    "ModelFeature",
-    "Pairing",
+    "Action",
+    "Camera",
+    "Done",
+    "Hypothesis",
+    "InputError",
     "Part",
+    "PosePrior",
+    "Priors",
+    "Probe",
     "Readings",
     "Recognition",
+    "Sensing",
+    "Session",
+    "Stop",
     "TanteoError",
+    "UncertainFrame",
     "__version__",
-    "estimate_pose",
+    "around",
+    "calibrate",
+    "constraints",
+    "discriminate",
+    "features",
+    "frames",
     "identify",
-    "identify_features",
+    "lie",
+    "localization",
     "locate",
+    "plan",
+    "probe_of",
+    "read_camera",
+    "read_image",
     "read_part",
     "read_parts",
+    "read_prior",
     "read_readings",
+    "read_rig",
+    "robot_preset",
+    "see",
+    "sensor_preset",
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
+    if name in _ROOMS:
+        return _import_module(f"tanteo.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'tanteo' has no attribute {name!r}; it has {', '.join(__all__)}")
-    return getattr(import_module(f"tanteo.{_HOME[name]}"), name)
+    return getattr(_import_module(f"tanteo.{_HOME[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    return list(__all__)

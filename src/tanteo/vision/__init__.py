@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tanteo.vision.question import Question
     from tanteo.vision.regions import Region, find_regions
     from tanteo.vision.resting import Rest, rests
+    from tanteo.vision.seeing import see
     from tanteo.vision.segments import Corners, Segments, find_corners, find_segments
     from tanteo.vision.sight import Sight, Sighting, see_table
     from tanteo.vision.solid import follow, see_anywhere
@@ -58,6 +59,7 @@ __all__ = [
     "project",
     "rays",
     "rests",
+    "see",
     "see_anywhere",
     "see_table",
     "without_distortion",
@@ -77,6 +79,7 @@ __getattr__, __dir__ = lazy(
         "question": "Question",
         "regions": "Region find_regions",
         "resting": "Rest rests",
+        "seeing": "see",
         "segments": "Corners Segments find_corners find_segments",
         "sight": "Sight Sighting see_table",
         "solid": "follow see_anywhere",
