@@ -33,7 +33,7 @@ import tanteo
 from cli.conftest import prism, stl
 from sensing_scenes import LASER, drawn_truth, new_session, true_range
 from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan, predict, propose, update
-from tanteo.active.discriminate import located
+from tanteo.active.discrimination import located
 from tanteo.active.policies import POLICIES
 from tanteo.active.utility import expected_information
 from tanteo.answers import Priors

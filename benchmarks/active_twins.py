@@ -14,7 +14,7 @@ from common import Table
 import tanteo
 from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo.active import Start
-from tanteo.active.discriminate import laid_on, located
+from tanteo.active.discrimination import laid_on, located
 from tanteo.active.samples import beams
 from tanteo.answers import Priors
 from tanteo.inference import prepare

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 from common import Table, seconds
 
-from tanteo.inference import identify_features
 from tanteo.features import PLANE, Feature
-from tanteo.inference import prepare
+from tanteo.inference import identify_features, prepare
 from tanteo.lie import SE3
 from tanteo.parts import Part, read_part
 

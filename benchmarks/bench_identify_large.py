@@ -8,9 +8,8 @@ import numpy as np
 from bench_identify import sense
 from common import Table, seconds
 
-from tanteo.inference import identify_features
 from tanteo.catalogue import read_parts
-from tanteo.inference import prepare
+from tanteo.inference import identify_features, prepare
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 PLANES = (52, 70)

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from sensing_scenes import LASER, true_range
 from tanteo.active import Candidates, Start, Stop, begin, propose
-from tanteo.active.discriminate import located
+from tanteo.active.discrimination import located
 from tanteo.answers import Priors
 from tanteo.inference import PreparedPart, prepare
 from tanteo.lie import SE3

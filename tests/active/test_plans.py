@@ -14,7 +14,7 @@ from sensing_scenes import FLIGHT, LASER, new_session, sense
 from tanteo import locate
 from tanteo.active import Probe, Start, at_pose, discriminate, places_of, plan, probe_of
 from tanteo.active.design import design_of
-from tanteo.active.discriminate import laid_on, located
+from tanteo.active.discrimination import laid_on, located
 from tanteo.active.samples import beams
 from tanteo.answers import PosePrior, Priors
 from tanteo.answers.part_motions import corner_sd

@@ -9,11 +9,10 @@ import pytest
 
 from random_parts import write_off
 from scenes import clutter_touch, random_pose, sensed_edge, sensed_planes, sensed_vertex
-from tanteo.inference import identify_features
 from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.features import CIRCLE, PLANE, Feature
-from tanteo.inference import prepare
+from tanteo.inference import identify_features, prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 

@@ -2,7 +2,7 @@
 
 from tanteo.active.candidates import Candidates, propose
 from tanteo.active.context import Choice, DecisionContext, Policy
-from tanteo.active.discriminate import Discrimination, discriminate
+from tanteo.active.discrimination import Discrimination, discriminate
 from tanteo.active.features import Feature, features
 from tanteo.active.measures import (
     AcceptProbability,
