@@ -1,14 +1,14 @@
 """How many readings does a session need? ``python benchmarks/active.py SUBJECT [scenes] [seed]``.
 
 Subjects: ``laser`` and ``flight`` (20 parts, every policy on the same scenes and seeds: readings to a part known with
-P > 0.99 and to a worst corner of 0.5 or 5 mm, and whether what was said then was true), ``names`` (the same parts,
+P > 0.99 and to a largest corner sd of 0.5 or 5 mm, and whether what was said then was true), ``names`` (the same parts,
 where only the part is asked for, and by one who knows the answers), ``stops`` (sessions that end by their own rule: are
 they right, are they inside), ``twins`` (one reading after locating), ``patch`` (six planned touches against six in a
 patch), ``panel`` (ten touches of a large panel), ``tells`` (random sequences of anything that can be told), ``times``
 (ask and tell over hypotheses and candidates). The parts are eight of the examples and the twelve largest of the
 step_parts set, where that is at hand. ``--processes`` and ``--keep`` as in ``campaign.py``, for
 ``laser``, ``flight``, ``names``, ``stops`` and ``tells``. For the first two ``--policies NAME,NAME`` asks for some
-policies alone, and ``--unknown P`` states another prior probability of "none of these" than the usual one.
+policies alone, and ``--unknown P`` states another prior probability of the unknown object than the usual one.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def patch():
         ("in a patch", f"{1e3 * clustered:.2f} mm"),
     ]
     text = "Six touches of 0.3 mm on a block of 200 x 150 x 80 mm, place known to 5 mm and 0.05 rad an axis before."
-    return Table("Planned and clustered", text, ("six touches", "worst corner, 1 sd"), rows)
+    return Table("Planned and clustered", text, ("six touches", "largest corner sd, 1 sd"), rows)
 
 
 def panel(scenes, seed):
@@ -107,7 +107,7 @@ def panel(scenes, seed):
             f"{1e3 * sd:g} mm", f"{1e3 * np.mean(moved):.2f} mm", f"{np.degrees(np.mean(turned)):.3f} deg",
             f"{np.median(needed):.0f}",
         ))  # fmt: skip
-    columns = ("touch sd", "place after ten", "turn after ten", "touches to a worst corner of 3 mm, median")
+    columns = ("touch sd", "place after ten", "turn after ten", "touches to a largest corner sd of 3 mm, median")
     text = f"A panel of 1.56 x 0.41 x 0.20 m, known to 50 mm and 0.065 rad an axis, {scenes} scenes, seed {seed}."
     return Table("A large panel", text, columns, rows)
 

@@ -29,12 +29,12 @@ PLACE = 0.005, 0.15
 """How roughly the place of the part is known: each axis [m], about each axis [rad]."""
 
 SENSORS = {"laser": (LASER, 5e-4), "flight": (FLIGHT, 5e-3)}
-"""Sensor, and the worst corner that is asked of it [m]."""
+"""Sensor, and the largest corner sd that is asked of it [m]."""
 
 POLICIES = "information", "random", "nearest", "largest-face", "3-2-1"
 MOST = 30
 USUAL = Priors().unknown
-"""Prior probability of "none of these" where no other is said."""
+"""Prior probability of the unknown object where no other is said."""
 
 TOLERANCE = 1e-3
 """Of the sessions that end by themselves [m]."""
@@ -81,7 +81,7 @@ def readings_of(sensor, policy, seed, scene, unknown=USUAL):
 
 
 def policies(sensor, scenes, seed, keep, processes, names=POLICIES, unknown=None):
-    """Readings that every policy of these names needs; the prior of "none of these" is the usual one if not given."""
+    """Readings that every policy of these names needs; ``unknown`` is the prior of the unknown object."""
     more = () if unknown is None else (unknown,)
     cases = [(sensor, policy, seed, scene, *more) for scene in range(scenes) for policy in names]
     done = list(zip(cases, run_cases(readings_of, cases, keep, processes), strict=True))
@@ -91,8 +91,8 @@ def policies(sensor, scenes, seed, keep, processes, names=POLICIES, unknown=None
                "processor time a reading")  # fmt: skip
     text = (
         f"{len(twenty())} parts, {scenes} scenes, {probe.name} of {1e3 * float(probe.law.const):g} mm, place known to "
-        f"{1e3 * PLACE[0]:g} mm and {PLACE[1]:g} rad an axis; placed: worst corner {1e3 * corner:g} mm, 1 sd; at most "
-        f"{MOST} readings; prior of none of these {USUAL if unknown is None else unknown:g}; seed {seed}."
+        f"{1e3 * PLACE[0]:g} mm and {PLACE[1]:g} rad an axis; placed: largest corner sd {1e3 * corner:g} mm; at most "
+        f"{MOST} readings; prior of unknown object {USUAL if unknown is None else unknown:g}; seed {seed}."
     )
     return Table(f"Readings needed, {probe.name}", text, columns, table)
 
@@ -116,7 +116,7 @@ class Clairvoyant:
         self.target, self.part, self.T = target, part, T
 
     def choose(self, context):
-        """By samples of the belief, a reading without noise, and the session's rate of strays."""
+        """By samples of the belief, a reading without noise, and the session's outlier rate."""
         s, c, priors = context, context.candidates, context.state.start.priors
         samples = draw(s.state, 600)
         p = predict(samples, c.origins, c.directions)

@@ -47,7 +47,7 @@ def drawn(start, part, count, rng):
 def chance(ranges, sd):
     """How often who makes the best of one reading is right, of true ranges of two parts ``(S,)`` each, infinite: none.
 
-    The larger of both densities, summed over what may be read, of draws on a fine grid blurred by the noise.
+    The larger of both densities, summed over what may be read, of samples on a fine grid blurred by the noise.
     """
     met = [r[np.isfinite(r)] for r in ranges]
     missed = [1 - len(m) / len(r) for m, r in zip(met, ranges, strict=True)]

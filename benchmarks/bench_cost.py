@@ -1,4 +1,4 @@
-"""What locating bare readings costs in time and memory, over readings, triangles and parts."""
+"""What locating unlabelled readings costs in time and memory, over readings, triangles and parts."""
 
 from __future__ import annotations
 

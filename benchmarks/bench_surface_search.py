@@ -56,7 +56,7 @@ class Contestant:
 
 CONTESTANTS = (
     Contestant("tanteo", "tanteo", registration.tanteo),
-    Contestant("tanteo, climbing from the truth", "tanteo", registration.told),
+    Contestant("tanteo, maximizing from the truth", "tanteo", registration.told),
     Contestant("small_gicp, 50 starts", "small_gicp", registration.small_gicp(50)),
     Contestant("small_gicp, 500 starts", "small_gicp", registration.small_gicp(500)),
     Contestant(

@@ -1,8 +1,8 @@
 """Are the probabilities right? Scenes drawn from the stated model: ``python benchmarks/calibration.py [scenes]``.
 
 A catalogue of eight random workpieces; the object is one of them or, with the stated probability, a ninth that is not
-in it; every feature is clutter with the stated probability, else a touch that falls on the surface evenly. Printed for
-every way of sensing: what the best answer (a part, or "none of these") claimed on the average and how often it was
+in it; every feature is outliers with the stated probability, else a touch that falls on the surface evenly. Printed for
+every way of sensing: what the best answer (a part, or the unknown object) claimed on the average and how often it was
 right, and the same by bins of what it claimed.
 """
 
@@ -58,7 +58,7 @@ def _scene(rng, mode, models, absent, priors):
 
 
 def draw(rng, mode, part, T, priors):
-    """Sensed features of one scene, clutter among them."""
+    """Sensed features of one scene, outliers among them."""
     n = int(rng.integers(3, 7))
     if mode == "touches":
         given = surface_touches(part, T, n, rng)

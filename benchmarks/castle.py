@@ -85,7 +85,7 @@ def main():
     columns = (
         "frame", "pixels", "noise (by face)", "shared by a face", "best right", "as its covariance predicts",
         "as that at the truth allows", "a mode right", "truth in some mode", "NEES / dof of the right",
-        "worst corner", "answers", "time",
+        "largest corner sd", "answers", "time",
     )  # fmt: skip
     text = f"{draws} draws for each; right is within 3 mm and 1.5 degrees of the dense fit."
     print(Table("Pixels of a depth camera", text, columns, rows).markdown())

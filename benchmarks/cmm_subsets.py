@@ -1,4 +1,4 @@
-"""Eight bare touches of the real block: is the truth among the modes? ``python benchmarks/cmm_subsets.py [n]``.
+"""Eight unlabelled contact points of the block: is the truth among the modes? ``python benchmarks/cmm_subsets.py [n]``.
 
 Subsets that leave a motion free at the truth are counted by themselves: there poses that fit form curves and surfaces.
 """
@@ -23,7 +23,7 @@ from tanteo.inference import Problem, goodness_of_fit, identify_points, posterio
 
 
 def leaves_free(touches, block, truth):
-    """Whether nothing resists some motion where the truth climbs to."""
+    """Whether nothing resists some motion where the truth maximizations to."""
     problem = Problem(touches, no_paths(), Priors(radius=block.part.radius))
     mode = posterior_about(problem, block, truth[None], np.random.default_rng(0)).modes[0]
     return len(goodness_of_fit(mode).free) > 0

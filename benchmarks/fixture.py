@@ -57,7 +57,7 @@ def main():
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     text = f"The part is prepared once, in {prepared:.2f} s. Peak memory of the whole process {peak:.0f} MB."
     columns = (
-        "set", "touches", "status", "processor time", "p", "worst corner (1 sd)", "tip known", "variance of the tip",
+        "set", "touches", "status", "processor time", "p", "corner sd", "tip known", "variance of the tip",
     )  # fmt: skip
     print(Table("Fixture", text, columns, rows).markdown(), end="\n\n")
     text = "Probability of a larger difference of the two poses, under their joint covariance."

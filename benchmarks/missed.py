@@ -1,8 +1,8 @@
 """How often the true pose of few precise touches is not found: ``python benchmarks/missed.py [scenes]``.
 
 One part, known; 8 or 10 touches of 0.01 mm, 10 with one in ten anywhere, or 12 beams. A scene matters if the pose that
-a climb from the truth leads to has a twentieth of the probability or more; it is missed if no mode has it, and grossly
-if it would be seven times as probable as all that was found.
+a maximization from the truth leads to has a twentieth of the probability or more; it is missed if no mode has it, and
+grossly if it would be seven times as probable as all that was found.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 NAMES = "housing", "clamp", "step_12mm", "bracket_left"
-KINDS = {"8 touches": (8, 0.0, 0), "10 touches": (10, 0.0, 0), "10, strays": (10, 0.1, 0), "12 beams": (12, 0.02, 1)}
-"""Readings, share of strays, and the sensor of ``bare_scenes``."""
+KINDS = {"8 touches": (8, 0.0, 0), "10 touches": (10, 0.0, 0), "10, outliers": (10, 0.1, 0), "12 beams": (12, 0.02, 1)}
+"""Readings, outlier fraction, and the sensor of ``bare_scenes``."""
 
 MATTERS, GROSSLY = np.log(0.05), 2.0
 

@@ -1,11 +1,11 @@
-"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [seed] [clutter]``.
+"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [seed] [outliers]``.
 
 Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
 region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
-of the readings astray, once as they are and once for an oracle that was told which these are and left them out. Then
-how an error that all readings share limits the answer. ``outlier_rate`` is the rate that is stated, 0.02 if not
-given. ``--processes`` and ``--keep`` as in ``campaign.py``.
+of the readings off as outliers, once as they are and once for an oracle that was told which these are and left them
+out. Then how an error that all readings share limits the answer. ``outlier_rate`` is the rate that is stated, 0.02 if
+not given. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ RIGHT = 0.003, np.radians(5)
 """A pose this near the truth [m, rad], or within ten sigma, is the right maximum."""
 
 STRAY, STATED = 0.1, Priors().outlier_rate
-"""Rate of strays, and the rate that is stated if no other is given."""
+"""Rate of outliers, and the rate that is stated if no other is given."""
 
 KINDS = "clean", "outliers", "told"
-"""The same scene as it is, with strays, and for an oracle that leaves these out."""
+"""The same scene as it is, with outliers, and for an oracle that leaves these out."""
 
 BIAS = 5e-4
 """Standard deviation of the robot's base, each axis [m]."""
@@ -50,12 +50,12 @@ def _target(name):
 
 
 def three(name, s, seed, k, outlier_rate=STATED):
-    """One scene of one part and one sensor: its rows clean, with strays, and told which these are."""
+    """One scene of one part and one sensor: its rows clean, with outliers, and told which these are."""
     target, sensing = _target(name), SENSORS[s]
     part, priors = target.part, Priors(radius=target.part.radius, outlier_rate=outlier_rate)
     out, case = [], (seed, PARTS.index(name), s, k)
     for outlier in (0.0, STRAY):
-        rng = np.random.default_rng(case)  # the same scene twice, strays aside
+        rng = np.random.default_rng(case)  # the same scene twice, outliers aside
         n, T = int(rng.choice(sensing.counts)), box_centred_pose(rng)
         touches, rows, _ = scene(target, T, sensing, n, rng, outlier=outlier, radius=priors.radius)
         out.append(_row(part, target, touches, rows, T, sensing, priors, case, "outliers" if outlier else "clean"))
@@ -172,8 +172,9 @@ def main():
     by_sensor = run(scenes, seed, [float(text) for text in arguments[2:]], keep, processes)
     columns = (
         "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right", "truth among modes",
-        "lost by 10 % strays [points]", "lost if told which", "claimed / right with strays", "truth among modes then",
-        "strays named", "region with strays", "median time",
+        "lost by 10 % outliers [points]", "lost if told which", "claimed / right with outliers",
+        "truth among modes then",
+        "outliers named", "region with outliers", "median time",
     )  # fmt: skip
     rows = [(sensing.name, *summary(rows)) for sensing, rows in zip(SENSORS, by_sensor, strict=True)]
     text = f"{len(PARTS)} parts x {scenes} scenes for each sensor, seed {seed}."
@@ -181,12 +182,12 @@ def main():
     print()
     columns = (
         "sensor", "readings", "one answer", "right", "in the 95 % region", "claimed / right", "truth among modes",
-        "lost by 10 % strays [points]", "lost if told which", "claimed / right with strays",
+        "lost by 10 % outliers [points]", "lost if told which", "claimed / right with outliers",
     )  # fmt: skip
     rows = [row for sensing, some in zip(SENSORS, by_sensor, strict=True) for row in by_count(sensing, some)]
     print(Table("By the number of readings", "The same scenes.", columns, rows).markdown())
     print()
-    columns = ("readings", "worst corner", "place, world", "place, same robot", "NEES / dof")
+    columns = ("readings", "largest corner sd", "place, world", "place, same robot", "NEES / dof")
     text = f"Laser on a robot whose base is uncertain by {1e3 * BIAS:g} mm an axis, bracket_left."
     print(Table("A shared error does not average out", text, columns, bias_rows(max(5, scenes // 4))).markdown())
     sys.stdout.flush()

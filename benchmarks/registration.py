@@ -1,7 +1,7 @@
 """Programs that place a part's surface on readings, behind one call: ours and the peers of ``bench_surface_search``.
 
 Each maker takes the part and returns a solver; what it prepares is not timed. A solver gets a scene and a generator for
-its own draws and returns poses, best first. A peer that is not installed raises ``ImportError`` when it is made.
+its own samples and returns poses, best first. A peer that is not installed raises ``ImportError`` when it is made.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def tanteo(part: Part, path: Path) -> Solver:
 
 
 def told(part: Part, path: Path) -> Solver:
-    """Ours where nothing is left to find: one climb from the true pose, and what is said of where it ends."""
+    """Ours where nothing is left to find: one maximization from the true pose, and what is said of where it ends."""
     target, priors = prepare(part), Priors(radius=part.radius)
 
     def solve(scene: Scene, rng: np.random.Generator) -> Answer:

@@ -1,8 +1,8 @@
 """A part that is in no file: is it taken for another? ``python benchmarks/strangers.py [scenes] [seed]``.
 
 Eight parts of the examples, one of which is sensed without correspondences; once the catalogue holds only the seven
-others, once all eight. What is said of the stranger, how probable "none of these" is in both cases, and how often the
-part itself is named when it is there. Then two parts that differ by one face, 3 mm higher, one of which is sensed
+others, once all eight. What is said of the stranger, how probable the unknown object is in both cases, and how often
+the part itself is named when it is there. Then two parts that differ by one face, 3 mm higher, one of which is sensed
 while the catalogue holds the other. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """
 

@@ -2,7 +2,7 @@
 
 Twenty parts (the twelve of ``examples/parts`` and eight random workpieces), each in so many scenes: it lies in one of
 its stable poses on a table beside a clamp, turned anyhow. The same hand senses it twice until one part has 99 % and all
-corners are within 2 mm with 95 %, or until 60 readings: once *blind*, from a rough place (middle to 15, 15 and 5 mm,
+corners are within 2 mm with 95 %, or until 60 readings: once *blind*, from a prior pose (middle to 15, 15 and 5 mm,
 attitude to 2, 2 and 8 degrees, one standard deviation; how it lies is known) and once *seen*, from that and a rendered
 image of the scene (shading, shadows, blur, noise). Truth and errors of the sensors are the same. With ``seen`` that
 alone. ``--processes`` and ``--keep`` as in ``campaign.py``.

@@ -2,7 +2,7 @@
 
 ``identify`` always answers with a status. ``recognized``: one part, one pose. ``ambiguous``: several remain, and the
 message says what to sense next. ``unknown``: none of the parts. ``insufficient``: the part may slide or turn in a way
-that no reading resists. Probabilities are over all parts, all poses and "none of these", and sum to one.
+that no reading resists. Probabilities are over all parts, all poses and the unknown object, and sum to one.
 
     python examples/01_which_part.py
 """
@@ -21,4 +21,4 @@ for name in ("bracket_left", "bracket_right", "step_15mm", "step_not_felt", "squ
     if answer.status != "recognized":
         for hypothesis in answer.hypotheses[:2]:
             print(f"    {hypothesis.probability:6.1%}  {hypothesis.part}")
-        print(f"    {answer.unknown_probability:6.1%}  none of these")
+        print(f"    {answer.unknown_probability:6.1%}  unknown object")

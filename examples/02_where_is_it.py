@@ -24,7 +24,7 @@ frame = UncertainFrame(best.T_world_part, best.covariance)
 sd = np.sqrt(np.diag(best.covariance))
 print("T_world_part [m]\n", np.array2string(best.T_world_part, precision=5, suppress_small=True))
 print("sd in the part's frame [mm, mrad]", np.round(1e3 * sd, 3))
-print(f"worst corner: {1e3 * best.corner_sd:.3f} mm; readings left out: {', '.join(best.outliers)}")
+print(f"largest corner sd: {1e3 * best.corner_sd:.3f} mm; readings left out: {', '.join(best.outliers)}")
 
 x, y, z, qx, qy, qz, qw = pose_as_brand("ros", best.T_world_part)
 print(f"ROS pose: position {x:.5f} {y:.5f} {z:.5f}, orientation (x y z w) {qx:.5f} {qy:.5f} {qz:.5f} {qw:.5f}")

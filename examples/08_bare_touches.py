@@ -1,9 +1,9 @@
-"""Bare touches: nobody noted which face each reading met, and there is no first guess of the pose.
+"""Unlabelled contact points: nobody noted which face each reading met, and there is no first guess of the pose.
 
 Readings without a ``feature`` label go against the whole surface of every part. Places for three of them are tried all
-over the surface, the best poses are polished with all readings, and each reading is either on the surface or a stray.
-Twelve touches of the bracket are enough here. Directions of approach help, because a surface is met from outside; the
-fewer the readings and the more alike the parts, the more they matter.
+over the surface, the best poses are polished with all readings, and each reading is either on the surface or an
+outlier. Twelve touches of the bracket are enough here. Directions of approach help, because a surface is met from
+outside; the fewer the readings and the more alike the parts, the more they matter.
 
     python examples/08_bare_touches.py
 """

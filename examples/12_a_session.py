@@ -46,7 +46,7 @@ for added in told.added:
     print(
         f"{added.ids[0]} met {added.met[0]}: {added.about_part:.2f} nats on the part, {added.part or 'none'} likeliest"
     )
-    print(f"   worst corner {1e3 * added.corner_sd:.2f} mm; best told: {added.motion or 'no motion'}")
+    print(f"   largest corner sd {1e3 * added.corner_sd:.2f} mm; best told: {added.motion or 'no motion'}")
 worst = told.directions[0]
 print(f"worst known: {worst.motion}, {1e3 * worst.moves:.2f} mm at the corners, most of it from {worst.shares[0][0]}")
 

@@ -114,7 +114,7 @@ def oriented(target, n, rng, sd=3e-4, tilt=0.05):
 
 
 def scene(solid, T, sensing, n, rng, *, outlier=0.0, radius=0.1, bias_sd=0.0, base_sd=0.0):
-    """Touches of a part at a pose, the rows that are strays, and the shared errors.
+    """Touches of a part at a pose, the rows that are outliers, and the shared errors.
 
     Args:
         solid: the part, a target or the surface of a mesh.
@@ -167,9 +167,7 @@ def with_tip_off(target, T, z, n, rng, sd=5e-5, off=3e-3):
     x = np.cross(along, rng.normal(size=p.shape))
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     J = off * np.stack([x, np.cross(along, x), along], axis=-1)
-    return touches_of(
-        SE3.apply(T, p) - J @ z + sd * rng.normal(size=p.shape), sd, shared_jacobian=J
-    )
+    return touches_of(SE3.apply(T, p) - J @ z + sd * rng.normal(size=p.shape), sd, shared_jacobian=J)
 
 
 def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):

@@ -1,4 +1,4 @@
-"""The wooden polyhedron of the depth frames: its part, frames as beams, the dense fit, draws of a few pixels."""
+"""The wooden polyhedron of the depth frames: its part, frames as beams, the dense fit, samples of a few pixels."""
 
 from __future__ import annotations
 

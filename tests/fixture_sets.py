@@ -53,7 +53,7 @@ def errors(target, located, name, tip):
 
 
 def mode_at(target, touches, T):
-    """The mode that a climb from a pose leads to."""
+    """The mode that a maximization from a pose leads to."""
     problem = Problem(touches, FreeRays.none(), Priors(radius=target.part.radius))
     return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
 

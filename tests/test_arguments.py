@@ -70,7 +70,7 @@ MISUSES = [
     (lambda r, p: Readings.from_columns([[1, 2, 3], [1, 2]]), r"points: expected numbers, one row a reading"),
     (lambda r, p: Readings.from_columns([["a", 2, 3]]), r"points: expected numbers.*'a'"),
     (lambda r, p: Readings.from_columns(r.points, sds="0.3mm"), r"sds: expected numbers.*'0\.3mm'"),
-    (lambda r, p: Priors(outlier_rate="2%"), r"priors, clutter: expected one number"),
+    (lambda r, p: Priors(outlier_rate="2%"), r"priors, outliers: expected one number"),
     (lambda r, p: Stop(probability="99%"), r"probability: expected one number"),
     (lambda r, p: Stop(tolerance="1mm"), r"tolerance: expected one number \[m\]"),
     (lambda r, p: Stop(max_measurements=2.5), r"most: expected a whole number"),

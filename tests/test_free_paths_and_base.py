@@ -49,7 +49,7 @@ def grazing(target, m, rng):
 
 
 def seen(T, points, into, paths, rng, labels=()):
-    """Touches and free beams as a robot says them whose base is off; all are in the part's frame."""
+    """Touches and free-space rays as a robot says them whose base is off; all are in the part's frame."""
     base = np.repeat([ROBOT.pos_abs_std, ROBOT.rot_abs_std], 3) * rng.normal(size=6)
     T_said, n, m = SE3.exp(-base) @ T, len(points), len(paths)
     points = points + SD * rng.normal(size=points.shape)
@@ -124,7 +124,7 @@ def test_labelled_parts_are_weighed_with_paths_that_move_as_their_features_do(ta
 
 @pytest.mark.xfail(strict=False, reason="paths enter at the best shared errors, not averaged over them")
 def test_paths_are_averaged_over_what_readings_leave_open_of_the_base(targets):
-    """Three touches, and a base off by 4 mm sd: against many draws of it, weighed by the touches."""
+    """Three touches, and a base off by 4 mm sd: against many samples of it, weighed by the touches."""
     rng, target, n = np.random.default_rng(11), targets[4], 40000
     T, gains = box_centred_pose(rng), 4e-3 * np.eye(3)
     p, d = beams(target, 3, rng)

@@ -350,8 +350,8 @@ def test_millimetres_are_no_free_beam(targets):
         assert action.read(distance).is_free.all()
 
 
-def test_a_rough_pose_that_the_readings_contradict_ends_the_session_and_is_said(targets):
-    """All six of its errors are over twice what was said; the readings agree, and a wider rough pose explains them."""
+def test_a_prior_pose_that_the_readings_contradict_ends_the_session_and_is_said(targets):
+    """All six of its errors are over twice what was said; the readings agree, and a wider prior pose explains them."""
     start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(4)
     T = start.Ts[2] @ SE3.exp(np.linalg.cholesky(start.covariances[2]) @ np.full(6, 2.3))
     session = new_session(start, tolerance=1e-3, max_measurements=40)
@@ -361,7 +361,7 @@ def test_a_rough_pose_that_the_readings_contradict_ends_the_session_and_is_said(
     assert end.why == answer.message
     assert answer.status == "unknown"
     assert answer.message.startswith("The closest part is wedge, but it is not where it was said to be")
-    assert "wider rough pose can be told the same readings" in end.why
+    assert "wider prior pose can be told the same readings" in end.why
     wide = new_session(rough(targets, (0.025, 0.175)), tolerance=1e-3)
     wide.tell(session.readings)
     assert sense(wide, targets[2], T, rng).reached
@@ -395,7 +395,7 @@ def test_the_error_of_a_tip_counts_where_the_hand_is_told(targets):
 
 
 def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
-    """Readings that are all two standard deviations off, each twice, to either side: none of them is astray."""
+    """Readings that are all two standard deviations off, each twice, to either side: none of them is an outlier."""
     session = new_session(rough(targets), tolerance=8e-4)
     while isinstance(action := session.ask(), Action):
         distance = true_range(targets[0], session.start.Ts[0], action)
@@ -425,7 +425,7 @@ def test_a_part_with_a_higher_step_is_none_of_these_and_keeps_its_place():
     assert nees(known.part, answer.hypotheses[0].T_world_part, answer.hypotheses[0].covariance, start.Ts[0])[0] < 22.5
 
 
-def test_of_several_rough_poses_the_nearest_counts(targets):
+def test_of_several_prior_poses_the_nearest_counts(targets):
     """An image was wrong by far more than it said, but what was known besides allows it."""
     start, rng = rough(targets[2:], (0.015, 0.1)), np.random.default_rng(4)
     both = replace(
@@ -470,7 +470,7 @@ def test_a_part_that_was_moved_is_said_to_have_been(targets):
 
 @pytest.mark.parametrize("of_the_object", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_reading_that_does_not_fit_is_made_once_more_and_settles_it(targets, of_the_object):
-    """Two readings are off: strays of the sensor the first time only; a part that is only like it is off again."""
+    """Two readings are off: outliers of the sensor the first time only; a part that is only like it is off again."""
     start, rng, wrong = rough(targets), np.random.default_rng(12), []
     session, again = new_session(start, tolerance=1e-3, max_measurements=21), 0
     while isinstance(action := session.ask(), Action):

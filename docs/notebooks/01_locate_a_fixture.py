@@ -106,22 +106,22 @@ show(clamp, best.T_world_part, readings, best.covariance)
 # The figure
 # ----------
 #
-# The worst corner is what counts where something has to fit. Beside it, because this is a simulation: how far it truly
-# is off.
+# The largest corner sd is what counts where something has to fit. Beside it, because this is a simulation: how far it
+# truly is off.
 
 corners = np.stack(np.meshgrid(*clamp.box.T), axis=-1).reshape(8, 3)
 
 
 def off(hypothesis):
-    """How far the worst corner truly is from where the answer has it [mm]; and that error in the answer's own units."""
+    """How far the worst corner truly is from the answer's [mm]; and that error in the answer's own units."""
     T = hypothesis.T_world_part
     far = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(truth, corners), axis=1).max()
     xi = SE3.log(SE3.inverse(T) @ truth)
     return 1e3 * far, xi @ np.linalg.solve(hypothesis.covariance, xi)
 
 
-print(f"said: worst corner {1e3 * best.corner_sd:.3f} mm, one standard deviation; p of the fit {best.p_value:.2f}")
-print("true: worst corner off by {:.3f} mm; squared distance in the answer's covariance {:.1f}".format(*off(best)))
+print(f"said: largest corner sd {1e3 * best.corner_sd:.3f} mm, one standard deviation; p of the fit {best.p_value:.2f}")
+print("true: largest corner sd off by {:.3f} mm; squared distance in the answer's covariance {:.1f}".format(*off(best)))
 
 # %%
 # One error says little. Over many it has to be as large as it says: the mean of that squared distance is six.

@@ -86,14 +86,14 @@ readings = read(true, 24, seed=4)
 # The answer
 # ----------
 #
-# Every bracket gets a probability, and so does "none of these". They sum to one. What has to be known of each surface
-# is prepared once; ``tanteo.identify(readings, parts)`` does both, each time.
+# Every bracket gets a probability, and so does the unknown object. They sum to one. What has to be known of each
+# surface is prepared once; ``tanteo.identify(readings, parts)`` does both, each time.
 
 targets = [prepare(part) for part in parts]
 
 
 def identify(readings, targets):
-    """The answer of bare readings."""
+    """The answer of unlabelled readings."""
     return identify_points(*Sensing().touches(readings), targets, top=20)
 
 
@@ -102,7 +102,7 @@ def probabilities(answer):
     out = dict.fromkeys([part.name for part in parts], 0.0)
     for h in answer.hypotheses:
         out[h.part] += h.probability
-    return out | {"none of these": answer.unknown_probability}
+    return out | {"unknown object": answer.unknown_probability}
 
 
 counts = (6, 12, 24)
@@ -139,7 +139,7 @@ for n, found in zip(counts, answers, strict=True):
 # Where it can go wrong
 # ---------------------
 #
-# **Two that the readings do not tell apart.** These two differ by a millimetre at the end of the foot, and no reading
+# **Two that the readings do not discriminate.** These two differ by a millimetre at the end of the foot, and no reading
 # was there. That is not an error: the answer is *ambiguous*, and says what would settle it.
 
 twins = [targets[0], targets[4]]

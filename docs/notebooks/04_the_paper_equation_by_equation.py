@@ -4,8 +4,8 @@ The paper, equation by equation
 
 L. Montano and C. Sagüés, *Active Sensing Using Proximity Sensors for Object Recognition and Localization* (1991),
 compare what is felt with what is modelled by constraints of two features: an angle, a distance, a length, each with a
-variance. Here each is computed as printed and as corrected, and both are held against thousands of draws. A variance is
-right if the mean of squared error over stated variance (NEES) is one.
+variance. Here each is computed as printed and as corrected, and both are held against thousands of samples. A variance
+is right if the mean of squared error over stated variance (NEES) is one.
 
 Run it from the repository: ``python docs/notebooks/04_the_paper_equation_by_equation.py``. The whole table, with every
 figure at more draws, is :doc:`/docs/paper`.

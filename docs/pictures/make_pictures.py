@@ -236,7 +236,7 @@ def make(path: Path) -> None:
             ("bracket_right", "mirror image", False),
             ("step_15mm", "no such angle", False),
             ("9 more", "", False),
-            ("none of these", "", False),
+            ("unknown object", "", False),
         ],
     )
     draw_answer(out, part, best.covariance)
@@ -252,7 +252,7 @@ def make(path: Path) -> None:
     out.text(x3, 378, f"{best.part}", 16, GREEN, font_weight="bold")
     out.text(x3 + 130, 378, "probability > 99.9 %" if best.probability > 0.999 else f"{best.probability:.1%}", 13)
     out.text(x3, 398, f"at  {at}  mm", 13)
-    out.text(x3, 416, f"worst corner ± {1e3 * best.corner_sd:.3f} mm", 13)
+    out.text(x3, 416, f"largest corner sd ± {1e3 * best.corner_sd:.3f} mm", 13)
     out.text(x3, 436, f"red: 2 sd of corners, {MAGNIFIED} times enlarged", 12, GREY)
     out.write(path, "From touches of a bracket to the part, its pose and the covariance of the pose")
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tanteo import constraints, features, frames, lie, localization
     from tanteo.active import Probe, Stop, around, discriminate, plan, probe_of
-    from tanteo.answers import Hypothesis, PosePrior, Priors, Recognition
+    from tanteo.answers import Answer, Hypothesis, PosePrior, Priors
     from tanteo.calibration import calibrate
     from tanteo.catalogue import read_parts
     from tanteo.errors import InputError, TanteoError
@@ -37,7 +37,7 @@ __version__ = "0.1.0"
 _ROOMS = ("constraints", "features", "frames", "lie", "localization")
 _HOMES = {
     "active": ("Probe", "Stop", "around", "discriminate", "plan", "probe_of"),
-    "answers": ("Hypothesis", "PosePrior", "Priors", "Recognition"),
+    "answers": ("Hypothesis", "PosePrior", "Priors", "Answer"),
     "calibration": ("calibrate",),
     "catalogue": ("read_parts",),
     "errors": ("InputError", "TanteoError"),
@@ -53,6 +53,7 @@ _HOME = {name: room for room, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Action",
+    "Answer",
     "Camera",
     "Done",
     "Hypothesis",
@@ -62,7 +63,6 @@ __all__ = [
     "Priors",
     "Probe",
     "Readings",
-    "Recognition",
     "Sensing",
     "Session",
     "Stop",

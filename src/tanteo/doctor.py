@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from tanteo.errors import TanteoError
 
 if TYPE_CHECKING:
-    from tanteo.answers import Hypothesis, Recognition
+    from tanteo.answers import Answer, Hypothesis
     from tanteo.parts import Part
     from tanteo.sensors import Readings
     from tanteo.typing import Transforms
@@ -125,7 +125,7 @@ def _recognize_wedge() -> tuple[bool, str]:
     return _judge(identify(_touches(wedge, truth), [block, wedge]), truth)
 
 
-def _judge(answer: Recognition, truth: Transforms) -> tuple[bool, str]:
+def _judge(answer: Answer, truth: Transforms) -> tuple[bool, str]:
     if answer.status != "recognized" or answer.hypotheses[0].part != "wedge":
         return False, f"expected the wedge, got {answer.status}: {answer.message}"
     best = answer.hypotheses[0]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _SUFFIXES = (".png", ".svg", ".pdf")
 _INK, _RED, _BLUE, _GREY = "#22303c", "#b84800", "#0072b2", "#5c6873"
 HUES = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")
-"""Those of the live page, which colour-blind people can tell apart."""
+"""Those of the live page, which colour-blind people can discriminate."""
 
 _MM = 1e3
 
@@ -32,7 +32,7 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
-        InputError: The preset touches, or the file's suffix is none of these.
+        InputError: The preset touches, or the file's suffix is unknown object.
         OSError: The file cannot be written.
     """
     if preset.is_contact:
@@ -74,7 +74,7 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
-        InputError: The file's suffix is none of these.
+        InputError: The file's suffix is unknown object.
         OSError: The file cannot be written.
     """
     figure = _figure(10, 4.2)
@@ -87,7 +87,7 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
         left.scatter(d[good], angle[good], s=18, color=hue, label=beam.name)
         left.scatter(d[bad], angle[bad], s=40, color=_RED, marker="x")
         right.errorbar(d[good], off[good], yerr=2 * _MM * found.sds[good], fmt="o", ms=3.5, lw=0.8, color=hue)
-        # far strays would flatten everything else: they are drawn at the border
+        # far outliers would flatten everything else: they are drawn at the border
         edge = 1.3 * float(np.max(np.abs(off[found.good]) + 2 * _MM * found.sds[found.good]))
         right.scatter(d[bad], np.clip(off[bad], -edge, edge), s=40, color=_RED, marker="x")
     if not found.good.all():

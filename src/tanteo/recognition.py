@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from tanteo.answers.priors import Priors
 from tanteo.answers.question import check_question, with_elapsed
-from tanteo.answers.results import Recognition
+from tanteo.answers.results import Answer
 from tanteo.errors import InputError
 from tanteo.inference import identify_points
 from tanteo.limits import check_length
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
 
-_DOUBT_PRIOR = "What was said of the pose beforehand counts, too: check it, or leave it out and compare."
+_DOUBT_PRIOR = "The prior of the pose beforehand counts, too: check it, or leave it out and compare."
 
 
 def identify(
@@ -53,7 +53,7 @@ def identify(
     as_published: bool = False,
     priors: Priors | None = None,
     seed: int = 0,
-) -> Recognition:
+) -> Answer:
     """Which of the parts was sensed, and where it is.
 
     All readings go against the whole surface of every part. A label says that its readings share one face, edge or
@@ -71,7 +71,7 @@ def identify(
         significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
-        priors: what is assumed beforehand: clutter, workspace, a rough pose, a box, a table.
+        priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
         seed: of the search.
 
     Returns:
@@ -107,7 +107,7 @@ def _as_published(
     start: float,
     *,
     placed: bool,
-) -> Recognition:
+) -> Answer:
     """The constraints and tests of the 1991 paper as printed, of features fitted to labelled readings."""
     from tanteo.fitting import fit_labelled
     from tanteo.paper import identify_as_published
@@ -117,12 +117,12 @@ def _as_published(
     elapsed = time.perf_counter() - start
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
-        return Recognition("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
+        return Answer("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
     answer = identify_as_published(sensed.features, parts, significance=significance, top=top)
     return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
 
 
-def _said(answer: Recognition, *notes: str, placed: bool) -> Recognition:
+def _said(answer: Answer, *notes: str, placed: bool) -> Answer:
     """The answer with what its message should add."""
     doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed and "beforehand" not in answer.message else ""
     return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *notes])))
@@ -154,7 +154,7 @@ def locate(
     as_published: bool = False,
     priors: Priors | None = None,
     seed: int = 0,
-) -> Recognition:
+) -> Answer:
     """Where the part is, given that it is this one (or none).
 
     Args:
@@ -181,7 +181,7 @@ def locate(
     )  # fmt: skip
 
 
-def _with_notes(answer: Recognition, sensed: LabelledFeatures) -> Recognition:
+def _with_notes(answer: Answer, sensed: LabelledFeatures) -> Answer:
     """Add readings thrown out of their label to the outliers, and the notes to the message."""
     hypotheses = tuple(
         replace(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.answers.results import Recognition
+from tanteo.answers.results import Answer
 from tanteo.inference import gone_through, prepare_all
 from tanteo.measurements import FreeRays
 from tanteo.parts import Part
@@ -20,7 +20,7 @@ _TOO_WIDE = 3.0
 
 
 def remarks(
-    answer: Recognition, readings: Readings, measured: PointMeasurements, free: FreeRays, parts: Sequence[Part]
+    answer: Answer, readings: Readings, measured: PointMeasurements, free: FreeRays, parts: Sequence[Part]
 ) -> tuple[str, ...]:
     """Sentences on what is odd about the readings; empty ones where nothing is.
 
@@ -35,7 +35,7 @@ def remarks(
     return gone, say_repeated(measured), say_stuck(readings), _too_wide(answer, measured, parts)
 
 
-def _gone_through(answer: Recognition, free: FreeRays, ids: Sequence[str], parts: Sequence[Part]) -> str:
+def _gone_through(answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part]) -> str:
     """A sentence on the paths on which nothing was met, though the best answer's part is surely in their way."""
     if not answer.hypotheses or not len(free):
         return ""
@@ -50,7 +50,7 @@ def _gone_through(answer: Recognition, free: FreeRays, ids: Sequence[str], parts
     return f"{best.part} is in the way of {len(rows)} of {len(ids)} paths on which nothing was met: {named}{rest}."
 
 
-def _too_wide(answer: Recognition, measured: PointMeasurements, parts: Sequence[Part]) -> str:
+def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]) -> str:
     """That readings of no known part lie farther apart than any part is wide, as millimetres would."""
     if answer.status != "unknown" or not len(measured.points):
         return ""

@@ -16,7 +16,7 @@ from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 SD = 2e-5
-"""A hundredth of what the place is known to, and of the distance between first poses."""
+"""A hundredth of what the place is known to, and of the distance between pose proposals."""
 
 
 def touched(target, seed, n=8):
@@ -28,7 +28,7 @@ def touched(target, seed, n=8):
 
 
 def test_exact_touches_that_are_told_at_once_place_the_part():
-    """Before, first poses ended at the grid's error, where all readings looked astray: millimetres off, and sure."""
+    """Proposals that end at the grid's error see all readings as outliers: millimetres off, and sure."""
     target, right, within = prepare(read_part(PARTS / "bracket_left.step")), 0, 0
     for seed in range(15):
         start, T, touches = touched(target, seed)

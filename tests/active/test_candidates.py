@@ -129,7 +129,7 @@ def test_a_thin_part_that_lies_on_a_forbidden_table_can_be_touched_from_above():
 
 
 def test_starts_keep_clear_of_the_part_wherever_it_may_be():
-    """Of new draws of a rough place, not only of the pose in its middle; where that leaves nothing, nothing is left."""
+    """Of new samples of a prior pose, not only of its mean; where that leaves nothing, nothing is left."""
     target = prepare(read_part(PARTS / "bracket_left.step"))
     C = np.diag(np.repeat([0.008, 0.2], 3) ** 2)
     state, rng, near = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(5), []
@@ -153,7 +153,7 @@ def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
 
 
 def test_readings_nearer_than_the_sensor_begins_to_read_are_improbable():
-    """Of new draws of a rough place; and those that are nearest in the middle are what is left out."""
+    """Of new samples of a prior pose; and those that are nearest in the middle are what is left out."""
     target, C = prepare(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
     state, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
     Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)

@@ -83,7 +83,7 @@ def test_readings_on_a_face_fix_its_normal_and_its_two_tilts(target):
     assert [d.moves for d in told.directions] == sorted((d.moves for d in told.directions), reverse=True)
     for motion, (levers, corners, known) in expected.items():
         d, total = found[motion], sum(levers.values()) / SD**2 + 1 / known**2
-        assert d.rough_pose == pytest.approx(1 / known**2 / total, rel=0.02)
+        assert d.prior == pytest.approx(1 / known**2 / total, rel=0.02)
         assert d.moves == pytest.approx(np.sqrt(corners / total), rel=0.02)
         assert len(d.shares) == len(TOUCHES)
         for name, share in d.shares:
@@ -143,7 +143,7 @@ def test_the_frame_of_the_part_does_not_matter(target, tmp_path):
     a, b = (explain(s.state, s.steps) for s in (one, other))
     for first, second in zip(a.directions, b.directions, strict=True):
         assert second.moves == pytest.approx(first.moves, rel=1e-3)
-        assert second.rough_pose == pytest.approx(first.rough_pose, rel=1e-2)
+        assert second.prior == pytest.approx(first.prior, rel=1e-2)
     for before, after in zip(a.added, b.added, strict=True):
         assert after.about_pose == pytest.approx(before.about_pose, abs=0.3)  # where a pose is open, by samples
         assert after.narrowed == pytest.approx(before.narrowed, rel=0.2, abs=1e-3)
@@ -163,7 +163,7 @@ def test_the_spin_of_a_round_part_is_nothing_to_be_known(tmp_path):
     assert len(told.directions) == 5
     for direction in told.directions:
         assert not direction.motion.startswith(("rotation about world z", "rotation about part z"))
-        assert sum(share for _, share in direction.shares) + direction.rough_pose == pytest.approx(1)
+        assert sum(share for _, share in direction.shares) + direction.prior == pytest.approx(1)
     for one, now in zip(told.added, session.steps, strict=True):
         assert one.corner_sd == pytest.approx(now.corner_sd)
 

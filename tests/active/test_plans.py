@@ -92,7 +92,7 @@ def test_two_readings_fewer_would_not_do(block):
 
 @pytest.mark.parametrize(("name", "n"), [("housing", 6), ("housing", 5), ("wedge", 5)])
 def test_the_worst_corner_is_as_good_as_in_the_best_of_many_plans(name, n):
-    """Thousands of sets drawn at random, the best of them improved by single exchanges of the worst corner itself."""
+    """Thousands of sets drawn at random, the best of them improved by single exchanges."""
     target = prepare(read_part(PARTS / f"{name}.step"))
     start, rng = at_pose(target, np.eye(4), C), np.random.default_rng(3)
     design = design_of(start, TOUCH, 0)
@@ -113,7 +113,7 @@ def test_the_worst_corner_is_as_good_as_in_the_best_of_many_plans(name, n):
 
 
 def corner_errors(target, covariances):
-    """Root mean square error of the worst corner of the part's box ``(k,)``."""
+    """Root mean square error of the largest corner sd of the part's box ``(k,)``."""
     corners = np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3)
     J = np.stack([np.concatenate([np.eye(3), -SO3.hat(x)], axis=1) for x in corners])
     return np.sqrt(np.einsum("cij,kjl,cil->kc", J, covariances, J).max(axis=1))

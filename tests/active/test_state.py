@@ -57,7 +57,7 @@ def _hat(v):
 @pytest.mark.slow
 @pytest.mark.parametrize(("n", "unknown"), [(2, 0.5), (2, 0.9), (5, 0.01)])
 def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
-    """Probability of each part against the likelihood averaged over many draws of the prior; a coarse sensor."""
+    """Probability of each part against the likelihood averaged over many samples of the prior; a coarse sensor."""
     coarse = replace(LASER, sd=5.8e-3)  # not 6: of a face just two sd wide the likelihood itself takes a step
     start = rough(targets, (0.008, 0.06), Priors(unknown=unknown))
     rng = np.random.default_rng(3)
@@ -78,7 +78,7 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
 
 
 def test_precise_readings_of_a_rough_place_do_not_rule_out_what_they_are_of(targets):
-    """A sheet 8 um thin in a place of 15 mm: draws that fall off it told nothing, and "none of these" got it all."""
+    """A sheet 8 um thin in a place of 15 mm: samples off it told nothing, and the unknown object got it all."""
     start, log, unknown = rough(targets, (0.015, 0.15)), [], []
     for seed in range(3):
         rng = np.random.default_rng((7, seed))
@@ -134,7 +134,7 @@ def test_free_paths_speak_against_what_blocks_them(targets):
 
 
 def test_a_symmetric_part_is_one_answer_and_no_more_probable():
-    """A block fits its own place in several ways; under a rough pose only one of them is meant."""
+    """A block fits its own place in several ways; under a prior pose only one of them is meant."""
     pair = [prepare(read_part(PARTS / f"{name}.step")) for name in ("square_post", "wedge")]
     assert pair[0].part.symmetry.order > 1
     start = rough(pair, (0.005, 0.05))
@@ -154,7 +154,7 @@ def two_places(target):
     return Start((target,), np.zeros(2, dtype=np.int64), Ts, C, np.array([0.9, 0.1]), Priors())
 
 
-def test_rough_poses_keep_their_odds_while_readings_say_nothing(targets):
+def test_prior_poses_keep_their_odds_while_readings_say_nothing(targets):
     start = two_places(targets[2])
     some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
     blank = replace(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
@@ -164,7 +164,7 @@ def test_rough_poses_keep_their_odds_while_readings_say_nothing(targets):
     assert share == pytest.approx(0.9, abs=0.03)
 
 
-def test_a_part_with_two_rough_poses_at_one_place_has_the_mass_of_both(targets):
+def test_a_part_with_two_prior_poses_at_one_place_has_the_mass_of_both(targets):
     pair = targets[0], targets[2]
     C = np.tile(np.diag(np.repeat([1e-3, 0.01], 3) ** 2), (3, 1, 1))
     start = Start(pair, np.array([0, 0, 1]), np.tile(np.eye(4), (3, 1, 1)), C, np.array([0.25, 0.25, 0.5]), Priors())
@@ -174,7 +174,7 @@ def test_a_part_with_two_rough_poses_at_one_place_has_the_mass_of_both(targets):
     assert P[0] / P[1] == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_density_of_the_start_is_the_mixture_of_its_rough_poses(targets):
+def test_the_density_of_the_start_is_the_mixture_of_its_prior_poses(targets):
     """As the likelihood has it of no reading at all."""
     start, rng = two_places(targets[2]), np.random.default_rng(1)
     Ts = start.Ts[np.arange(20) % 2] @ SE3.exp(0.01 * rng.normal(size=(20, 6)))
@@ -240,7 +240,7 @@ def test_free_beams_alone_leave_the_start_where_they_did_not_pass(targets):
 
 
 @pytest.mark.parametrize("bias", [-1.5, 0.5, 2.0])
-def test_a_shared_error_may_explain_what_looks_astray(targets, bias):
+def test_a_shared_error_may_explain_what_looks_aoutliers(targets, bias):
     """A place known sharply, a reading of 0.1 mm off by a bias of 3 mm sd: odds by drawing pose and bias alike."""
     start, rng, n = rough(targets[2:], (2e-4, 2e-3), Priors(unknown=0.5)), np.random.default_rng(6), 40000
     touches = readings(targets[2], start.Ts[0], 2, rng, replace(LASER, sd=1e-4))
@@ -275,7 +275,7 @@ def test_a_part_that_was_ruled_out_is_looked_at_again_before_another_gets_certai
         assert odds[0] > 0.1
 
 
-def test_parts_without_a_rough_pose_are_never_looked_for(targets):
+def test_parts_without_a_prior_pose_are_never_looked_for(targets):
     """An image leaves some parts out: when the others are looked at again, these are not."""
     start = replace(rough(targets), part=np.array([2, 2, 2]))
     touches = readings(targets[2], start.Ts[2], 5, np.random.default_rng(9))
@@ -296,7 +296,7 @@ def test_a_part_that_was_not_looked_for_is_when_none_of_the_others_fits(targets)
 
 
 def test_what_is_left_of_a_rival_is_weighed_as_well_as_the_leading_part():
-    """Probability of the t-slot where the clamp leads, against draws of the prior, and others about the heavy ones."""
+    """The t-slot's probability where the clamp leads, against samples of the prior, and others about the heavy ones."""
     parts = [prepare(read_part(PARTS / f"{name}.step")) for name in ("t_slot", "block", "clamp")]
     start, rng = rough(parts, (0.005, 0.15)), np.random.default_rng((3, 2))
     k, T = drawn_truth(start, rng)
@@ -309,7 +309,7 @@ def test_what_is_left_of_a_rival_is_weighed_as_well_as_the_leading_part():
 
 
 def _evidence(start, part, touches, rng):
-    """Log of the mean likelihood of one part over its rough pose: population Monte Carlo (Cappe et al. 2004)."""
+    """Log of the mean likelihood of one part over its prior pose: population Monte Carlo (Cappe et al. 2004)."""
     prior = multivariate_normal(np.zeros(6), start.covariances[part])
 
     def likelihood(xi):

@@ -33,7 +33,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 @pytest.mark.parametrize("n", [2, 4])
 def test_the_chance_to_be_within_is_that_of_plain_importance_sampling(n):
-    """Draws of the rough pose, weighed by the readings' likelihood; a coarse sensor, a posterior that is not normal."""
+    """Samples of the prior pose, weighed by the readings' likelihood; a coarse sensor, a broad posterior."""
     target, coarse, rng = (
         prepare(read_part(PARTS / "wedge.step")),
         replace(SENSORS[1], sd=4e-3),
@@ -63,7 +63,7 @@ def test_poses_that_symmetry_makes_equal_are_no_way_apart():
 
 
 def test_the_worst_corner_is_that_of_all_poses_that_the_part_may_have():
-    """Two poses 20 mm and 10 degrees apart, at 0.7 and 0.3, against draws of both; one alone has its own."""
+    """Two poses 20 mm and 10 degrees apart, at 0.7 and 0.3, against samples of both; one alone has its own."""
     target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(5)
     Ts = np.stack([np.eye(4), SE3.exp(np.array([0.02, 0, 0, 0, 0, np.radians(10)]))])
     C = np.diag([1e-3, 2e-3, 1e-3, 0.02, 0.03, 0.01]) ** 2
@@ -99,7 +99,7 @@ def test_only_what_is_known_but_for_none_of_these_is_confirmed():
     assert Stop(0.9, max_measurements=5).confirms(state)
     assert not Stop(0.9, max_measurements=3).confirms(
         state
-    )  # a third of "none of these" would be left, and a quarter may be
+    )  # a third of the unknown object would be left, and a quarter may be
     twins = replace(begin(around([target, target], np.eye(4), np.eye(6))), unknown=0.4)
     assert not Stop(0.9).confirms(twins)
 
@@ -125,7 +125,7 @@ def test_a_part_is_nowhere_near_where_another_is_said_to_be():
 
 
 def test_where_the_posterior_is_not_normal_the_draws_say_how_near():
-    """All draws are put on the best pose: what is not normal is there then, however wide its covariance."""
+    """All samples are put on the best pose: what is not normal is there then, however wide its covariance."""
     target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
     start = rough([target], (0.01, 0.08))
     touches = scene(target, start.Ts[0], replace(SENSORS[1], sd=4e-3), 2, rng)[0]

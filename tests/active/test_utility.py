@@ -126,7 +126,7 @@ def test_information_about_the_mode_against_simulation(bracket):
     exact = np.array([simulated_information(d[k], sd[k], np.array([0.7, 0.3]), rng) for k in flat])
     assert len(flat) > 10
     assert np.corrcoef(told[flat], exact)[0, 1] > 0.97
-    assert (told[flat] < exact + 0.03).all()  # a bound from below, but for the draws
+    assert (told[flat] < exact + 0.03).all()  # a bound from below, but for the samples
     assert exact[np.argmax(told[flat])] > exact.max() - 0.05  # what is chosen by it is as good as the best
 
 

@@ -140,7 +140,7 @@ def test_a_rig_of_it_promises_what_it_keeps(runs):
 
 
 @pytest.mark.slow
-def test_good_readings_are_hardly_ever_called_strays(runs):
+def test_good_readings_are_hardly_ever_called_outliers(runs):
     assert runs["outliers"] <= RUNS * 2 * STATIONS // 200
 
 

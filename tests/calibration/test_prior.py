@@ -1,4 +1,4 @@
-"""What a rig says beforehand of its beams, and the share of strays."""
+"""What a rig says beforehand of its beams, and the outlier fraction."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_variances_are_those_of_mounting_bias_scale_and_cone():
     assert found[6, 6] == pytest.approx((0.2**2 / 4) ** 2)
 
 
-def test_few_good_readings_leave_room_for_half_a_stray():
+def test_few_good_readings_leave_room_for_half_a_outliers():
     n, variance, width = 20, np.full(20, 1e-6), 1.0
     share, good = 0.5 / (n + 1), 1 / np.sqrt(2 * np.pi * 1e-6)
     expected = n * np.log(share / width + (1 - share) * good)

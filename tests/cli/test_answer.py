@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tanteo import __version__
-from tanteo.answers import Hypothesis, Recognition
+from tanteo.answers import Answer, Hypothesis
 from tanteo.cli.answer import answer_lines
 from tanteo.io import recognition_document, recognition_json
 from tanteo.lie import SE3, SO3
@@ -39,14 +39,14 @@ def hypothesis(**changes):
 
 
 def recognition(*hypotheses, status="recognized", unknown=0.03, message="It is the bracket."):
-    return Recognition(status, message, hypotheses, unknown, {"load": 0.4, "search": 0.02, "total": 0.5}, 7)
+    return Answer(status, message, hypotheses, unknown, {"load": 0.4, "search": 0.02, "total": 0.5}, 7)
 
 
 def test_the_first_line_is_the_answer():
     lines = answer_lines(recognition(hypothesis()))
     assert lines[0] == (
         "bracket at x 100.00 y -20.00 z 300.00 mm, roll 10.00 pitch 20.00 yaw 30.00 deg in the world; "
-        "probability 97.0 %, worst corner sd 0.3 mm"
+        "probability 97.0 %, largest corner sd sd 0.3 mm"
     )
     assert lines[-1] == "It is the bracket."
     text = "\n".join(lines)
@@ -80,7 +80,7 @@ def test_undecided_headlines(status, start):
 def test_a_test_that_speaks_against_likely_parts_is_said():
     lines = answer_lines(recognition(hypothesis(), status="unknown", unknown=1e-6))
     assert not any(line.startswith("None of these parts") for line in lines)
-    assert any(line.startswith("A test says that none of these parts fits") for line in lines)
+    assert any(line.startswith("A test says that unknown object parts fits") for line in lines)
 
 
 def test_no_hypothesis_at_all():

@@ -1,4 +1,4 @@
-"""Well-formed readings of nothing in particular: an answer or a message, never an exception and never a stray line."""
+"""Well-formed readings of nothing in particular: an answer or a message, never an exception or a stray line."""
 
 from __future__ import annotations
 

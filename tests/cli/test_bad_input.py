@@ -358,7 +358,7 @@ def test_calls_refused(run, tmp_path, parts, args, code, message, monkeypatch):
             "lie on one line",
         ),
     ],
-    ids=["collinear plane", "edge of one point", "free beams only", "one vertex", "four labels"],
+    ids=["collinear plane", "edge of one point", "free-space rays only", "one vertex", "four labels"],
 )
 def test_too_little_is_an_answer_that_says_so(run, tmp_path, parts, content, message):
     (tmp_path / "r.csv").write_text(content)

@@ -93,7 +93,7 @@ def bare(part, file, *, mirrored, seed, count=11):
 
 
 def test_a_sure_answer_whose_mirror_image_fits_better_is_asked_about(run, tmp_path):
-    """With few touches one of a mirrored part's may pass for a stray of the part."""
+    """With few touches one of a mirrored part's may pass for an outlier of the part."""
     part, asked = read_part(EXAMPLES / "parts/bracket_left.step"), 0
     for seed in range(6):
         file = bare(part, tmp_path / "r.csv", mirrored=True, seed=seed)

@@ -9,7 +9,7 @@ import pytest
 
 from tanteo.lie import SE3, SO3
 
-FILE = "[near]\nposition_mm = [300, 100, 20]\nturn_deg = [0, 0, 30]\nsd_mm = 3\nturn_sd_deg = 3\n"
+FILE = "[pose_prior]\nposition_mm = [300, 100, 20]\nturn_deg = [0, 0, 30]\nsd_mm = 3\nturn_sd_deg = 3\n"
 NEAR = "300,100,20mm 0,0,30deg +- 3mm 3deg"
 TRUTH = SE3.from_parts(SO3.axis_rotation(2, np.radians(31.0)), np.array([0.301, 0.099, 0.02]))
 
@@ -38,7 +38,7 @@ def pose(result):
     return np.array(json.loads(result.out)["hypotheses"][0]["pose"]["matrix"])
 
 
-def test_a_rough_pose_decides_what_touches_leave_open(locate, tmp_path):
+def test_a_prior_pose_decides_what_touches_leave_open(locate, tmp_path):
     open_ = locate("--json")
     assert open_.code == 3
     (tmp_path / "prior.toml").write_text(FILE)
@@ -103,7 +103,7 @@ def test_what_is_not_known_for_certain_is_a_warning(locate, corner, tmp_path):
     warned = locate("--pose-prior", "staubli 300,100,20,0,0,30 +- 3mm 3deg")
     assert "--pose-prior: the angle convention of staubli (X Y Z Rx Ry Rz) was not checked" in warned.err
     path = tmp_path / "near.toml"
-    path.write_text("[near]\nstaubli = [300, 100, 20, 0, 0, 30]\nsd_mm = 3\nturn_sd_deg = 3\n")
+    path.write_text("[pose_prior]\nstaubli = [300, 100, 20, 0, 0, 30]\nsd_mm = 3\nturn_sd_deg = 3\n")
     warned = locate("--prior", str(path))
     assert f"{path}, near: the angle convention of staubli (X Y Z Rx Ry Rz) was not checked" in warned.err
     assert "convention" not in locate("--pose-prior", "kuka 300,100,20,30,0,0 +- 3mm 3deg").err

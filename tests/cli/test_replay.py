@@ -60,7 +60,7 @@ def test_it_says_what_each_reading_told(run, session, record):
     assert [a["readings"] for a in told["added"]] == [[f"a{k + 1}"] for k in range(session.count)]
     assert len(told["directions"]) == 6
     for d in told["directions"]:
-        assert sum(d["shares"].values()) + d["rough_pose"] == pytest.approx(1)
+        assert sum(d["shares"].values()) + d["prior"] == pytest.approx(1)
 
 
 def test_the_report_has_how_it_went(run, record, tmp_path):

@@ -21,7 +21,7 @@ def sense(run):
 
 
 def test_the_image_says_where_and_the_hand_says_which(sense):
-    """No rough place: the camera alone sends the hand; few readings are left to make."""
+    """No prior pose: the camera alone sends the hand; few readings are left to make."""
     code, out, err = sense("--image", "render", "--json")
     assert code == 0
     document = json.loads(out)
@@ -30,7 +30,7 @@ def test_the_image_says_where_and_the_hand_says_which(sense):
     assert document["sensing"]["least_clearance_m"] > 0.006
     first = err.splitlines()[0]
     assert first.startswith("The image: step_1")
-    assert "none of these" in first
+    assert "unknown object" in first
     assert "It leaves open: sense from above" in first
 
 
@@ -115,7 +115,7 @@ def test_a_face_is_gone_to_where_the_image_puts_it(feature):
         pytest.param(
             ("--parts", str(EXAMPLES / "parts" / "flange.step"), "--image", "render"),
             1,
-            "got none of these with",
+            "got unknown object with",
             marks=pytest.mark.slow,
         ),
         (

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from tanteo.answers import Hypothesis, Recognition
+from tanteo.answers import Answer, Hypothesis
 
 READINGS = (
     "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,hand_qz\n"
@@ -35,7 +35,7 @@ def identified(monkeypatch):
                 parts[0].name, parts[0].source, 0.9, np.eye(4), np.eye(6) * 1e-6, 1e-3, (), 1, np.zeros((0, 4, 4)),
                 1.0, 2, 0.6, 1e-4, (), (),
             )  # fmt: skip
-            return Recognition(status, "Do this next.", (best,), 0.1, {"search": 0.01, "total": 0.02}, options["seed"])
+            return Answer(status, "Do this next.", (best,), 0.1, {"search": 0.01, "total": 0.02}, options["seed"])
 
         monkeypatch.setattr("tanteo.recognition.identify", identify, raising=False)
         return calls

@@ -167,7 +167,7 @@ class Oracle:
         return hits
 
     def blocked(self, j, p, d, C):
-        """Whether all of five rays along the free path before a hit meet the part early."""
+        """Whether all of five rays along the free-space ray before a hit meet the part early."""
         if not (self.q.reach[j] > 0 and d.any()):
             return False
         sd = np.sqrt(d @ C @ d)

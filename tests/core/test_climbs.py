@@ -1,4 +1,4 @@
-"""Climbs, marginals, small motions and mixtures of the core, against what they have to be."""
+"""Maximizations, marginals, small motions and mixtures of the core, against what they have to be."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_the_mixture_is_one_of_student_densities():
 
 
 def test_the_mixture_integrates_to_one():
-    """Over shifts and turns, by draws from a wider density."""
+    """Over shifts and turns, by samples from a wider density."""
     rng, centre = np.random.default_rng(2), np.zeros(3)
     parts, n, wide = components(rng, 0.15), 40000, 0.35
     x = wide * rng.standard_t(4, size=(n, 6))

@@ -24,7 +24,7 @@ ABOVE = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 0.15])
 
 
 def log(first, second, T=ABOVE):
-    """Readings of the frontal sensors; NaN is a free beam, minus one an echo that was lost."""
+    """Readings of the frontal sensors; NaN is a free-space ray, minus one an echo that was lost."""
     out = []
     for a, b in zip(first, second, strict=True):
         ranges, states = np.full(len(HAND.origins), np.nan), np.full(len(HAND.origins), LOST)

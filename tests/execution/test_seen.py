@@ -1,4 +1,4 @@
-"""An image starts the session: what it leaves open is asked for first, and where it is wrong the rough place holds."""
+"""An image starts the session: what it leaves open is asked for first, and where it is wrong the prior pose holds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def steps():
 
 @pytest.fixture(scope="module")
 def twins(steps):
-    """An image of a part whose silhouette is its twin's: a step that a camera above hardly sees tells them apart."""
+    """An image of a part whose silhouette is its twin's: a step that a camera above hardly sees discriminates them."""
     image = read_image(EXAMPLES / "images" / "twins.png")
     return see_table(image, camera(), [target.part for target in steps], top=20)
 
@@ -89,7 +89,7 @@ def test_nothing_seen_is_the_rough_place_and_without_one_an_error(steps):
 
 
 def test_the_object_is_the_one_at_the_rough_place_and_never_known_furniture(steps):
-    """Three parts lie there; one is known and left out, and the rough place says which of the others is meant."""
+    """Three parts lie there; one is known and left out, and the prior pose says which of the others is meant."""
     image = read_image(EXAMPLES / "images" / "three_parts.png")
     regions = find_regions(image, find_edges(image))
     left = see_table(image, camera(), [steps[0].part], ignore=regions[0].mask)

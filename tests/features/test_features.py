@@ -52,7 +52,7 @@ def test_binding_selects_and_free_rows_are_the_rest(kind):
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=str)
 def test_reframed_perturbations_describe_the_same_feature(kind):
-    """T exp(B'p) S and T S exp(B'p') differ by a free motion of the feature only."""
+    """T exp(B'p) S and T S exp(B'p') differ by an unobserved direction of the feature only."""
     rng = np.random.default_rng(1)
     T, S, p = SE3.exp(rng.normal(size=6)), free_motion(kind, rng), 1e-6 * rng.normal(size=kind.size)
     moved, _ = reframe(kind, T, np.eye(kind.size), S)

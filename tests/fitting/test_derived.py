@@ -142,7 +142,7 @@ def test_two_points_agree_with_the_general_fit():
 
 
 def test_the_general_fit_beats_the_papers_plane():
-    """Two scan lines of 20 points: the worst corner of the patch, end points only against all points."""
+    """Two scan lines of 20 points: the largest corner sd of the patch, end points only against all points."""
     m, sd = 20, 3e-4
     t = np.linspace(0, 0.04, m)
     scan = np.r_[np.c_[t, 0 * t, 0 * t], np.c_[0 * t[1:], t[1:], 0 * t[1:]]]

@@ -46,7 +46,7 @@ CASES = {
 
 
 def perturbation(kind, T_hat, T):
-    """``p`` of ``T_true = T_hat exp(B' p)`` modulo the free motions of the kind."""
+    """``p`` of ``T_true = T_hat exp(B' p)`` modulo the unobserved directions of the kind."""
     gap = SE3.inverse(T_hat) @ T
     z = gap[..., :3, 3]
     if kind is VERTEX:

@@ -1,4 +1,4 @@
-"""What is answered: the right part, no mirrored one, ambiguity where there is some, and "none of these"."""
+"""What is answered: the right part, no mirrored one, ambiguity where there is some, and the unknown object."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def test_nothing_that_fits_is_no_exception(models):
     rng = np.random.default_rng(49)
     outliers = [clutter_touch(0.5, rng, f"c{k}") for k in range(5)]
     answer = identify_features(outliers, [models["wedge"]])
-    assert answer.status in ("unknown", "insufficient")  # one stray may lie on the part, the rest be clutter
+    assert answer.status in ("unknown", "insufficient")  # one outlier may lie on the part, the rest be outliers
     assert answer.message
 
 

@@ -61,7 +61,7 @@ def test_normals_that_are_worse_than_stated_are_what_contradicts(bracket):
 
 
 @pytest.mark.slow
-def test_a_rough_pose_that_three_touches_cannot_contradict_alone_is_blamed(bracket):
+def test_a_prior_pose_that_three_touches_cannot_contradict_alone_is_blamed(bracket):
     """They fit exactly; that they do so some sd from where the part was said to be is no reading's fault."""
     rng = np.random.default_rng(4)
     T, C = box_centred_pose(rng), np.diag(np.repeat([5e-3, 0.05], 3) ** 2)

@@ -94,8 +94,8 @@ def test_the_log_probability_of_a_range_is_right_near_and_far():
     assert log_between(low, high) == pytest.approx(exact, abs=1e-6)
 
 
-def test_pose_and_covariance_are_those_of_readings_and_rough_pose_together(parts):
-    """Three planes that leave nothing free, a rough pose as good as they are: NEES over 60 scenes."""
+def test_pose_and_covariance_are_those_of_readings_and_prior_pose_together(parts):
+    """Three planes that leave nothing free, a prior pose as good as they are: NEES over 60 scenes."""
     part, values, sizes = parts["bracket_left"], [], []
     fine = np.repeat([5e-5, 1e-3], 3)
     for k in range(60):
@@ -113,7 +113,7 @@ def test_pose_and_covariance_are_those_of_readings_and_rough_pose_together(parts
 
 
 @pytest.mark.slow
-def test_a_rough_pose_settles_what_two_planes_leave_free(parts):
+def test_a_prior_pose_settles_what_two_planes_leave_free(parts):
     part, values = parts["bracket_left"], []
     for k in range(40):
         rng = np.random.default_rng((3, k))
@@ -131,7 +131,7 @@ def test_a_rough_pose_settles_what_two_planes_leave_free(parts):
     assert low < np.mean(values) < high
 
 
-def test_a_rough_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
+def test_a_prior_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
     """And the faces that were sensed are called as in that pose."""
     part = parts["square_post"]
     assert part.symmetry.order > 1
@@ -201,7 +201,7 @@ def test_a_table_says_what_lies_on_it(parts):
     assert right[0].corner_sd < 0.6 * loose
 
 
-def test_a_rough_pose_far_off_is_doubted(parts):
+def test_a_prior_pose_far_off_is_doubted(parts):
     part, rng = parts["bracket_left"], np.random.default_rng(6)
     T = random_pose(rng)
     readings = labelled(part, T, some_planes(part, rng), rng)
@@ -233,7 +233,7 @@ def test_too_few_readings_of_a_label_go_to_the_surface_where_the_pose_is_about_k
     assert squared(answer.hypotheses[0], T) < 30
 
 
-def test_a_rough_pose_eight_deviations_off_is_named_among_many_readings(parts):
+def test_a_prior_pose_eight_deviations_off_is_named_among_many_readings(parts):
     part, rng, fine = parts["bracket_left"], np.random.default_rng(9), np.repeat([2e-4, 5e-3], 3)
     T = random_pose(rng)
     readings = labelled(part, T, some_planes(part, rng, 9), rng, n=12)

@@ -1,4 +1,4 @@
-"""Shared errors of sixty times the noise: first poses are made with other suppositions of them, too."""
+"""Shared errors of sixty times the noise: pose proposals are made with other suppositions of them, too."""
 
 from __future__ import annotations
 

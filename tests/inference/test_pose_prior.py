@@ -53,8 +53,8 @@ def test_rows_against_differences(part):
         np.testing.assert_allclose(J[..., k], (plus - minus) / (2 * h), atol=1e-6)
 
 
-def test_a_rough_pose_decides_between_the_poses_of_a_corner(part):
-    """ContactPoints on three faces of a box fit every corner; a rough pose leaves one."""
+def test_a_prior_pose_decides_between_the_poses_of_a_corner(part):
+    """ContactPoints on three faces of a box fit every corner; a prior pose leaves one."""
     rng = np.random.default_rng(2)
     truth = SE3.exp(np.array([0.4, -0.2, 0.1, 0.3, 0.2, -0.5]))
     corner = [i for i, f in enumerate(part.faces) if f.axis_direction is not None and f.axis_direction.max() > 0.9]
@@ -125,8 +125,8 @@ def test_the_workspace_is_that_of_the_largest_part_unless_given(part):
     assert open_.unknown_probability == pytest.approx(given.unknown_probability, rel=1e-9)
 
 
-def test_a_rough_pose_names_one_of_the_symmetric_poses(part):
-    """The same solid, once with its symmetry unknown: both explain the readings equally, rough pose or not."""
+def test_a_prior_pose_names_one_of_the_symmetric_poses(part):
+    """The same solid, once with its symmetry unknown: both explain the readings equally, prior pose or not."""
     rng = np.random.default_rng(7)
     assert part.symmetry.order == 4
     plain = replace(part, name="plain", symmetry=replace(part.symmetry, Ts=np.eye(4)[None]))
@@ -141,7 +141,7 @@ def test_a_rough_pose_names_one_of_the_symmetric_poses(part):
         assert of_plain == pytest.approx(0.5, abs=0.02)
 
 
-def test_a_rough_pose_that_the_readings_contradict_is_not_overruled_in_silence(part):
+def test_a_prior_pose_that_the_readings_contradict_is_not_overruled_in_silence(part):
     rng = np.random.default_rng(8)
     touches = touches_at(on_surface(part, 12, rng))
     wrong = PosePrior(SE3.exp(np.array([0.03, 0.03, 0.03, 0, 0, 0])), np.diag(np.full(6, 1e-3)) ** 2)
@@ -149,7 +149,7 @@ def test_a_rough_pose_that_the_readings_contradict_is_not_overruled_in_silence(p
     assert answer.status == "unknown"
 
 
-def test_a_rough_pose_that_is_wrong_is_named_however_many_readings_agree_with_each_other(part):
+def test_a_prior_pose_that_is_wrong_is_named_however_many_readings_agree_with_each_other(part):
     """Eight deviations off: lost in the joint test of a hundred readings, which then were widened to make it fit."""
     for k in range(5):
         rng = np.random.default_rng((9, k))
@@ -171,6 +171,6 @@ def test_a_rough_pose_that_is_wrong_is_named_however_many_readings_agree_with_ea
     ],
     ids=["scaled", "mirrored", "axes swapped", "last row", "3 x 3", "nan"],
 )  # fmt: skip
-def test_a_rough_pose_that_is_no_rigid_motion_is_refused(T):
+def test_a_prior_pose_that_is_no_rigid_motion_is_refused(T):
     with pytest.raises(InputError, match="prior, T_world_part: expected"):
         PosePrior(T_world_part=T, covariance=1e-4 * np.eye(6))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, nees, no_paths, off, surface_points, touches_of
-from tanteo.answers import PosePrior, Priors, Recognition, Table
+from tanteo.answers import Answer, PosePrior, Priors, Table
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
@@ -104,7 +104,7 @@ def test_an_unknown_part_on_a_right_table_is_not_blamed_on_the_table(bracket):
 
 def test_the_best_hypothesis_is_at_hand(bracket):
     """Its pose and covariance, too; None where there is none, so that a program may read an empty answer."""
-    nothing = Recognition("insufficient", "There is nothing.", (), 1.0)
+    nothing = Answer("insufficient", "There is nothing.", (), 1.0)
     assert (nothing.best, nothing.pose, nothing.covariance) == (None, None, None)
     touches, *_ = sensed(bracket, 20, 3e-4, 1)
     answer = answered(bracket, touches, None)

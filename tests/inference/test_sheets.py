@@ -1,4 +1,4 @@
-"""The posterior of a rough pose after few readings: bent, cut, in pieces; weighed by draws from all over it."""
+"""The posterior of a prior pose after few readings: bent, cut, in pieces; weighed by samples from all over it."""
 
 from functools import cache
 from pathlib import Path

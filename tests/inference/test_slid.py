@@ -39,7 +39,7 @@ def test_both_sides_of_a_wall_are_found(housing):
 
 @pytest.mark.slow
 def test_of_eight_touches_the_truth_is_among_the_modes(housing):
-    """Twenty scenes of a part with walls of 10 mm, of which first poses alone miss three; in one a motion is free."""
+    """Twenty scenes of a part with walls of 10 mm, of which proposals alone miss three; in one a motion is free."""
     missed = []
     for k in range(40, 60):
         rng = np.random.default_rng((19, 8, k))

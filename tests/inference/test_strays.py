@@ -1,4 +1,4 @@
-"""The rate of strays integrated out, against quadrature by brute force, differences and exact sums."""
+"""The outlier rate integrated out, against quadrature by brute force, differences and exact sums."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_is_the_integral_over_all_rates(n, astray):
     assert log_density(hit[None], outlier[None], 0.02)[0] == pytest.approx(expected, abs=0.05)
 
 
-def test_one_doubtful_reading_belongs_less_where_others_are_astray():
+def test_one_doubtful_reading_belongs_less_where_others_are_aoutliers():
     clear, doubtful = np.array([12.0] * 10), np.array([0.0])
     gone = np.array([-40.0] * 3)
     alone = belongs(np.concatenate([clear, doubtful]), np.zeros(11), 0.02)
@@ -81,7 +81,7 @@ def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n
 @pytest.mark.parametrize("n", [3, 8, 30, 100, 300, 1000])
 @pytest.mark.parametrize("mean", [5e-4, 0.02, 0.1])
 def test_counts_weigh_what_they_weigh_however_many_readings_there_are(n, mean):
-    """Both densities against beta functions, from no stray to a fifth of the readings."""
+    """Both densities against beta functions, from no outlier to a fifth of the readings."""
     counts = np.unique(np.linspace(0, n // 5, 12).astype(int))
     hit, outlier = np.full((len(counts), n), 10.0), np.zeros((len(counts), n))
     hit[np.arange(n) < counts[:, None]] = -100
@@ -104,7 +104,7 @@ def test_few_strays_are_the_sensor_s_and_many_are_another_part():
     assert odds[10] > 5
 
 
-def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_stray():
+def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_outliers():
     """Two readings of one place, one of them off: of an object like the part, too, the sensor erred."""
     off, on, outlier = -300.0, 4.0, 1.0
     hit, other = np.array([[on, on, off, on]]), np.full((1, 4), outlier)

@@ -1,4 +1,4 @@
-"""What bare readings are told: too few, one-sided, symmetric, mirrored, astray, through material, and the tip."""
+"""Answers to unlabelled readings: too few, one-sided, symmetric, mirrored, outliers, through material, and the tip."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def test_none_of_these_when_most_readings_are_on_a_part(targets, name, seed, n):
     assert answer.message == (
         f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
         f"part (P = {answer.unknown_probability:.2f}); add its file, check the sensor's standard deviation, or expect "
-        "more strays (--outlier-rate)."
+        "more outliers (--outlier-rate)."
     )
 
 

@@ -1,4 +1,4 @@
-"""Laws of the surface search: derivatives against differences, first poses near the truth, invariances."""
+"""Laws of the surface search: derivatives against differences, pose proposals near the truth, invariances."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_moving_the_world_moves_the_answer(targets):
     )
     a, b = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (touches, moved))
     xi = SE3.log(SE3.inverse(G @ a.T_world_part) @ b.T_world_part)
-    assert xi @ np.linalg.solve(a.covariance, xi) < 1e-2  # where the climb ends, not where noise would put it
+    assert xi @ np.linalg.solve(a.covariance, xi) < 1e-2  # where the maximization ends, not where noise would put it
     np.testing.assert_allclose(b.covariance, a.covariance, rtol=0.05, atol=1e-10)
     assert b.probability == pytest.approx(a.probability, abs=1e-3)
 
@@ -74,7 +74,9 @@ def test_probabilities_sum_to_one(targets):
         total = answer.unknown_probability + sum(h.probability for h in answer.hypotheses)
         assert total == pytest.approx(1.0, abs=1e-3)  # what is negligible is not reported
         ps = [h.probability for h in answer.hypotheses]
-        assert all(b < 1.002 * a for a, b in pairwise(ps))  # twins, but for where climbs end, by the order of parts
+        assert all(
+            b < 1.002 * a for a, b in pairwise(ps)
+        )  # twins, but for where maximizations end, by the order of parts
 
 
 def test_poses_that_symmetry_makes_one_are_one_mode(targets):

@@ -40,7 +40,7 @@ def test_boxes():
         "paper 0.4,0.2,-0.01,0.17453292519943295,0.3490658503988659,1.5707963267948966 +- 5mm 3deg",
     ],
 )
-def test_rough_poses(text):
+def test_prior_poses(text):
     near = parse_pose_prior(text)
     np.testing.assert_allclose(pose_as_brand("fanuc", near.T), [400, 200, -10, 10, 20, 90], atol=1e-9)
     np.testing.assert_allclose(near.C, np.diag(np.r_[np.full(3, 5e-3), np.full(3, np.radians(3))] ** 2), atol=1e-12)
@@ -110,7 +110,7 @@ sd_mm = 0.5
 [box]
 low_mm = [0, 0, 0]
 high_in = [10, 10, 4]
-[near]
+[pose_prior]
 kuka = [400, 200, 0, 90, 0, 0]
 sd_mm = [5, 5, 1]
 turn_sd_deg = 3
@@ -140,7 +140,7 @@ def test_covariances_by_two_conventions(tmp_path, rows):
     rng = np.random.default_rng(1)
     A = rng.normal(size=(6, 6)) * np.r_[np.full(3, 1e-2), np.full(3, 0.1)][:, None]
     near = parse_pose_prior("400,200,0mm 10,20,30deg +- 5mm 3deg")
-    head = f"[near]\nposition_mm = [400, 200, 0]\nquaternion_wxyz = {quaternion(near.T)}\n"
+    head = f"[pose_prior]\nposition_mm = [400, 200, 0]\nquaternion_wxyz = {quaternion(near.T)}\n"
     C = A @ A.T
     for key in ("covariance_m_rad", "ros_covariance_m_rad"):
         numbers = C.tolist() if rows else C.ravel().tolist()
@@ -156,7 +156,7 @@ def quaternion(T):
     return [w.item(), x.item(), y.item(), z.item()]
 
 
-NEAR = "[near]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
+NEAR = "[pose_prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
 
 
 @pytest.mark.parametrize(
@@ -188,17 +188,20 @@ NEAR = "[near]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
             "[table]\ntop_mm = 1\nsd_mm = 1\nnormal = [0, 0, 0]\n",
             "table, normal: expected a direction that is not zero, got [0, 0, 0]",
         ),
-        ("[near]\nros = [1, 2, 3, 0, 0, 0, 2]\nsd_mm = 1\nturn_sd_deg = 1\n", "near, ros: quaternion: expected"),
+        (
+            "[pose_prior]\nros = [1, 2, 3, 0, 0, 0, 2]\nsd_mm = 1\nturn_sd_deg = 1\n",
+            "pose_prior, ros: quaternion: expected",
+        ),
         (NEAR + "sd_mm = 1\nturn_sd = 1\n", "expected one of turn_sd_deg, turn_sd_rad"),
         (NEAR + "covariance_m_rad = [1, 2]\n", "expected 36 numbers, got 2"),
         (NEAR + f"covariance_m_rad = {np.zeros((6, 6)).tolist()}\n", "expected a positive variance"),
         (NEAR + f"covariance_m_rad = {(-np.eye(6)).tolist()}\n", "near, covariance_m_rad"),
         (NEAR + f"ros_covariance_m_rad = {np.eye(6).tolist()}\nturn_sd_deg = 3\n", "got sd_mm and turn_sd_deg and ros"),
         (NEAR + "kuka = [1, 2, 3, 4, 5, 6]\nsd_mm = 1\nturn_sd_deg = 1\n", "expected one pose"),
-        ("[near]\nsd_mm = 1\nturn_sd_deg = 1\n", "expected one pose"),
-        ("[near]\nposition_mm = [1, 2, 3]\nsd_mm = 1\nturn_sd_deg = 1\n", "expected a position and an attitude"),
-        ("[near]\nkuka = [1, 2, 3]\nsd_mm = 1\nturn_sd_deg = 1\n", "kuka: expected 6 numbers, got 3"),
-        ("[near]\nkuca = [1, 2, 3]\nsd_mm = 1\nturn_sd_deg = 1\n", "Did you mean 'kuka'"),
+        ("[pose_prior]\nsd_mm = 1\nturn_sd_deg = 1\n", "expected one pose"),
+        ("[pose_prior]\nposition_mm = [1, 2, 3]\nsd_mm = 1\nturn_sd_deg = 1\n", "expected a position and an attitude"),
+        ("[pose_prior]\nkuka = [1, 2, 3]\nsd_mm = 1\nturn_sd_deg = 1\n", "kuka: expected 6 numbers, got 3"),
+        ("[pose_prior]\nkuca = [1, 2, 3]\nsd_mm = 1\nturn_sd_deg = 1\n", "Did you mean 'kuka'"),
     ],
 )
 def test_refusals_of_files(tmp_path, text, message):
@@ -208,6 +211,6 @@ def test_refusals_of_files(tmp_path, text, message):
     assert message in str(caught.value)
 
 
-def test_a_rough_pose_is_where_it_says(tmp_path):
+def test_a_prior_pose_is_where_it_says(tmp_path):
     prior = read(tmp_path, NEAR + "sd_mm = 1\nturn_sd_deg = 1\n")
     np.testing.assert_allclose(SE3.apply(prior.T_world_part, np.array([1.0, 0, 0])), [0.001, 1.002, 0.003], atol=1e-12)

@@ -228,7 +228,7 @@ def test_a_part_is_found_where_it_is_now(recorded, tmp_path):
     (tmp_path / "block.stl").rename(tmp_path / "moved" / "other.stl")
     record = load_record(path)
     again = session_document(resumed(record, parts_of(record.parts, record.source, folders=[tmp_path / "moved"])))
-    assert again["told"] == document["told"]
+    assert again["observations"] == document["observations"]
     assert again["answer"]["hypotheses"][0]["pose"] == document["answer"]["hypotheses"][0]["pose"]
 
 
@@ -268,7 +268,7 @@ def test_what_a_record_cannot_hold_is_refused(recorded, tmp_path):
         ({"seed": True}, "seed: expected a whole number, got True"),
         ({"stop": {}}, "stop: expected 'probability', got nothing"),
         ({"policy": {"kind": "Best"}}, "policy: expected 'kind' to be one of Information"),
-        ({"told": {}}, "told: expected a list"),
+        ({"observations": {}}, "observations: expected a list"),
         ({"answer": 3}, "answer: expected a table"),
     ],
 )
@@ -282,7 +282,7 @@ def test_what_is_wrong_is_named(change, says, recorded):
 def test_readings_that_cannot_be_are_named(recorded):
     _, path = recorded
     document = json.loads(path.read_text())
-    document["told"].append(document["told"][0])
+    document["observations"].append(document["observations"][0])
     path.write_text(json.dumps(document))
     with pytest.raises(InputError, match=r"told\[1\]: id: expected every reading to have its own"):
         read_record(path)
@@ -299,7 +299,7 @@ def test_questions_that_cannot_be_are_named(recorded):
         ({"number": -5}, "number: expected 1 or more"),
         ({"direction": [0, 0, 2]}, "a unit direction"),
     ):
-        path.write_text(json.dumps(document | {"asked": document["told"][0]["asked"] | change}))
+        path.write_text(json.dumps(document | {"asked": document["observations"][0]["asked"] | change}))
         with pytest.raises(InputError, match=f"^{re.escape(str(path))}, asked.*{says}"):
             read_record(path)
 

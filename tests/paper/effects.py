@@ -254,7 +254,7 @@ def directions_test(hats, model, sd):
 
 
 def plane_of_scan_lines(points):
-    """Worst corner of a 40 mm square known from two scan lines: end points only (section 3), and all points."""
+    """Largest corner sd of a 40 mm square known from two scan lines: end points only (section 3), and all points."""
     sd, t = 0.3, np.linspace(0, 40, points)
     scan = np.r_[np.c_[t, 0 * t, 0 * t], np.c_[0 * t[1:], t[1:], 0 * t[1:]]]
     q = np.array([[0, 0, 0], [40, 0, 0], [0, 0, 0], [0, 40, 0]], dtype=float)
@@ -297,7 +297,9 @@ def main():
     show("(16), section 4.4 at the edge of validity", {"rejection at 5 %": rayleigh()})
     show("section 4.4 sd of the distance [mm]", {f"origin at {s} mm": distance(s) for s in (0, 60, 150)})
     show("(24) mean error [sigma]", {f"offset {k} sigma": folded(k) for k in (0, 1, 2)})
-    show("section 3, worst corner of a plane [mm]", {f"{m} points a line": plane_of_scan_lines(m) for m in (5, 20)})
+    show(
+        "section 3, largest corner sd of a plane [mm]", {f"{m} points a line": plane_of_scan_lines(m) for m in (5, 20)}
+    )
     show("(26) sd of a distance [mm]", {"": sign_of_26()})
     show("(27), (28) sd at theta = 90 degrees [rad]", {"5 mrad of noise": gimbal_lock()})
     show("(25) families of angles", {f"{k} planes": families(k) for k in (3, 4, 5)})

@@ -1,4 +1,4 @@
-"""Real time-of-flight sensors on a wrist in front of two surfaces at right angles: beam, plane, noise and strays.
+"""Real time-of-flight sensors on a wrist in front of two surfaces at right angles: beam, plane, noise and outliers.
 
 Nothing is known before but the poses of the wrist. Published plane residuals: 1.14 mm (VL53L3CX), 3.08 mm (VL6180X).
 """

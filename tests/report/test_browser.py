@@ -171,7 +171,7 @@ def test_the_ghosts_of_a_direction_can_be_shown(open_page):
     watched = open_page("session")
     page, before = watched.page, watched.picture()
     page.locator("[data-way='2']:visible").click()
-    assert page.locator(".ghosts:visible select").input_value() == "2"
+    assert page.locator(".overlays:visible select").input_value() == "2"
     assert differ(before, watched.picture()) > 0.003
 
 
@@ -201,10 +201,10 @@ def test_choosing_a_hypothesis_changes_everything(open_page):
 def test_ghosts_layers_and_views_can_be_changed(open_page):
     watched = open_page("clear")
     page, before = watched.page, watched.picture()
-    page.locator(".ghosts select").select_option("1")
+    page.locator(".overlays select").select_option("1")
     other = watched.picture()
     assert differ(before, other) > 0.003
-    page.locator(".ghosts select").select_option("")
+    page.locator(".overlays select").select_option("")
     without = watched.picture()
     assert differ(before, without) > 0.003
     for layer in ("readings", "beams", "sticks"):

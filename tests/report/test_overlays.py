@@ -1,4 +1,4 @@
-"""The ways in which a pose may be off, and their ghosts."""
+"""The ways in which a pose may be off, and their overlays."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def answer(wedge):
 
 
 def motions(answer, ways, enlarged):
-    """One standard deviation of each way, from the ghosts."""
+    """One standard deviation of each way, from the overlays."""
     T = np.stack([way.Ts_world_part[0, 1] for way in ways])
     return SE3.log(SE3.inverse(answer.T_world_part) @ T) / enlarged
 

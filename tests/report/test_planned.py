@@ -1,4 +1,4 @@
-"""The report of a plan, and of the reading that tells two parts apart."""
+"""The report of a plan, and of the reading that discriminates two parts."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def test_every_answer_has_its_place_in_the_charts_and_its_row(session):
     rows = re.findall(r'<th scope="row">(\d+)</th>', body.text)
     assert rows == [str(k) for k in range(1, len(session.steps) + 1)]
     said = re.findall(r"<title>(.*?)</title>", body.text)
-    curves = 3  # both parts and none of these, from before the first answer on
+    curves = 3  # both parts and unknown object, from before the first answer on
     assert len([s for s in said if "%" in s]) == curves * (len(rows) + 1)
     corners = [float(v) for v in re.findall(r"after \d+: ([\d.]+) mm, of (?:near_)?wedge", body.text)]
     assert corners == pytest.approx([1e3 * s.corner_sd for s in session.steps], rel=6e-3)
@@ -67,7 +67,7 @@ def test_shares_of_a_direction_are_those_of_the_information(wedge):
         each = (rows @ way.xi) ** 2
         assert each.sum() == pytest.approx(1, rel=0.05)  # one standard deviation is what all of them leave
         assert dict(d.shares) == pytest.approx(dict(zip(readings.ids, each / each.sum(), strict=True)), abs=0.01)
-        assert sum(p for _, p in d.shares) + d.rough_pose == pytest.approx(1)
+        assert sum(p for _, p in d.shares) + d.prior == pytest.approx(1)
 
 
 def test_readings_that_do_not_fit_fix_nothing(wedge):

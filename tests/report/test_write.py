@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from report_scenes import SD, ball, touches
-from tanteo.answers import Recognition
+from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.recognition import identify, locate
 from tanteo.report import Run, Section, element, gather, report_page, write_report
@@ -83,7 +83,7 @@ def test_several_hypotheses_have_one_body_each(wedge, near_wedge):
 
 def test_without_a_hypothesis_it_shows_the_readings(run, wedge):
     readings, _ = run
-    answer = Recognition("insufficient", "Sense more.", (), 1.0)
+    answer = Answer("insufficient", "Sense more.", (), 1.0)
     page = report_page(answer, gather(readings), [wedge], Run("tanteo"))
     assert "Too little was sensed" in page
     assert scene_of(page)["hypotheses"] == []
@@ -95,7 +95,7 @@ def test_readings_that_met_nothing_alone_are_no_trouble(wedge):
         points=np.zeros((2, 3)), directions=np.array([[0, 0, 1.0], [0, 1.0, 0]]), kinds=["free"] * 2,
         max_ranges=np.full(2, 0.1),
     )  # fmt: skip
-    page = report_page(Recognition("insufficient", "Sense more.", (), 1.0), gather(free), [wedge], Run("tanteo"))
+    page = report_page(Answer("insufficient", "Sense more.", (), 1.0), gather(free), [wedge], Run("tanteo"))
     assert "beam that met nothing" in page
 
 
@@ -118,7 +118,7 @@ def test_a_large_mesh_and_many_readings_stay_small(run, wedge, tmp_path):
     points = part.vertices[np.random.default_rng(4).integers(len(part.vertices), size=20_000)]
     readings = Readings.from_columns(points=points, sds=np.full(len(points), SD))
     h = replace(best, T_world_part=np.eye(4), pairings=tuple((i, "face 0") for i in readings.ids[5:]), outliers=())
-    answer = Recognition("ambiguous", "Sense more.", (h,) * 5, 0.1)
+    answer = Answer("ambiguous", "Sense more.", (h,) * 5, 0.1)
     file = tmp_path / "report.html"
     write_report(file, report_page(answer, gather(readings), [part], Run("tanteo")))
     assert 1_000_000 < file.stat().st_size < MOST_BYTES

@@ -1,4 +1,4 @@
-"""Free beams move with the errors that readings share: against what is measured when these are there."""
+"""Free-space rays move with the errors that readings share: against what is measured when these are there."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def touched(Ts, free=FREE):
 
 
 def differences(measured_with, d):
-    """How origins and directions of free beams move, a column an error."""
+    """How origins and directions of free-space rays move, a column an error."""
     beams = [[measured_with(way * STEP * e).free for way in (1, -1)] for e in np.eye(d)]
     return (
         np.stack([(getattr(a, name) - getattr(b, name)) / (2 * STEP) for a, b in beams], axis=-1)

@@ -25,8 +25,8 @@ def test_before_the_first_reading(session):
     bars = panel.bars(now)
     shares = [float(s) for s in re.findall(r"([\d.]+) %</span>", bars)]
     assert sum(shares) == pytest.approx(100, abs=0.2)
-    assert [n for n in ("bracket_left", "bracket_right", "none of these") if n in bars] == [
-        "bracket_left", "bracket_right", "none of these",
+    assert [n for n in ("bracket_left", "bracket_right", "unknown object") if n in bars] == [
+        "bracket_left", "bracket_right", "unknown object",
     ]  # fmt: skip
     assert "Nothing yet" in panel.told([])
 

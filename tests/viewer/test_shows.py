@@ -150,7 +150,7 @@ def test_viser_is_imported_by_the_page_alone():
 
 
 def test_whatever_is_read_answers_what_was_asked(targets):
-    """A probe that says a bare point, under a name of its own, is not sent to the same place again."""
+    """A probe that says an unlabelled point, under a name of its own, is not sent to the same place again."""
     session = maker(targets, max_measurements=3)(0, "information").session
     bare = lambda action: Readings.from_columns(  # noqa: E731
         (action.origin + action.expected * action.direction)[None], ids=[f"point {session.count}"], sds=np.array([1e-3])

@@ -1,4 +1,4 @@
-"""First poses: which of them there are, what they cost, and which are looked at further."""
+"""Pose proposals: which of them there are, what they cost, and which are looked at further."""
 
 from __future__ import annotations
 

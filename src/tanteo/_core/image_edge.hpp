@@ -18,7 +18,7 @@ struct Pixel {
 // A point of the camera's frame in the image; no numbers unless it is in front.
 Pixel project(const Lens& lens, const Vec3& p);
 
-// Which of the directions that are told apart a normal has, either sign.
+// Which of the directions that are discriminated a normal has, either sign.
 class Channels {
   public:
     explicit Channels(int64_t count);

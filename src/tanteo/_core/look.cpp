@@ -109,7 +109,7 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
     const double per_area = 1 / shape.area;
     const bool ball = point.radius > (blur > 0 ? ROUGH_BALL : BALL) * widest;
-    const bool kept_off = ball && blur == 0;  // by other faces: blurred noise does not tell them apart
+    const bool kept_off = ball && blur == 0;  // by other faces: blurred noise does not discriminate them
     ball_sees.clear();
     faces_near.clear();
     const double nothing = NOTHING * problem.mean_rate;
@@ -220,7 +220,7 @@ bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, co
     return true;
 }
 
-// Whether the free path of a beam runs through the part, also a little beside it.
+// Whether the free-space ray of a beam runs through the part, also a little beside it.
 bool Likelihood::blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const {
     const double free = point.reach - IN_FRONT * sd - 0.01 * shape.diagonal;
     if (free <= 0) return false;

@@ -17,7 +17,7 @@ struct Point {
     Vec3 direction;     // of the sensor, into the material; or about into it, where only the side is known; else zero
     Vec3 normal;        // sensed, outward; zero where it was not
     double normal_sd = 1;
-    double reach = 0;       // free path before the point along its direction
+    double reach = 0;       // free-space ray before the point along its direction
     double log_outlier = 0; // density if it is an outlier
     Kind kind = Kind::FACE;
     int group = -1;  // of rows that share one face

@@ -1,4 +1,4 @@
-// First poses: pairs of surface samples that are as far apart as two points, spun about their line, scored on the grid.
+// Pose proposals: pairs of surface samples that are as far apart as two points, spun about their line, scored on the grid.
 #pragma once
 #include <cstdint>
 #include <vector>

@@ -29,7 +29,7 @@ struct Maximum {
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum);
 
-// Climbs from all starts to maxima, through blurred noise first. After each level, and a few steps into the last one,
+// Maximizations from all starts to maxima, through blurred noise first. After each level, and a few steps into the last one,
 // those that are behind the best by more than a margin are given up.
 std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
                              const std::vector<double>& blurs, int steps, double enough, double margin);

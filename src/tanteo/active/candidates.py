@@ -133,7 +133,7 @@ def within_cone(directions: Vectors, probe: Probe) -> Vectors:
 def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywhere: bool = True) -> BoolArray:
     """Whether all of the way is inside the workspace, and start and way in clear of every live mode ``(C,)``.
 
-    Clear of a mode is clear of its pose and, ``anywhere``, of draws about it, so that the part is not met wherever it
+    Clear of a mode is clear of its pose and, ``anywhere``, of samples about it, so that the part is not met wherever it
     may be.
     """
     way = _way(candidates, probe)
@@ -151,7 +151,7 @@ def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywh
 def _clear_anywhere(
     state: SensingState, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, clearance: float
 ) -> BoolArray:
-    """Which of the ways that are clear of the live modes' poses are so of draws about them ``(C,)``.
+    """Which of the ways that are clear of the live modes' poses are so of samples about them ``(C,)``.
 
     Of draws wider than the belief, if that leaves enough to choose from; else of its own.
     """
@@ -194,7 +194,7 @@ def _clear_of_draws(
     Args:
         state: what is known.
         k: the mode.
-        xi: the draws, in standard deviations ``(D, 6)``.
+        xi: the samples, in standard deviations ``(D, 6)``.
         way: places of each way ``(n, P, 3)``.
         gaps: of each from the part at the mode's pose ``(n, P)`` [m].
         clearance: to keep [m].

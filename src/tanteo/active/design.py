@@ -154,10 +154,10 @@ class Design:
 def design_of(
     start: Start, probe: Probe, seed: int, feature: str | None = None, steady: float = 0.9, room: float = 0.98
 ) -> Design | None:
-    """The problem of one part at one rough pose, linear about it; None if the probe reaches no place.
+    """The problem of one part at one prior pose, linear about it; None if the probe reaches no place.
 
     Args:
-        start: one part at one rough pose.
+        start: one part at one prior pose.
         probe: what senses.
         seed: of the places that are tried.
         feature: name of one that has to be within the tolerance; the corners of the part's box if not given.

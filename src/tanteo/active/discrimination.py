@@ -28,7 +28,7 @@ _AGREE = 0.02
 """How well, in diagonals of the part."""
 
 _TELLS = 0.3
-"""Information from which a reading is said to tell two parts apart [nats]."""
+"""Information from which a reading is said to discriminate two parts [nats]."""
 
 _FITTED = np.full(8, 3.0)
 """Steps of the fit, and the scale from which a place loses its weight [times how well they agree]."""
@@ -45,7 +45,7 @@ _TWINS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discrimination:
-    """A reading that tells two parts apart.
+    """A reading that discriminates two parts.
 
     Attributes:
         parts: their names.

@@ -53,7 +53,7 @@ class Added:
             likeliest part is another one than before.
         motion: in which direction the pose became better known, in words; empty where in none.
         narrowed: standard deviation along it over that before; NaN without one.
-        corner_sd_before: of the worst corner before them, of the same part, over all poses that it may have [m].
+        corner_sd_before: of the largest corner sd before them, of the same part, over all poses that it may have [m].
         corner_sd: after them [m].
     """
 
@@ -79,13 +79,13 @@ class Direction:
         motion: in words.
         moves: how far one standard deviation along it moves the corners of the part's box, root mean square [m].
         shares: of the information along it, names of readings and their shares, largest first.
-        rough_pose: share of what was known beforehand; all shares sum to one.
+        prior: share of what was known beforehand; all shares sum to one.
     """
 
     motion: str
     moves: float
     shares: tuple[tuple[str, float], ...]
-    rough_pose: float
+    prior: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,14 +143,14 @@ def _added(start: Start, before: Observation | None, after: Observation, met: di
 
 
 def _rough_corner_sd(start: Start, part: int) -> float:
-    """Of the worst corner of a part, by its rough poses."""
+    """Of the largest corner sd of a part, by its prior poses."""
     own = np.flatnonzero(start.part == part)
     rough = {name: getattr(start, name)[own] for name in ("part", "Ts", "covariances", "weights")}
     return largest_corner_sd(begin(replace(start, **rough)))
 
 
 def _about_part(start: Start, before: Observation | None, after: Observation) -> float:
-    """Relative entropy of the parts' probabilities, "none of these" among them, to those before."""
+    """Relative entropy of the parts' probabilities, the unknown object among them, to those before."""
     P = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
     prior = np.r_[P, start.priors.unknown] if before is None else np.r_[before.probabilities, before.unknown]
     now = np.r_[after.probabilities, after.unknown]

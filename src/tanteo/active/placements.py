@@ -23,7 +23,7 @@ _CHOICE, _VERDICT = 256, 1024
 """Placements by which readings are chosen, and others by which the choice is judged: its own would flatter it."""
 
 _NOISES = 4
-"""Draws of the readings' noise at each."""
+"""Samples of the readings' noise at each."""
 
 _SEED = 1991, 27
 
@@ -47,7 +47,7 @@ class Promise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placements:
-    """Draws of where the part lies, how far sensor and robot are off, and what the candidates meet then.
+    """Samples of where the part lies, how far sensor and robot are off, and what the candidates meet then.
 
     Attributes:
         Ts: poses of the part, world ``(S, 4, 4)``.

@@ -42,7 +42,7 @@ class Places:
     @property
     def worst(self) -> str:
         """What a largest deviation is of, in words."""
-        return "worst corner" if self.feature is None else self.feature
+        return "largest corner sd" if self.feature is None else self.feature
 
     @property
     def moves(self) -> FloatArray:

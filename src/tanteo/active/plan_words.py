@@ -80,7 +80,7 @@ def what_it_brings(design: Design, n: int, sd: float, brings: Promise, tolerance
     Args:
         design: the problem.
         n: number of readings.
-        sd: of the worst corner, or of the feature, after them [m].
+        sd: of the largest corner sd, or of the feature, after them [m].
         brings: with which chance.
         tolerance: that is asked for [m].
         confidence: with which it is.

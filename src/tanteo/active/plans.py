@@ -87,7 +87,7 @@ class Plan:
         part: name of the part.
         T_world_part: expected pose ``(4, 4)``.
         readings: the plan.
-        before: standard deviation of the worst corner, or of the feature, before the first [m].
+        before: standard deviation of the largest corner sd, or of the feature, before the first [m].
         reached: the tolerance is kept with the confidence wherever the part turns out to lie, by readings that meet
             their faces at half or more of the placements; also without any, if enough is known before.
         message: one sentence.
@@ -119,7 +119,7 @@ def plan(
     """The fewest readings after which all corners, or a feature, are within a tolerance with a confidence.
 
     Args:
-        start: one part at one rough pose (``at_pose``).
+        start: one part at one prior pose (``at_pose``).
         probe: what senses.
         tolerance: of the corners of the part's box [m].
         confidence: with which they keep it, wherever the part turns out to lie.
@@ -132,7 +132,7 @@ def plan(
         InputError: more than one part or pose, figures that make no sense, or a feature that the part does not have.
     """
     if len(start) != 1:
-        raise InputError(f"plan: expected one part at one rough pose, got {len(start)}. Plan for each.")
+        raise InputError(f"plan: expected one part at one prior pose, got {len(start)}. Plan for each.")
     if not (np.isfinite(tolerance) and tolerance > 0 and 0 < confidence < 1 and max_measurements >= 1):
         raise InputError("plan: expected a positive tolerance, a confidence between 0 and 1 and a reading at least.")
     part = start.targets[0].part

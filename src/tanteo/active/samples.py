@@ -95,7 +95,7 @@ def draw(state: SensingState, count: int, tolerance: float | None = None, featur
 def _from_draws(
     state: SensingState, alive: IntArray, counts: IntArray, kept: Covariances, Ts: Transforms
 ) -> tuple[Covariances, Transforms]:
-    """Where a mode is not normal, the draws of the belief, with a share of the curvature at its maximum."""
+    """Where a mode is not normal, the samples of the belief, with a share of the curvature at its maximum."""
     first = np.cumsum(counts) - counts
     for k, n, at in zip(alive, counts, first, strict=True):
         if state.draws is None or state.modes[k].normal or n < 2:

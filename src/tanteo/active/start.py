@@ -1,4 +1,4 @@
-"""What is assumed before the first reading: where each part may be, as a mixture of rough poses."""
+"""What is assumed before the first reading: where each part may be, as a mixture of prior poses."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from tanteo.parts.several import as_part
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _BEYOND = 1.2
-"""Spread of the poses that are looked at, in that of the rough poses."""
+"""Spread of the poses that are looked at, in that of the prior poses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """Rough poses of parts, each normal, with their probabilities; "none of these" has the rest.
+    """Rough poses of parts, each normal, with their probabilities; the unknown object has the rest.
 
     Attributes:
         targets: the parts, prepared (``inference.prepare``).
-        part: index of the part of each rough pose ``(A,)``.
-        Ts: rough poses ``T_world_part`` ``(A, 4, 4)``.
+        part: index of the part of each prior pose ``(A,)``.
+        Ts: prior poses ``T_world_part`` ``(A, 4, 4)``.
         covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
         weights: their probabilities, if it is one of the parts: they sum to one ``(A,)``.
-        priors: of "none of these" and of stray readings; the radius of the workspace.
+        priors: of the unknown object and of outliers; the radius of the workspace.
 
     Raises:
-        InputError: no part, no rough pose of it, weights that are no probabilities, a covariance without spread.
+        InputError: no part, no prior pose of it, weights that are no probabilities, a covariance without spread.
     """
 
     targets: tuple[PreparedPart, ...]
@@ -47,7 +47,7 @@ class Start:
 
     def __post_init__(self) -> None:
         if not self.targets or not len(self.part):
-            raise InputError("start: expected a part and a rough pose of it, got none. Give both.")
+            raise InputError("start: expected a part and a prior pose of it, got none. Give both.")
         Ts, C = check_transforms("start, T_world_part", self.Ts), check_covariances("start", self.covariances, 6)
         w = np.array(self.weights, dtype=np.float64)
         if not (Ts.shape[:-2] == C.shape[:-2] == w.shape == np.shape(self.part) == (len(self.part),)):
@@ -83,7 +83,7 @@ class Start:
         return len(self.part)
 
     def prior(self, rows: IntArray) -> PosePrior:
-        """The rough poses of those rows, as what is known of as many poses."""
+        """The prior poses of those rows, as what is known of as many poses."""
         return PosePrior(self.Ts[rows], self.covariances[rows])
 
     def shares(self) -> FloatArray:
@@ -91,7 +91,7 @@ class Start:
         return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)
 
     def mixtures(self) -> dict[int, PoseMixture]:
-        """The rough poses of each part that has any, given that it is this one, by the id of the part."""
+        """The prior poses of each part that has any, given that it is this one, by the id of the part."""
         out = {}
         for k, share in enumerate(self.shares()):
             own = np.flatnonzero((self.part == k) & (self.weights > 0))
@@ -101,7 +101,7 @@ class Start:
         return out
 
     def likeliest(self, part: int, T_world_part: Transforms) -> int:
-        """Row of the rough pose of a part from which a pose ``(4, 4)``, or a symmetric one, most probably is."""
+        """Row of the prior pose of a part from which a pose ``(4, 4)``, or a symmetric one, most probably is."""
         own = np.flatnonzero((self.part == part) & (self.weights > 0))
         if len(own) == 1:
             return int(own[0])
@@ -112,7 +112,7 @@ class Start:
         return int(own[np.argmax(log - 0.5 * np.sum(white * white, axis=-1).min(axis=1))])
 
     def drawn(self, part: int, count: int) -> Transforms:
-        """The same poses of a part every time, over all its rough poses and somewhat beyond ``(count, 4, 4)``."""
+        """The same poses of a part every time, over all its prior poses and somewhat beyond ``(count, 4, 4)``."""
         rows = np.flatnonzero(self.part == part)
         which = np.resize(rows, count)
         xi = np.random.default_rng((1991, part)).normal(size=(count, 6, 1))
@@ -132,7 +132,7 @@ def around(
         targets: the parts, prepared or not, all equally probable.
         T_world_place: the place ``(4, 4)``.
         covariance: of the part there ``(6, 6)``, order x y z rx ry rz, in the frame of the place at the centroid.
-        priors: of "none of these" and of stray readings.
+        priors: of the unknown object and of outliers.
 
     Raises:
         InputError: no parts, a place that is no rigid motion, a covariance that cannot be one or is in degrees.
@@ -157,7 +157,7 @@ def around(
 def at_pose(
     target: PreparedPart | Part, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None
 ) -> Start:
-    """One part at a rough pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
+    """One part at a prior pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
     T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     return Start(
         prepare_all("part", as_part("part", target)),
@@ -177,7 +177,7 @@ def from_hypotheses(
     Args:
         hypotheses: of the answer; parts by name.
         targets: these parts.
-        priors: of "none of these" and of stray readings.
+        priors: of the unknown object and of outliers.
 
     Raises:
         InputError: a hypothesis names a part that is not among the targets.

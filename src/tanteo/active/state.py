@@ -1,4 +1,4 @@
-"""The belief while sensing goes on: the posterior of all readings, under the rough poses of a start.
+"""The belief while sensing goes on: the posterior of all readings, under the prior poses of a start.
 
 Before the first reading it is the start itself. After that :func:`tanteo.inference.update.update` leads from one
 posterior to the next, and what is asked of a belief are its modes, as normal densities or by their samples.
@@ -41,13 +41,13 @@ class SensingState:
     Attributes:
         start: what was assumed beforehand.
         posterior: of all readings; None before the first.
-        unknown: probability of "none of these".
+        unknown: probability of the unknown object.
         draws: samples of all of it; None before the first reading.
-        poses: where the part may be, best first ``(M, 4, 4)``: the modes, or the rough poses before the first reading.
+        poses: where the part may be, best first ``(M, 4, 4)``: the modes, or the prior poses before the first reading.
         covariances: of them ``(M, 6, 6)``.
         part: index of the part of each ``(M,)``.
         weights: probability of each ``(M,)``; sums to one with ``unknown``.
-        rows: rough pose of the start from which each most probably is ``(M,)``.
+        rows: prior pose of the start from which each most probably is ``(M,)``.
         chances: of being within tolerances, see :func:`tanteo.active.chance_within`, as far as they were asked for.
     """
 

@@ -23,7 +23,7 @@ _FAINT = 0.1
 """Share of the least gain below which a reading is no longer expected to tell anything: so exact are expectations."""
 
 _HALF = 0.5
-"""Probability of "none of these" above which no reading is made to confirm a part; nothing less probable is known."""
+"""A part counts as identified only above 50 %: below, no reading is made to confirm it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Stop:
             ``vertex 2``: a face along its normal, an edge across itself. Of parts that have none of that name, the
             corners.
         least_gain: information below which no reading is worth making [nats], but to confirm what is known but for
-            "none of these", and where the readings that may still be made tell what little is left to know.
+            the unknown object, and where the readings that may still be made tell what little is left to know.
         max_measurements: number of readings at which to end in any case.
 
     Raises:
@@ -108,7 +108,7 @@ class Stop:
     def confirms(self, state: SensingState) -> bool:
         """Whether more readings on the part are all that is missing: which it is among the parts, and where, is known.
 
-        Then only "none of these" is in the way. That it is a part like this one gets less probable by one over the
+        Then only the unknown object is in the way. That it is a part like this one gets less probable by one over the
         number of readings that are on it; no single one of them tells much.
         """
         if self.probability is None or not len(state.weights) or state.unknown > _HALF:

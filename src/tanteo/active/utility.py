@@ -42,7 +42,7 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
         samples: of the belief.
         predicted: what each reading would be under them.
         probe: what senses.
-        groups: what to tell apart instead of the modes, a number for every sample ``(S,)``; the parts, say.
+        groups: what to discriminate instead of the modes, a number for every sample ``(S,)``; the parts, say.
     """
     groups = samples.mode if groups is None else groups
     names, group = np.unique(groups, return_inverse=True)

@@ -7,13 +7,13 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.answers.pose_prior import PosePrior, Table
     from tanteo.answers.priors import Priors
-    from tanteo.answers.results import Hypothesis, Recognition
+    from tanteo.answers.results import Answer, Hypothesis
 
 __all__ = [
+    "Answer",
     "Hypothesis",
     "PosePrior",
     "Priors",
-    "Recognition",
     "Table",
 ]
 
@@ -22,6 +22,6 @@ __getattr__, __dir__ = lazy(
     {
         "pose_prior": "PosePrior Table",
         "priors": "Priors",
-        "results": "Hypothesis Recognition",
+        "results": "Hypothesis Answer",
     },
 )

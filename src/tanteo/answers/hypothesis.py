@@ -33,7 +33,7 @@ def hypothesis_at(
     Args:
         part: the part.
         T_world_part: its pose ``(4, 4)``.
-        covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad]; uniform draws along ``free``.
+        covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad]; uniform samples along ``free``.
         free: motions that nothing resists, the part's spins among them, over :func:`part_scale` ``(k, 6)``.
         probability: posterior.
         chi2: joint squared Mahalanobis distance.

@@ -136,7 +136,7 @@ def motion_words(part: Part, motion: Tangents, T_world_part: Transforms) -> str:
 
 
 def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
-    """The face that resists a free motion best, in words; empty if no planar face does.
+    """The face that resists an unobserved direction best, in words; empty if no planar face does.
 
     Args:
         part: the part.

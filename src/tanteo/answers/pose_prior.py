@@ -1,4 +1,4 @@
-"""What is known of the pose before anything is sensed: a rough pose, a box, a table."""
+"""What is known of the pose before anything is sensed: a prior pose, a box, a table."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ class PosePrior:
     """Any of these, together; nothing given means anywhere in the workspace, in any attitude.
 
     Attributes:
-        T_world_part: a rough pose ``(4, 4)``; or one for each pose that is asked about ``(S, 4, 4)``.
+        T_world_part: a prior pose ``(4, 4)``; or one for each pose that is asked about ``(S, 4, 4)``.
         covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad]; or of each.
         box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
         table: what the part rests on.
         root: of the inverse of the covariance, which makes residuals standard ones ``(6, 6)``; or of each.
 
     Raises:
-        InputError: for half a rough pose, one that is no rigid motion, or a box upside down.
+        InputError: for half a prior pose, one that is no rigid motion, or a box upside down.
     """
 
     T_world_part: Transforms | None = None
@@ -61,7 +61,7 @@ class PosePrior:
 
     def __post_init__(self) -> None:
         if (self.T_world_part is None) != (self.covariance is None):
-            raise InputError("prior: expected a rough pose with its covariance, got one of the two. Give both.")
+            raise InputError("prior: expected a prior pose with its covariance, got one of the two. Give both.")
         if self.covariance is not None:
             C = check_covariances("prior, covariance", self.covariance, 6)
             if np.linalg.eigvalsh(C).min(initial=np.inf) <= 0:
@@ -89,7 +89,7 @@ def prior_rows(
         prior: what is known.
         part: the part.
         Ts: poses ``(S, 4, 4)``.
-        rows: where the prior has one rough pose for each that is asked about, which of them these are ``(S,)``.
+        rows: where the prior has one prior pose for each that is asked about, which of them these are ``(S,)``.
     """
     r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
     if prior is not None and prior.T_world_part is not None:
@@ -115,7 +115,7 @@ def prior_residuals(prior: PosePrior, part: Part, Ts: Transforms) -> FloatArray:
 
 
 def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tuple[FloatArray, FloatArray]:
-    """Perturbations from the rough poses ``(S, 6)``, and the roots that make them standard ones."""
+    """Perturbations from the prior poses ``(S, 6)``, and the roots that make them standard ones."""
     T0, L = prior.T_world_part, prior.root
     assert T0 is not None
     assert L is not None
@@ -136,7 +136,7 @@ def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, Flo
 def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
     """Log of the prior density over that of "anywhere", less the residuals of :func:`prior_rows`; within the box.
 
-    One number, or ``(S,)`` if the prior has as many rough poses.
+    One number, or ``(S,)`` if the prior has as many prior poses.
 
     Args:
         prior: what is known.

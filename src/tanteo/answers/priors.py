@@ -9,7 +9,7 @@ from tanteo.errors import InputError
 from tanteo.limits import check_length, check_number
 
 OFTEN = 0.99
-"""More features than this cannot be said to be clutter: nothing would be left of the part."""
+"""More features than this cannot be said to be outliers: nothing would be left of the part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,16 +18,17 @@ class Priors:
 
     Attributes:
         unknown: probability that the object is none of the parts.
-        outlier_rate: probability that a sensed feature does not belong to the part; of bare readings the mean of a rate
-            that the readings themselves find out (decision 35).
+        outlier_rate: probability that a sensed feature does not belong to the part; of unlabelled readings the mean of
+            a rate that the readings themselves find out (decision 35).
         radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
-        kin: of unknown parts, the share that are like one of the catalogue but for some faces; for bare readings.
+        near variant: of unknown parts, the share that are like one of the catalogue but for some faces; for unlabelled
+        readings.
         pose: what is known of the pose.
 
     Raises:
         InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can
-            teach), clutter above 99 %, a share below 0 or not below 1, or a radius that is no length.
+            teach), outliers above 99 %, a share below 0 or not below 1, or a radius that is no length.
     """
 
     unknown: float = 0.05
@@ -49,7 +50,7 @@ class Priors:
         if not 0 <= self.right_angled < 1:
             raise InputError(f"priors, right_angled: expected a share from 0 to below 1, got {self.right_angled}.")
         if self.outlier_rate > OFTEN:
-            raise InputError(f"priors, clutter: expected at most {OFTEN}, got {self.outlier_rate}. Say less.")
+            raise InputError(f"priors, outliers: expected at most {OFTEN}, got {self.outlier_rate}. Say less.")
         check_length("priors, radius", self.radius)
 
 

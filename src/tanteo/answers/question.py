@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tanteo.answers.priors import Priors
-from tanteo.answers.results import Recognition
+from tanteo.answers.results import Answer
 from tanteo.errors import InputError, check_kind
 from tanteo.limits import check_count, check_number
 from tanteo.parts.several import as_parts
@@ -32,7 +32,7 @@ def check_question(parts: Any, significance: float, top: int, seed: int, priors:
     return found
 
 
-def with_elapsed(recognition: Recognition, **seconds: float) -> Recognition:
+def with_elapsed(recognition: Answer, **seconds: float) -> Answer:
     """The same answer with more stages in its clock (loading, measuring); the total grows by them."""
     elapsed = {**seconds, **recognition.elapsed}
     elapsed["total"] = recognition.elapsed.get("total", 0.0) + sum(seconds.values())

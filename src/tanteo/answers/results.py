@@ -19,7 +19,7 @@ class Hypothesis:
     Attributes:
         part: name of the part.
         file: where it was read from.
-        probability: posterior, over all parts, poses and "none of these".
+        probability: posterior, over all parts, poses and the unknown object.
         T_world_part: pose ``(4, 4)``, maps points of the part [m] to the world.
         covariance: ``(6, 6)``, order x y z rx ry rz, in the part frame, right perturbation [m, rad]. Directions that
             nothing observes carry the variance of a uniform draw over the part's size (diagonal of its box) or a turn.
@@ -67,7 +67,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recognition:
+class Answer:
     """The answer to "which part is it, and where".
 
     Attributes:
@@ -75,7 +75,7 @@ class Recognition:
             ``insufficient`` (the readings leave a direction free that no symmetry explains).
         message: one sentence for a person, with what to do next when it is not recognized.
         hypotheses: best first.
-        unknown_probability: posterior of "none of these"; sums to one with all hypotheses, reported or not.
+        unknown_probability: posterior of the unknown object; sums to one with all hypotheses, reported or not.
         elapsed: seconds by stage.
         seed: of the search; the same seed gives the same answer.
     """

@@ -39,7 +39,7 @@ def verdict(
 
     Args:
         hypotheses: best first.
-        unknown: probability of "none of these".
+        unknown: probability of the unknown object.
         significance: least p-value of an answer.
         cut: whether the search dropped something.
         as_published: the paper has no joint test, so the p-value does not reject.
@@ -60,7 +60,7 @@ def verdict(
         closest = elsewhere or hypotheses[0].part
         return "unknown", (
             f"The closest part is {closest}, but it is not where it was said to be (p = {prior_p:.2g}): "
-            "check what was said of the pose beforehand, or leave it out and compare." + note
+            "check the prior pose beforehand, or leave it out and compare." + note
         )
     if not hypotheses or (unknown > max(h.probability for h in hypotheses) and not known):
         return "unknown", _unknown_message(hypotheses, unknown) + note
@@ -78,7 +78,7 @@ def verdict(
     if best.probability < least:
         return "ambiguous", _ambiguous_message(hypotheses, unknown, shares, same) + note
     sure, else_ = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
-    located = f"located to {1e3 * best.corner_sd:.2g} mm (1 sd, worst corner)"
+    located = f"located to {1e3 * best.corner_sd:.2g} mm (1 sd, largest corner sd)"
     return "recognized", f"{best.part}{sure}, {located}{else_}." + note
 
 
@@ -89,7 +89,7 @@ def doubt(
 
     Args:
         best: the answer.
-        unknown: probability of "none of these".
+        unknown: probability of the unknown object.
         shares: part and probability of all modes, that of the answer first.
         any_pose: all poses of its part are the answer.
     """

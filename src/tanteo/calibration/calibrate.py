@@ -1,4 +1,4 @@
-"""From a log of planes to beams, noise and strays."""
+"""From a log of planes to beams, noise and outliers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tanteo.calibration.noise import law_cov, place_basis, with_noise_uncertain
 from tanteo.calibration.prior import Prior, make_prior
 from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, make_outliers, robot_tilt_cov
 from tanteo.calibration.start import starts
-from tanteo.calibration.words import is_lost, status_of, untold
+from tanteo.calibration.words import is_lost, status_of, undetermined
 from tanteo.errors import ReadingsError
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
 
@@ -42,10 +42,10 @@ def calibrate(
     sensor: SensorPreset | str | None = None,
     robot: RobotPreset | str | None = None,
 ) -> Calibration:
-    """Estimate beam poses, noise and strays from ranges of planes, which are unknown, at known poses of the hand.
+    """Estimate beam poses, noise and outliers from ranges of planes, which are unknown, at known poses of the hand.
 
     All sensors and planes of the log are estimated together, with one beam for each sensor: use one log for each
-    mounting. Noise, the share of strays and the geometry are estimated at once; nothing has to be chosen. What the
+    mounting. Noise, the outlier fraction and the geometry are estimated at once; nothing has to be chosen. What the
     log does not tell keeps the uncertainty that it had before and is named.
 
     Args:
@@ -85,7 +85,7 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
     squares = law_cov(*about)
     fit = replace(fit, cov=with_noise_uncertain(*about))
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
-    told = [untold(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
+    told = [undetermined(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
     status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
     aside = fit.outlier > 0.5
     inexplicable = aside & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
@@ -111,7 +111,7 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
             repeats=log.repeats[k],
             place_sds=np.sqrt(fit.law.squares[k]),
             place_cov=squares[k],
-            untold=told[k],
+            undetermined=told[k],
         )
         for k, name in enumerate(log.beams)
     )

@@ -1,4 +1,4 @@
-"""The calibration itself: geometry, noise and strays together, from several starts; the likeliest is kept."""
+"""The calibration itself: geometry, noise and outliers together, from several starts; the likeliest is kept."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Fit:
         prediction: Of every station.
         residuals: Read less predicted [m], ``(m,)``.
         variances: Of good residuals [m^2], ``(m,)``.
-        outlier: How probably each station is a stray, ``(m,)``.
+        outlier: How probably each station is an outlier, ``(m,)``.
         cov: Of all parameters, ``(size, size)``.
         evidence: Logarithm of the probability of the stations under the mixture, with the setup integrated out
             around its best (Laplace); comparable between fits of one log.
@@ -53,14 +53,14 @@ class Fit:
 
     @property
     def explains(self) -> bool:
-        """Most places are no strays, and chance does not explain them as well."""
+        """Most places are no outliers, and chance does not explain them as well."""
         return bool(np.mean(self.outlier > 0.5) < 0.5) and self.gain > 0
 
 
 def refine(
     setup: Setup, log: PlaneLog, prior: Prior, *, share: float = 0.5, law: PlaceLaw | None = None, passes: int = _PASSES
 ) -> Fit:
-    """Climb from one start: weights of strays, setup and noise in turns, until nothing moves.
+    """Climb from one start: weights of outliers, setup and noise in turns, until nothing moves.
 
     Args:
         setup: The start.
@@ -115,7 +115,7 @@ def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw | None, set
 
 
 def _strays(log: PlaneLog, residuals: FloatArray, v: FloatArray) -> FloatArray:
-    """Probabilities of the stations to be strays, each sensor with its own share."""
+    """Probabilities of the stations to be outliers, each sensor with its own share."""
     out = np.zeros(len(log))
     for k in range(len(log.beams)):
         mine = log.beam == k
@@ -148,7 +148,7 @@ def _covariance(information: FloatArray, prior: Prior) -> FloatArray:
 
 
 def best_fit(log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior]) -> tuple[Fit, Prior]:
-    """The likeliest of the fits from several starts, each with few and with more strays at the beginning.
+    """The likeliest of the fits from several starts, each with few and with more outliers at the beginning.
 
     All take their first steps; those that are then ahead go on until they settle.
     """

@@ -12,7 +12,7 @@ from tanteo.sensors import NoiseLaw, Readings, Rig
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 _FEWEST_REPEATS = 5
-"""Repeats of one place that can tell a stray one among them."""
+"""Repeats of one place that can tell an outlier one among them."""
 
 _PASSES = 50
 
@@ -42,7 +42,7 @@ class PlaneLog:
         beam: Number of the sensor of each station, ``(m,)``.
         plane: Number of its plane, ``(m,)``.
         Ts_world_hand: Where the hand was, ``(m, 4, 4)``.
-        ranges: Mean of the station's readings without strays among them [m], ``(m,)``.
+        ranges: Mean of the station's readings without outliers among them [m], ``(m,)``.
         counts: How many they are, ``(m,)``.
         station: Station of every reading, -1 for one that was not used, ``(n,)``.
         is_outlier: Readings that do not belong to the others of their station, ``(n,)``.
@@ -148,7 +148,7 @@ def _numbered(names: tuple[str, ...], used: BoolArray) -> tuple[tuple[str, ...],
 
 
 def _repeat_noise(d: FloatArray, station: IntArray, width: float) -> tuple[Repeats, BoolArray]:
-    """The law of the differences within stations, and the readings that are strays among their repeats."""
+    """The law of the differences within stations, and the readings that are outliers among their repeats."""
     _, local = np.unique(station, return_inverse=True)
     counts = np.bincount(local)
     outliers = np.zeros(len(d), dtype=bool)

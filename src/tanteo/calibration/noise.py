@@ -20,7 +20,7 @@ TERMS = ("floor", "per range", "across")
 """Standard deviations of the place law: [m], per metre of range, per metre of range and tangent of the incidence."""
 
 _LEAST = 1e-12
-"""Least variance: a micrometre. A log without any scatter shall not be believed more than numbers can be told apart."""
+"""Least variance: a micrometre. A log without scatter is not believed beyond the resolution of its numbers."""
 
 _LARGEST_DENSE = 1500
 """Stations up to which the covariance of the variances takes account of how they were fitted."""
@@ -60,7 +60,7 @@ def first_law(log: PlaneLog, residuals: FloatArray, basis: FloatArray, share: fl
         log: The stations.
         residuals: At the start [m], ``(m,)``.
         basis: Of :func:`place_basis`.
-        share: The smaller residuals up to this share are trusted; the less, the more stations begin as strays.
+        share: The smaller residuals up to this share are trusted; the less, the more stations begin as outliers.
     """
     squares = np.empty((len(log.beams), len(TERMS)))
     for k in range(len(log.beams)):
@@ -80,7 +80,7 @@ def improved(
         law: The law so far.
         log: The stations.
         residuals: At the fitted setup [m], ``(m,)``.
-        weights: How probably each station is no stray, ``(m,)``.
+        weights: How probably each station is no outlier, ``(m,)``.
         basis: Of :func:`place_basis`.
         hat: Variance of the fitted range of every station [m^2], ``(m,)``.
     """
@@ -128,7 +128,7 @@ def with_noise_uncertain(
     Args:
         law: The noise.
         log: The stations.
-        weights: How probably each station is no stray, ``(m,)``.
+        weights: How probably each station is no outlier, ``(m,)``.
         basis: Of :func:`place_basis`.
         jacobian: Of the ranges over all parameters, ``(m, size)``.
         cov: Of all parameters as if the noise were known.

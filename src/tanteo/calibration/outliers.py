@@ -1,7 +1,8 @@
-"""Which residuals belong to the noise and which are strays: a mixture, whose share of strays is estimated, too.
+"""Which residuals belong to the noise and which are outliers: a mixture, whose outlier fraction is estimated, too.
 
-A good residual is normal with its own variance; a stray one may be anywhere within the width of what the device can
-report. Nothing has to be chosen: how far off a stray must be follows from the noise, the width and how many there are.
+A good residual is normal with its own variance; an outlier one may be anywhere within the width of what the device can
+report. Nothing has to be chosen: how far off an outlier must be follows from the noise, the width and how many there
+are.
 """
 
 from __future__ import annotations
@@ -14,16 +15,16 @@ _PASSES = 100
 _SETTLED = 1e-9
 
 _LARGEST_SHARE = 0.5
-"""A device whose readings are mostly strays is not a sensor: the rest must be explained."""
+"""A device whose readings are mostly outliers is not a sensor: the rest must be explained."""
 
 
 def outlier_probabilities(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> FloatArray:
-    """How probable it is that each residual is a stray.
+    """How probable it is that each residual is an outlier.
 
     Args:
         residuals: Differences from what is expected [m], ``(n,)``.
         variances: Of the good ones [m^2], ``(n,)``.
-        width: Of the ranges that the device can report [m]: the density of a stray is one over it.
+        width: Of the ranges that the device can report [m]: the density of an outlier is one over it.
     """
     good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
     outlier = 1.0 / np.broadcast_to(width, good.shape)
@@ -39,7 +40,7 @@ def outlier_probabilities(residuals: FloatArray, variances: FloatArray, width: F
 
 
 def _share(p: FloatArray) -> float:
-    """Share of strays: half a stray and half a good one are added (Jeffreys), and most are good."""
+    """Share of outliers: half an outlier and half a good one are added (Jeffreys), and most are good."""
     return float(min((p.sum() + 0.5) / (len(p) + 1), _LARGEST_SHARE))
 
 

@@ -1,4 +1,4 @@
-"""What a calibration found: beams, noise, planes, strays, and what the log cannot tell."""
+"""What a calibration found: beams, noise, planes, outliers, and what the log cannot tell."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class BeamFit:
         repeats: From reading to reading at one place.
         place_sds: From place to place: floor [m], per range, and across the beam per range, ``(3,)``.
         place_cov: Of the squares of ``place_sds``, ``(3, 3)``.
-        untold: What the log does not tell about it, in words; empty if it tells all.
+        undetermined: What the log does not tell about it, in words; empty if it tells all.
     """
 
     name: str
@@ -40,7 +40,7 @@ class BeamFit:
     repeats: Repeats
     place_sds: FloatArray
     place_cov: FloatArray
-    untold: tuple[str, ...]
+    undetermined: tuple[str, ...]
 
     def __post_init__(self) -> None:
         for name in ("T_hand_beam", "cov", "place_sds", "place_cov"):
@@ -55,7 +55,7 @@ class PlaneFit:
         name: Its label.
         T_world_plane: A frame on it with z along the normal, towards the sensors.
         cov: Of tilts about x and y and shift along z [rad, m], with the robot's error, ``(3, 3)``.
-        rms: Of the distances of the stations that are no strays [m].
+        rms: Of the distances of the stations that are no outliers [m].
         stations: How many these are.
     """
 
@@ -103,7 +103,7 @@ class Calibration:
         incidences: Of the stations [rad], ``(m,)``.
         residuals: Ranges less what is predicted [m], ``(m,)``.
         sds: What is expected of the residuals [m], ``(m,)``.
-        good: Stations that are no strays, ``(m,)``.
+        good: Stations that are no outliers, ``(m,)``.
         cov: Of all parameters (7 a beam, then 3 a plane) without the robot's absolute error.
     """
 

@@ -1,4 +1,4 @@
-"""Where to start: beams and planes from the log alone, or from a rig; strays must not matter here.
+"""Where to start: beams and planes from the log alone, or from a rig; outliers must not matter here.
 
 For a given normal the place of the plane, the origin and the direction of the beam are linear in the readings, so a
 hundred or so normals are tried and those with the least sum of absolute residuals are kept: once with all stations and

@@ -31,7 +31,7 @@ _NAMES = (
 )
 
 
-def untold(cov: FloatArray, prior: FloatArray) -> tuple[str, ...]:
+def undetermined(cov: FloatArray, prior: FloatArray) -> tuple[str, ...]:
     """Directions in a beam's parameters that the log did not tell.
 
     Judged in the coordinates that make the prior a unit ball: what a unit is does not matter.

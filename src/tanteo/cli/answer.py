@@ -11,14 +11,12 @@ from tanteo.io.poses import pose_as_brand
 from tanteo.lie import SO3
 
 if TYPE_CHECKING:
-    from tanteo.answers import Hypothesis, Recognition
+    from tanteo.answers import Answer, Hypothesis
 
 _MOST_NAMES = 12
 
 
-def answer_lines(
-    recognition: Recognition, known: str = "", *, frame: str = "world", verbose: bool = False
-) -> list[str]:
+def answer_lines(recognition: Answer, known: str = "", *, frame: str = "world", verbose: bool = False) -> list[str]:
     """The lines for a person.
 
     Args:
@@ -35,7 +33,7 @@ def answer_lines(
     if len(recognition.hypotheses) > 1:
         lines += ["", "It could also be:", *_others(recognition.hypotheses[1:])]
     if recognition.status == "unknown" and best is not None and best.probability > recognition.unknown_probability:
-        lines += ["", "A test says that none of these parts fits; the probabilities are what they were if one did."]
+        lines += ["", "A test says that unknown object parts fits; the probabilities are what they were if one did."]
     elif best is not None or recognition.status == "unknown":
         lines += ["", f"None of these parts: {_percent(recognition.unknown_probability)}."]
     if best is not None and best.outliers:
@@ -47,14 +45,14 @@ def answer_lines(
     return [*lines, "", printable(recognition.message)]
 
 
-def _headline(recognition: Recognition, frame: str) -> str:
+def _headline(recognition: Answer, frame: str) -> str:
     if not recognition.hypotheses:
         reason = "too little was sensed" if recognition.status == "insufficient" else "no part fits these readings"
         return f"{recognition.status}: {reason}"
     best = recognition.hypotheses[0]
     where = (
         f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the {frame}; "
-        f"probability {_percent(best.probability)}, worst corner sd {_millimetres(best.corner_sd)}"
+        f"probability {_percent(best.probability)}, largest corner sd sd {_millimetres(best.corner_sd)}"
     )
     return {
         "recognized": where,

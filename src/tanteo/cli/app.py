@@ -65,7 +65,7 @@ TipSd = Annotated[
 RigPath = Annotated[
     str | None, typer.Option("--rig", metavar="FILE", help="Where the range sensors sit on the hand (TOML).")
 ]
-Alpha = Annotated[float, typer.Option("--significance", help="Share of true answers that the tests may lose.")]
+Alpha = Annotated[float, typer.Option("--significance", help="Significance level of the tests.")]
 Top = Annotated[int, typer.Option("--top", help="How many hypotheses to report.")]
 AsPublished = Annotated[bool, typer.Option("--as-published", help="Use the equations as the paper prints them.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]

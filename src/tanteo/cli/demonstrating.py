@@ -21,7 +21,10 @@ def demonstrate(report: str, seed: int, *, show: bool) -> None:
     from tanteo.demo import tell
 
     told = tell(lambda line: emit([printable(line)]), seed)
-    facts = ("Truly off by, worst corner", f"{1e3 * told.off:.2f} mm"), ("Readings at random for the same", told.random)
+    facts = (
+        ("Truly off by, largest corner sd", f"{1e3 * told.off:.2f} mm"),
+        ("Readings at random for the same", told.random),
+    )
     report_session(report, told.session, *facts, as_json=False)
     if show and sys.stdout.isatty():
         webbrowser.open(Path(report).resolve().as_uri())

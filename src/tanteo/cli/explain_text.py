@@ -23,7 +23,7 @@ def explain_lines(told: Explanation) -> list[str]:
     lines += table(headers, [_step(a) for a in told.added], left=(0, 1, 5, 7), indent=2)
     if told.directions:
         lines += ["", bold(f"What the pose of {told.part} rests on, the worst known direction first:")]
-        headers = ["direction", "corners mm", "readings", "rough pose"]
+        headers = ["direction", "corners mm", "readings", "prior pose"]
         lines += table(headers, [_direction(d) for d in told.directions], left=(0, 2), indent=2)
     return lines
 
@@ -32,14 +32,14 @@ def _step(a: Added) -> list[str]:
     met = ", ".join(dict.fromkeys(a.met)) or "told before"
     return [
         ", ".join(a.ids) or "-", met, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
-        _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "none of these", _percent(a.probability),
+        _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "unknown object", _percent(a.probability),
         a.motion or "-", _percent(a.narrowed),
     ]  # fmt: skip
 
 
 def _direction(d: Direction) -> list[str]:
     named = [f"{name} {_percent(share)}" for name, share in d.shares if share >= _NOTABLE]
-    return [d.motion, f"{1e3 * d.moves:.3g}", ", ".join(named) or "-", _percent(d.rough_pose)]
+    return [d.motion, f"{1e3 * d.moves:.3g}", ", ".join(named) or "-", _percent(d.prior)]
 
 
 def _number(value: float, form: str) -> str:

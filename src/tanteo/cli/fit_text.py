@@ -1,4 +1,4 @@
-"""A calibration in words and tables: beams, noise, planes, coverage, strays."""
+"""A calibration in words and tables: beams, noise, planes, coverage, outliers."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _beam_lines(beam: BeamFit) -> list[str]:
         )
     else:
         lines.append("  repeats     none: how readings of one place differ is in the line above")
-    return [*lines, *(f"  not told    {words}" for words in beam.untold)]
+    return [*lines, *(f"  not told    {words}" for words in beam.undetermined)]
 
 
 def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]) -> list[str]:
@@ -133,7 +133,7 @@ def _count(n: int, reason: str) -> str:
     return (
         f"{n} {what}{'s' if n > 1 else ''} {reason}"
         if reason != "outlier"
-        else f"{n} stray {what}{'s' if n > 1 else ''}"
+        else f"{n} outlier {what}{'s' if n > 1 else ''}"
     )
 
 

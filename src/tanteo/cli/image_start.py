@@ -96,7 +96,7 @@ def view_of(scene: SceneFile, options: ImageOptions) -> View:
 
 
 def start_from_view(view: View, targets: tuple[PreparedPart, ...], rough: Start | None) -> Start | None:
-    """What the image leaves open, said on standard error; None if it shows nothing and there is no rough place.
+    """What the image leaves open, said on standard error; None if it shows nothing and there is no prior pose.
 
     Args:
         view: the image and its camera.
@@ -130,7 +130,7 @@ def image_words(seen: Sighting | None) -> str:
     for h in answer.hypotheses:
         shares[h.part] = shares.get(h.part, 0.0) + h.probability
     likely = [f"{name} {100 * p:.0f} %" for name, p in sorted(shares.items(), key=lambda item: -item[1]) if p > 0.005]
-    words = f"The image: {', '.join([*likely, f'none of these {100 * answer.unknown_probability:.0f} %'])}."
+    words = f"The image: {', '.join([*likely, f'unknown object {100 * answer.unknown_probability:.0f} %'])}."
     return words if seen.question is None else f"{words} It leaves open: {seen.question.words}."
 
 

@@ -12,7 +12,7 @@ from tanteo.cli.scale import meant_directions, meant_units
 from tanteo.errors import TanteoError
 
 if TYPE_CHECKING:
-    from tanteo.answers import Recognition
+    from tanteo.answers import Answer
     from tanteo.cli.scale import Scale
     from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings
@@ -27,12 +27,12 @@ _MIRROR = np.array([1.0, 1.0, -1.0])
 """One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""
 
 
-Ask = Callable[["Readings", "Sequence[Part]"], "Recognition"]
+Ask = Callable[["Readings", "Sequence[Part]"], "Answer"]
 """Which of the parts readings are of."""
 
 
 def meant(
-    answer: Recognition,
+    answer: Answer,
     scale: Scale,
     measured: PointMeasurements,
     readings: Readings,

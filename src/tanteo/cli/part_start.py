@@ -1,4 +1,4 @@
-"""From where ``tanteo sense part`` and ``tanteo view`` start: what an image or a rough place says of the parts."""
+"""From where ``tanteo sense part`` and ``tanteo view`` start: what an image or a prior pose says of the parts."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def start_of(
     """What an image leaves open, or what is roughly known; the latter also where the image is wrong, None without.
 
     Args:
-        scene: Says the rough place, unless an option does.
+        scene: Says the prior pose, unless an option does.
         parts: Any of them may be there.
-        known: A rough pose of their frames.
+        known: A prior pose of their frames.
         view: What the camera sees.
         options: Say what else is assumed beforehand.
     """
@@ -66,7 +66,7 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
 
     if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
         raise MisuseError(
-            "--pose-prior, --prior: expected a rough pose and nothing else, got a table or a box. Say --pose-prior."
+            "--pose-prior, --prior: expected a prior pose and nothing else, got a table or a box. Say --pose-prior."
         )
     targets = tuple(prepare(part) for part in parts)
     if known is not None and known.T_world_part is not None and known.covariance is not None:
@@ -83,11 +83,11 @@ def _rough_start(scene: SceneFile, parts: Sequence[Part], known: PosePrior | Non
 
 def nothing_seen(*, as_json: bool) -> NoReturn:
     """The answer where no hand is sent."""
-    from tanteo.answers import Recognition
+    from tanteo.answers import Answer
     from tanteo.io import recognition_json
 
     message = "the image shows no part on the table, and no prior pose is given. Give --pose-prior."
     if as_json:
-        put(recognition_json(Recognition("unknown", message, (), 1.0)))
+        put(recognition_json(Answer("unknown", message, (), 1.0)))
     emit([f"unknown: {message}"], sys.stderr if as_json else sys.stdout)
     raise typer.Exit(UNDECIDED)

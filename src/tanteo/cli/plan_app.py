@@ -21,7 +21,7 @@ def plan(
     discriminate: Annotated[
         list[str] | None,
         typer.Option(
-            "--discriminate", metavar="A B", help="CAD files of two parts: which one reading tells them apart?"
+            "--discriminate", metavar="A B", help="CAD files of two parts: which one reading discriminates them?"
         ),
     ] = None,
     tolerance: Annotated[
@@ -72,7 +72,7 @@ def plan(
     report: Report = None,
     json: Json = False,
 ) -> None:
-    """Plan the fewest readings that place a part within a tolerance, or the one that tells two parts apart."""
+    """Plan the fewest readings that place a part within a tolerance, or the one that discriminates two parts."""
     from tanteo.cli.options import misuse
     from tanteo.cli.plan_options import PlanOptions
     from tanteo.cli.planning import run_plan

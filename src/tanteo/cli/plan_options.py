@@ -26,12 +26,12 @@ class PlanOptions:
     """Options of ``plan``, in SI units.
 
     Attributes:
-        parts: one CAD file, or two to tell apart.
-        tolerance: of the corners, or of the feature [m]; NaN for telling apart.
+        parts: one CAD file, or two to discriminate.
+        tolerance: of the corners, or of the feature [m]; NaN for discriminating.
         confidence: with which they keep it.
         feature: name of the one to place instead of the corners, if any.
         probe: what senses.
-        near: rough pose of the part; None for that of its file, roughly.
+        near: prior pose of the part; None for that of its file, roughly.
         max_measurements: readings at most.
         units: of CAD files that carry none.
         csv: file to write, if any.

@@ -85,7 +85,7 @@ def _write(path: str, text: str) -> None:
 
 def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
     """The lines for a person."""
-    worst = plan.feature or "worst corner"
+    worst = plan.feature or "largest corner sd"
     if options.near is None:
         spread = f"{1e3 * _ROUGH[0]:g} mm and {np.degrees(_ROUGH[1]):g} deg"
         before = f"with its frame at the world's, to {spread} (say --pose-prior for another pose)"

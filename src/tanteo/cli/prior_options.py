@@ -30,7 +30,7 @@ Near = Annotated[
     ),
 ]
 PriorPath = Annotated[
-    str | None, typer.Option("--prior", metavar="FILE", help="The same from a file: table, box, rough pose (TOML).")
+    str | None, typer.Option("--prior", metavar="FILE", help="The same from a file: table, box, prior pose (TOML).")
 ]
 Strays = Annotated[
     str | None,
@@ -41,7 +41,7 @@ Strays = Annotated[
 NoneOf = Annotated[
     str | None,
     typer.Option(
-        "--unknown-prior", metavar="SHARE", help="Probability beforehand of none of these parts, as 0.1%; else 5%."
+        "--unknown-prior", metavar="SHARE", help="Probability beforehand of unknown object parts, as 0.1%; else 5%."
     ),
 ]
 

@@ -17,7 +17,7 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active.explain import Explanation
-    from tanteo.answers import Recognition
+    from tanteo.answers import Answer
     from tanteo.io.session_record import SessionRecord
 
 _SHOWN = 5
@@ -58,7 +58,7 @@ def run_replay(
         raise typer.Exit(UNDECIDED)
 
 
-def _print(answer: Recognition, told: Explanation | None, *, as_json: bool, verbose: bool) -> None:
+def _print(answer: Answer, told: Explanation | None, *, as_json: bool, verbose: bool) -> None:
     if as_json:
         from tanteo.io.explanation_json import explanation_document
         from tanteo.io.result_json import document_json, recognition_document
@@ -78,7 +78,7 @@ def _print(answer: Recognition, told: Explanation | None, *, as_json: bool, verb
         emit(["", *explain_lines(told)])
 
 
-def _compared(record: SessionRecord, answer: Recognition) -> str:
+def _compared(record: SessionRecord, answer: Answer) -> str:
     """How exactly this is the recorded answer, in words.
 
     Raises:

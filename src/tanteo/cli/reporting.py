@@ -12,7 +12,7 @@ from tanteo.cli.printing import emit, printable
 from tanteo.cli.targets import check_target, writing
 
 if TYPE_CHECKING:
-    from tanteo.answers import PosePrior, Recognition
+    from tanteo.answers import Answer, PosePrior
     from tanteo.parts import Part
     from tanteo.report import Run
     from tanteo.sensors import Readings, Rig
@@ -26,7 +26,7 @@ def check_report(path: str | None) -> None:
 
 def report_answer(
     path: str,
-    answer: Recognition,
+    answer: Answer,
     readings: Readings,
     parts: Sequence[Part],
     rig: Rig | None,

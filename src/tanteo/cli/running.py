@@ -21,7 +21,7 @@ from tanteo.cli.targets import check_different, parts_read
 from tanteo.errors import PartError, ReadingsError, TanteoError
 
 if TYPE_CHECKING:
-    from tanteo.answers import PosePrior, Priors, Recognition
+    from tanteo.answers import Answer, PosePrior, Priors
     from tanteo.cli.scale import Scale
     from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings, Rig
@@ -74,7 +74,7 @@ def recognize(
 
     loaded = time.perf_counter() - start
 
-    def ask(asked: Readings, among: Sequence[Part]) -> Recognition:
+    def ask(asked: Readings, among: Sequence[Part]) -> Answer:
         return identify(
             asked, among, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
             tip_sd=options.tip_sd, rig=given.rig, significance=options.significance, top=options.top,
@@ -133,7 +133,7 @@ def _read(
     return _Given(readings, measured, parts, rig, scale, doubted)
 
 
-def _print(result: Recognition, pose: PosePrior | None, *, as_json: bool, verbose: bool) -> None:
+def _print(result: Answer, pose: PosePrior | None, *, as_json: bool, verbose: bool) -> None:
     """The answer, for a program or for a person."""
     if as_json:
         from tanteo.io import recognition_json

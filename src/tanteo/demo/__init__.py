@@ -1,4 +1,4 @@
-"""The story of ``tanteo demo``: an image leaves two parts, a beam tells them apart, a few more place the one it is."""
+"""The story of ``tanteo demo``: an image leaves two parts, a beam discriminates them, a few more place it."""
 
 from tanteo.demo.story import Observation, tell
 

@@ -40,7 +40,7 @@ class Observation:
     Attributes:
         session: that found it.
         truth: name of the part that lay there.
-        off: how far its worst corner truly is from where the answer puts it [m].
+        off: how far its largest corner sd truly is from where the answer puts it [m].
         random: readings that random places needed for the same, the median of some tries, in words.
     """
 
@@ -73,7 +73,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
     moved = SE3.inverse(T) @ answer.hypotheses[0].T_world_part
     corners = box_corners(targets[name].part)
     off = np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max()
-    say(f"It was {name}, and its worst corner is {1e3 * off:.2f} mm from where it truly is.")
+    say(f"It was {name}, and its largest corner sd is {1e3 * off:.2f} mm from where it truly is.")
     others = _at_random(start, targets[name], T, seed)
     say(f"Readings: {session.count}. Random places would have taken {others}.")
     return Observation(session, name, float(off), others)
@@ -109,7 +109,7 @@ def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart
     answer = sight.objects[0].recognition
     likely = [h for h in answer.hypotheses if h.probability > 1e-3]
     words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in likely)
-    say(f"The camera above it: {words}; worst corner {1e3 * likely[0].corner_sd:.1f} mm, 1 sd.")
+    say(f"The camera above it: {words}; largest corner sd {1e3 * likely[0].corner_sd:.1f} mm, 1 sd.")
     names = list(dict.fromkeys(h.part for h in answer.hypotheses))
     return from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
 
@@ -138,5 +138,5 @@ def _sense(session: Session, target: PreparedPart, T: Transforms, seed: int, say
             read = f"{1e3 * distance:6.1f} mm" if np.isfinite(distance) else "  nothing"
             say(
                 f"  {session.count:2d}  {action.part} {action.face:8} {read}   {session.start.targets[best].part.name} "
-                f"{100 * step.probabilities[best]:5.1f} %, worst corner {1e3 * step.corner_sd:.2f} mm"
+                f"{100 * step.probabilities[best]:5.1f} %, largest corner sd {1e3 * step.corner_sd:.2f} mm"
             )

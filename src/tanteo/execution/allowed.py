@@ -1,4 +1,4 @@
-"""Poses that the rough place allows and no reading has contradicted, whatever the belief makes of them."""
+"""Poses that the prior pose allows and no reading has contradicted, whatever the belief makes of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 _DRAWN = 1000
-"""Poses of every part that are looked at: of a rough place as wide as a hand, one is then within 10 mm of the true."""
+"""Poses of every part that are looked at: of a prior pose as wide as a hand, one is then within 10 mm of the true."""
 
 OFF = 0.010
 """A reading contradicts a pose that puts the surface farther from it, or material deeper into its way [m]."""

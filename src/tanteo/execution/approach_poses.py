@@ -42,7 +42,7 @@ def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
 
 
 def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> BoolArray:
-    """Which candidates the hand can make in one of its stances, and come to from behind ``(C,)``."""
+    """Which candidates the hand can make in one of its approach poses, and come to from behind ``(C,)``."""
     Ts = approach_poses(hand, candidates.origins, candidates.directions)
     ways = np.stack([Ts, back(Ts, retreat)], axis=2)
     ok: BoolArray = np.all(room.within(ways), axis=2)

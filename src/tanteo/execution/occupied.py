@@ -43,7 +43,7 @@ class Occupied:
         if np.prod(last.max(axis=0).astype(np.float64)) > _NODES:
             size = " x ".join(f"{v:.3g}" for v in ends[:, 1].max(axis=0) - origin)
             raise InputError(
-                f"rough place: expected the parts within some metres, got {size} m in which they may be. Say better "
+                f"prior pose: expected the parts within some metres, got {size} m in which they may be. Say better "
                 "where they are ([prior] of the scene, --pose-prior, or an image)."
             )
         table = np.full(last.max(axis=0), FAR)

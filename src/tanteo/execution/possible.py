@@ -45,7 +45,7 @@ class Possible:
 
     @classmethod
     def of(cls, state: SensingState) -> Possible:
-        """Every mode that is alive, draws from all of them, and what the start allows and no reading has contradicted.
+        """Every live mode, samples from all of them, and what the prior allows and no reading contradicts.
 
         A belief may be wrong, and a hand that went by it alone would find out by touching.
         """

@@ -1,4 +1,4 @@
-"""Ways of the hand from where it is to a stance: straight, or back, up and over what may stand between."""
+"""Ways of the hand from where it is to an approach pose: straight, or back, up and over what may stand between."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ def seen_start(
 ) -> Start:
     """The start of a session from what an image shows.
 
-    The image's answers are rough poses with its probabilities. Where it is wrong, which is as probable as all else than
-    its answers and 2 % at least, the rough place holds; without one, the session may find that it is none of these.
+    The image's answers are prior poses with its probabilities. Where it is wrong, which is as probable as all else than
+    its answers and 2 % at least, the prior pose holds; without one, the session may find that it is unknown object.
 
     Args:
         seen: the object; None if nothing was seen.
@@ -58,13 +58,13 @@ def seen_start(
         rough: where each part may be without the image, of the same targets.
 
     Raises:
-        InputError: nothing was seen, and there is no rough place either.
+        InputError: nothing was seen, and there is no prior pose either.
     """
     answers = [] if seen is None else [h for h in seen.recognition.hypotheses if h.probability > _FORGOTTEN]
     if not answers:
         if rough is None:
             raise InputError(
-                "image: expected a part on the table, got none that is known. Give a rough place, or its CAD file."
+                "image: expected a part on the table, got none that is known. Give a prior pose, or its CAD file."
             )
         return rough
     assert seen is not None

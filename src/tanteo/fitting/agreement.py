@@ -28,7 +28,7 @@ class Bending:
 
     Attributes:
         gain: of the weighted sum of squares.
-        dof: parameters that it has more, as far as the points tell them apart.
+        dof: parameters that it has more, as far as the points discriminate them.
         p_value: probability of a larger gain if the surface is a plane; 1 without further parameters.
     """
 

@@ -123,7 +123,7 @@ def relate(first: UncertainFrame, second: UncertainFrame, cross: FloatArray | No
 
 
 def sample(frame: UncertainFrame, rng: np.random.Generator, size: tuple[int, ...] = ()) -> Transforms:
-    """Draws of the true frame: ``T exp(e)``, ``e ~ N(0, C)``; singular covariances are fine.
+    """Samples of the true frame: ``T exp(e)``, ``e ~ N(0, C)``; singular covariances are fine.
 
     Args:
         frame: a single frame or a batch.

@@ -32,7 +32,7 @@ def not_on_it(best: Hypothesis, unknown: float) -> str:
     n = len(best.outliers) + len(best.pairings)
     return (
         f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
-        f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more strays "
+        f"part (P = {unknown:.2f}); add its file, check the sensor's standard deviation, or expect more outliers "
         "(--outlier-rate)."
     )
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers.priors import Priors
-from tanteo.answers.results import Hypothesis, Recognition
+from tanteo.answers.results import Answer, Hypothesis
 from tanteo.features import Sides, collect_shared
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.recognition import identify_points
@@ -24,7 +24,7 @@ def identify_features(
     significance: float = 0.01,
     top: int = 5,
     priors: Priors | None = None,
-) -> Recognition:
+) -> Answer:
     """Which of the parts the sensed features belong to, and its pose.
 
     A feature counts as the points that it is as good as, which share one face, edge or corner of the part (or are of

@@ -18,7 +18,7 @@ from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _FACES = 64
-"""Largest faces of a part that are tried: labels are given to faces that a person tells apart."""
+"""Largest faces of a part that are tried: labels are given to faces that a person discriminates."""
 
 _FLAT = 3.0
 """Points of a label are of a plane if they scatter about theirs by no more than so many standard deviations."""

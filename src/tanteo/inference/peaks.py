@@ -1,4 +1,4 @@
-"""Maxima of the posterior of one part: settled on the surface, climbed, told apart, counted."""
+"""Maxima of the posterior of one part: settled on the surface, maximized, discriminated, counted."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ FAINT = 14.0
 """Log evidence below the best at which a maximum is forgotten."""
 
 _STEPS, _ENOUGH = 20, 1e-3
-"""Steps of a climb at most, and the gain in log density at which it ends."""
+"""Steps of a maximization at most, and the gain in log density at which it ends."""
 
 _MARGIN = 30.0
-"""Log density behind the best at which a climb is given up half-way: twice what is forgotten at the end."""
+"""Log density behind the best at which a maximization is given up half-way: twice what is forgotten at the end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""Maxima from what is known of the pose: draws of the prior, moved onto the surface; and bases along a ridge of it."""
+"""Maxima from samples of the pose prior, moved onto the surface; and bases along a ridge of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ spread in six directions."""
 
 
 def sample_prior(objective: Objective, groups: IntArray, rng: np.random.Generator) -> Peaks:
-    """Maxima to which the best of many draws of the prior lead.
+    """Maxima to which the best of many samples of the prior lead.
 
     A third is moved onto the surface by all points, the others by some: a point near an edge that is taken for one of
     the face beyond it holds all poses that are settled with it.
@@ -28,7 +28,7 @@ def sample_prior(objective: Objective, groups: IntArray, rng: np.random.Generato
     Args:
         objective: the part and the problem.
         groups: of each draw, one bit; as many draws ``(N,)``.
-        rng: of the draws.
+        rng: of the samples.
     """
     Ts = best_of_prior(
         objective.core, objective.problem, objective.prepared, objective.rows, objective.scales, len(groups), rng

@@ -1,4 +1,4 @@
-"""Where a climb starts: pairs of surface places as far apart as two points, draws of the prior, half turns."""
+"""Where a maximization starts: pairs of surface places as far apart as two points, samples of the prior, half turns."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _TILT = 0.25
 """Of a sensed normal against that of a place of the surface [rad]."""
 
 _EACH, _BEYOND = 30, 1.2
-"""Draws of the prior that are scored for each that is settled, and their spread in that of the prior."""
+"""Samples of the prior that are scored for each that is settled, and their spread in that of the prior."""
 
 _SPINS = 24
 """Turns about the line of two points, where no normal says which: one in a quarter of a radian."""
 
 
 _CLIMBED = 0.25
-"""Share of the blur of proposals with which climbs begin, where steps to the nearest surface have led."""
+"""Share of the blur of proposals with which maximizations begin, where steps to the nearest surface have led."""
 
 _SLIDES = 12
 """Slides of a pose: as many as it has half turns."""
@@ -41,7 +41,7 @@ class Effort:
         pairs: of points.
         per_pair: pairs of surface places for each.
         keep: proposals of each pair that are settled.
-        maximize: of all of them that are climbed.
+        maximize: of all of them that are maximized.
         move: of the best maxima afterwards that are turned in their place, and slid.
         hard: the same where maxima are narrow beside what is proposed, or the best one leaves points out that it should
             not.
@@ -61,8 +61,8 @@ class Scales:
 
     Attributes:
         blur: error of a proposal: the spacing of surface places, or the noise [m].
-        settle: scales of the steps to the nearest surface, from coarse to that of the first climb [m].
-        blurs: noise added in climbs before the last [m].
+        settle: scales of the steps to the nearest surface, from coarse to that of the first maximization [m].
+        blurs: noise added in maximizations before the last [m].
     """
 
     blur: float
@@ -152,7 +152,7 @@ def from_pairs(
 
 
 def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.random.Generator) -> Transforms:
-    """Draws of what is known of the pose, the means first; none where nothing is known."""
+    """Samples of what is known of the pose, the means first; none where nothing is known."""
     known = problem.mixture(prepared)
     if known is None:
         return np.zeros((0, 4, 4))
@@ -171,7 +171,7 @@ def best_of_prior(
     count: int,
     rng: np.random.Generator,
 ) -> Transforms:
-    """Of many draws of what is known of the pose, and somewhat beyond, those that points are near, best first."""
+    """Of many samples of what is known of the pose, and somewhat beyond, those that points are near, best first."""
     known = problem.mixture(prepared)
     if known is None:
         return np.zeros((0, 4, 4))

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.answers.priors import Priors, sized
 from tanteo.answers.question import Clock, check_question
-from tanteo.answers.results import Recognition
+from tanteo.answers.results import Answer
 from tanteo.answers.verdict import CONFIDENCE, verdict
 from tanteo.features import SharedError
 from tanteo.inference.diagnostics import against_labels, face_elsewhere, left_out, mostly_on, not_on_it, scattered
@@ -55,7 +55,7 @@ def identify_points(
     top: int = 5,
     priors: Priors | None = None,
     seed: int = 0,
-) -> Recognition:
+) -> Answer:
     """Which part the measurements are of, and its pose, labelled or not.
 
     Args:
@@ -74,7 +74,7 @@ def identify_points(
     parts = check_question(parts, significance, top, seed, priors)
     named = priors is not None and priors.pose is not None
     if message := _too_little(points, named=named):
-        return Recognition("insufficient", message, (), 1.0, {}, seed)
+        return Answer("insufficient", message, (), 1.0, {}, seed)
     clock = Clock()
     prepared = [prepare(part) for part in parts]
     priors = sized(priors, max(part.part.radius for part in prepared))
@@ -114,7 +114,7 @@ def identify_points(
         message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
     message += _missed(posterior.missing, status) + scattered(scale, worst)
-    return Recognition(status, message, hypotheses, unknown, clock.laps(), seed)
+    return Answer(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
 def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Posterior:

@@ -158,7 +158,7 @@ def information_by_point(mode: Mode) -> FloatArray:
 
 
 def _covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
-    """Of the pose, uniform along free motions; and the same if the shared errors were known."""
+    """Of the pose, uniform along unobserved directions; and the same if the shared errors were known."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)
     whole = without_spins(part, pose_information(mode.information))
@@ -192,7 +192,7 @@ def _with_free(
         unit += 1e-10 * np.trace(unit) * np.eye(6)  # few samples agree in some directions
         information = to_unit.T @ np.linalg.inv(unit) @ to_unit
     out = covariance_with_free(information, free, scale)
-    if np.diag(out).min() < 0:  # by rounding, of exact readings beside a free motion
+    if np.diag(out).min() < 0:  # by rounding, of exact readings beside an unobserved direction
         values, vectors = np.linalg.eigh(out)
         out = np.asarray((vectors * values.clip(0)) @ vectors.T, dtype=np.float64)
     return out
@@ -277,7 +277,7 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> str:
 
 
 def _corner_sd(mode: Mode, information: FloatArray) -> float:
-    """Of the worst corner [m], from the information on all states; spins of the part are no error."""
+    """Of the largest corner sd [m], from the information on all states; spins of the part are no error."""
     part = mode.prepared.part
     scale = part_scale(part)
     unit = scale.T @ without_spins(part, pose_information(information)) @ scale

@@ -37,7 +37,7 @@ _MISSING, _OFTEN = 0.02, 4
 one to which four pairs led is missed in one of sixteen searches."""
 
 _BITS, _CERTAIN = 60, 0b1111
-"""Pairs and draws that are told apart, and what labels lead to: as good as found by several."""
+"""Pairs and samples that are discriminated, and what labels lead to: as good as found by several."""
 
 _ROUNDS, _DOUBTFUL, _TOGETHER, _LEAST_ROUNDS = 8, 12, 24, 4
 """Rounds of a part at most, and where its best pose leaves points out that it should not: of few precise points a round
@@ -113,7 +113,7 @@ class PartSearch:
         return self.objective.problem.log_pose_density(prepared) + orbit
 
     def restart(self, effort: Effort) -> None:
-        """Propose from pairs of points, which know nothing of each other; settle, climb, merge."""
+        """Propose from pairs of points, which know nothing of each other; settle, maximization, merge."""
         if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
             self._take_other_points()
         objective, k, count = self.objective, self.restarts, min(effort.pairs, len(self.pairs))
@@ -155,7 +155,7 @@ class PartSearch:
         return Ts[np.argsort(costs, kind="stable")[:count]]
 
     def sample(self, count: int) -> None:
-        """Climb from draws of what is known of the pose, each a group of its own; and follow the ridge it lies on."""
+        """Climb from samples of what is known of the pose, each a group of its own; and follow the ridge it lies on."""
         objective = self.objective
         if not objective.named:
             return

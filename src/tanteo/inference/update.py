@@ -1,9 +1,9 @@
-"""The posterior after more measurements: what was known climbs on, is joined by draws of the prior, and weighed anew.
+"""The posterior after more measurements: modes are maximized again, samples of the prior join, all are reweighted.
 
-A step of sequential Monte Carlo whose moves are climbs: samples of the modes that were alive, a few draws of the prior
-beside them, lead to the maxima of the posterior of *all* measurements. Nothing that was linearized once is kept, so the
-order of the measurements matters no further than for which maxima are known. Where the answer is in doubt, every part
-is looked for all over its prior again.
+A step of sequential Monte Carlo whose moves are maximizations: samples of the modes that were alive, a few samples of
+the prior beside them, lead to the maxima of the posterior of *all* measurements. Nothing that was linearized once is
+kept, so the order of the measurements matters no further than for which maxima are known. Where the answer is in doubt,
+every part is looked for all over its prior again.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from tanteo.inference.search import PartSearch, start_search
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _SAMPLES, _OF_NORMAL = 24, 2
-"""Samples of what was known of a part that are climbed from; of a mode that is normal, from which nearly all of them
+"""Samples of what was known of a part that are maximized from; of a mode that is normal, from which nearly all of them
 lead back to its maximum, so many."""
 
 _FRESH, _WIDELY = 24, 96
-"""Draws of the prior that are climbed from beside them; and of a part of which nothing is known, or in doubt."""
+"""Samples of the prior that are maximized from beside them; and of a part of which nothing is known, or in doubt."""
 
 _MATTERS = 0.003
-"""Probability of a part from which, while its region is not normal, draws of its prior are made after each tell."""
+"""Probability of a part from which, while its region is not normal, samples of its prior are made after each tell."""
 
 _DOUBT, _SURE = 0.2, 0.99
 """Probability of the unknown object from which the answer is in doubt; and of a part, once it becomes so probable."""
@@ -43,7 +43,7 @@ _SEVERAL = 4
 """So many points, with what is known beforehand, fix a pose: then pairs of them propose some, too."""
 
 _FOUND = (1 << 62) - 1
-"""As if found by all groups of proposals: what was known, and draws of the prior, are no chance finds."""
+"""As if found by all groups of proposals: what was known, and samples of the prior, are no chance finds."""
 
 
 def update_posterior(
@@ -77,7 +77,7 @@ def update_posterior(
 
 
 def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Posterior:
-    """The posterior of one part about poses ``(S, 4, 4)``, without any search: where climbs from them end.
+    """The posterior of one part about poses ``(S, 4, 4)``, without any search: where maximizations from them end.
 
     The unknown object has no probability in it.
     """
@@ -97,7 +97,7 @@ def _weighed(
 
 
 def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rng: np.random.Generator) -> PartSearch:
-    """The maxima of a part that what was known of it leads to, and some draws of its prior."""
+    """The maxima of a part that what was known of it leads to, and some samples of its prior."""
     search = start_search(problem, part, rng)
     modes = [] if before is None else _modes(before, part)
     if not modes:

@@ -8,7 +8,7 @@ from tanteo.calibration import BeamFit, Calibration, PlaneFit
 
 
 def calibration_document(found: Calibration) -> dict[str, Any]:
-    """Beams, noise, planes, coverage and strays, in metres and radians."""
+    """Beams, noise, planes, coverage and outliers, in metres and radians."""
     return {
         "schema": "tanteo.calibration/1",
         "status": found.status,
@@ -63,7 +63,7 @@ def _beam(beam: BeamFit) -> dict[str, Any]:
             "across_rad": float(beam.place_sds[2]),
             "covariance_of_squares": beam.place_cov.tolist(),
         },
-        "not_told": list(beam.untold),
+        "undetermined": list(beam.undetermined),
     }
 
 

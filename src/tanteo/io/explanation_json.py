@@ -33,7 +33,7 @@ def explanation_document(told: Explanation) -> dict[str, Any]:
                 "motion": d.motion,
                 "corners_move_m": _number(d.moves),
                 "shares": {name: _number(share) for name, share in d.shares},
-                "rough_pose": _number(d.rough_pose),
+                "prior": _number(d.prior),
             }
             for d in told.directions
         ],

@@ -1,4 +1,4 @@
-"""What is known of a part's pose, as typed: a table, a box, a rough pose, each with its unit and how sure it is."""
+"""What is known of a part's pose, as typed: a table, a box, a prior pose, each with its unit and how sure it is."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ def parse_box(text: str, name: str = "box") -> FloatArray:
     return box
 
 
-def parse_pose_prior(text: str, name: str = "near") -> UncertainFrame:
-    """``'400,200,0mm 0,0,90deg +- 5mm 3deg'`` or ``'kuka 400,200,0,90,0,0 +- 5mm 3deg'``: a rough pose and its sds.
+def parse_pose_prior(text: str, name: str = "pose_prior") -> UncertainFrame:
+    """``'400,200,0mm 0,0,90deg +- 5mm 3deg'`` or ``'kuka 400,200,0,90,0,0 +- 5mm 3deg'``: a prior pose and its sds.
 
     Before ``+-``: x, y, z and roll, pitch, yaw, as answers are printed; or the name of a brand and its fields. Behind
-    it: one length or three, one angle or three; see :func:`rough_pose`.
+    it: one length or three, one angle or three; see :func:`spread_pose`.
 
     Raises:
         InputError: Numbers are missing, or a standard deviation is not positive.
@@ -66,10 +66,10 @@ def parse_pose_prior(text: str, name: str = "near") -> UncertainFrame:
     pose, sds = _value_and_sd(text, name, _NEAR)
     word = pose.split(maxsplit=1)[0].rstrip(":") if pose else ""
     T = _branded(word, pose[len(word) :], name) if word.isalpha() else _as_printed(pose, name)
-    return rough_pose(T, *parse_lengths_angles(sds, name), name)
+    return spread_pose(T, *parse_lengths_angles(sds, name), name)
 
 
-def rough_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name: str = "near") -> UncertainFrame:
+def spread_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name: str = "pose_prior") -> UncertainFrame:
     """A pose of a part with standard deviations along the world's axes.
 
     Args:
@@ -98,7 +98,7 @@ def rough_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name:
 
 
 def check_pose_prior(frame: UncertainFrame, name: str) -> UncertainFrame:
-    """The frame, if it can be a rough pose.
+    """The frame, if it can be a prior pose.
 
     Raises:
         InputError: Something of it is certain, or its attitude is hardly known.

@@ -1,4 +1,4 @@
-"""What is known of a part's pose, as a file (TOML, ``docs/formats.md``): a table, a box, a rough pose."""
+"""What is known of a part's pose, as a file (TOML, ``docs/formats.md``): a table, a box, a prior pose."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tanteo.answers import PosePrior, Table
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import UncertainFrame, from_ros_covariance
 from tanteo.io.poses import BRANDS, Brand, brand, pose_from_brand
-from tanteo.io.prior_text import check_pose_prior, rough_pose
+from tanteo.io.prior_text import check_pose_prior, spread_pose
 from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
 from tanteo.typing import FloatArray, Transforms
 
-_TABLES = ("table", "box", "near")
+_TABLES = ("table", "box", "pose_prior")
 _TABLE = {"top": "length", "point": "length", "normal": "plain", "sd": "length"}
 _COVARIANCES = ("covariance_m_rad", "ros_covariance_m_rad")
-_NEAR = {
+_PRIOR = {
     "sd": "length", "turn_sd": "angle", **POSE,
     **dict.fromkeys((*BRANDS, *_COVARIANCES), "plain"),
 }  # fmt: skip
@@ -28,7 +28,7 @@ def read_prior(path: str | Path) -> PosePrior:
     """Read a file with what is known of the pose.
 
     Args:
-        path: The file, with one or more of the tables ``[table]``, ``[box]`` and ``[near]``.
+        path: The file, with one or more of the tables ``[table]``, ``[box]`` and ``[pose_prior]``.
 
     Raises:
         InputError: The file cannot be read, is not TOML, or says something that no prior can say; the message names
@@ -36,25 +36,25 @@ def read_prior(path: str | Path) -> PosePrior:
         UnitError: A unit in a key is missing or unknown.
     """
     path = Path(path)
-    document = load_toml(path, "file on what is known of the pose")
+    document = load_toml(path, "file with the prior pose")
     for key in document:
         if key not in _TABLES:
             raise InputError(f"{path}: expected one of {', '.join(_TABLES)}, got '{key}'. Correct the name.")
     if not document:
-        raise InputError(f"{path}: expected a table [table], [box] or [near], got an empty file. Add one.")
-    near = _near(document["near"], f"{path}, near") if "near" in document else None
+        raise InputError(f"{path}: expected a table [table], [box] or [pose_prior], got an empty file. Add one.")
+    prior = _prior(document["pose_prior"], f"{path}, pose_prior") if "pose_prior" in document else None
     return PosePrior(
-        T_world_part=None if near is None else near.T,
-        covariance=None if near is None else near.C,
+        T_world_part=None if prior is None else prior.T,
+        covariance=None if prior is None else prior.C,
         box=_box(document["box"], f"{path}, box") if "box" in document else None,
         table=_table(document["table"], f"{path}, table") if "table" in document else None,
     )
 
 
 def prior_brand(path: str | Path) -> Brand | None:
-    """In whose convention the rough pose of a file is written that :func:`read_prior` can read; None for our own."""
-    near = load_toml(Path(path), "file on what is known of the pose").get("near", {})
-    return next((BRANDS[name] for name in BRANDS if name in near), None)
+    """In whose convention the prior pose of a file is written that :func:`read_prior` can read; None for our own."""
+    prior = load_toml(Path(path), "file with the prior pose").get("pose_prior", {})
+    return next((BRANDS[name] for name in BRANDS if name in prior), None)
 
 
 def _table(entry: Any, place: str) -> Table:
@@ -79,8 +79,8 @@ def _box(entry: Any, place: str) -> FloatArray:
     return box
 
 
-def _near(entry: Any, place: str) -> UncertainFrame:
-    keys = Keys(_flat(entry), place, _NEAR)
+def _prior(entry: Any, place: str) -> UncertainFrame:
+    keys = Keys(_flat(entry), place, _PRIOR)
     T = _pose(keys)
     sds = "sd" in keys or "turn_sd" in keys
     given = ["sd_mm and turn_sd_deg"] * sds + [name for name in _COVARIANCES if name in keys]
@@ -90,7 +90,7 @@ def _near(entry: Any, place: str) -> UncertainFrame:
             f"{', '.join(_COVARIANCES)}, got {' and '.join(given) or 'nothing'}. Give one of them."
         )
     if sds:
-        return rough_pose(T, _positive(keys, "sd"), _positive(keys, "turn_sd"), place)
+        return spread_pose(T, _positive(keys, "sd"), _positive(keys, "turn_sd"), place)
     try:
         C = keys.vector(given[0], n=36)
         ros = given == ["ros_covariance_m_rad"]

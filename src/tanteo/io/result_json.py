@@ -14,13 +14,13 @@ from tanteo.lie import SO3
 from tanteo.typing import FloatArray
 
 if TYPE_CHECKING:
-    from tanteo.answers import Hypothesis, Recognition
+    from tanteo.answers import Answer, Hypothesis
     from tanteo.execution import Executed, Visit
 
 SCHEMA = "tanteo.recognition/1"
 
 
-def recognition_document(recognition: Recognition, frame: str = "world") -> dict[str, Any]:
+def recognition_document(recognition: Answer, frame: str = "world") -> dict[str, Any]:
     """The result as plain dictionaries, lists, strings and numbers.
 
     JSON has no infinity: a number that is not finite (a direction that nothing observes) becomes ``null``.
@@ -41,7 +41,7 @@ def recognition_document(recognition: Recognition, frame: str = "world") -> dict
     }
 
 
-def recognition_json(recognition: Recognition, warnings: Sequence[str] = ()) -> str:
+def recognition_json(recognition: Answer, warnings: Sequence[str] = ()) -> str:
     """The result as one JSON document, indented, ending in a newline.
 
     Args:
@@ -58,7 +58,7 @@ def document_json(document: dict[str, Any], warnings: Sequence[str] = ()) -> str
 
 
 def executed_json(
-    recognition: Recognition, done: Executed, *, readings: int, clearance: float, warnings: Sequence[str] = ()
+    recognition: Answer, done: Executed, *, readings: int, clearance: float, warnings: Sequence[str] = ()
 ) -> str:
     """The result of a run of the hand as one JSON document: the answer, and beside it ``sensing``, what it took.
 

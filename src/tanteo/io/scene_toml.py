@@ -14,7 +14,7 @@ from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.errors import InputError, PartError
 from tanteo.frames import UncertainFrame
 from tanteo.hand import ForbiddenBox, Hand, Workspace
-from tanteo.io.prior_text import rough_pose
+from tanteo.io.prior_text import spread_pose
 from tanteo.io.scene_hand import hand_of
 from tanteo.io.toml_keys import POSE, Keys, load_toml, pose_of
 from tanteo.lie import SE3
@@ -176,7 +176,7 @@ def _occluder(name: str, entry: Any, place: str) -> tuple[Solid, ForbiddenBox]:
 def _prior(entry: Any, place: str) -> UncertainFrame:
     keys = Keys(entry, place, {"sd": "length", "turn_sd": "angle", **POSE})
     sds, turns = (keys.vector(name) if keys.size(name) == 3 else [keys.number(name)] for name in ("sd", "turn_sd"))
-    return rough_pose(pose_of(keys), sds, turns, place)
+    return spread_pose(pose_of(keys), sds, turns, place)
 
 
 def _camera(entry: Any, path: Path) -> CameraPaths:

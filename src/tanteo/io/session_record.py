@@ -59,7 +59,7 @@ class SessionRecord:
         policy: which reading is chosen.
         stop: when to end.
         seed: of everything that draws.
-        told: what was told, in order.
+        observations: what was observed, in order.
         asked: the question that waited for its answer.
         refused: the questions that could not be answered.
         questions: the largest number of a question until then.
@@ -75,7 +75,7 @@ class SessionRecord:
     policy: Policy
     stop: Stop
     seed: int
-    told: tuple[Observation, ...]
+    observations: tuple[Observation, ...]
     asked: Action | None
     refused: tuple[Action, ...]
     questions: int
@@ -108,9 +108,9 @@ def session_document(session: Session) -> dict[str, Any]:
         "policy": policy_document(session.policy),
         "stop": as_plain(session.stop),
         "seed": int(session.seed),
-        "told": [
+        "observations": [
             {"asked": as_plain(t.action), "readings": readings_document(t.readings), "note": t.note}
-            for t in session.told
+            for t in session.observations
         ],
         "asked": as_plain(session.asked),
         "refused": [as_plain(action) for action in session.refused],
@@ -132,7 +132,7 @@ def load_record(path: str | Path) -> SessionRecord:
         raise InputError(f"{file}, schema: expected {SCHEMA}, got {got}. Give the record of a session.")
     kinds: dict[str, Any] = {
         "schema": str, "version": str, "parts": tuple[PartFile, ...], "start": PosePriors, "probe": Probe,
-        "sensing": object, "policy": object, "stop": Stop, "seed": int, "told": tuple[object, ...],
+        "sensing": object, "policy": object, "stop": Stop, "seed": int, "observations": tuple[object, ...],
         "asked": Action | None, "refused": tuple[Action, ...], "questions": int,
         "answer": object,
     }  # fmt: skip
@@ -141,8 +141,10 @@ def load_record(path: str | Path) -> SessionRecord:
         raise refused(f"{file}, answer", "a table", values["answer"])
     if values["seed"] < 0:
         raise InputError(f"{file}, seed: expected 0 or more, got {values['seed']}. Correct it.")
-    told = tuple(observation_of(t, f"{file}, told[{k}]") for k, t in enumerate(values["told"]))
-    numbered = [action.number for action in (*(t.action for t in told), values["asked"], *values["refused"]) if action]
+    observations = tuple(observation_of(t, f"{file}, observations[{k}]") for k, t in enumerate(values["observations"]))
+    numbered = [
+        action.number for action in (*(t.action for t in observations), values["asked"], *values["refused"]) if action
+    ]
     if values["questions"] < (least := max(numbered, default=0)):
         raise InputError(
             f"{file}, questions: expected {least} or more, the largest number of a question, got "
@@ -152,7 +154,7 @@ def load_record(path: str | Path) -> SessionRecord:
         source=str(file),
         sensing=sensing_of(values["sensing"], f"{file}, sensing"),
         policy=policy_of(values["policy"], f"{file}, policy"),
-        told=told,
+        observations=observations,
         **{key: values[key] for key in _AS_THEY_ARE},
     )
 
@@ -163,7 +165,7 @@ def resumed(
     progress: Callable[[int, int], None] | None = None,
     able: Callable[[SensingState, Candidates], BoolArray] | None = None,
 ) -> Session:
-    """The session of a record: told everything again, it has the same belief and asks the same next.
+    """The session of a record: given all of them again, it has the same belief and asks the same next.
 
     Args:
         record: of the session.
@@ -181,16 +183,16 @@ def resumed(
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
     session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed, able)
 
-    def told() -> Iterator[Observation]:
-        for k, one in enumerate(record.told):
+    def observations() -> Iterator[Observation]:
+        for k, one in enumerate(record.observations):
             if progress is not None:
-                progress(k, len(record.told))
+                progress(k, len(record.observations))
             yield one
 
     try:
-        session.resume(told(), record.asked, record.refused, record.questions)
+        session.resume(observations(), record.asked, record.refused, record.questions)
     except InputError as error:
-        raise InputError(f"{record.source}, told[{len(session.steps)}]: {error}") from None
+        raise InputError(f"{record.source}, observations[{len(session.steps)}]: {error}") from None
     return session
 
 

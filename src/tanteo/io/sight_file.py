@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from tanteo.answers.results import Recognition
+from tanteo.answers.results import Answer
 from tanteo.io.result_json import document_json, recognition_document
 
 if TYPE_CHECKING:
     from tanteo.vision import Descriptors, Question, Sight, Sighting
 
-EMPTY = Recognition("unknown", "Nothing was seen that could be a part: check light, focus and camera file.", (), 1.0)
+EMPTY = Answer("unknown", "Nothing was seen that could be a part: check light, focus and camera file.", (), 1.0)
 """The answer of an image that shows nothing."""
 
 

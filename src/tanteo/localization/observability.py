@@ -15,7 +15,7 @@ _RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled information below this fraction of the largest count as zero."""
 
 _SLIDING = 0.02
-"""A free motion that turns less than this a length it slides is called sliding [rad]."""
+"""An unobserved direction that turns less than this a length it slides is called sliding [rad]."""
 
 _AXIS_TOLERANCE = np.cos(np.radians(2.0))
 """A direction within this angle of a coordinate axis is called by the axis' name."""
@@ -96,7 +96,7 @@ def _sparse_rows(N: FloatArray) -> FloatArray:
 
 
 def describe_motion(u: Tangents, T_world_part: Transforms, scale: FloatArray) -> str:
-    """A free motion in words: ``sliding along world x``, ``rotation about part z``, or a line in numbers.
+    """An unobserved direction in words: ``sliding along world x``, ``rotation about part z``, or a line in numbers.
 
     Args:
         u: tangent over the scale, as :func:`unobserved_directions` gives it.

@@ -1,4 +1,4 @@
-"""First poses from pairings, in closed form: rotation from directions, then translation from offsets."""
+"""Pose proposals from pairings, in closed form: rotation from directions, then translation from offsets."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
 
 
 def first_poses(blocks: Sequence[Block]) -> Transforms:
-    """First poses ``(k, 4, 4)``: both directions of undirected edges; many rotations where directions fix none."""
+    """Pose proposals ``(k, 4, 4)``: both directions of undirected edges; many rotations where directions fix none."""
     edges = [
         (b, i)
         for b, block in enumerate(blocks)

@@ -17,7 +17,7 @@ _CLOSE_CHI2 = 9.21
 
 
 def covariance_with_free(information: FloatArray, N: Tangents, scale: FloatArray) -> Covariances:
-    """Inverse of ``information`` off the free motions ``N``; along them, a uniform draw over the part's size or a turn.
+    """Inverse of ``information`` off the unobserved directions ``N``; along them a uniform density over size or turn.
 
     ``N`` are tangents over the ``scale`` of motions ``(6, 6)``, as :func:`motion_scale` gives it.
     """
@@ -78,7 +78,7 @@ def shared_estimates(
     errors: tuple[SharedError, ...],
     scale: FloatArray,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Posterior mean and sd of each shared error; the free motions ``N`` are held, as they say nothing about it."""
+    """Posterior mean and sd of each shared error; unobserved directions ``N`` are held fixed."""
     if not errors:
         return {}
     held = np.array(information)

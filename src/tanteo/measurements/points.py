@@ -124,7 +124,7 @@ def as_contact_points(
     Args:
         measured: points in the world.
         tolerance: sd of the made surface against its CAD [m].
-        reach: known free path before each point ``(n,)`` [m]: the range of a beam.
+        reach: known free-space ray before each point ``(n,)`` [m]: the range of a beam.
 
     Raises:
         InputError: a ball's contact with an edge or corner, which may be anywhere on it.
@@ -158,8 +158,8 @@ def as_contact_points(
 def _blunt(covs: Covariances, directions: Vectors) -> Covariances:
     """Covariances of which no beam is better known across than a share of its spread along.
 
-    Where a thin beam slides off an edge the posterior has a cliff, at which climbs stop and off which draws fall.
-    Readings without direction are left as they are.
+    Where a thin beam slides off an edge the posterior has a cliff, at which maximizations stop and off which draws
+    fall. Readings without direction are left as they are.
     """
     along = np.einsum("ni,nij,nj->n", directions, covs, directions)
     across = 0.5 * (np.trace(covs, axis1=1, axis2=2) - along)

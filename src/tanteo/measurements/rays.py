@@ -86,7 +86,7 @@ class FreeRays:
 
 
 def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
-    """The free beams of some measurements."""
+    """The free-space rays of some measurements."""
     beams, (_, shared_jacobian, turns) = measured.free, measured.whitened()
     slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
     margins = np.full(len(beams), margin)

@@ -28,7 +28,7 @@ _BENT, _CREEP = math.radians(6.0), 0.1
 """The more the hand is tilted the slower it goes on, down to this share at this tilt: first it turns, then it goes."""
 
 _ASTRAY = 3
-"""Readings in a row that must be astray: a single one may be an echo from the rim of the cone."""
+"""Readings in a row that must be outliers: a single one may be an echo from the rim of the cone."""
 
 _AT_REST, _LEVEL = 0.03, math.radians(1.0)
 """The hand has settled with the height within this share of the stand-off and the tilt within this angle [rad]."""

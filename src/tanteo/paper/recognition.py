@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Hypothesis, Recognition
+from tanteo.answers import Answer, Hypothesis
 from tanteo.answers.hypothesis import hypothesis_at
 from tanteo.answers.part_motions import part_scale, without_spin
 from tanteo.answers.question import Clock, check_question
@@ -54,7 +54,7 @@ class _Accepted:
 
 def identify_as_published(
     features: Sequence[Sides], parts: Sequence[Part], *, significance: float = 0.01, top: int = 5
-) -> Recognition:
+) -> Answer:
     """Which of the parts pass the constraints and tests of 1991, all poses of all of them with equal weight.
 
     Args:
@@ -86,7 +86,7 @@ def identify_as_published(
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
     status, message = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
-    return Recognition(status, message, hypotheses, unknown, clock.laps())
+    return Answer(status, message, hypotheses, unknown, clock.laps())
 
 
 def _poses(

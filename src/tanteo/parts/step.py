@@ -152,7 +152,7 @@ def _mesh(solid: Any, diagonal: float) -> _SolidMesh | None:
 
 
 def _outward(mesh: _SolidMesh) -> _SolidMesh | None:
-    """Turn the mesh of a solid outward; None where its sides cannot be told apart."""
+    """Turn the mesh of a solid outward; None where its sides cannot be discriminated."""
     triangles = mesh.triangles
     _, ahead, back = edge_counts(triangles)
     if (ahead != back).any():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tanteo.answers import Recognition
+from tanteo.answers import Answer
 from tanteo.report.charts import bar
 from tanteo.report.html import Html, element, join
 from tanteo.report.page import Front, fact_list
@@ -19,7 +19,7 @@ _NAMED = 15
 
 
 def answer_front(
-    answer: Recognition, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]] = ()
+    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]] = ()
 ) -> Front:
     """The front of an answer.
 
@@ -40,7 +40,7 @@ def answer_front(
     )
 
 
-def _hypotheses(answer: Recognition) -> Html:
+def _hypotheses(answer: Answer) -> Html:
     """The probabilities as bars; each hypothesis is also the switch to itself."""
     if answer.status == "insufficient" and not answer.hypotheses:
         return element("p", "With so little any part may be there: no probabilities are given.", class_="note")
@@ -53,7 +53,7 @@ def _hypotheses(answer: Recognition) -> Html:
     rest = 1 - answer.unknown_probability - sum(h.probability for h in answer.hypotheses)
     if rest > 0.0005:
         rows.append(_plain_row("others, not shown", rest))
-    rows.append(_plain_row("none of these parts", answer.unknown_probability))
+    rows.append(_plain_row("unknown object parts", answer.unknown_probability))
     heading = element("h2", "What it may be")
     hint = [element("p", "Choose one to see it everywhere on this page.", class_="note")] if several else []
     return element("div", heading, *hint, element("div", *rows, class_="bars"))
@@ -87,4 +87,4 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed) -> Html:
 def _scaled(candidate: Candidate) -> list[tuple[str, str]]:
     """What is drawn enlarged, and how much."""
     stick = f"distance to the surface{times(distance_enlarged(candidate))}"
-    return [("stick", stick), ("overlay", f"ghosts: off by 1, 2 and 3 sd{times(candidate.enlarged)}")]
+    return [("stick", stick), ("overlay", f"overlays: off by 1, 2 and 3 sd{times(candidate.enlarged)}")]

@@ -28,9 +28,10 @@ class Source:
 
     Attributes:
         name: In words.
-        share: Of the variance of the worst corner; the shares of a budget sum to one.
-        sd: What the source alone does to the worst corner, one standard deviation [m].
-        without: Standard deviation of the worst corner if this error were not there [m]; NaN where that leaves nothing.
+        share: Of the variance of the largest corner sd; the shares of a budget sum to one.
+        sd: What the source alone does to the largest corner sd, one standard deviation [m].
+        without: Standard deviation of the largest corner sd if this error were not there [m]; NaN where that leaves
+            nothing.
     """
 
     name: str
@@ -41,11 +42,11 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Where the uncertainty of the worst corner of the part's box comes from.
+    """Where the uncertainty of the largest corner sd of the part's box comes from.
 
     Attributes:
         sources: The largest first.
-        total: Standard deviation of the worst corner by this budget [m].
+        total: Standard deviation of the largest corner sd by this budget [m].
     """
 
     sources: tuple[Source, ...]
@@ -109,7 +110,7 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int) -> d
     if sensed.tolerance > 0:
         alone = term(np.where(np.any(contacts.form[used] != 0, axis=1), sensed.tolerance**2, 0.0))
         whole = term(alone.real.own[:m] * contacts.labelled, sensed.tolerance * contacts.form[used])
-        # bare readings are weighed as if each deviated by itself; what a face does as a whole is added afterwards
+        # unlabelled readings are weighed as if each deviated by itself; what a face does as a whole is added afterwards
         out["tolerance of the part"] = _Term(whole.real, (whole if contacts.labelled else alone).assumed)
     if known:
         beforehand = _Spread(np.r_[np.zeros(m), np.ones(known)], np.zeros((m + known, 0)))
@@ -154,7 +155,7 @@ def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term]) ->
 
 
 def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: str, part: Part) -> float:
-    """Standard deviation of the worst corner without one source; NaN if the others leave a row without noise."""
+    """Standard deviation of the largest corner sd without one source; NaN if the others leave a row without noise."""
     rest = {other: term for other, term in terms.items() if other != name}
     if not rest or not np.all(_assumed(rest).own > 0):
         return float("nan")
@@ -162,7 +163,7 @@ def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: st
 
 
 def _worst_corner(part: Part, C: Covariances) -> tuple[FloatArray, float]:
-    """How a motion moves the box's worst corner along its worst direction ``(6,)``, and the sd of that [m]."""
+    """How a motion moves the box's largest corner sd along its worst direction ``(6,)``, and the sd of that [m]."""
     J = corner_moves(part)
     values, vectors = np.linalg.eigh(J @ C @ np.swapaxes(J, 1, 2))
     k = int(np.argmax(values[:, 2]))

@@ -19,7 +19,7 @@ from tanteo.shapes import Surface, signed_distance
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 _LABELLED = ("plane", "edge", "corner")
-"""What a pairing of a labelled feature is called; a bare reading is on a ``face``."""
+"""What a pairing of a labelled feature is called; an unlabelled reading is on a ``face``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +131,7 @@ def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntAr
     """Columns ``(m, k)`` as the estimators assume them: made surfaces deviate as a whole.
 
     A labelled plane is off in height and tilts by the tolerance over its radius of gyration, an edge likewise; of a
-    face that a bare reading met, the height.
+    face that an unlabelled reading met, the height.
     """
     columns, names = [np.zeros((len(reading), 0))], np.array([met[i] for i in reading], dtype=object)
     for name in dict.fromkeys(met):

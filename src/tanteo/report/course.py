@@ -1,4 +1,4 @@
-"""How the belief went: probabilities and the worst corner after each answer, as curves and as a table."""
+"""How the belief went: probabilities and the largest corner sd after each answer, as curves and as a table."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
         added: What each step told, as :func:`tanteo.active.explain.explain` has it.
     """
     lead = (
-        "From before the first answer to the last: how probable each part was, and how well the worst corner of the "
-        "likeliest one was known (one standard deviation, on a logarithmic scale)."
+        "From before the first answer to the last: the probability of each part, and the largest corner sd of the "
+        "likeliest one (logarithmic scale)."
     )
     steps = session.steps
     if not steps:
@@ -44,7 +44,7 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
 
 
 def _probabilities(session: Session) -> Html:
-    """The parts that led and the strongest others; and none of these."""
+    """The parts that led and the strongest others; and unknown object."""
     steps, names = session.steps, _names(session)
     before = _before(session)
     shown = [k for k in _leading(steps, STYLES - 1) if max(before[k], *(s.probabilities[k] for s in steps)) > _SEEN]
@@ -53,7 +53,7 @@ def _probabilities(session: Session) -> Html:
         (names[k], np.array([before[k], *(s.probabilities[k] for s in steps)]), style) for style, k in enumerate(shown)
     ]
     none = np.array([session.start.priors.unknown, *(s.unknown for s in steps)])
-    series.append(("none of these", none, STYLES - 1))
+    series.append(("unknown object", none, STYLES - 1))
     curves = [
         Curve(name, p, tuple(f"{name}, {_place(at)}: {percent(v)}" for at, v in zip(places, p, strict=True)), style)
         for name, p, style in series
@@ -84,15 +84,16 @@ def _corners(session: Session) -> Html:
     tolerance = session.stop.tolerance if session.stop.feature is None else None
     goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
     scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
-    label = f"Standard deviation of the worst corner after {len(steps)} answers, {values[-1]:.3g} mm at last."
-    return curve_chart(label, [Curve("worst corner of the likeliest part, 1 sd", values, said)], scale, places, goal)
+    label = f"Standard deviation of the largest corner sd after {len(steps)} answers, {values[-1]:.3g} mm at last."
+    curve = Curve("largest corner sd of the likeliest part", values, said)
+    return curve_chart(label, [curve], scale, places, goal)
 
 
 def _rows(session: Session, added: Sequence[Added]) -> Html:
     steps, names = session.steps, _names(session)
     shown = _leading(steps, _IN_TABLE)
     headers = (
-        "", "readings", "asked at", "met", *(names[k] for k in shown), "none of these", "worst corner, 1 sd",
+        "", "readings", "asked at", "met", *(names[k] for k in shown), "unknown object", "largest corner sd, 1 sd",
         "about the part [nats]", "about the pose [nats]", "best narrowed", "to",
     )  # fmt: skip
     rows: list[tuple[Html | str, ...]] = [

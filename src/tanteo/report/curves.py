@@ -15,7 +15,7 @@ _FIRST, _LAST = 13.0, 98.0
 _MOST_TICKS = 10
 
 STYLES = 4
-"""Sorts of lines that can be told apart: each has its own colour, mark and dashes (``page.css``)."""
+"""Sorts of lines that can be discriminated: each has its own colour, mark and dashes (``page.css``)."""
 
 _MARKS = ("M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0z", "M-4-4h8v8h-8z", "M0-5.5L5 4h-10z", "M0-5.5L5.5 0 0 5.5-5.5 0z")
 

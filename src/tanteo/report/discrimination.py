@@ -1,4 +1,4 @@
-"""The reading that tells two parts apart, as a page: where it goes, and what it reads on either."""
+"""The reading that discriminates two parts, as a page: where it goes, and what it reads on either."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tanteo.report.write import Run
 
 
 def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe, run: Run) -> str:
-    """The report of a reading that tells two parts apart as the text of one HTML file.
+    """The report of a reading that discriminates two parts as the text of one HTML file.
 
     Args:
         found: The reading.
@@ -37,7 +37,7 @@ def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe,
     legend = [("beam", "the reading"), ("dot", "where it meets the one and the other")] if there else []
     layers = [Layer("readings", "where it meets"), Layer("beams", "the reading"), Layer("names", "names")]
     shown = picture(layers if there else [], [], legend)
-    chip, status = ("✓ planned", "recognized") if found.tells else ("✕ not told apart", "unknown")
+    chip, status = ("✓ planned", "recognized") if found.tells else ("✕ not discriminated", "unknown")
     front = Front(title, chip, status, found.message, shown, _side(found, probe, run))
     sections = [_reading(found)] if there else []
     sections.append(rerun_section(run.command, f"{run.made_by}."))

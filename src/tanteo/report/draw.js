@@ -218,8 +218,8 @@ class Picture {
   drawGhosts(now) {
     const { gl } = this, part = this.parts[now.part];
     gl.depthMask(false);
-    now.ghosts[Number(this.way)].forEach((level, k) => level.forEach((pose) => {
-      this.drawLines(part.lines, new Float32Array(pose), this.colour("ghost", [0.9, 0.5, 0.28][k]), 0.9);
+    now.overlays[Number(this.way)].forEach((level, k) => level.forEach((pose) => {
+      this.drawLines(part.lines, new Float32Array(pose), this.colour("overlay", [0.9, 0.5, 0.28][k]), 0.9);
     }));
     gl.depthMask(true);
   }

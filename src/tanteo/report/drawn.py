@@ -15,7 +15,7 @@ _MOST_TRIANGLES, _MOST_LINES = 40_000, 12_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """What the page draws of a part, in the part's frame.
+    """What the page samples of a part, in the part's frame.
 
     Attributes:
         vertices: ``(V, 3)`` [m].

@@ -23,7 +23,7 @@ def figure_section(candidates: Sequence[Candidate]) -> Section:
 def _figures(candidate: Candidate) -> Html:
     h = candidate.hypothesis
     more = [
-        ("worst corner of the box, 1 sd", f"{MM * h.corner_sd:.3g}", "mm", "any direction"),
+        ("largest corner sd of the box, 1 sd", f"{MM * h.corner_sd:.3g}", "mm", "any direction"),
         ("rms distance of readings", f"{MM * h.rms:.3g}", "mm", "–"),
         ("chi-square", f"{h.chi2:.3g} with {h.dof} degrees of freedom", "–", "–"),
         ("p-value", f"{h.p_value:.3g}", "–", "–"),

@@ -16,7 +16,7 @@ _NOTABLE = 0.01
 """Ways that move the part less than this share of the largest are not shown."""
 
 _SHOWN = 0.16
-"""The farthest ghost is drawn about this share of the part's size away."""
+"""The farthest overlay is drawn about this share of the part's size away."""
 
 LEVELS = (1, 2, 3)
 """Standard deviations."""
@@ -42,7 +42,7 @@ class Way:
 
 
 def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> tuple[tuple[Way, ...], int]:
-    """The ways, and how many times their ghosts are enlarged.
+    """The ways, and how many times their overlays are enlarged.
 
     The covariance is split so that each way moves the corners of the box independently of the others, as much as
     possible in the first.

@@ -1,4 +1,4 @@
-/* What the page does when it is used: turn the picture, choose a hypothesis, ghosts and layers, point at a reading. */
+/* What the page does when it is used: turn the picture, choose a hypothesis, overlays and layers, point at a reading. */
 
 const byId = (id) => document.getElementById(id);
 const scene = JSON.parse(byId("scene").textContent);
@@ -11,12 +11,12 @@ try {
   byId("no3d").textContent = `This browser cannot draw the picture (${error.message}). Everything else on this page is complete.`;
 }
 
-function ghostsNow() {
-  return [...document.querySelectorAll(".ghosts")].find((e) => !e.hidden)?.querySelector("select");
+function overlaysNow() {
+  return [...document.querySelectorAll(".overlays")].find((e) => !e.hidden)?.querySelector("select");
 }
 
 function showWay(way) {
-  const select = ghostsNow();
+  const select = overlaysNow();
   if (!select) return;
   select.value = way;
   select.dispatchEvent(new Event("change"));
@@ -27,7 +27,7 @@ function choose(k) {
   for (const piece of document.querySelectorAll("[data-h]")) piece.hidden = piece.dataset.h !== String(k);
   if (!picture) return;
   picture.chosen = k;
-  picture.way = ghostsNow()?.value ?? "";
+  picture.way = overlaysNow()?.value ?? "";
   picture.redraw();
 }
 for (const radio of document.querySelectorAll("input[name=hypothesis]")) {
@@ -47,7 +47,7 @@ byId("copy").addEventListener("click", async () => {
 });
 
 if (picture) {
-  for (const select of document.querySelectorAll(".ghosts select")) {
+  for (const select of document.querySelectorAll(".overlays select")) {
     select.addEventListener("change", () => { picture.way = select.value; picture.redraw(); });
   }
   for (const box of document.querySelectorAll("[data-layer]")) {

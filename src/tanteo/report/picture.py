@@ -1,4 +1,4 @@
-"""The frame of the picture: its buttons, what can be hidden, the choice of ghosts, the legend."""
+"""The frame of the picture: its buttons, what can be hidden, the choice of overlays, the legend."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def picture(
         overlays: Ways in which the pose may be off, of each hypothesis.
         legend: Marks (``page.css``) and words.
         scaled: More of them, of each hypothesis.
-        haunted: Whether ghosts are shown at first.
+        haunted: Whether overlays are shown at first.
     """
     canvas = element("canvas", id="view", tabindex="0", role="img", aria_label="The part with the readings, in 3-D")
     overlay = Html('<svg id="overlay" aria-hidden="true"></svg><div id="tip" hidden></div>')
@@ -73,12 +73,12 @@ def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunte
 
 
 def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
-    """Keys and words of the ways, for the choice of ghosts."""
+    """Keys and words of the ways, for the choice of overlays."""
     options = [
         element("option", f"off by {way.words}: {MM * way.moves:.2g} mm at the farthest corner", value=k)
         for k, way in enumerate(ways)
     ]
-    none = element("option", "no ghosts", value="", selected=None if haunted else True)
+    none = element("option", "no overlays", value="", selected=None if haunted else True)
     return element("select", *options, none, aria_label="Ghosts: how the pose may be off")
 
 

@@ -61,7 +61,7 @@ def _front(
         layers.append(Layer("sticks", plan.feature))
     legend = [("stick", f"{plan.feature}, which has to keep the tolerance")] if plan.feature is not None else []
     legend += [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
-    overlay = f"ghosts: off by 1, 2 and 3 sd after the last{times(enlarged)}"
+    overlay = f"overlays: off by 1, 2 and 3 sd after the last{times(enlarged)}"
     x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
     facts = [
         ("Goal", f"{_all(plan)} within {length(tolerance)}, with {percent(confidence)}"),
@@ -90,7 +90,7 @@ def _front(
 
 def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     """What each reading brings, as curves and as a table."""
-    of_what = plan.feature or "the worst corner of the part's box"
+    of_what = plan.feature or "the largest corner sd of the part's box"
     lead = (
         f"How well {of_what} is expected to be known, one standard deviation, and how probably {_all(plan)} "
         f"{'is' if plan.feature else 'are'} within the tolerance: before the first reading and after each. The order "
@@ -135,7 +135,7 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
 
 def _worst(plan: Plan) -> str:
     """Whose deviation counts, where it is largest."""
-    return plan.feature or "worst corner"
+    return plan.feature or "largest corner sd"
 
 
 def _all(plan: Plan) -> str:

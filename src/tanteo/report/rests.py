@@ -26,8 +26,8 @@ def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence
         directions: Of each of them; see :func:`directions_of` and :func:`tanteo.active.explain.explain`.
     """
     lead = (
-        "The pose may be off in these independent ways, the worst first: the ghosts in the picture show them. Each bar "
-        "is all that is known about one, divided among the readings and what was known beforehand; errors that the "
+        "The pose may be off in these independent ways, the worst first: the overlays in the picture show them. Each "
+        "bar is all that is known about one, divided among the readings and what was known beforehand; errors that the "
         "readings share are taken as known in it."
     )
     bodies = tuple(_rows(c, d) for c, d in zip(candidates, directions, strict=True))
@@ -72,7 +72,7 @@ def _rows(candidate: Candidate, directions: Sequence[Direction]) -> Html:
 
 def _bar(d: Direction) -> Html:
     named = [(f"{name}: {percent(p)}", p, f"s{k % 2}") for k, (name, p) in enumerate(d.shares[:_NAMED])]
-    parts = [*named, ("beforehand", d.rough_pose, "none")]
+    parts = [*named, ("beforehand", d.prior, "none")]
     spans = [element("span", title=said, class_=kind, style=f"width:{100 * p:.2f}%") for said, p, kind in parts]
     return element("div", *spans, class_="stack", aria_hidden="true")
 
@@ -82,6 +82,6 @@ def _said(d: Direction) -> str:
     rest, others = sum(p for _, p in d.shares[_NAMED:]), len(d.shares) - _NAMED
     if rest >= 0.0005:
         named.append(f"{others} others ({percent(rest)})")
-    if d.rough_pose >= 0.0005:
-        named.append(f"known beforehand ({percent(d.rough_pose)})")
+    if d.prior >= 0.0005:
+        named.append(f"known beforehand ({percent(d.prior)})")
     return ", ".join(named) or "nothing"

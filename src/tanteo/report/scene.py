@@ -1,4 +1,4 @@
-"""What the page's program draws: parts, readings, beams, distances and ghosts, as numbers. Millimetres in the world."""
+"""What the page's program draws, as numbers: parts, readings, beams, distances, overlays. Millimetres, world frame."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Candidate:
         part: Its part.
         contacts: The readings on it.
         ways: How its pose may be off.
-        enlarged: How many times the ghosts of ``ways`` are enlarged.
+        enlarged: How many times the overlays of ``ways`` are enlarged.
     """
 
     hypothesis: Hypothesis
@@ -170,5 +170,5 @@ def _base64(array: np.ndarray) -> str:
 
 
 def overlay_numbers(ways: Sequence[Way], centre: Vectors) -> list[list[list[list[float]]]]:
-    """Poses of the ghosts: of each way, each level, both sides."""
+    """Poses of the overlays: of each way, each level, both sides."""
     return [[[pose_numbers(T, centre) for T in level] for level in way.Ts_world_part] for way in ways]

@@ -74,9 +74,9 @@ def _rows(candidate: Candidate) -> IntArray:
 def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
     """Sensor, robot, shared errors, part."""
     lead = (
-        "Shares of the variance of the worst corner of the part's box. More readings shrink the noise; errors that all "
-        "readings share stay, until they are calibrated. Where such an error has to be estimated from the same "
-        "readings, it costs more than its share: see what is left without it."
+        "Shares of the variance at the corner of the part's box that is known worst. More readings shrink the noise; "
+        "errors that all readings share stay, until they are calibrated. Where such an error has to be "
+        "estimated from the same readings, it costs more than its share: see what is left without it."
     )
     bodies = per_hypothesis(candidates, lambda c: _budget(c, sensed))
     return Section("budget", "Where the uncertainty comes from", lead, bodies)
@@ -95,7 +95,7 @@ def _budget(candidate: Candidate, sensed: Sensed) -> Html:
 
 def _total(candidate: Candidate, budget: Budget) -> str:
     told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.unobserved
-    words = f"Together {length(budget.total)} at the worst corner, one standard deviation"
+    words = f"Together {length(budget.total)} at the largest corner sd, one standard deviation"
     if free:
         return f"{words}; without what nothing observes: {'; '.join(free)}."
     if abs(budget.total - told) > _DIFFERS * told:

@@ -18,7 +18,7 @@ class Sensed:
 
     Attributes:
         source: Name of the readings' file.
-        measured: Points with covariance and shared errors, and the free beams.
+        measured: Points with covariance and shared errors, and the free-space rays.
         repeatability: The robot's share of ``measured.covs`` ``(n, 3, 3)`` [m^2].
         reach: Length of the beam or path before each point ``(n,)`` [m]; NaN where unknown.
         tolerance: Standard deviation of the made part's surface against its CAD [m].

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.answers import Hypothesis, Recognition
+from tanteo.answers import Answer, Hypothesis
 from tanteo.answers.part_motions import corner_sd
 from tanteo.answers.verdict import CONFIDENCE
 from tanteo.parts import Part
@@ -18,7 +18,7 @@ SIGNS = {"recognized": "✓", "ambiguous": "?", "unknown": "✕", "insufficient"
 _MOST_NAMES = 6
 
 
-def headline(answer: Recognition) -> str:
+def headline(answer: Answer) -> str:
     """One sentence: what is it, and how well is it located."""
     if not answer.hypotheses:
         known = answer.status == "unknown"
@@ -34,7 +34,7 @@ def headline(answer: Recognition) -> str:
             f"{best.part} fits, but it is not located: {free} {'stay' if len(best.unobserved) > 1 else 'stays'} free."
         )
     if answer.status == "unknown":
-        return f"Probably none of these parts; the nearest is {best.part}."
+        return f"Probably unknown object parts; the nearest is {best.part}."
     likely = list(dict.fromkeys(h.part for h in answer.hypotheses if h.probability > 0.01)) or [best.part]
     if len(likely) == 1:
         return f"It is {likely[0]} or something unknown, in one of several poses: not decided."
@@ -48,7 +48,7 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str,
     x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
     rows = [
         ("Position in the world", f"x {x}, y {y}, z {z} mm"),
-        ("Worst corner, 1 sd", length(hypothesis.corner_sd)),
+        ("Largest corner sd, 1 sd", length(hypothesis.corner_sd)),
         ("Readings that fit", f"{used} of {n}"),
     ]
     if hypothesis.covariance_relative is not None and not hypothesis.unobserved:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tanteo.active.explain import explain
-from tanteo.answers import Recognition
+from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.parts import Part
 from tanteo.replaced import replaced
@@ -41,9 +41,7 @@ class Run:
     facts: tuple[tuple[str, str], ...] = ()
 
 
-def report_page(
-    answer: Recognition, sensed: Sensed, parts: Sequence[Part], run: Run, more: Sequence[Section] = ()
-) -> str:
+def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run, more: Sequence[Section] = ()) -> str:
     """The report of an answer as the text of one HTML file.
 
     Args:
@@ -94,7 +92,7 @@ def write_report(path: str | Path, page: str) -> None:
 
 
 def _page(
-    answer: Recognition, candidates: Sequence[Candidate], sensed: Sensed, run: Run, sections: Sequence[Section]
+    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, run: Run, sections: Sequence[Section]
 ) -> str:
     made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
     last = [figure_section(candidates), rerun_section(run.command, made)]
@@ -102,7 +100,7 @@ def _page(
     return make_page(front, scene_document(candidates, sensed), [*sections, *last])
 
 
-def _candidates(answer: Recognition, sensed: Sensed, parts: Sequence[Part]) -> list[Candidate]:
+def _candidates(answer: Answer, sensed: Sensed, parts: Sequence[Part]) -> list[Candidate]:
     named, out = {part.name: part for part in parts}, []
     for h in answer.hypotheses:
         part = named.get(h.part)

@@ -57,7 +57,7 @@ def check_features(readings: Readings) -> None:
             members = [i for i, f in zip(readings.ids, readings.features, strict=True) if f == label]
             raise ReadingsError(
                 f"feature '{label}': expected at least {MIN_ROWS[kind]} readings of kind {kind}, got {count} "
-                f"({', '.join(members)}). Sense more of it, or leave feature and kind empty to use bare points."
+                f"({', '.join(members)}). Sense more of it, or leave feature and kind empty to use unlabelled points."
             )
 
 
@@ -151,7 +151,7 @@ def _check_labels(readings: Readings) -> None:
 
 
 def _check_located(readings: Readings) -> None:
-    """Every row says where something is: a point, or a range with the hand's pose; a free beam also where to."""
+    """Every row says where something is: a point, or a range with the hand's pose; a free-space ray also where to."""
     by_rig = readings.has_hand & np.fromiter(map(bool, readings.sensors), dtype=bool, count=len(readings))
     ranged = by_rig & ~np.isnan(readings.ranges)
     if who := _first_bad(readings, ~readings.is_free & ~readings.has_point & ~ranged):

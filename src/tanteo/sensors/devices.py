@@ -99,13 +99,13 @@ class Device:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """The readings with every range turned into a point and every free beam into origin, direction, length.
+    """The readings with every range turned into a point and every free-space ray into origin, direction, length.
 
     Attributes:
         points: ``(n, 3)``; origin of the beam for a free one.
         directions: ``(n, 3)``, NaN where unknown.
         ranges: Along the beam ``(n,)``, NaN where unknown.
-        lengths: Of free beams ``(n,)``.
+        lengths: Of free-space rays ``(n,)``.
         by_rig: Rows that the rig placed.
         T_world_units: Poses of the devices that gave them ``(n, 4, 4)``; NaN for the others.
     """

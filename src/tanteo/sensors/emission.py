@@ -85,7 +85,7 @@ def emit(
     Limits are those of what is reported; a true range below the nearest is :attr:`Status.NEAR` whatever the noise.
 
     Args:
-        rng: Source of chance; the same number of draws whatever the statuses.
+        rng: Source of chance; the same number of samples whatever the statuses.
         model: Error figures of the ``k`` sensors.
         units: Their errors that stay.
         ranges: True ranges along the rays [m], ``(*batch, k)``; infinite or NaN where a ray met nothing.

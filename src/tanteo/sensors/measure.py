@@ -43,7 +43,7 @@ def measure(
     """Points in the world with covariance and shared errors, from what the devices said.
 
     A point is the sensed **surface** point where the contact normal is known (ball centre less one radius along the
-    normal); otherwise it is the centre of the tip's ball and its radius is kept. Free beams are carried along.
+    normal); otherwise it is the centre of the tip's ball and its radius is kept. Free-space rays are carried along.
 
     Args:
         readings: What the devices said.

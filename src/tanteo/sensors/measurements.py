@@ -1,4 +1,4 @@
-"""Measurements: what is made of the readings. Points in the world with covariance and shared errors; free beams."""
+"""Measurements made of readings: points in the world with covariance and shared errors; free-space rays."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class PointMeasurements:
         """Gains by all shared errors as unit normal ones ``z``, where what is true is what is measured + gain z.
 
         Returns:
-            Of points ``(n, 3, D)``, and of origins and directions of free beams ``(m, 3, D)``.
+            Of points ``(n, 3, D)``, and of origins and directions of free-space rays ``(m, 3, D)``.
         """
         root, none = shared_root(self.shared), np.zeros((len(self.free), 3, 0))
         origins, turns = (np.concatenate([none, *Js], axis=-1) for Js in (self.free.jacobians, self.free.turns))

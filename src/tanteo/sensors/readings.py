@@ -43,7 +43,7 @@ class Readings:
         ranges: Raw ranges along the beam [m].
         sensors: Name of the sensor of the rig that gave the range.
         is_free: The beam met nothing (status ``none``).
-        max_ranges: How far a free beam was free [m].
+        max_ranges: How far a free-space ray was free [m].
         source: Where the readings come from (a file name), for messages.
     """
 

@@ -1,7 +1,7 @@
-"""Errors that readings share: what each of them is, and how it moves points and free beams.
+"""Errors that readings share: what each of them is, and how it moves points and free-space rays.
 
-A free beam has an origin and a direction. What moves the frame that it is known in moves both; the bias and the scale
-of a sensor move neither, for they are of ranges.
+A free-space ray has an origin and a direction. What moves the frame that it is known in moves both; the bias and the
+scale of a sensor move neither, for they are of ranges.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Common:
-    """A shared error ``c`` of ``d`` numbers, and what it does to all readings, free beams among them.
+    """A shared error ``c`` of ``d`` numbers, and what it does to all readings, free-space rays among them.
 
     Attributes:
         error: what it is.
-        points: how points, and origins of free beams, move: ``+= points @ c`` ``(n, 3, d)``.
-        turns: how directions of free beams do ``(n, 3, d)``; zero for the others.
+        points: how points, and origins of free-space rays, move: ``+= points @ c`` ``(n, 3, d)``.
+        turns: how directions of free-space rays do ``(n, 3, d)``; zero for the others.
     """
 
     error: SharedError
@@ -108,7 +108,7 @@ def of_devices(
 
 
 def _mounted(placed: Placed, rows: BoolArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """How the body error of its sensor moves points, and turns directions of free beams ``(n, 3, 6)``."""
+    """How the body error of its sensor moves points, and turns directions of free-space rays ``(n, 3, 6)``."""
     J, turns, open_ = np.zeros((len(rows), 3, 6)), np.zeros((len(rows), 3, 6)), rows & free
     J[rows] = body_jacobian(placed.T_world_units[rows], placed.points[rows])
     ahead = placed.points[open_] + placed.directions[open_]

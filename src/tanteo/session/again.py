@@ -28,9 +28,9 @@ def once_more(state: SensingState, steps: Sequence[Step]) -> Candidates:
 
 
 def information_of_repeat(state: SensingState) -> float:
-    """What one more reading of a beam that did not fit tells about "none of these" [nats].
+    """What one more reading of a beam that did not fit tells about the unknown object [nats].
 
-    Of the part it is off once more as often as any reading is astray, of another object as often as it is not.
+    Of the part it is off once more as often as any reading is an outlier, of another object as often as it is not.
     """
     c, u = state.start.priors.outlier_rate, state.unknown
     off = u * (1 - c) + (1 - u) * c

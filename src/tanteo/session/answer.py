@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.active import SensingState, Stop, largest_corner_sd
 from tanteo.active.places import places_of
-from tanteo.answers import Hypothesis, PosePrior, Recognition
+from tanteo.answers import Answer, Hypothesis, PosePrior
 from tanteo.answers.pose_prior import prior_residuals
 from tanteo.answers.results import Status
 from tanteo.answers.verdict import CONFIDENCE, doubt, verdict
@@ -23,15 +23,15 @@ from tanteo.special import chi2_survival
 ALPHA = 0.01
 """An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
 
-NOTHING = "No part explains the readings: check them, the rough pose and the parts."
+NOTHING = "No part explains the readings: check them, the prior pose and the parts."
 """What is said where no part is left."""
 
-_ANEW = " A new session with a wider rough pose can be told the same readings."
+_ANEW = " A new session with a wider prior pose can be told the same readings."
 
-_HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the rough place and the parts."
+_HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the prior pose and the parts."
 
 
-def answered(state: SensingState, stop: Stop, seed: int, top: int, significance: float) -> Recognition:
+def answered(state: SensingState, stop: Stop, seed: int, top: int, significance: float) -> Answer:
     """Status, message and hypotheses; poses that differ by less than the tolerance that was asked for are one.
 
     What is as sure as was asked for is an answer, also where that is less than :func:`tanteo.identify` would give one
@@ -50,9 +50,9 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     if touches is None or not len(touches):
         status: Status = "unknown" if state.unknown > _HALF else "insufficient"
         message = "No reading has met a part yet." if status == "insufficient" else _NOWHERE
-        return Recognition(status, message, (), 1.0 - float(state.weights.sum()), {}, seed)
+        return Answer(status, message, (), 1.0 - float(state.weights.sum()), {}, seed)
     if not state.modes:
-        return Recognition("unknown", NOTHING, (), state.unknown, {}, seed)
+        return Answer("unknown", NOTHING, (), state.unknown, {}, seed)
     found = [goodness_of_fit(mode) for mode in state.modes[:top]]
     hypotheses = tuple(
         as_hypothesis(touches, one, PosePrior(start.Ts[row], start.covariances[row]))
@@ -72,14 +72,14 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         message = _in_some_pose(hypotheses[0], state, stop, shares)
     message += face_elsewhere(touches, found[0], state.unknown, start.priors)
     message += _ANEW if status == "unknown" and prior_p < significance else ""
-    return Recognition(status, message + moved_words(state), hypotheses, state.unknown, {}, seed)
+    return Answer(status, message + moved_words(state), hypotheses, state.unknown, {}, seed)
 
 
 def contradiction(state: SensingState, stop: Stop, *, reached: bool) -> str:
     """Why the answer is not accepted, in words, where that is known; empty if nothing contradicts it.
 
     Before the goal is reached, a part that is known but not where it was said to be does: more readings of it do not
-    make the rough pose right. Then, whatever the joint test says.
+    make the prior pose right. Then, whatever the joint test says.
 
     Args:
         state: what is known.
@@ -92,7 +92,7 @@ def contradiction(state: SensingState, stop: Stop, *, reached: bool) -> str:
 
 
 def p_of_start(state: SensingState) -> float:
-    """P-value of the rough pose beside the readings, of several that of the nearest; 1 where no pose is likely."""
+    """P-value of the prior pose beside the readings, of several that of the nearest; 1 where no pose is likely."""
     start = state.start
     if not state.modes or state.modes[0].probability < _HALF:
         return 1.0
@@ -104,7 +104,7 @@ def p_of_start(state: SensingState) -> float:
 
 
 def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> str:
-    """The reading that contradicts the likeliest hypothesis most, unless the rough pose contradicts it more."""
+    """The reading that contradicts the likeliest hypothesis most, unless the prior pose contradicts it more."""
     chi2, fixed = best.chi_square()
     dof = fixed + len(best.free)
     return worst_reading(points, best) if dof > 0 and chi2_survival(chi2, dof) < prior_p else ""
@@ -136,7 +136,7 @@ def _in_some_pose(best: Hypothesis, state: SensingState, stop: Stop, shares: lis
     return f"{best.part}{sure}; {what} by {within}{else_}."
 
 
-def step_of(state: SensingState, stop: Stop, told: Observation) -> Step:
+def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:
     """What is known after something was told."""
     if not len(state.weights):
         nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
@@ -145,6 +145,6 @@ def step_of(state: SensingState, stop: Stop, told: Observation) -> Step:
         k = int(np.argmax(state.weights))
         T, part, C = state.poses[k], int(state.part[k]), state.covariances[k]
         inside = stop.chance(state)
-    ids = () if told.readings is None else told.readings.ids
+    ids = () if observation.readings is None else observation.readings.ids
     known = state.of_parts(), state.unknown, T, part, C, largest_corner_sd(state), float(inside)
-    return Step(ids, told.action, *known, told.note)
+    return Step(ids, observation.action, *known, observation.note)

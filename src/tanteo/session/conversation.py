@@ -21,7 +21,7 @@ from tanteo.active import (
     propose,
     update,
 )
-from tanteo.answers import PosePrior, Recognition
+from tanteo.answers import Answer, PosePrior
 from tanteo.errors import check_kind
 from tanteo.limits import check_count
 from tanteo.sensors import Readings, concatenate, say_stuck
@@ -88,7 +88,7 @@ class Session:
 
     @property
     def prior(self) -> PosePrior:
-        """The rough pose of the start that the best hypothesis comes from; the likeliest before the first reading."""
+        """The prior pose of the start that the best hypothesis comes from; the likeliest before the first reading."""
         row = int(self._state.rows[0]) if self._state.modes else int(np.argmax(self.start.weights))
         return PosePrior(self.start.Ts[row], self.start.covariances[row])
 
@@ -113,7 +113,7 @@ class Session:
         return tuple(self._refused)
 
     @property
-    def told(self) -> tuple[Observation, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """All that has to be kept to :meth:`resume` from here."""
         readings = iter(self._readings)
         return tuple(Observation(s.action, next(readings) if s.ids else None, s.note) for s in self._steps)
@@ -205,7 +205,7 @@ class Session:
 
     def resume(
         self,
-        told: Iterable[Observation],
+        observations: Iterable[Observation],
         asked: Action | None = None,
         refused: Iterable[Action] = (),
         questions: int = 0,
@@ -213,24 +213,24 @@ class Session:
         """Take what another session was told, in its order: belief and next question are then the same as there.
 
         Args:
-            told: by that session, see :attr:`told`.
+            observations: of that session, see :attr:`observations`.
             asked: its question that waited for an answer.
             refused: its questions that could not be answered, see :attr:`refused`.
             questions: the largest number of its questions, see :attr:`questions`.
         """
         for action in refused:
             self.refuse(action)
-        for one in told:
+        for one in observations:
             self._take(one)
         self.put(asked)
         self._questions = max(self._questions, questions)
 
-    def _take(self, told: Observation) -> Step:
-        state, joined, fresh, action = self._state, self._joined, told.readings, told.action
+    def _take(self, observation: Observation) -> Step:
+        state, joined, fresh, action = self._state, self._joined, observation.readings, observation.action
         if fresh is not None:
             joined = fresh if joined is None else concatenate([joined, fresh])
             state = update(state, *self.sensing.touches(joined, self.probe))
-        step = step_of(state, self.stop, told)
+        step = step_of(state, self.stop, observation)
         # only now, all of it: who interrupts the long work above finds the session as it was before
         self._state, self._joined = state, joined
         self._readings += [] if fresh is None else [fresh]
@@ -241,7 +241,7 @@ class Session:
             self._asked = None
         return step
 
-    def answer(self, top: int = 5, significance: float = ALPHA) -> Recognition:
+    def answer(self, top: int = 5, significance: float = ALPHA) -> Answer:
         """The answer as of now, with status and message, as :func:`tanteo.identify` gives it.
 
         Args:

@@ -16,7 +16,7 @@ _FEW, _BY_CHANCE = 2, 0.05
 def moved(ids: Sequence[str], aside: BoolArray) -> str:
     """That something may have moved, in words; empty if the readings that do not fit came at any time.
 
-    If they are astray by chance, all of them are among the first, or among the last, so many with the share of the
+    If they are outliers by chance, all of them are among the first, or among the last, so many with the share of the
     ways to choose them there.
 
     Args:

@@ -46,7 +46,7 @@ class Sensing:
             check_length("sd", self.sd, LEAST_SD)
 
     def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
-        """Points in the world with their covariance, and the free beams.
+        """Points in the world with their covariance, and the free-space rays.
 
         Args:
             readings: what the devices said.
@@ -58,7 +58,7 @@ class Sensing:
         )  # fmt: skip
 
     def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:
-        """Readings as touches and free paths in the world.
+        """Readings as touches and free-space rays in the world.
 
         A beam is as wide across as the probe's cone; that it met nothing says nothing of a surface that lies beyond the
         incidence to which the probe answers.
@@ -197,7 +197,7 @@ class Step:
         ids: names of the readings.
         action: the question that they answer; None where they answer none.
         probabilities: of every part ``(P,)``.
-        unknown: of "none of these".
+        unknown: of the unknown object.
         T_world_part: likeliest pose ``(4, 4)``.
         part: index of its part; -1 if no part explains the readings.
         covariance: of that pose ``(6, 6)``.

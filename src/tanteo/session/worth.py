@@ -16,7 +16,7 @@ _AGAIN = "a reading of this beam does not fit, and once more it shows whether th
 
 OUT_OF_REACH = (
     "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
-    "approach or a better rough pose."
+    "approach or a better prior pose."
 )
 """What is said where no candidate can be made."""
 

@@ -42,7 +42,7 @@ LAYERS = {
 
 
 def state_primitives(now: Snapshot) -> list[Primitive]:
-    """Parts where they may be: the likeliest as a solid, others as ghosts in colours of their own."""
+    """Parts where they may be: the likeliest as a solid, others as overlays in colours of their own."""
     out: list[Primitive] = []
     b = now.state
     for k in now.drawn_modes():
@@ -77,7 +77,7 @@ def reading_primitives(now: Snapshot) -> list[Primitive]:
                 out.append(Dots(name, t.points[rows], colour, 0.02 * now.size, shape, "readings"))
     if len(b.free.origins):
         ends = b.free.origins + b.free.directions * np.minimum(b.free.lengths, OPEN)[:, None]
-        out.append(Lines("free beams", dashed(b.free.origins, ends, _DASH), colors.FREE, 2.0, layer="beams"))
+        out.append(Lines("free-space rays", dashed(b.free.origins, ends, _DASH), colors.FREE, 2.0, layer="beams"))
     return out
 
 
@@ -129,7 +129,7 @@ def _overlays(now: Snapshot) -> list[Primitive]:
         return []
     k = int(np.argmax(b.weights))
     lines = _drawn(b.target(k).part).lines[:_GHOST_LINES]
-    return [Lines(f"ghost {i}", lines, colors.GHOST, 1.0, T, "overlays") for i, T in enumerate(_poses(now, k))]
+    return [Lines(f"overlay {i}", lines, colors.GHOST, 1.0, T, "overlays") for i, T in enumerate(_poses(now, k))]
 
 
 def _poses(now: Snapshot, k: int) -> Transforms:

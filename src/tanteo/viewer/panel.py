@@ -69,7 +69,7 @@ def headline(now: Snapshot) -> str:
     if not now.decided:
         return f"Not decided; the likeliest is {words}"
     sd = now.steps[-1].corner_sd
-    return words if np.isnan(sd) else f"{words}, worst corner {1e3 * sd:.3g} mm (1 sd)"
+    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm (1 sd)"
 
 
 def status(now: Snapshot, note: str = "", help_: str = "") -> str:
@@ -92,7 +92,7 @@ def counted(now: Snapshot) -> str:
 
 
 def bars(now: Snapshot) -> str:
-    """How probable each part is: the likeliest, all others together, and none of these."""
+    """How probable each part is: the likeliest, all others together, and unknown object."""
     p, order = now.state.of_parts(), now.order
     drawn = set(now.state.part[now.drawn_modes()].tolist())
     rows = [
@@ -102,7 +102,7 @@ def bars(now: Snapshot) -> str:
     rest = order[_BARS:]
     if len(rest):
         rows.append(_row(f"{len(rest)} others", float(p[rest].sum()), None, "none"))
-    rows.append(_row("none of these", now.state.unknown, None, "none"))
+    rows.append(_row("unknown object", now.state.unknown, None, "none"))
     return _framed(*rows)
 
 
@@ -137,7 +137,7 @@ def step_line(now: Snapshot) -> str:
     best = int(np.argmax(step.probabilities))
     return (
         f"{len(now.steps)}. {who}, {at}: {now.names[best]} {percent(float(step.probabilities[best]))}, "
-        f"worst corner {1e3 * step.corner_sd:.3g} mm"
+        f"largest corner sd {1e3 * step.corner_sd:.3g} mm"
     )
 
 

@@ -11,7 +11,7 @@ from tanteo.vision.edges import EdgePoints
 from tanteo.vision.opencv import opencv
 
 CHANNELS = 8
-"""Directions that are told apart; a channel holds the edges within one step of its own direction."""
+"""Directions that are discriminated; a channel holds the edges within one step of its own direction."""
 
 _FAR = 1e3
 

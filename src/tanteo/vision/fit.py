@@ -103,9 +103,9 @@ def refine(
         frame: of the part.
         camera: that took the image.
         edges: of the image.
-        T_camera_part: first poses ``(B, 4, 4)``.
+        T_camera_part: pose proposals ``(B, 4, 4)``.
         prior: information on ``Log(T_start^-1 T)`` ``(B, 6, 6)``; none if not given.
-        start: where the prior puts the part ``(B, 4, 4)``; the first poses if not given.
+        start: where the prior puts the part ``(B, 4, 4)``; the pose proposals if not given.
         reaches: how far to look, round by round [px].
     """
     T, scale = np.ascontiguousarray(T_camera_part), frame.scale

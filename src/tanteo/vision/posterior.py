@@ -1,4 +1,4 @@
-"""Which part lies in a region, in which stable pose, where: posterior over all of them and "none of these"."""
+"""Which part lies in a region, in which stable pose, where: posterior over all of them and the unknown object."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ class ImagePosterior:
 
     Attributes:
         modes: best first.
-        unknown: probability of "none of these". What is missing to 1 belongs to the parts in poses that were not found.
+        unknown: probability of the unknown object. What is missing to 1 belongs to the parts in poses that were not
+            found.
     """
 
     modes: tuple[ImageMode, ...]

@@ -1,4 +1,4 @@
-"""First poses of a part on the table: every stable pose at every yaw, slid over a region until its edges fall on edges.
+"""Pose proposals of a part on the table: each stable pose at each yaw, translated until its edges fall on edges.
 
 Distances to edges are looked up in a small table by direction (chamfer matching; Barrow and others 1977, Shotton and
 others 2008). What a part looks like is drawn once for each yaw, in the middle of the region; the perspective is put
@@ -43,7 +43,7 @@ _MARGIN = 480 // _CELL
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
-    """First poses of one part in one region.
+    """Pose proposals of one part in one region.
 
     Attributes:
         T_camera_part: ``(k, 4, 4)``.
@@ -102,7 +102,7 @@ def propose(
     places: Slides,
     most: int = 20,
 ) -> Proposal:
-    """First poses of a part in a region.
+    """Pose proposals of a part in a region.
 
     Args:
         model: of the part.

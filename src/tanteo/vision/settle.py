@@ -1,11 +1,11 @@
 """The pose that a part's edges agree on, when any of them may have met an edge that is another's.
 
-Errors of an edge point are told apart. Noise is its own. Neighbours in the image (a shadow's border, a second edge of
-the part) pull it aside; how much is seen by how far it moves when the image is smoothed more (``EdgePoints.drifts``). A
-lens that is not exact shifts all edges alike, which is a state with a prior, and each one besides. And all
-that an edge of the part met may belong to something else: to the border of the shadow that runs beside it, to a thing
-in the way. Which did is not known, so the pose is the mean of a mixture over the possible choices, with the covariance
-of the whole (Gaussian sum, Alspach and Sorenson 1972).
+Errors of an edge point are discriminated. Noise is its own. Neighbours in the image (a shadow's border, a second edge
+of the part) pull it aside; how much is seen by how far it moves when the image is smoothed more
+(``EdgePoints.drifts``). A lens that is not exact shifts all edges alike, which is a state with a prior, and each one
+besides. And all that an edge of the part met may belong to something else: to the border of the shadow that runs beside
+it, to a thing in the way. Which did is not known, so the pose is the mean of a mixture over the possible choices, with
+the covariance of the whole (Gaussian sum, Alspach and Sorenson 1972).
 """
 
 from __future__ import annotations

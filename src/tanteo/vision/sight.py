@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers.results import Recognition
+from tanteo.answers.results import Answer
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.parts import Part
@@ -45,7 +45,7 @@ class Sighting:
         alike: names of parts by how like their outlines from above are to it, the likest first: a first look.
     """
 
-    recognition: Recognition
+    recognition: Answer
     modes: tuple[ImageMode, ...]
     question: Question | None
     region: Region | None
@@ -157,7 +157,7 @@ def _sighting(
     question = _question(modes, T_world_table, camera.T_world_camera)
     if status == "ambiguous" and question is not None:
         message = f"The image leaves {_both(question)}: {question.words}."
-    recognition = Recognition(status, message, tuple(hypotheses), posterior.unknown)
+    recognition = Answer(status, message, tuple(hypotheses), posterior.unknown)
     return Sighting(recognition, tuple(modes), question, region)
 
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers.part_motions import box_corners
-from tanteo.answers.results import Recognition
+from tanteo.answers.results import Answer
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.special import log_sum
@@ -78,7 +78,7 @@ def see_anywhere(
         modes.append(replace(mode, T_camera_part=T))
         hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
     status, message = judged(hypotheses, posterior)
-    recognition = Recognition(status, message, tuple(hypotheses), posterior.unknown)
+    recognition = Answer(status, message, tuple(hypotheses), posterior.unknown)
     objects = (Sighting(recognition, tuple(modes), None, None),) if modes else ()
     return Sight(objects, points, T_world_camera, "camera" if camera.T_world_camera is None else "world")
 

@@ -143,7 +143,7 @@ def fit_camera(camera: Camera, pixels: FloatArray, points: Vectors, sd: float = 
 
 
 def _starts(directions: Vectors, points: Vectors) -> list[Transforms]:
-    """First poses ``T_camera_world`` (Terzakis and Lourakis 2020, by OpenCV), nearly mirrored ones too."""
+    """Pose proposals ``T_camera_world`` (Terzakis and Lourakis 2020, by OpenCV), nearly mirrored ones too."""
     cv2 = opencv()
     found = cv2.solvePnPGeneric(points, directions[:, :2].copy(), np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
     out = [SE3.from_parts(SO3.exp(w.ravel()), t.ravel()) for w, t in zip(found[1], found[2], strict=True)]

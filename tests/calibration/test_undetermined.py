@@ -37,7 +37,7 @@ def test_a_hand_that_never_turns_does_not_tell_the_offset_from_the_plane_s():
     rng = np.random.default_rng(0)
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)))
     assert found.status == "insufficient"
-    words = " ".join(found.beams[0].untold)
+    words = " ".join(found.beams[0].undetermined)
     assert "offset along the beam" in words
     assert "origin across the beam (x)" in words
     assert "Turn the hand about two axes" in found.message
@@ -52,7 +52,7 @@ def test_what_is_not_told_keeps_the_rig_s_uncertainty():
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)), rig=rig_of())
     assert found.status == "calibrated"
     assert "adds little on" in found.message
-    assert any("offset along the beam" in words for words in found.beams[0].untold)
+    assert any("offset along the beam" in words for words in found.beams[0].undetermined)
     sds = np.sqrt(np.diag(found.beams[0].cov))
     assert (sds[:3] < 1.001e-3).all()
     assert (sds[:3] > 0.7e-3).any()
@@ -63,16 +63,16 @@ def test_ranges_of_one_length_do_not_tell_the_scale():
     rng = np.random.default_rng(2)
     hands = random_hands(rng, 40, PLANE, T, near=0.299, far=0.301)
     found = calibrate(simulated_log(rng, T, PLANE, hands))
-    assert any("the scale" in words for words in found.beams[0].untold)
+    assert any("the scale" in words for words in found.beams[0].undetermined)
 
 
 def test_a_good_log_tells_all():
     rng = np.random.default_rng(3)
     found = calibrate(simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T)), rig=rig_of((5e-3, 0.05)))
-    assert (found.status, found.message, found.beams[0].untold) == ("calibrated", "Calibrated eye.", ())
+    assert (found.status, found.message, found.beams[0].undetermined) == ("calibrated", "Calibrated eye.", ())
 
 
-def test_a_rig_that_is_far_off_does_not_lead_astray():
+def test_a_rig_that_is_far_off_does_not_lead_aoutliers():
     """The log is also searched without it."""
     rng = np.random.default_rng(4)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T))
