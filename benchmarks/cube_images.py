@@ -94,7 +94,7 @@ def main():
         image = grey_cube.load(name)
         T = follow(image, camera, model, T, rng)
         start = time.process_time()
-        answer = see_anywhere(image, camera, [model]).objects[0].recognition
+        answer = see_anywhere(image, camera, [model]).objects[0].answer
         spent.append(time.process_time() - start)
         right = [grey_cube.same_pose(model.part, h.T_world_part, T) for h in answer.hypotheses]
         among, best = among + any(right), best + right[0]

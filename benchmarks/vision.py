@@ -113,7 +113,7 @@ def look(count, k, image, hidden, seed):
     # the object is the one that has most of the part's place in the image; the thing in the way may be another
     there = silhouette((stranger or models[k]).frame.surface, shot.camera, in_camera(shot))
     seen = max(sight.objects, key=lambda seen: (seen.region.mask & there).sum())
-    answer = seen.recognition
+    answer = seen.answer
     truth = models[k].part.name if known else None
     best = answer.hypotheses[0] if answer.hypotheses else None
     shares = {}

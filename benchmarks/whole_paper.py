@@ -98,7 +98,7 @@ def run_one(count, number, scene, way):
         return sensed(unknown, unknown.start, number, scene)
     look, cpu = looked_at(unknown, models, number, rng)
     seen = sensed(unknown, seen_start(look, targets, unknown.start), number, scene)
-    first = look.recognition.hypotheses[0] if look is not None else None
+    first = look.answer.hypotheses[0] if look is not None else None
     return seen | {"cpu": seen["cpu"] + cpu, "named": first is not None and first.part == targets[number].part.name}
 
 

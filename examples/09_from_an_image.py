@@ -28,7 +28,7 @@ for name in ("three_parts", "half_hidden", "twins"):
     sight = see_table(read_image(IMAGES / f"{name}.png"), camera, models)
     print(f"\n{name}: {len(sight.objects)} object(s)")
     for seen in sight.objects:
-        answer = seen.recognition
+        answer = seen.answer
         best = answer.hypotheses[0]
         x, y, z = 1e3 * best.T_world_part[:3, 3]
         print(f"  {answer.status}: {best.part} at x {x:.1f} y {y:.1f} z {z:.1f} mm, P = {best.probability:.2f}")

@@ -123,5 +123,5 @@ def test_an_image_of_it_is_read_as_well(bracket, tmp_path):
     pytest.importorskip("cv2")
     far, T_far_near = moved_file(bracket, 55.0, tmp_path)
     camera, image, _, _ = seen_alone(prepare_vision(bracket), 0.4)
-    a, b = (see_table(image, camera, [part]).objects[0].recognition for part in (bracket, far))
+    a, b = (see_table(image, camera, [part]).objects[0].answer for part in (bracket, far))
     same(a, b, T_far_near)

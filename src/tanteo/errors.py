@@ -24,11 +24,24 @@ from collections.abc import Iterable
 
 
 class TanteoError(Exception):
-    """Base of every exception that tanteo raises on purpose."""
+    """Base of every exception that tanteo raises on purpose.
+
+    Example:
+        >>> issubclass(tanteo.InputError, tanteo.TanteoError)
+        True
+    """
 
 
 class InputError(TanteoError, ValueError):
-    """An argument or a file cannot be what was meant."""
+    """An argument or a file cannot be what was meant.
+
+    Example:
+        >>> try:
+        ...     tanteo.read_part("no_such_file.step")
+        ... except tanteo.InputError as error:
+        ...     print(error)
+        no_such_file.step: expected a file, got nothing at 'no_such_file.step'. Check the path.
+    """
 
 
 class CovarianceError(InputError):

@@ -79,6 +79,12 @@ def identify(
 
     Raises:
         InputError: if an argument or the readings cannot be what was meant.
+
+    Example:
+        >>> parts = tanteo.read_parts("parts/")
+        >>> answer = tanteo.identify(tanteo.read_readings("readings/bracket_left.csv"), parts)
+        >>> answer.status, answer.best.part
+        ('recognized', 'bracket_left')
     """
     start = time.perf_counter()
     check_length("tolerance", tolerance)
@@ -174,6 +180,12 @@ def locate(
 
     Raises:
         InputError: as :func:`identify`; or several parts.
+
+    Example:
+        >>> part = tanteo.read_part("parts/bracket_left.step")
+        >>> answer = tanteo.locate(tanteo.read_readings("readings/bracket_left.csv"), part)
+        >>> answer.pose.shape, answer.covariance.shape
+        ((4, 4), (6, 6))
     """
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,

@@ -45,13 +45,13 @@ def twins(steps):
 
 
 def best_of(seen, name):
-    return next(h for h in seen.recognition.hypotheses if h.part == name)
+    return next(h for h in seen.answer.hypotheses if h.part == name)
 
 
 def test_the_first_reading_is_the_one_that_the_image_cannot_make(twins, steps):
     seen = part_seen(twins)
-    assert {h.part for h in seen.recognition.hypotheses[:2]} == {"step_12mm", "step_15mm"}
-    assert seen.recognition.hypotheses[0].probability < 0.99
+    assert {h.part for h in seen.answer.hypotheses[:2]} == {"step_12mm", "step_15mm"}
+    assert seen.answer.hypotheses[0].probability < 0.99
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
     sd = float(probe.law.const)
     session = Session(seen_start(seen, steps), probe, Sensing(sd=sd))
@@ -70,9 +70,9 @@ def test_where_the_image_is_wrong_the_rough_place_holds(twins, steps):
     n = len(start) - len(rough)
     np.testing.assert_array_equal(start.Ts[n:], rough.Ts)
     np.testing.assert_allclose(start.weights.sum(), 1.0)
-    wrong = max(seen.recognition.unknown_probability, 0.02)
+    wrong = max(seen.answer.unknown_probability, 0.02)
     np.testing.assert_allclose(start.weights[n:].sum(), wrong)
-    h = [h for h in seen.recognition.hypotheses if h.probability > 1e-4]
+    h = [h for h in seen.answer.hypotheses if h.probability > 1e-4]
     shares = np.array([x.probability for x in h])
     np.testing.assert_allclose(start.weights[:n], (1 - wrong) * shares / shares.sum())
     np.testing.assert_array_equal(start.Ts[0], h[0].T_world_part)
@@ -97,7 +97,7 @@ def test_the_object_is_the_one_at_the_rough_place_and_never_known_furniture(step
     assert all(not (seen.region.mask & regions[0].mask).any() for seen in left.objects)
     assert part_seen(left) is left.objects[0]
     for seen in left.objects:
-        place = seen.recognition.hypotheses[0].T_world_part
+        place = seen.answer.hypotheses[0].T_world_part
         middle = SE3.apply(place, seen.modes[0].model.part.centroid)
         rough = around(steps[:1], SE3.from_parts(np.eye(3), middle + np.array([0.01, -0.01, 0.03])), WIDE)
         assert part_seen(left, rough) is seen

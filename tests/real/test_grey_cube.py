@@ -53,5 +53,5 @@ def test_the_cube_is_found_where_it_was_followed_to(model, first):
         T = follow(image, camera, model, T, rng)
         if name in names[::3]:
             seen = see_anywhere(image, camera, [model]).objects
-            found += any(grey_cube.same_pose(model.part, h.T_world_part, T) for h in seen[0].recognition.hypotheses)
+            found += any(grey_cube.same_pose(model.part, h.T_world_part, T) for h in seen[0].answer.hypotheses)
     assert found >= 5  # of six

@@ -58,16 +58,16 @@ def test_every_part_of_a_scene_is_recognized(two, models):
     image, camera, poses, _ = two
     sight = see_table(image, camera, models)
     assert len(sight.objects) == 2
-    by_part = {seen.recognition.hypotheses[0].part: seen for seen in sight.objects}
+    by_part = {seen.answer.hypotheses[0].part: seen for seen in sight.objects}
     for model, truth in ((models[0], poses[0]), (models[4], poses[1])):
         seen = by_part[model.part.name]
-        best = seen.recognition.hypotheses[0]
-        assert seen.recognition.status == "recognized"
+        best = seen.answer.hypotheses[0]
+        assert seen.answer.status == "recognized"
         assert best.probability > 0.95
         e = SE3.log(SE3.inverse(truth) @ best.T_world_part)
         assert np.linalg.norm(e[:3]) < 1e-3
         assert e @ np.linalg.solve(best.covariance, e) < 30
-        total = sum(h.probability for h in seen.recognition.hypotheses) + seen.recognition.unknown_probability
+        total = sum(h.probability for h in seen.answer.hypotheses) + seen.answer.unknown_probability
         assert total <= 1 + 1e-9
         assert seen.outline is not None
         assert seen.outline["area"] > 0
@@ -78,8 +78,8 @@ def test_the_same_image_gives_the_same_answer(two, models):
     image, camera, _, _ = two
     first, second = (see_table(image, camera, models[:2]) for _ in range(2))
     for a, b in zip(first.objects, second.objects, strict=True):
-        assert a.recognition.unknown_probability == b.recognition.unknown_probability
-        for one, other in zip(a.recognition.hypotheses, b.recognition.hypotheses, strict=True):
+        assert a.answer.unknown_probability == b.answer.unknown_probability
+        for one, other in zip(a.answer.hypotheses, b.answer.hypotheses, strict=True):
             assert np.array_equal(one.T_world_part, other.T_world_part)
 
 
@@ -103,7 +103,7 @@ def test_an_empty_table_shows_nothing(models):
 @pytest.mark.slow
 def test_a_stranger_is_not_called_by_a_part_s_name(models):
     shots = [random_shot(models, np.random.default_rng([4, k]), 0.0, models[4]) for k in range(4)]
-    called = [see_table(shot.image, shot.camera, models[:4]).objects[0].recognition for shot in shots]
+    called = [see_table(shot.image, shot.camera, models[:4]).objects[0].answer for shot in shots]
     assert sum(answer.status == "recognized" for answer in called) == 0
     # more so than before the image was seen
     assert np.mean([answer.unknown_probability for answer in called]) > 2 * UNKNOWN
@@ -170,7 +170,7 @@ def test_a_part_in_the_air_is_found_without_a_table(models):
     scene = Stage(far, [thing(model.part, far.T_world_camera @ truth, 120)], Look(light=(0.3, -0.5, 1.0)))
     image, _ = render(scene, rng)
     sight = see_anywhere(image, camera, [model])
-    best = sight.objects[0].recognition.hypotheses[0]
+    best = sight.objects[0].answer.hypotheses[0]
     e = SE3.log(SE3.inverse(truth) @ best.T_world_part)
     assert np.degrees(np.linalg.norm(e[3:])) < 1.0
     assert np.linalg.norm(best.T_world_part[:3, 3] - truth[:3, 3]) < 4e-3
@@ -180,7 +180,7 @@ def test_a_part_in_the_air_is_found_without_a_table(models):
 def test_an_image_of_noise_shows_no_part(models):
     image = np.random.default_rng(7).normal(120, 5, (480, 640))
     sight = see_anywhere(image, Camera(table_camera().K, (640, 480)), models[:1])
-    assert not sight.objects or sight.objects[0].recognition.status != "recognized"
+    assert not sight.objects or sight.objects[0].answer.status != "recognized"
 
 
 def test_the_picture_shows_what_was_seen(two, models):
@@ -227,7 +227,7 @@ def test_poses_are_in_the_camera_s_frame_where_nobody_says_where_it_stands(two, 
 @pytest.mark.parametrize(("p_value", "said"), [(0.5, False), (1e-9, True)])
 def test_edges_that_fit_badly_are_said_to(two, models, p_value, said):
     image, camera, _, _ = two
-    best = see_anywhere(image, camera, models[:1]).objects[0].recognition.hypotheses[0]
+    best = see_anywhere(image, camera, models[:1]).objects[0].answer.hypotheses[0]
     message = judged([replace(best, p_value=p_value, probability=0.99)], ImagePosterior((), 0.01))[1]
     assert ("fit badly" in message) == said
 

@@ -87,6 +87,12 @@ def discriminate(
         probe: what senses.
         sd: to which the part is located, at its corners [m].
         seed: of the places that are tried.
+
+    Example:
+        >>> left, right = (tanteo.read_part(f"parts/bracket_{side}.step") for side in ("left", "right"))
+        >>> found = tanteo.discriminate(left, right, tanteo.probe_of("keyence_il300"))
+        >>> found.tells
+        True
     """
     first, second = prepare_all("parts", (first, second))
     twins = laid_on(first, second)

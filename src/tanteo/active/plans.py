@@ -130,6 +130,14 @@ def plan(
 
     Raises:
         InputError: more than one part or pose, figures that make no sense, or a feature that the part does not have.
+
+    Example:
+        >>> import numpy as np
+        >>> part = tanteo.read_part("parts/block.step")
+        >>> place = tanteo.around([part], np.eye(4), np.diag([1e-6] * 3 + [1e-4] * 3))
+        >>> found = tanteo.plan(place, tanteo.probe_of("keyence_il300"), tolerance=0.5e-3)
+        >>> len(found.readings) >= 6
+        True
     """
     if len(start) != 1:
         raise InputError(f"plan: expected one part at one prior pose, got {len(start)}. Plan for each.")

@@ -39,6 +39,11 @@ class Probe:
         workspace: where its start may be.
         speed: of travelling between readings [m/s].
         seconds: that one reading takes, beside travelling.
+
+    Example:
+        >>> probe = tanteo.probe_of("keyence_il300", standoff=0.3)
+        >>> isinstance(probe, tanteo.Probe), probe.standoff
+        (True, 0.3)
     """
 
     name: str
@@ -144,6 +149,10 @@ def probe_of(preset: SensorPreset | str, robot: RobotPreset | str | None = None,
 
     Raises:
         InputError: a stand-off at which the sensor reads nothing yet.
+
+    Example:
+        >>> tanteo.probe_of("keyence_il300", robot="calibrated_small").name
+        'keyence_il300'
     """
     preset = sensor_preset(preset) if isinstance(preset, str) else preset
     robot = robot_preset(robot) if isinstance(robot, str) else robot

@@ -136,6 +136,13 @@ def around(
 
     Raises:
         InputError: no parts, a place that is no rigid motion, a covariance that cannot be one or is in degrees.
+
+    Example:
+        >>> import numpy as np
+        >>> feeder = np.eye(4)
+        >>> place = tanteo.around(tanteo.read_parts("parts/"), feeder, np.diag([0.015] * 3 + [0.17] * 3) ** 2)
+        >>> len(place)
+        12
     """
     targets = prepare_all("parts", targets)
     if not targets:

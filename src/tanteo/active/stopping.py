@@ -45,6 +45,11 @@ class Stop:
 
     Raises:
         InputError: no probability, a tolerance that is no length, a feature without tolerance, or no name of one.
+
+    Example:
+        >>> stop = tanteo.Stop(tolerance=0.5e-3, confidence=0.95)
+        >>> stop.max_measurements
+        100
     """
 
     probability: float | None = 0.99

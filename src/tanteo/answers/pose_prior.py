@@ -51,6 +51,13 @@ class PosePrior:
 
     Raises:
         InputError: for half a prior pose, one that is no rigid motion, or a box upside down.
+
+    Example:
+        >>> import numpy as np
+        >>> T = np.eye(4)
+        >>> near = tanteo.PosePrior(T_world_part=T, covariance=np.diag([1e-4] * 3 + [1e-2] * 3))
+        >>> tanteo.Priors(pose=near).pose is near
+        True
     """
 
     T_world_part: Transforms | None = None

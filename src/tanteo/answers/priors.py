@@ -29,6 +29,11 @@ class Priors:
     Raises:
         InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can
             teach), outliers above 99 %, a share below 0 or not below 1, or a radius that is no length.
+
+    Example:
+        >>> priors = tanteo.Priors(outlier_rate=0.1, unknown=0.01)
+        >>> priors.outlier_rate
+        0.1
     """
 
     unknown: float = 0.05

@@ -32,11 +32,11 @@ def check_question(parts: Any, significance: float, top: int, seed: int, priors:
     return found
 
 
-def with_elapsed(recognition: Answer, **seconds: float) -> Answer:
+def with_elapsed(answer: Answer, **seconds: float) -> Answer:
     """The same answer with more stages in its clock (loading, measuring); the total grows by them."""
-    elapsed = {**seconds, **recognition.elapsed}
-    elapsed["total"] = recognition.elapsed.get("total", 0.0) + sum(seconds.values())
-    return replace(recognition, elapsed=elapsed)
+    elapsed = {**seconds, **answer.elapsed}
+    elapsed["total"] = answer.elapsed.get("total", 0.0) + sum(seconds.values())
+    return replace(answer, elapsed=elapsed)
 
 
 class Clock:

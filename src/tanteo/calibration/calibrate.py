@@ -58,6 +58,11 @@ def calibrate(
     Raises:
         ReadingsError: Readings that are no ranges of planes, or too few places.
         InputError: A sensor that the rig does not have, or an unknown preset.
+
+    Example:
+        >>> log, rig = tanteo.read_readings("readings/plane_log.csv"), tanteo.read_rig("readings/tof_rig.toml")
+        >>> tanteo.calibrate(log, rig=rig).status
+        'calibrated'
     """
     sensor = sensor_preset(sensor) if isinstance(sensor, str) else sensor
     robot = robot_preset(robot) if isinstance(robot, str) else robot

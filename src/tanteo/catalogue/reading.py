@@ -93,6 +93,11 @@ def read_parts(
 
     Raises:
         UnitError: the unit is unknown, or missing while some file needs one.
+
+    Example:
+        >>> found = tanteo.read_parts("parts/")
+        >>> len(found), found["block"].name
+        (12, 'block')
     """
     if not isinstance(paths, (str, os.PathLike)):
         check_kind("paths", paths, Iterable, "Name a file or a folder, or several.")

@@ -16,40 +16,40 @@ if TYPE_CHECKING:
 _MOST_NAMES = 12
 
 
-def answer_lines(recognition: Answer, known: str = "", *, frame: str = "world", verbose: bool = False) -> list[str]:
+def answer_lines(answer: Answer, known: str = "", *, frame: str = "world", verbose: bool = False) -> list[str]:
     """The lines for a person.
 
     Args:
-        recognition: What was found.
+        answer: What was found.
         known: What was taken as known of the pose, in words.
         frame: Name of the frame that poses are in.
         verbose: Also the matrix, the pairings and the time each stage took.
     """
-    lines = [bold(printable(_headline(recognition, frame)))]
+    lines = [bold(printable(_headline(answer, frame)))]
     lines += [f"  known       {printable(known)}"] if known else []
-    best = recognition.hypotheses[0] if recognition.hypotheses else None
+    best = answer.hypotheses[0] if answer.hypotheses else None
     if best is not None:
         lines += _details(best, verbose=verbose)
-    if len(recognition.hypotheses) > 1:
-        lines += ["", "It could also be:", *_others(recognition.hypotheses[1:])]
-    if recognition.status == "unknown" and best is not None and best.probability > recognition.unknown_probability:
+    if len(answer.hypotheses) > 1:
+        lines += ["", "It could also be:", *_others(answer.hypotheses[1:])]
+    if answer.status == "unknown" and best is not None and best.probability > answer.unknown_probability:
         lines += ["", "A test says that unknown object parts fits; the probabilities are what they were if one did."]
-    elif best is not None or recognition.status == "unknown":
-        lines += ["", f"None of these parts: {_percent(recognition.unknown_probability)}."]
+    elif best is not None or answer.status == "unknown":
+        lines += ["", f"None of these parts: {_percent(answer.unknown_probability)}."]
     if best is not None and best.outliers:
         lines.append(f"Readings that do not fit: {_outliers(best)}.")
     if best is not None and best.unobserved:
         lines.append(f"Not observed: {printable('; '.join(best.unobserved))}.")
     if verbose:
-        lines.append("Time: " + ", ".join(f"{stage} {s:.3f} s" for stage, s in recognition.elapsed.items()) + ".")
-    return [*lines, "", printable(recognition.message)]
+        lines.append("Time: " + ", ".join(f"{stage} {s:.3f} s" for stage, s in answer.elapsed.items()) + ".")
+    return [*lines, "", printable(answer.message)]
 
 
-def _headline(recognition: Answer, frame: str) -> str:
-    if not recognition.hypotheses:
-        reason = "too little was sensed" if recognition.status == "insufficient" else "no part fits these readings"
-        return f"{recognition.status}: {reason}"
-    best = recognition.hypotheses[0]
+def _headline(answer: Answer, frame: str) -> str:
+    if not answer.hypotheses:
+        reason = "too little was sensed" if answer.status == "insufficient" else "no part fits these readings"
+        return f"{answer.status}: {reason}"
+    best = answer.hypotheses[0]
     where = (
         f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the {frame}; "
         f"probability {_percent(best.probability)}, largest corner sd sd {_millimetres(best.corner_sd)}"
@@ -59,7 +59,7 @@ def _headline(recognition: Answer, frame: str) -> str:
         "ambiguous": f"ambiguous, best guess {where}",
         "insufficient": f"insufficient, best guess {where}",
         "unknown": f"unknown, nearest {where}",
-    }[recognition.status]
+    }[answer.status]
 
 
 def _details(best: Hypothesis, *, verbose: bool) -> list[str]:

@@ -72,9 +72,9 @@ def guess_from_image(kind: str, scene: SceneFile, options: GuessOptions) -> Pred
     view = view_of(scene, options.image)
     parts = read_all_parts(list(options.parts), unit, quiet=True)
     seen = seen_in(view, parts)
-    if seen is None or not seen.recognition.hypotheses:
+    if seen is None or not seen.answer.hypotheses:
         raise InputError("--image: expected a part on the table, got none that is known. Add its CAD file to --parts.")
-    best, unknown = seen.recognition.hypotheses[0], seen.recognition.unknown_probability
+    best, unknown = seen.answer.hypotheses[0], seen.answer.unknown_probability
     if unknown > best.probability:
         raise InputError(
             f"--image: expected one of the parts of --parts, got unknown object with {100 * unknown:.0f} %. "

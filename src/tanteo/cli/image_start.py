@@ -126,7 +126,7 @@ def image_words(seen: Sighting | None) -> str:
     """What the image says, in one line."""
     if seen is None:
         return "The image shows no part."
-    answer, shares = seen.recognition, dict[str, float]()
+    answer, shares = seen.answer, dict[str, float]()
     for h in answer.hypotheses:
         shares[h.part] = shares.get(h.part, 0.0) + h.probability
     likely = [f"{name} {100 * p:.0f} %" for name, p in sorted(shares.items(), key=lambda item: -item[1]) if p > 0.005]

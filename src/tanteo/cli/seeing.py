@@ -74,7 +74,7 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     if options.picture is not None:
         write_image(options.picture, draw_sight(image, camera, sight))
     sight = _timed(sight, loaded, time.perf_counter() - start)
-    statuses = [seen.recognition.status for seen in sight.objects] or ["unknown"]
+    statuses = [seen.answer.status for seen in sight.objects] or ["unknown"]
     if as_json:
         put(sight_json(sight, warned()))
     else:
@@ -117,7 +117,7 @@ def _taken(camera: Camera) -> list[str]:
 def _timed(sight: Sight, load: float, total: float) -> Sight:
     def with_time(seen: Sighting) -> Sighting:
         elapsed = {"load": load, "search": total - load, "total": total}
-        return replace(seen, recognition=replace(seen.recognition, elapsed=elapsed))
+        return replace(seen, answer=replace(seen.answer, elapsed=elapsed))
 
     return replace(sight, objects=tuple(with_time(seen) for seen in sight.objects))
 
@@ -132,10 +132,10 @@ def sight_lines(sight: Sight, *, verbose: bool = False) -> list[str]:
     for k, seen in enumerate(sight.objects, start=1):
         lines += [""] if lines else []
         lines.append(_heading(k, len(sight.objects), seen))
-        lines += answer_lines(seen.recognition, frame=sight.frame, verbose=verbose)
+        lines += answer_lines(seen.answer, frame=sight.frame, verbose=verbose)
         if verbose and seen.alike:
             lines.append(f"By the outline alone: {printable(', '.join(seen.alike[:3]))}.")
-        if seen.question is not None and seen.recognition.status != "ambiguous":
+        if seen.question is not None and seen.answer.status != "ambiguous":
             lines.append(f"To be sure, {printable(seen.question.words)}.")
     return lines
 

@@ -106,7 +106,7 @@ def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart
     placed = fit_camera(camera, *read_marks(folder / "marks.csv"))
     camera = replace(camera, T_world_camera=placed.T_world_camera, covariance=placed.covariance)
     sight = see_table(read_image(folder / f"{_IMAGE}.png"), camera, [prepare_vision(part) for part in parts])
-    answer = sight.objects[0].recognition
+    answer = sight.objects[0].answer
     likely = [h for h in answer.hypotheses if h.probability > 1e-3]
     words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in likely)
     say(f"The camera above it: {words}; largest corner sd {1e3 * likely[0].corner_sd:.1f} mm, 1 sd.")

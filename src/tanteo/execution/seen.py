@@ -31,14 +31,14 @@ def part_seen(sight: Sight, rough: Start | None = None) -> Sighting | None:
         sight: of an image, known furniture left out (``see_table(..., ignore=)``).
         rough: where the part is expected.
     """
-    some = [seen for seen in sight.objects if seen.recognition.hypotheses]
+    some = [seen for seen in sight.objects if seen.answer.hypotheses]
     if not some or rough is None:
         return some[0] if some else None
     centres = [SE3.apply(T, rough.targets[k].part.centroid) for k, T in zip(rough.part, rough.Ts, strict=True)]
     place = np.average(centres, axis=0, weights=rough.weights)[:2]
 
     def away(seen: Sighting) -> float:
-        mode, best = seen.modes[0], seen.recognition.hypotheses[0]
+        mode, best = seen.modes[0], seen.answer.hypotheses[0]
         return float(np.linalg.norm(SE3.apply(best.T_world_part, mode.model.part.centroid)[:2] - place))
 
     return min(some, key=away)
@@ -60,7 +60,7 @@ def seen_start(
     Raises:
         InputError: nothing was seen, and there is no prior pose either.
     """
-    answers = [] if seen is None else [h for h in seen.recognition.hypotheses if h.probability > _FORGOTTEN]
+    answers = [] if seen is None else [h for h in seen.answer.hypotheses if h.probability > _FORGOTTEN]
     if not answers:
         if rough is None:
             raise InputError(
@@ -68,7 +68,7 @@ def seen_start(
             )
         return rough
     assert seen is not None
-    wrong = float(np.clip(1 - sum(h.probability for h in seen.recognition.hypotheses), _LEAST, _HALF))
+    wrong = float(np.clip(1 - sum(h.probability for h in seen.answer.hypotheses), _LEAST, _HALF))
     image = from_hypotheses(answers, targets, Priors(unknown=wrong))
     if rough is None:
         return image

@@ -52,6 +52,12 @@ class UncertainFrame:
     Raises:
         InputError: if ``T`` is not a rigid motion.
         CovarianceError: if ``C`` is not a covariance.
+
+    Example:
+        >>> import numpy as np
+        >>> frame = tanteo.UncertainFrame(np.eye(4), np.diag([1e-6] * 6))
+        >>> frame.C.shape
+        (6, 6)
     """
 
     T: Transforms

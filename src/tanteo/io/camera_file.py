@@ -39,6 +39,11 @@ def read_camera(path: str | Path) -> Camera:
     Raises:
         InputError: The file cannot be read, or lacks what a camera needs; the message names file and key.
         MissingExtraError: A YAML file without PyYAML.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> bool(camera.K[0, 0] > 100)
+        True
     """
     path = Path(path)
     try:

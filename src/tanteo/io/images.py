@@ -21,6 +21,11 @@ def read_image(path: str | Path) -> FloatArray:
     Raises:
         InputError: The file is not there, no image, or has other than 8 or 16 bits.
         MissingExtraError: OpenCV is not installed.
+
+    Example:
+        >>> image = tanteo.read_image("images/three_parts.png")
+        >>> image.ndim, bool(image.max() <= 255)
+        (2, True)
     """
     cv2 = opencv()
     path = Path(path)

@@ -34,6 +34,11 @@ def read_prior(path: str | Path) -> PosePrior:
         InputError: The file cannot be read, is not TOML, or says something that no prior can say; the message names
             file, table, key and value.
         UnitError: A unit in a key is missing or unknown.
+
+    Example:
+        >>> prior = tanteo.read_prior("scenes/feeder.toml")
+        >>> prior.T_world_part.shape
+        (4, 4)
     """
     path = Path(path)
     document = load_toml(path, "file with the prior pose")

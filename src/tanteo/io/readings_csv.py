@@ -29,6 +29,11 @@ def read_readings(path: str | Path, progress: Callable[[int], None] | None = Non
         ReadingsError: The file cannot be read or says something that a readings file cannot say; the message names
             file, line, column and value.
         UnitError: A unit is missing, unknown or contradictory.
+
+    Example:
+        >>> readings = tanteo.read_readings("readings/bracket_left.csv")
+        >>> len(readings)
+        30
     """
     check_kind("path", path, (str, Path), "Name the file.")
     path = Path(path)

@@ -20,35 +20,35 @@ if TYPE_CHECKING:
 SCHEMA = "tanteo.recognition/1"
 
 
-def recognition_document(recognition: Answer, frame: str = "world") -> dict[str, Any]:
+def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]:
     """The result as plain dictionaries, lists, strings and numbers.
 
     JSON has no infinity: a number that is not finite (a direction that nothing observes) becomes ``null``.
 
     Args:
-        recognition: the answer.
+        answer: the answer.
         frame: name of the frame that its poses are in.
     """
     return {
         "schema": SCHEMA,
         "version": __version__,
-        "seed": int(recognition.seed),
-        "status": recognition.status,
-        "message": recognition.message,
-        "hypotheses": [_hypothesis(h, frame) for h in recognition.hypotheses],
-        "unknown_probability": _number(recognition.unknown_probability),
-        "elapsed_s": {stage: _number(seconds) for stage, seconds in recognition.elapsed.items()},
+        "seed": int(answer.seed),
+        "status": answer.status,
+        "message": answer.message,
+        "hypotheses": [_hypothesis(h, frame) for h in answer.hypotheses],
+        "unknown_probability": _number(answer.unknown_probability),
+        "elapsed_s": {stage: _number(seconds) for stage, seconds in answer.elapsed.items()},
     }
 
 
-def recognition_json(recognition: Answer, warnings: Sequence[str] = ()) -> str:
+def recognition_json(answer: Answer, warnings: Sequence[str] = ()) -> str:
     """The result as one JSON document, indented, ending in a newline.
 
     Args:
-        recognition: the answer.
+        answer: the answer.
         warnings: what else a person was told on the way: files that could not be read, units that look wrong.
     """
-    return document_json(recognition_document(recognition), warnings)
+    return document_json(recognition_document(answer), warnings)
 
 
 def document_json(document: dict[str, Any], warnings: Sequence[str] = ()) -> str:
@@ -58,12 +58,12 @@ def document_json(document: dict[str, Any], warnings: Sequence[str] = ()) -> str
 
 
 def executed_json(
-    recognition: Answer, done: Executed, *, readings: int, clearance: float, warnings: Sequence[str] = ()
+    answer: Answer, done: Executed, *, readings: int, clearance: float, warnings: Sequence[str] = ()
 ) -> str:
     """The result of a run of the hand as one JSON document: the answer, and beside it ``sensing``, what it took.
 
     Args:
-        recognition: the answer.
+        answer: the answer.
         done: the run.
         readings: that were told.
         clearance: least true distance of the hand from everything [m].
@@ -78,7 +78,7 @@ def executed_json(
         "least_clearance_m": _number(clearance),
         "visits": [_visit(visit) for visit in done.visits],
     }
-    return document_json(recognition_document(recognition) | {"sensing": sensing}, warnings)
+    return document_json(recognition_document(answer) | {"sensing": sensing}, warnings)
 
 
 def _visit(visit: Visit) -> dict[str, Any]:

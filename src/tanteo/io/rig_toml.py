@@ -32,6 +32,11 @@ def read_rig(path: str | Path) -> Rig:
         InputError: The file cannot be read, is not TOML, or a key or value is not one of a rig; the message names
             file, sensor, key and value.
         UnitError: A unit in a key is missing, unknown or contradictory.
+
+    Example:
+        >>> rig = tanteo.read_rig("readings/laser_rig.toml")
+        >>> [sensor.name for sensor in rig.sensors]
+        ['laser']
     """
     shipped = shipped_rigs().get(str(path))
     path = Path(path)

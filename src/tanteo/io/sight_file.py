@@ -17,7 +17,7 @@ EMPTY = Answer("unknown", "Nothing was seen that could be a part: check light, f
 
 def sight_document(sight: Sight) -> dict[str, Any]:
     """The document ``tanteo.recognition/1`` of the largest object, with ``objects`` for every one, itself included."""
-    first = sight.objects[0].recognition if sight.objects else EMPTY
+    first = sight.objects[0].answer if sight.objects else EMPTY
     objects = [_object(seen, sight.frame) for seen in sight.objects]
     return {**recognition_document(first, sight.frame), "objects": objects}
 
@@ -28,7 +28,7 @@ def sight_json(sight: Sight, warnings: Sequence[str] = ()) -> str:
 
 
 def _object(seen: Sighting, frame: str) -> dict[str, Any]:
-    answer = recognition_document(seen.recognition, frame)
+    answer = recognition_document(seen.answer, frame)
     kept = {key: answer[key] for key in ("status", "message", "hypotheses", "unknown_probability")}
     region = None
     if seen.region is not None:

@@ -220,6 +220,11 @@ class Part:
         radius: of the sphere about :attr:`centroid` that holds every vertex [m].
         repairs: one sentence for each thing that was repaired on reading.
         derived: what was computed from the part alone and is kept as long as the part, by name; not part of its value.
+
+    Example:
+        >>> part = tanteo.read_part("parts/block.step")
+        >>> part.name, len(part.faces) > 5, 0.01 < part.radius < 1
+        ('block', True, True)
     """
 
     name: str

@@ -35,6 +35,11 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
         PartError: the file does not describe a closed solid of a plausible size; the message says why.
         UnitError: the format carries no unit and none was given, or the unit is not known.
         MissingExtraError: a STEP file, and the extra ``tanteo[step]`` is not installed.
+
+    Example:
+        >>> part = tanteo.read_part("parts/bracket_left.step")
+        >>> part.name
+        'bracket_left'
     """
     file = Path(path)
     label = file.name

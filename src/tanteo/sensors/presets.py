@@ -127,19 +127,34 @@ def robot_presets() -> Mapping[str, RobotPreset]:
 
 
 def sensor_preset(name: str) -> SensorPreset:
-    """The sensor preset of this name.
+    """The errors of a sensor, from the shipped table.
+
+    Args:
+        name: as ``tanteo sensor list`` shows it.
 
     Raises:
         InputError: No such preset; the message lists the nearest names.
+
+    Example:
+        >>> preset = tanteo.sensor_preset("keyence_il300")
+        >>> preset.name
+        'keyence_il300'
     """
     return _look_up("sensor", name, sensor_presets())
 
 
 def robot_preset(name: str) -> RobotPreset:
-    """The robot preset of this name.
+    """The errors of a robot, from the shipped table.
+
+    Args:
+        name: as :func:`robot_presets` lists it.
 
     Raises:
         InputError: No such preset; the message lists the nearest names.
+
+    Example:
+        >>> tanteo.robot_preset("calibrated_small").name
+        'calibrated_small'
     """
     return _look_up("robot", name, robot_presets())
 

@@ -45,6 +45,11 @@ class Readings:
         is_free: The beam met nothing (status ``none``).
         max_ranges: How far a free-space ray was free [m].
         source: Where the readings come from (a file name), for messages.
+
+    Example:
+        >>> readings = tanteo.Readings.from_columns(points=[[0.1, 0.0, 0.02], [0.12, 0.01, 0.02]], sds=[3e-4, 3e-4])
+        >>> len(readings)
+        2
     """
 
     ids: tuple[str, ...]

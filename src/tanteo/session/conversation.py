@@ -50,6 +50,15 @@ class Session:
         stop: when to end.
         seed: of everything that draws: the same seed and readings give the same questions and answers.
         able: which candidates can be made ``(C,)``, where the probe does not say it all: a hand has a body.
+
+    Example:
+        >>> import numpy as np
+        >>> part = tanteo.read_part("parts/bracket_left.step")
+        >>> place = tanteo.around([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
+        >>> session = tanteo.Session(place, tanteo.probe_of("keyence_il300"))
+        >>> action = session.ask()
+        >>> isinstance(action, tanteo.Action)
+        True
     """
 
     start: Start

@@ -40,6 +40,11 @@ class Camera:
     Raises:
         InputError: for a matrix that is no camera's, a number of coefficients that no model has, or a deviation
             below zero.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> camera.T_world_camera is None  # where it stands is not known
+        True
     """
 
     K: FloatArray

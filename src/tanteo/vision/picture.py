@@ -89,7 +89,7 @@ def _draw_axes(picture: np.ndarray, camera: Camera, T_camera_part: Transforms, l
 
 def _write(picture: np.ndarray, seen: Sighting) -> None:
     cv2 = opencv()
-    answer = seen.recognition
+    answer = seen.answer
     best = answer.hypotheses[0] if answer.hypotheses else None
     name = "unknown" if best is None or answer.status == "unknown" else best.part
     p = answer.unknown_probability if name == "unknown" or best is None else best.probability

@@ -33,6 +33,13 @@ def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[Visi
     Raises:
         InputError: no parts, or an image of another size than the camera's.
         MissingExtraError: without OpenCV (the extra ``vision``).
+
+    Example:
+        >>> image = tanteo.read_image("images/twins.png")
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> sight = tanteo.see(image, camera, [tanteo.read_part("parts/step_12mm.step")])
+        >>> sight.frame, [seen.answer.status for seen in sight.objects]
+        ('camera', ['recognized'])
     """
     look = see_anywhere if camera.T_world_camera is None else see_table
     return look(image, camera, parts, top=top)

@@ -36,7 +36,7 @@ class Sighting:
     """One object in an image.
 
     Attributes:
-        recognition: the answer, as from touches: ready for the same result document.
+        answer: the answer, as from touches: ready for the same result document.
         modes: the poses behind its hypotheses, as many and in the same order.
         question: what a touch should settle first; None if the image leaves nothing open that a touch from above would.
         region: the pixels it was seen in; None where none was asked for.
@@ -45,7 +45,7 @@ class Sighting:
         alike: names of parts by how like their outlines from above are to it, the likest first: a first look.
     """
 
-    recognition: Answer
+    answer: Answer
     modes: tuple[ImageMode, ...]
     question: Question | None
     region: Region | None
@@ -121,7 +121,7 @@ def see_table(
         order = [] if outline is None else [model.part.name for model, _, _ in like_outline(outline, models)]
         objects.append(replace(seen, outline=outline, alike=tuple(dict.fromkeys(order))))
     seconds = {"total": time.perf_counter() - start}
-    timed = [replace(o, recognition=replace(o.recognition, elapsed=seconds)) for o in objects]
+    timed = [replace(o, answer=replace(o.answer, elapsed=seconds)) for o in objects]
     return Sight(tuple(timed), points, camera.T_world_camera)
 
 
@@ -157,8 +157,8 @@ def _sighting(
     question = _question(modes, T_world_table, camera.T_world_camera)
     if status == "ambiguous" and question is not None:
         message = f"The image leaves {_both(question)}: {question.words}."
-    recognition = Answer(status, message, tuple(hypotheses), posterior.unknown)
-    return Sighting(recognition, tuple(modes), question, region)
+    answer = Answer(status, message, tuple(hypotheses), posterior.unknown)
+    return Sighting(answer, tuple(modes), question, region)
 
 
 def _both(question: Question) -> str:

@@ -78,8 +78,8 @@ def see_anywhere(
         modes.append(replace(mode, T_camera_part=T))
         hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
     status, message = judged(hypotheses, posterior)
-    recognition = Answer(status, message, tuple(hypotheses), posterior.unknown)
-    objects = (Sighting(recognition, tuple(modes), None, None),) if modes else ()
+    answer = Answer(status, message, tuple(hypotheses), posterior.unknown)
+    objects = (Sighting(answer, tuple(modes), None, None),) if modes else ()
     return Sight(objects, points, T_world_camera, "camera" if camera.T_world_camera is None else "world")
 
 
