@@ -32,15 +32,26 @@ from common import Table
 import tanteo
 from cli.conftest import prism, stl
 from sensing_scenes import LASER, drawn_truth, new_session, true_range
-from tanteo.active import Probe, Start, Stop, around, at_pose, begin, draw, plan, predict, propose, update
+from tanteo.active import (
+    POLICIES,
+    Probe,
+    Start,
+    Stop,
+    around,
+    at_pose,
+    begin,
+    draw,
+    expected_information,
+    plan,
+    predict,
+    propose,
+    update,
+)
 from tanteo.active.discrimination import located
-from tanteo.active.policies import POLICIES
-from tanteo.active.utility import expected_information
-from tanteo.answers import Priors
-from tanteo.answers.part_motions import corner_sd
+from tanteo.answers import Priors, corner_sd
 from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw
 from tanteo.session import Action, Sensing, Session
 
 

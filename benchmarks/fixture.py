@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, touches_of
-from tanteo.answers.part_motions import corner_sd
+from tanteo.answers import corner_sd
 from tanteo.inference import identify_points
 from tanteo.measurements import FreeRays
 

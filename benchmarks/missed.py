@@ -17,8 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from bare_scenes import SENSORS, box_centred_pose, nees, scene
 from tanteo.answers import Priors
-from tanteo.inference import infer, prepare
-from tanteo.inference.problem import Problem
+from tanteo.inference import Problem, infer, prepare
 from tanteo.inference.search import start_search
 from tanteo.measurements import FreeRays
 from tanteo.parts import read_part

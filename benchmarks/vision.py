@@ -31,8 +31,7 @@ from common import Table
 from random_parts import random_part
 from tanteo.catalogue import read_parts
 from tanteo.lie import SE3
-from tanteo.vision import TableErrors, prepare_vision, see_table
-from tanteo.vision.silhouettes import silhouette
+from tanteo.vision import TableErrors, prepare_vision, see_table, silhouette
 from vision_scenes import random_shot
 
 SEED = 1991

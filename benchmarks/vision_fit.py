@@ -27,17 +27,12 @@ from campaign import options, run_cases
 
 from machined_parts import mixed_parts
 from tanteo.lie import SE3
+from tanteo.vision import TableErrors, find_edges, find_regions, map_edges, prepare_vision, silhouette
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.choices import EdgeErrors
-from tanteo.vision.edge_map import map_edges
-from tanteo.vision.edges import find_edges
 from tanteo.vision.evidence import STRETCH, Weights, log_weight
 from tanteo.vision.lying import settle_lying
-from tanteo.vision.models import prepare_vision
 from tanteo.vision.posterior import UNKNOWN, Mode, distinct_poses
-from tanteo.vision.regions import find_regions
-from tanteo.vision.silhouettes import silhouette
-from tanteo.vision.table import TableErrors
 from vision import told_table
 from vision_scenes import random_shot
 

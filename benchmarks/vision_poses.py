@@ -17,14 +17,11 @@ from common import Table
 from scipy.stats import chi2
 
 from tanteo.lie import SE3
-from tanteo.vision import TableErrors, find_edges, map_edges
+from tanteo.vision import USUAL, TableErrors, find_edges, find_regions, map_edges, project, silhouette
 from tanteo.vision.answers import hypothesis
-from tanteo.vision.camera import USUAL, project
 from tanteo.vision.evidence import Weights
 from tanteo.vision.lying import settle_lying
 from tanteo.vision.posterior import Mode
-from tanteo.vision.regions import find_regions
-from tanteo.vision.silhouettes import silhouette
 from vision import in_camera, models_of, pose_errors, told_table
 from vision_scenes import random_shot
 

@@ -32,9 +32,8 @@ from tanteo.execution import HYPOTHESES, part_seen, seen_start, sense_part
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.simulator import Scene
-from tanteo.vision import prepare_vision, see_table
+from tanteo.vision import prepare_vision, see_table, silhouette
 from tanteo.vision.rendering import Stage, Thing, render, thing
-from tanteo.vision.silhouettes import silhouette
 from unknown_scenes import off, unknown_scene, unknown_session
 from vision_scenes import random_look
 

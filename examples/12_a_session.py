@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.active import Probe, Stop, around
-from tanteo.active.explain import explain
+from tanteo.active import Probe, Stop, around, explain
 from tanteo.inference import prepare
 from tanteo.io.session_record import read_record, write_record
 from tanteo.lie import SE3

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from tanteo.answers.part_motions import without_spin
+from tanteo.answers import without_spin
 from tanteo.features import SharedError
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.lie import SE3, SO3
-from tanteo.vision import Camera
-from tanteo.vision.rendering import Thing
+from tanteo.vision import Camera, Thing
 
 
 def slab_thing(outline, height, T_world_slab, paint):

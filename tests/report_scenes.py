@@ -10,8 +10,7 @@ import trimesh
 from tanteo.active import Probe, Stop, around
 from tanteo.inference import prepare
 from tanteo.lie import SE3, SO3
-from tanteo.sensors import Readings
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, Readings
 from tanteo.session import Sensing, Session
 
 TRUTH = SE3.from_parts(SO3.exp(np.array([0.1, -0.2, 0.7])), np.array([0.4, -0.13, 0.05]))

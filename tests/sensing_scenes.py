@@ -16,8 +16,7 @@ from tanteo.inference.near_variants import log_density_of_near_variant
 from tanteo.inference.search import start_search
 from tanteo.lie import SE3
 from tanteo.measurements import FreeRays
-from tanteo.sensors import Readings
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, Readings
 from tanteo.session import Action, Done, Sensing, Session
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)

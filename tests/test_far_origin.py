@@ -14,10 +14,9 @@ from tanteo.active import Probe, around, plan
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import Part, read_part
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw
 from tanteo.shapes import Surface
-from tanteo.vision import prepare_vision
-from tanteo.vision.sight import see_table
+from tanteo.vision import prepare_vision, see_table
 from vision_scenes import seen_alone
 
 SD = 3e-4

@@ -9,11 +9,10 @@ import pytest
 
 from tanteo import Readings, identify, read_part
 from tanteo.active import Probe, at_pose
-from tanteo.answers import PosePrior, Priors
-from tanteo.answers.pose_prior import Table
+from tanteo.answers import PosePrior, Priors, Table
 from tanteo.errors import InputError
 from tanteo.limits import LARGEST, LEAST_SD, check_length, check_places, check_spreads
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw
 from tanteo.session import Sensing
 
 POSE = np.eye(4), 1e-4 * np.eye(6)

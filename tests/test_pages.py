@@ -18,7 +18,7 @@ from tanteo.inference import prepare
 from tanteo.io import read_scene
 from tanteo.lie import SE3
 from tanteo.parts import read_part
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw
 from tanteo.session import Session
 from unknown_scenes import unknown_scene
 

@@ -15,9 +15,8 @@ from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
-from tanteo.report.words import headline
-from tanteo.sensors import Readings, concatenate
-from tanteo.sensors.law import NoiseLaw
+from tanteo.report import headline
+from tanteo.sensors import NoiseLaw, Readings, concatenate
 from tanteo.session import Action, Done, Sensing, Session
 from tanteo.session.answer import answered
 from tanteo.session.moved import moved

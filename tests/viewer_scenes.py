@@ -14,8 +14,7 @@ from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.session import Session
 from tanteo.simulator import Scene, Solid, box
-from tanteo.viewer import bare_show
-from tanteo.viewer.laser import laser, simulated
+from tanteo.viewer import bare_show, laser, simulated
 from tanteo.viewer.player import HELP
 
 PARTS = Path(tanteo.demo.__file__).parent / "parts"

@@ -10,10 +10,7 @@ import numpy as np
 from rendered import slab_thing, table_camera
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import prepare_vision
-from tanteo.vision.camera import on_plane
-from tanteo.vision.edge_map import map_edges
-from tanteo.vision.edges import find_edges
+from tanteo.vision import find_edges, map_edges, on_plane, prepare_vision
 from tanteo.vision.rendering import Look, Stage, render, thing
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"

@@ -18,8 +18,7 @@ from tanteo.active import Probe, discriminate
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.sensors import Readings
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, Readings
 from tanteo.session import Sensing
 
 # %%

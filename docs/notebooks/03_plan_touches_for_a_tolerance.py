@@ -20,8 +20,7 @@ from tanteo.active import Probe, at_pose, plan
 from tanteo.answers import PosePrior, Priors
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
-from tanteo.sensors import Readings
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, Readings
 from tanteo.session import Sensing
 
 # %%

@@ -188,7 +188,7 @@ def _version(name: str) -> str:
 def _cache() -> tuple[str, bool]:
     """The folder, and whether a file can be made in it or in the nearest folder above that exists."""
     try:
-        from tanteo.catalogue.cache import cache_folder
+        from tanteo.catalogue import cache_folder
     except ImportError:
         return "", False
     folder = cache_folder()

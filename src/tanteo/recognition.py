@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
-from tanteo.answers.priors import Priors
-from tanteo.answers.question import check_question, with_elapsed
-from tanteo.answers.results import Answer
+from tanteo.answers import Answer, Priors, check_question, with_elapsed
 from tanteo.errors import InputError
 from tanteo.inference import identify_points
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
-from tanteo.parts import Part
-from tanteo.parts.several import as_part
+from tanteo.parts import Part, as_part
 from tanteo.remarks import remarks
 from tanteo.sensors import (
     PointMeasurements,

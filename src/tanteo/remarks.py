@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.answers.results import Answer
+from tanteo.answers import Answer
 from tanteo.inference import gone_through, prepare_all
 from tanteo.measurements import FreeRays
 from tanteo.parts import Part

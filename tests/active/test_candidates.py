@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, rough
-from tanteo.active import at_pose, begin, probe_of, propose
-from tanteo.active.candidates import Candidates, has_room, within_cone
+from tanteo.active import Candidates, at_pose, begin, has_room, probe_of, propose, within_cone
 from tanteo.active.samples import beams
 from tanteo.answers import Priors
 from tanteo.errors import InputError

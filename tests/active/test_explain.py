@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER
-from tanteo.active import at_pose, begin
-from tanteo.active.explain import explain
-from tanteo.active.start import Start
-from tanteo.answers import Priors
-from tanteo.answers.part_motions import corner_moves
-from tanteo.answers.pose_prior import PosePrior, prior_rows
+from tanteo.active import Start, at_pose, begin, explain
+from tanteo.answers import PosePrior, Priors, corner_moves, prior_rows
 from tanteo.inference import information_by_point, prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part

@@ -11,13 +11,13 @@ import pytest
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
 from tanteo.active import Probe, Stop, at_pose, begin, chance_within, check_feature, draw, places_of, plan
 from tanteo.active.design import design_of
-from tanteo.answers.part_motions import corner_moves, corner_sd
+from tanteo.answers import corner_moves, corner_sd
 from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.report.drawn import feature_lines
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw
 from tanteo.session import Session
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -16,14 +16,12 @@ from tanteo.active import Probe, Start, at_pose, discriminate, places_of, plan, 
 from tanteo.active.design import design_of
 from tanteo.active.discrimination import laid_on, located
 from tanteo.active.samples import beams
-from tanteo.answers import PosePrior, Priors
-from tanteo.answers.part_motions import corner_sd
+from tanteo.answers import PosePrior, Priors, corner_sd
 from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.sensors import Readings, sensor_preset
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, Readings, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
-from tanteo.active import POLICIES, DecisionContext, begin, draw, predict, propose
-from tanteo.active.policies import most_told
+from tanteo.active import POLICIES, DecisionContext, begin, draw, most_told, predict, propose
 from tanteo.active.utility import about_mode, expected_information
 from tanteo.inference import prepare
 from tanteo.parts import read_part

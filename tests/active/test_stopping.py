@@ -22,8 +22,7 @@ from tanteo.active import (
     largest_corner_sd,
     update,
 )
-from tanteo.answers import Priors
-from tanteo.answers.part_motions import corner_sd
+from tanteo.answers import Priors, corner_sd
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part

@@ -29,8 +29,7 @@ from tanteo.hand import Workspace
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
-from tanteo.sensors import robot_preset, sensor_preset
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, robot_preset, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 

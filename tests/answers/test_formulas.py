@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from scenes import random_pose
-from tanteo.answers import PosePrior, Table
+from tanteo.answers import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
 from tanteo.answers.part_motions import corner_sd, excuse, part_scale, spins, where_to_sense, without_spins
-from tanteo.answers.pose_prior import in_box, log_density_within, prior_residuals, prior_rows
 from tanteo.lie import SE3, SO3
 from tanteo.localization import covariance_with_free
 from tanteo.parts import read_part

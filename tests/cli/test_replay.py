@@ -10,8 +10,7 @@ import pytest
 from sensing_scenes import LASER, true_range
 from tanteo.active import Stop, at_pose
 from tanteo.inference import prepare
-from tanteo.io.result_json import recognition_document
-from tanteo.io.session_record import write_record
+from tanteo.io import recognition_document, write_record
 from tanteo.parts import read_part
 from tanteo.session import Action, Sensing, Session
 

@@ -90,7 +90,7 @@ def test_a_bare_laser_in_a_scene_of_ones_own(run, opened):
 
 
 def test_a_record_is_shown_step_by_step(run, opened, tmp_path):
-    from tanteo.io.session_record import write_record
+    from tanteo.io import write_record
     from tanteo.viewer import moments
 
     run("view", *SCENE, *PARTS, "--bare")

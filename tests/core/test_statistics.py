@@ -13,9 +13,7 @@ from core.questions import random_pose
 from random_parts import random_part
 from tanteo import _core
 from tanteo.answers import Priors
-from tanteo.inference.posterior import infer
-from tanteo.inference.prepared import prepare
-from tanteo.inference.problem import Problem
+from tanteo.inference import Problem, infer, prepare
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 

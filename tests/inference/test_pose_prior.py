@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tanteo.answers import PosePrior, Priors, Table
-from tanteo.answers.pose_prior import prior_rows
+from tanteo.answers import PosePrior, Priors, Table, prior_rows
 from tanteo.errors import InputError
 from tanteo.inference import identify_points
 from tanteo.lie import SE3

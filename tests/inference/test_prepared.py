@@ -10,7 +10,7 @@ import pytest
 
 from bare_scenes import no_paths, touches_of
 from tanteo import _core
-from tanteo.answers.priors import Priors, sized
+from tanteo.answers import Priors, sized
 from tanteo.catalogue import cache, read_parts
 from tanteo.inference import PreparedPart, Problem, prepared
 from tanteo.lie import SE3

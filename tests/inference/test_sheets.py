@@ -8,8 +8,7 @@ import pytest
 
 import tanteo
 from bare_scenes import inside, nees, no_paths, surface_points, touches_of
-from tanteo.answers import PosePrior, Priors
-from tanteo.answers.priors import sized
+from tanteo.answers import PosePrior, Priors, sized
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
 

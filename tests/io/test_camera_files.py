@@ -10,7 +10,7 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.io import read_camera, read_image, read_marks, write_image
-from tanteo.vision.camera import USUAL
+from tanteo.vision import USUAL
 
 OPENCV_YAML = """%YAML:1.0
 ---

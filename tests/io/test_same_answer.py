@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 
-from tanteo.io.same_answer import differences
+from tanteo.io import differences
 
 THEN = {
     "version": "0.1.0", "status": "recognized", "unknown_probability": 0.125, "elapsed_s": {"total": 1.0},

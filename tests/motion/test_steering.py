@@ -7,9 +7,8 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, Sensed, Workspace, advance
-from tanteo.motion import Rules, approach
+from tanteo.motion import Rules, Steering, approach
 from tanteo.motion.following import seen_surface
-from tanteo.motion.steering import Steering
 from tanteo.typing import Tangents
 
 AHEAD: Tangents = np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])

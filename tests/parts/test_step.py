@@ -364,7 +364,7 @@ def test_all_planar_parts_obey_euler():
 
 def face_loops(part):
     """Count boundary loops over all faces."""
-    from tanteo.parts.topology import components, mesh_edges
+    from tanteo.parts import components, mesh_edges
 
     edges = mesh_edges(part.triangles)
     left, right = part.triangle_face[edges.left], part.triangle_face[edges.right]

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, mode_at, touches_of
-from tanteo.answers.part_motions import corner_sd
+from tanteo.answers import corner_sd
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 

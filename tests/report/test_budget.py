@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from report_scenes import TRUTH, touches
-from tanteo.answers import PosePrior, Priors
-from tanteo.answers.part_motions import corner_moves
+from tanteo.answers import PosePrior, Priors, corner_moves
 from tanteo.lie import SE3
 from tanteo.recognition import locate
 from tanteo.report import find_contacts, gather, make_budget

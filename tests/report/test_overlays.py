@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from report_scenes import touches
-from tanteo.answers.part_motions import corner_moves
+from tanteo.answers import corner_moves
 from tanteo.lie import SE3
 from tanteo.recognition import locate
 from tanteo.report import find_ways

@@ -13,9 +13,8 @@ import pytest
 from report_scenes import ROUGH, TOUCH, TRUTH
 from tanteo.active import at_pose, discriminate, plan
 from tanteo.inference import prepare
-from tanteo.report import Run, distinction_page, plan_page
+from tanteo.report import Run, distinction_page, percent, plan_page
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
-from tanteo.report.words import percent
 
 RUN = Run("tanteo plan --part wedge.stl")
 

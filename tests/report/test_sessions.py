@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from report_scenes import SD, TRUTH, told, touches
-from tanteo.active.explain import explain
+from tanteo.active import explain
 from tanteo.recognition import locate
 from tanteo.report import Run, course_section, directions_of, find_contacts, find_ways, gather, session_page
 from tanteo.report.scene import Candidate

@@ -13,8 +13,7 @@ from report_scenes import SD, ball, touches
 from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.recognition import identify, locate
-from tanteo.report import Run, Section, element, gather, report_page, write_report
-from tanteo.report.words import headline, percent
+from tanteo.report import Run, Section, element, gather, headline, percent, report_page, write_report
 from tanteo.sensors import Readings
 
 MOST_BYTES = 6_000_000

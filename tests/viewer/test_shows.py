@@ -16,8 +16,8 @@ from tanteo.sensors import Readings, measure
 from tanteo.session import Action
 from tanteo.simulator import Scene, Solid, box
 from tanteo.viewer import Snapshot, bare_show
-from tanteo.viewer.laser import NOISE, simulated
 from tanteo.viewer.picking import picked
+from tanteo.viewer.simulation import NOISE, simulated
 from viewer_scenes import TRUE, maker
 
 DOWN = np.array([0.0, 0.0, -1.0])

@@ -10,8 +10,8 @@ import pytest
 
 from core.image_oracle import normal_equations
 from tanteo.lie import SE3
+from tanteo.vision import project
 from tanteo.vision.answers import hypothesis
-from tanteo.vision.camera import project
 from tanteo.vision.candidates import Candidates
 from tanteo.vision.edges import CORRELATION
 from tanteo.vision.evidence import (

@@ -12,9 +12,7 @@ from random_parts import random_part, write_off
 from tanteo.catalogue import read_parts
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision.camera import Camera
-from tanteo.vision.models import prepare_vision
-from tanteo.vision.outlines import like_outline
+from tanteo.vision import Camera, like_outline, prepare_vision
 from tanteo.vision.resting import known_rests, lay, rests
 from tanteo.vision.silhouettes import silhouette, spilled
 from tanteo.vision.wireframe import see_edges, wireframe

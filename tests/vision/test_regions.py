@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.lie import SE3, SO3
-from tanteo.vision.edges import find_edges
+from tanteo.vision import find_edges, find_regions
 from tanteo.vision.question import heights
-from tanteo.vision.regions import find_regions
 
 
 def test_the_outline_of_a_disc_is_its_circle_and_its_normals_look_outwards():

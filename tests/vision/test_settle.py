@@ -13,9 +13,8 @@ from scipy.stats import chi2, multivariate_normal
 from rendered import table_camera
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import prepare_vision
+from tanteo.vision import map_edges, prepare_vision
 from tanteo.vision.choices import FAR, ROUGH, EdgeErrors, mixture, terms_of
-from tanteo.vision.edge_map import map_edges
 from tanteo.vision.edges import CORRELATION, FLOOR, find_edges
 from tanteo.vision.fit import Met, meet
 from tanteo.vision.rendering import Stage, render, thing

@@ -1,8 +1,9 @@
 """Where to sense next, and when to stop: candidates, what they would tell, policies, stopping rules, plans."""
 
-from tanteo.active.candidates import Candidates, propose
+from tanteo.active.candidates import Candidates, has_room, propose, within_cone
 from tanteo.active.context import Choice, DecisionContext, Policy
 from tanteo.active.discrimination import Discrimination, discriminate
+from tanteo.active.explanation import Added, Direction, Explanation, explain
 from tanteo.active.features import Feature, features
 from tanteo.active.measures import (
     AcceptProbability,
@@ -19,7 +20,7 @@ from tanteo.active.measures import (
 )
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.plans import Plan, PlannedReading, plan
-from tanteo.active.policies import POLICIES, policy_named
+from tanteo.active.policies import POLICIES, most_told, policy_named
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
 from tanteo.active.start import Start, around, at_pose, from_hypotheses
@@ -30,10 +31,13 @@ from tanteo.active.utility import expected_information
 __all__ = [
     "POLICIES",
     "AcceptProbability",
+    "Added",
     "Candidates",
     "Choice",
     "DecisionContext",
+    "Direction",
     "Discrimination",
+    "Explanation",
     "Feature",
     "GateDiscrimination",
     "Places",
@@ -58,12 +62,15 @@ __all__ = [
     "discriminate",
     "draw",
     "expected_information",
+    "explain",
     "features",
     "from_hypotheses",
     "gate_discrimination",
+    "has_room",
     "information_bounds",
     "kl_divergence",
     "largest_corner_sd",
+    "most_told",
     "mutual_information",
     "places_of",
     "plan",
@@ -73,4 +80,5 @@ __all__ = [
     "probe_of",
     "propose",
     "update",
+    "within_cone",
 ]

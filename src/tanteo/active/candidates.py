@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.active.probe import Probe
 from tanteo.active.samples import draw, even_normals, predict
 from tanteo.active.state import SensingState
-from tanteo.answers.part_motions import box_corners
+from tanteo.answers import box_corners
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors

@@ -13,7 +13,7 @@ from tanteo.active.probe import Probe
 from tanteo.active.samples import beams, even_normals
 from tanteo.active.start import Start
 from tanteo.active.state import begin
-from tanteo.answers.part_motions import observed_covariance
+from tanteo.answers import observed_covariance
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors

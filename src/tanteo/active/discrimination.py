@@ -13,8 +13,7 @@ from tanteo.active.samples import draw, predict
 from tanteo.active.start import Start
 from tanteo.active.state import SensingState, begin
 from tanteo.active.utility import about_mode
-from tanteo.answers import Priors
-from tanteo.answers.part_motions import corner_moves
+from tanteo.answers import Priors, corner_moves
 from tanteo.inference import PreparedPart, Problem, identify_points, prepare_all, settle
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers.part_motions import box_corners, point_moves
+from tanteo.answers import box_corners, point_moves
 from tanteo.errors import InputError
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Vectors

@@ -27,7 +27,7 @@ from tanteo.active.plan_words import (
 )
 from tanteo.active.probe import Probe
 from tanteo.active.start import Start
-from tanteo.answers.part_motions import corner_sd, observed_covariance
+from tanteo.answers import corner_sd, observed_covariance
 from tanteo.errors import InputError
 from tanteo.typing import Covariances, IntArray, Transforms, Vectors
 

@@ -9,8 +9,7 @@ import numpy as np
 from tanteo.errors import InputError, check_kind
 from tanteo.hand import Workspace
 from tanteo.limits import LARGEST, LEAST_SD
-from tanteo.sensors import RobotPreset, SensorPreset, robot_preset, sensor_preset
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
 

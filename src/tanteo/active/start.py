@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Hypothesis, PosePrior, Priors
-from tanteo.answers.priors import sized
+from tanteo.answers import Hypothesis, PosePrior, Priors, sized
 from tanteo.errors import InputError
 from tanteo.frames import check_covariances, check_transforms
 from tanteo.inference import PoseMixture, PreparedPart, prepare_all
 from tanteo.lie import SE3
 from tanteo.limits import check_places, check_spreads
-from tanteo.parts import Part
-from tanteo.parts.several import as_part
+from tanteo.parts import Part, as_part
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _BEYOND = 1.2

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.samples import even_normals
 from tanteo.active.state import SensingState
-from tanteo.answers.part_motions import observed_covariance, without_spin
+from tanteo.answers import observed_covariance, without_spin
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_count, check_length, check_number

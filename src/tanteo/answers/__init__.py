@@ -5,23 +5,68 @@ from typing import TYPE_CHECKING
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
-    from tanteo.answers.pose_prior import PosePrior, Table
-    from tanteo.answers.priors import Priors
-    from tanteo.answers.results import Answer, Hypothesis
+    from tanteo.answers.hypothesis import hypothesis_at
+    from tanteo.answers.part_motions import (
+        box_corners,
+        corner_moves,
+        corner_sd,
+        motion_words,
+        observed_covariance,
+        part_scale,
+        point_moves,
+        spins,
+        without_spin,
+        without_spins,
+    )
+    from tanteo.answers.pose_prior import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
+    from tanteo.answers.priors import Priors, sized
+    from tanteo.answers.question import Clock, check_question, with_elapsed
+    from tanteo.answers.results import Answer, Hypothesis, Status
+    from tanteo.answers.status import CONFIDENCE, doubt, verdict
 
 __all__ = [
+    "CONFIDENCE",
     "Answer",
+    "Clock",
     "Hypothesis",
     "PosePrior",
     "Priors",
+    "Status",
     "Table",
+    "box_corners",
+    "check_question",
+    "corner_moves",
+    "corner_sd",
+    "doubt",
+    "hypothesis_at",
+    "in_box",
+    "log_density_within",
+    "motion_words",
+    "observed_covariance",
+    "part_scale",
+    "point_moves",
+    "prior_residuals",
+    "prior_rows",
+    "sized",
+    "spins",
+    "verdict",
+    "with_elapsed",
+    "without_spin",
+    "without_spins",
 ]
 
 __getattr__, __dir__ = lazy(
     __name__,
     {
-        "pose_prior": "PosePrior Table",
-        "priors": "Priors",
-        "results": "Hypothesis Answer",
+        "hypothesis": "hypothesis_at",
+        "status": "CONFIDENCE doubt verdict",
+        "part_motions": (
+            "box_corners corner_moves corner_sd motion_words observed_covariance part_scale "
+            "point_moves spins without_spin without_spins"
+        ),
+        "question": "Clock check_question with_elapsed",
+        "pose_prior": "PosePrior Table in_box log_density_within prior_residuals prior_rows",
+        "priors": "Priors sized",
+        "results": "Answer Hypothesis Status",
     },
 )

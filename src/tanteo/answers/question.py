@@ -10,7 +10,7 @@ from tanteo.answers.priors import Priors
 from tanteo.answers.results import Answer
 from tanteo.errors import InputError, check_kind
 from tanteo.limits import check_count, check_number
-from tanteo.parts.several import as_parts
+from tanteo.parts import as_parts
 
 
 def check_question(parts: Any, significance: float, top: int, seed: int, priors: Priors | None) -> tuple[Any, ...]:

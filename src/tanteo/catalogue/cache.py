@@ -18,8 +18,7 @@ import numpy.typing as npt
 
 from tanteo.catalogue.archive import FORMAT_VERSION, part_from_bytes, part_to_bytes
 from tanteo.errors import InputError
-from tanteo.parts import Part
-from tanteo.parts.files import UNITLESS
+from tanteo.parts import UNITLESS, Part
 from tanteo.replaced import replaced
 
 

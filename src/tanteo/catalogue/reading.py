@@ -11,9 +11,7 @@ from pathlib import Path
 from tanteo.catalogue import cache as remembered
 from tanteo.catalogue.pool import Request, read_in_processes
 from tanteo.errors import InputError, TanteoError, UnitError, check_kind
-from tanteo.parts import READABLE, Part, read_part
-from tanteo.parts.files import UNITLESS
-from tanteo.parts.units import unit_name
+from tanteo.parts import READABLE, UNITLESS, Part, read_part, unit_name
 
 TIME_LIMIT = 120.0
 """Seconds that one file may take."""

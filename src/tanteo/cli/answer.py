@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.cli.printing import bold, printable, table
-from tanteo.io.poses import pose_as_brand
+from tanteo.io import pose_as_brand
 from tanteo.lie import SO3
 
 if TYPE_CHECKING:

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 def sensor_names(incomplete: str) -> list[str]:
     """Presets of sensors that begin so."""
-    from tanteo.sensors.presets import sensor_presets
+    from tanteo.sensors import sensor_presets
 
     return [name for name in sensor_presets() if name.startswith(incomplete)]
 
 
 def robot_names(incomplete: str) -> list[str]:
     """Presets of robots that begin so."""
-    from tanteo.sensors.presets import robot_presets
+    from tanteo.sensors import robot_presets
 
     return [name for name in robot_presets() if name.startswith(incomplete)]
 

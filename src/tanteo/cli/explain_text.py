@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tanteo.cli.printing import bold, table
 
 if TYPE_CHECKING:
-    from tanteo.active.explain import Added, Direction, Explanation
+    from tanteo.active import Added, Direction, Explanation
 
 _NOTABLE = 0.05
 """Share of the information on a direction from which a reading is named."""

@@ -15,7 +15,7 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.acquisition import Predicted
     from tanteo.features import Feature
-    from tanteo.io.scene_toml import SceneFile
+    from tanteo.io import SceneFile
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.active import Start
     from tanteo.inference import PreparedPart
-    from tanteo.io.scene_toml import SceneFile
+    from tanteo.io import SceneFile
     from tanteo.parts import Part
     from tanteo.typing import BoolArray, FloatArray, Transforms
     from tanteo.vision import Camera, Sighting
@@ -83,7 +83,7 @@ def view_of(scene: SceneFile, options: ImageOptions) -> View:
     """
     import numpy as np
 
-    from tanteo.io.images import read_image
+    from tanteo.io import read_image
     from tanteo.lie import SE3
 
     tables = [s for s in scene.furniture if s.name == "table"]
@@ -136,7 +136,7 @@ def image_words(seen: Sighting | None) -> str:
 
 def _camera(scene: SceneFile, options: ImageOptions) -> Camera:
     from tanteo.cli.seeing import placed_camera
-    from tanteo.io.camera_file import read_camera
+    from tanteo.io import read_camera
 
     paths = scene.camera
     if options.camera is None and paths is None:
@@ -158,7 +158,7 @@ def _rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms) -> Fl
     import numpy as np
 
     from tanteo.lie import SE3
-    from tanteo.vision.rendering import Stage, Thing, render
+    from tanteo.vision import Stage, Thing, render
 
     assert camera.T_world_camera is not None
     to_table = SE3.inverse(T_world_table)
@@ -177,7 +177,7 @@ def _furniture(scene: SceneFile, camera: Camera) -> BoolArray | None:
 
     from tanteo.lie import SE3
     from tanteo.simulator import Scene
-    from tanteo.vision.silhouettes import silhouette
+    from tanteo.vision import silhouette
 
     standing = [s for s in scene.furniture if s.name != "table"]
     if not standing:

@@ -110,8 +110,8 @@ def read_options(
     Raises:
         InputError: The first one that cannot be meant, named as on the command line.
     """
-    from tanteo.io.units import parse_length, parse_lengths
-    from tanteo.sensors.presets import robot_preset, sensor_preset
+    from tanteo.io import parse_length, parse_lengths
+    from tanteo.sensors import robot_preset, sensor_preset
 
     if sensor is not None:
         sensor_preset(sensor)
@@ -176,7 +176,7 @@ def read_unit(units: str) -> str:
     Raises:
         UnitError: Not a unit that part files can have.
     """
-    from tanteo.parts.units import unit_name
+    from tanteo.parts import unit_name
 
     return unit_name(units)
 

@@ -61,7 +61,7 @@ def _below(paths: Sequence[str]) -> Iterator[str]:
 
 def _coarse(parts: Sequence[Part]) -> Iterator[str]:
     """What to say of meshes so far from their origin that single precision blurs them."""
-    from tanteo.parts.facets import FLOAT32
+    from tanteo.parts import FLOAT32
 
     for part in parts:
         far = float(abs(part.box).max())
@@ -74,7 +74,7 @@ def _coarse(parts: Sequence[Part]) -> Iterator[str]:
 
 def _unused_unit(parts: Sequence[Part], units: str | None) -> list[str]:
     """That the unit that was typed is not that of the files, which all say their own; nothing if it is."""
-    from tanteo.parts.files import UNITLESS
+    from tanteo.parts import UNITLESS
 
     own = sorted({part.unit for part in parts})
     if units is None or not own or own == [units] or any(Path(p.source).suffix.lower() in UNITLESS for p in parts):

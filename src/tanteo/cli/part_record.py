@@ -59,8 +59,7 @@ def _interrupt(number: int, frame: object) -> None:
 
 def write(session: Session, record: str | None) -> None:
     """The record of the session; of a file whose name ends in .csv, the readings alone."""
-    from tanteo.io import write_readings
-    from tanteo.io.session_record import write_record
+    from tanteo.io import write_readings, write_record
 
     if record is None:
         return

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tanteo.answers import PosePrior
     from tanteo.cli.image_start import View
     from tanteo.cli.sensing_part import PartOptions
-    from tanteo.io.scene_toml import SceneFile
+    from tanteo.io import SceneFile
     from tanteo.parts import Part
 
 

@@ -77,7 +77,7 @@ class PlanOptions:
         """
         from tanteo.active import check_feature
         from tanteo.cli.options import read_unit
-        from tanteo.io.units import parse_length
+        from tanteo.io import parse_length
 
         if (part is None) == (not discriminate):
             got = "both" if discriminate else "neither"
@@ -135,9 +135,8 @@ def _probe(
     clearance: str | None,
 ) -> Probe:  # fmt: skip
     from tanteo.active import Probe, probe_of
-    from tanteo.io.units import parse_length
-    from tanteo.sensors import robot_preset, sensor_preset
-    from tanteo.sensors.law import NoiseLaw
+    from tanteo.io import parse_length
+    from tanteo.sensors import NoiseLaw, robot_preset, sensor_preset
 
     if (sensor is None) == (sd is None):
         got = "neither" if sd is None else "both"

@@ -42,7 +42,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
         return
     from tanteo.active import at_pose, plan
     from tanteo.inference import prepare
-    from tanteo.io.plan_out import plan_csv, plan_json
+    from tanteo.io import plan_csv, plan_json
 
     T, C = _rough(parts[0], options.near)
     with misuse_of_options():
@@ -135,7 +135,7 @@ def _three(values: Vectors, digits: int) -> str:
 def _tell_apart(parts: Sequence[Part], options: PlanOptions, report: str | None, *, as_json: bool) -> None:
     from tanteo.active import discriminate
     from tanteo.inference import prepare
-    from tanteo.io.plan_out import distinction_json
+    from tanteo.io import distinction_json
 
     first, second = (prepare(part) for part in parts)
     found = discriminate(first, second, options.probe, seed=options.seed)

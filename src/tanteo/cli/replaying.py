@@ -16,9 +16,9 @@ from tanteo.cli.targets import check_different
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.active.explain import Explanation
+    from tanteo.active import Explanation
     from tanteo.answers import Answer
-    from tanteo.io.session_record import SessionRecord
+    from tanteo.io import SessionRecord
 
 _SHOWN = 5
 """Differences that are listed."""
@@ -32,10 +32,9 @@ def run_replay(
     Raises:
         InputError: the record or a part of it is not what it was, or the answer is not the recorded one.
     """
-    from tanteo.active.explain import explain
+    from tanteo.active import explain
     from tanteo.cli.reporting import check_report, report_session
-    from tanteo.io.part_files import parts_of
-    from tanteo.io.session_record import load_record, resumed
+    from tanteo.io import load_record, parts_of, resumed
 
     check_report(report)
     check_different(("--report", report), inputs=[("the record", path)])
@@ -60,8 +59,7 @@ def run_replay(
 
 def _print(answer: Answer, told: Explanation | None, *, as_json: bool, verbose: bool) -> None:
     if as_json:
-        from tanteo.io.explanation_json import explanation_document
-        from tanteo.io.result_json import document_json, recognition_document
+        from tanteo.io import document_json, explanation_document, recognition_document
 
         document = recognition_document(answer)
         if told is not None:
@@ -85,8 +83,7 @@ def _compared(record: SessionRecord, answer: Answer) -> str:
         InputError: it is another.
     """
     from tanteo import __version__
-    from tanteo.io.result_json import recognition_document
-    from tanteo.io.same_answer import differences
+    from tanteo.io import differences, recognition_document
 
     differ, exact = differences(record.answer, recognition_document(answer))
     if differ:

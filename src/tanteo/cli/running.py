@@ -119,7 +119,7 @@ def _read(
     """Read everything, with a warning where it hardly goes together."""
     from tanteo.cli.scale import asked_rig, check_scale, check_spread, scale_of
     from tanteo.io import read_readings
-    from tanteo.sensors.devices import misspelt
+    from tanteo.sensors import misspelt
 
     _check_readings_name(readings_path)
     rig = None if rig_path is None else asked_rig(rig_path)
@@ -164,7 +164,7 @@ def _beginning(path: str) -> str:
 
 def _check_readings_name(path: str) -> None:
     """Readings and parts are easily swapped."""
-    from tanteo.parts.reading import READABLE
+    from tanteo.parts import READABLE
 
     if Path(path).suffix.lower() in READABLE:
         raise ReadingsError(
@@ -195,7 +195,7 @@ def require_file(name: str, path: str) -> None:
 
 def show_part(file: str, unit: str | None, *, as_json: bool, verbose: bool) -> None:
     """Print what was read from one CAD file."""
-    from tanteo.io.part_json import part_json
+    from tanteo.io import part_json
 
     require_file("FILE", file)
     (part,) = read_all_parts([file], unit, quiet=as_json)

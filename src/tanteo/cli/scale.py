@@ -181,8 +181,7 @@ def _length(metres: float) -> str:
 
 def asked_rig(path: str) -> Rig:
     """A rig from a file, with a question where its lengths may be in metres."""
-    from tanteo.io import read_rig
-    from tanteo.io.rig_checks import meant_metres
+    from tanteo.io import meant_metres, read_rig
 
     rig = read_rig(path)
     if question := meant_metres(rig):

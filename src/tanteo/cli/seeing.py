@@ -54,9 +54,7 @@ def see_image(options: SeeOptions, *, as_json: bool, verbose: bool) -> None:
     check_target("--picture", options.picture, (".png", ".jpg"))
     sources = [("the image", options.image), ("--camera", options.camera), ("--marks", options.marks)]
     check_different(("--picture", options.picture), inputs=sources)
-    from tanteo.io.camera_file import read_camera
-    from tanteo.io.images import read_image, write_image
-    from tanteo.io.sight_file import sight_json
+    from tanteo.io import read_camera, read_image, sight_json, write_image
 
     camera = placed_camera(read_camera(options.camera), options.marks, quiet=as_json)
     image = read_image(options.image)
@@ -87,7 +85,7 @@ def placed_camera(camera: Camera, marks: str | None, *, quiet: bool) -> Camera:
     """The camera with its place, from marks if there are any."""
     if marks is None:
         return camera
-    from tanteo.io.marks_csv import read_marks
+    from tanteo.io import read_marks
     from tanteo.vision import fit_camera
 
     pixels, points = read_marks(marks)
@@ -125,7 +123,7 @@ def _timed(sight: Sight, load: float, total: float) -> Sight:
 def sight_lines(sight: Sight, *, verbose: bool = False) -> list[str]:
     """The lines for a person: every object, largest first."""
     if not sight.objects:
-        from tanteo.io.sight_file import EMPTY
+        from tanteo.io import EMPTY
 
         return [f"unknown: {EMPTY.message}"]
     lines: list[str] = []

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tanteo.cli.image_guess import GuessOptions
     from tanteo.features import Feature
     from tanteo.hand import ForbiddenBox
-    from tanteo.io.scene_toml import SceneFile
+    from tanteo.io import SceneFile
     from tanteo.simulator import SimulatedHand
 
 _UNDECIDED = 3
@@ -40,8 +40,7 @@ def sense(
 ) -> None:
     """Acquire one feature of a scene file, print it; exits with 3 when it is not acquired."""
     from tanteo.cli.image_guess import guess_from_image
-    from tanteo.io import sensed_json, write_readings
-    from tanteo.io.scene_toml import read_scene
+    from tanteo.io import read_scene, sensed_json, write_readings
     from tanteo.simulator import clearances
 
     with misuse():
@@ -195,7 +194,7 @@ def read_standoff(text: str | None) -> float | None:
     Raises:
         InputError: Not a length that a hand can keep.
     """
-    from tanteo.io.units import parse_length
+    from tanteo.io import parse_length
 
     if text is None:
         return None
@@ -207,7 +206,7 @@ def read_standoff(text: str | None) -> float | None:
 
 def _forbidden(text: str) -> ForbiddenBox:
     from tanteo.hand import ForbiddenBox
-    from tanteo.io.units import parse_lengths
+    from tanteo.io import parse_lengths
 
     values = parse_lengths(text, "--forbid")
     if len(values) != 6:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tanteo.answers import PosePrior
     from tanteo.cli.image_start import ImageOptions
     from tanteo.execution import Executed, Visit
-    from tanteo.io.scene_toml import SceneFile
+    from tanteo.io import SceneFile
     from tanteo.motion import Rules
     from tanteo.session import Session
     from tanteo.simulator import SimulatedHand

@@ -16,7 +16,7 @@ from tanteo.cli.options import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, printable, put
 from tanteo.cli.targets import check_different, check_target, writing
 from tanteo.errors import InputError
-from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_presets, sensor_preset, sensor_presets
+from tanteo.sensors import RobotPreset, SensorPreset, robot_presets, sensor_preset, sensor_presets
 
 if TYPE_CHECKING:
     from tanteo.calibration import Calibration
@@ -89,7 +89,7 @@ def show_rig(file: str, *, as_json: bool) -> None:
 
     rig = asked_rig(file)
     if as_json:
-        from tanteo.io.rig_json import rig_document
+        from tanteo.io import rig_document
 
         _print_json(rig_document(rig))
         return
@@ -121,7 +121,7 @@ def run_fit(request: FitRequest, *, as_json: bool, verbose: bool) -> None:
     if request.picture is not None:
         _draw_coverage(found, request.picture)
     if as_json:
-        from tanteo.io.calibration_json import calibration_document
+        from tanteo.io import calibration_document
 
         _print_json(calibration_document(found))
         if found.status != "calibrated":

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from tanteo.cli.printing import bold, printable, table
-from tanteo.sensors import Rig, RigSensor, RobotPreset, SensorPreset
-from tanteo.sensors.devices import Device
+from tanteo.sensors import Device, Rig, RigSensor, RobotPreset, SensorPreset
 from tanteo.typing import FloatArray
 
 _KEY = "V in the source, C computed by us from it, M from memory, A assumed by us"

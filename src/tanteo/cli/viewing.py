@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tanteo.active import Start
     from tanteo.answers import PosePrior
     from tanteo.cli.image_start import ImageOptions
-    from tanteo.io.scene_toml import SceneFile
+    from tanteo.io import SceneFile
     from tanteo.viewer import Show
 
 _PORTS = 65535
@@ -65,7 +65,7 @@ def require_viser() -> None:
     Raises:
         MissingExtraError: viser is not installed.
     """
-    from tanteo.viewer.view import NEEDS_VISER
+    from tanteo.viewer import NEEDS_VISER
 
     if find_spec("viser") is None:
         raise MissingExtraError(NEEDS_VISER)
@@ -103,8 +103,7 @@ def view_scene(
 
 def view_record(path: str, folders: Sequence[str], port: int, *, show: bool) -> None:
     """Show a record step by step."""
-    from tanteo.io.part_files import parts_of
-    from tanteo.io.session_record import load_record, resumed
+    from tanteo.io import load_record, parts_of, resumed
     from tanteo.viewer import replay
 
     record = load_record(path)
@@ -152,8 +151,7 @@ def _bare(scene: SceneFile, start: Start, options: PartOptions) -> Show:
     from tanteo.active import policy_named
     from tanteo.session import Session
     from tanteo.simulator import Scene
-    from tanteo.viewer import bare_show
-    from tanteo.viewer.laser import laser, simulated
+    from tanteo.viewer import bare_show, laser, simulated
 
     probe, sensing = laser(scene.workspace)
     session = Session(start, probe, sensing, policy_named(options.policy), options.stop, scene.seed)

@@ -12,15 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from tanteo.active import Probe, Start, Stop, around, from_hypotheses, policy_named
-from tanteo.answers import Priors
-from tanteo.answers.part_motions import box_corners
+from tanteo.answers import Priors, box_corners
 from tanteo.catalogue import read_parts
 from tanteo.hand import Workspace
 from tanteo.inference import PreparedPart, prepare
 from tanteo.io import read_camera, read_image, read_marks
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw
 from tanteo.session import Action, Sensing, Session
 from tanteo.typing import Transforms
 

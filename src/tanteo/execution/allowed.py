@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.active import SensingState, Start
-from tanteo.answers.part_motions import box_corners
+from tanteo.answers import box_corners
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers.part_motions import box_corners
+from tanteo.answers import box_corners
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3

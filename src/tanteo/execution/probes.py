@@ -8,8 +8,7 @@ from tanteo.active import Probe
 from tanteo.errors import InputError
 from tanteo.hand import Hand
 from tanteo.motion import Rules
-from tanteo.sensors import RobotPreset, error_model
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, RobotPreset, error_model
 
 _CONE = float(np.radians(70.0))
 """How far from straight down a hand looks whose workspace has a floor."""

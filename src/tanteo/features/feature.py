@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features.kinds import FeatureKind
-from tanteo.frames.covariances import check_covariance, frozen_array
+from tanteo.frames import check_covariance, frozen_array
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.answers.priors import Priors
-from tanteo.answers.results import Hypothesis
+from tanteo.answers import Hypothesis, Priors
 from tanteo.inference.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
 from tanteo.inference.outliers import so_many
 from tanteo.inference.result import GoodnessOfFit

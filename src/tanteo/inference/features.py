@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers.priors import Priors
-from tanteo.answers.results import Answer, Hypothesis
+from tanteo.answers import Answer, Hypothesis, Priors
 from tanteo.features import Sides, collect_shared
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.recognition import identify_points

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.answers.part_motions import observed_covariance
+from tanteo.answers import observed_covariance
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SO3
 from tanteo.localization import SharedGiven

@@ -10,8 +10,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue import cache
-from tanteo.parts import Part, exact_faces
-from tanteo.parts.several import as_parts
+from tanteo.parts import Part, as_parts, exact_faces
 from tanteo.shapes import DistanceField, Surface, distance_field
 from tanteo.typing import FloatArray, IntArray, Vectors
 

@@ -11,10 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers.part_motions import part_scale
-from tanteo.answers.pose_prior import in_box, prior_rows
-from tanteo.answers.priors import Priors
-from tanteo.answers.results import Hypothesis
+from tanteo.answers import Hypothesis, Priors, in_box, part_scale, prior_rows
 from tanteo.inference.modes import Mode
 from tanteo.inference.outliers import so_many
 from tanteo.inference.peaks import Objective

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo import _core
-from tanteo.answers.pose_prior import PosePrior, log_density_within
-from tanteo.answers.priors import Priors
+from tanteo.answers import PosePrior, Priors, log_density_within
 from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart

@@ -7,10 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers.priors import Priors, sized
-from tanteo.answers.question import Clock, check_question
-from tanteo.answers.results import Answer
-from tanteo.answers.verdict import CONFIDENCE, verdict
+from tanteo.answers import CONFIDENCE, Answer, Clock, Priors, check_question, sized, verdict
 from tanteo.features import SharedError
 from tanteo.inference.diagnostics import against_labels, face_elsewhere, left_out, mostly_on, not_on_it, scattered
 from tanteo.inference.posterior import Posterior, infer, with_scale

@@ -8,10 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo import _core
-from tanteo.answers.hypothesis import hypothesis_at
-from tanteo.answers.part_motions import corner_sd, part_scale, spins, without_spins
-from tanteo.answers.pose_prior import PosePrior, prior_rows
-from tanteo.answers.results import Hypothesis
+from tanteo.answers import Hypothesis, PosePrior, corner_sd, hypothesis_at, part_scale, prior_rows, spins, without_spins
 from tanteo.features import SharedError
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin

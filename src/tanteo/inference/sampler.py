@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
-from tanteo.answers.pose_prior import in_box
+from tanteo.answers import in_box
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.symmetry import is_held, log_gauge
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.answers.part_motions import without_spin
+from tanteo.answers import without_spin
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.answers.priors import Priors
+from tanteo.answers import Priors
 from tanteo.inference.labels import log_of_one_object
 from tanteo.inference.problem import Problem, outlier_log_density
 from tanteo.inference.unknown_place import log_place_of_unknown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.answers.pose_prior import PosePrior
+from tanteo.answers import PosePrior
 from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Vectors
 

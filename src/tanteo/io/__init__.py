@@ -12,33 +12,55 @@ from typing import TYPE_CHECKING
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
+    from tanteo.io.calibration_json import calibration_document
     from tanteo.io.camera_file import read_camera
+    from tanteo.io.explanation_json import explanation_document
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
+    from tanteo.io.part_document import part_json
+    from tanteo.io.part_files import parts_of
+    from tanteo.io.plan_out import distinction_json, plan_csv, plan_json
     from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table
     from tanteo.io.prior_toml import prior_brand, read_prior
     from tanteo.io.readings_csv import read_readings
     from tanteo.io.readings_write import write_readings
-    from tanteo.io.result_json import executed_json, recognition_document, recognition_json
+    from tanteo.io.result_json import document_json, executed_json, recognition_document, recognition_json
+    from tanteo.io.rig_checks import meant_metres
+    from tanteo.io.rig_json import rig_document
     from tanteo.io.rig_toml import read_rig, shipped_rigs
     from tanteo.io.rig_write import rig_text, write_rig
+    from tanteo.io.same_answer import differences
     from tanteo.io.scene_toml import SceneFile, read_scene
     from tanteo.io.sensed_file import sensed_document, sensed_json
-    from tanteo.io.sight_file import sight_document, sight_json
+    from tanteo.io.session_record import SessionRecord, load_record, resumed, write_record
+    from tanteo.io.sight_file import EMPTY, sight_document, sight_json
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
 
 __all__ = [
     "BRANDS",
+    "EMPTY",
     "Brand",
     "SceneFile",
+    "SessionRecord",
+    "calibration_document",
+    "differences",
+    "distinction_json",
+    "document_json",
     "executed_json",
+    "explanation_document",
+    "load_record",
+    "meant_metres",
     "parse_angle",
     "parse_box",
     "parse_length",
     "parse_lengths",
     "parse_pose_prior",
     "parse_table",
+    "part_json",
+    "parts_of",
+    "plan_csv",
+    "plan_json",
     "pose_as_brand",
     "pose_from_brand",
     "prior_brand",
@@ -51,6 +73,8 @@ __all__ = [
     "read_scene",
     "recognition_document",
     "recognition_json",
+    "resumed",
+    "rig_document",
     "rig_text",
     "sensed_document",
     "sensed_json",
@@ -59,12 +83,22 @@ __all__ = [
     "sight_json",
     "write_image",
     "write_readings",
+    "write_record",
     "write_rig",
 ]
 
 __getattr__, __dir__ = lazy(
     __name__,
     {
+        "plan_out": "distinction_json plan_csv plan_json",
+        "explanation_json": "explanation_document",
+        "same_answer": "differences",
+        "part_document": "part_json",
+        "rig_checks": "meant_metres",
+        "calibration_json": "calibration_document",
+        "rig_json": "rig_document",
+        "session_record": "SessionRecord load_record resumed write_record",
+        "part_files": "parts_of",
         "camera_file": "read_camera",
         "images": "read_image write_image",
         "marks_csv": "read_marks",
@@ -73,12 +107,12 @@ __getattr__, __dir__ = lazy(
         "prior_toml": "prior_brand read_prior",
         "readings_csv": "read_readings",
         "readings_write": "write_readings",
-        "result_json": "executed_json recognition_document recognition_json",
+        "result_json": "document_json executed_json recognition_document recognition_json",
         "rig_toml": "read_rig shipped_rigs",
         "rig_write": "rig_text write_rig",
         "scene_toml": "SceneFile read_scene",
         "sensed_file": "sensed_document sensed_json",
-        "sight_file": "sight_document sight_json",
+        "sight_file": "EMPTY sight_document sight_json",
         "units": "parse_angle parse_length parse_lengths",
     },
 )

@@ -14,7 +14,7 @@ import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.typing import FloatArray
-from tanteo.vision.camera import COEFFICIENTS, USUAL, Camera
+from tanteo.vision import COEFFICIENTS, USUAL, Camera
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "K", "k", "M1")
 _DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "d", "D1")

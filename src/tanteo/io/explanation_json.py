@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tanteo.active.explain import Explanation
+from tanteo.active import Explanation
 
 
 def explanation_document(told: Explanation) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.replaced import replaced
 from tanteo.typing import FloatArray
-from tanteo.vision.opencv import opencv
+from tanteo.vision import opencv
 
 
 def read_image(path: str | Path) -> FloatArray:

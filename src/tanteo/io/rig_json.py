@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tanteo.sensors import Rig, RigSensor
-from tanteo.sensors.devices import Device
+from tanteo.sensors import Device, Rig, RigSensor
 
 
 def rig_document(rig: Rig) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from tanteo.answers.results import Answer
+from tanteo.answers import Answer
 from tanteo.io.result_json import document_json, recognition_document
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def _object(seen: Sighting, frame: str) -> dict[str, Any]:
 
 
 def _outline(outline: Descriptors) -> dict[str, Any]:
-    from tanteo.vision.descriptors import NAMES
+    from tanteo.vision import NAMES
 
     return {name: {"value": outline[name], "sd": outline.sd(name)} for name in NAMES}
 

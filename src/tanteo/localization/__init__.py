@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tanteo.localization.scaling import motion_scale, motions_about
     from tanteo.localization.shared_given import SharedGiven
     from tanteo.localization.solve import Block, Solution, assemble, gauss_newton, linearize, pose_information
+    from tanteo.localization.start import first_pose
     from tanteo.localization.summary import covariance_with_free
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "covariance_with_free",
     "describe_motion",
     "estimate_pose",
+    "first_pose",
     "fuse_features",
     "gauss_newton",
     "linearize",
@@ -43,6 +45,7 @@ __all__ = [
 __getattr__, __dir__ = lazy(
     __name__,
     {
+        "start": "first_pose",
         "fusion": "fuse_features",
         "observability": "describe_motion unobserved_directions weak_motions",
         "pairing": "ModelFeature Pairing build_blocks",

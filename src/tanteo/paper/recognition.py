@@ -11,17 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Answer, Hypothesis
-from tanteo.answers.hypothesis import hypothesis_at
-from tanteo.answers.part_motions import part_scale, without_spin
-from tanteo.answers.question import Clock, check_question
-from tanteo.answers.verdict import verdict
+from tanteo.answers import Answer, Clock, Hypothesis, check_question, hypothesis_at, part_scale, verdict, without_spin
 from tanteo.errors import InputError
 from tanteo.features import Feature, Sides, collect_shared, shared_root
 from tanteo.lie import SE3
-from tanteo.localization import Block, ModelFeature, Pairing, estimate_pose, gauss_newton
-from tanteo.localization.relations import relation_between
-from tanteo.localization.start import first_pose
+from tanteo.localization import Block, ModelFeature, Pairing, estimate_pose, first_pose, gauss_newton, relation_between
 from tanteo.paper.assignments import Candidates, assignments, candidates_of
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, IntArray, Transforms

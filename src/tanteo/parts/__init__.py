@@ -6,6 +6,8 @@ from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
     from tanteo.parts.exact import exact_faces
+    from tanteo.parts.facets import FLOAT32
+    from tanteo.parts.files import UNITLESS
     from tanteo.parts.mirror import mirror_part
     from tanteo.parts.part import (
         Face,
@@ -17,9 +19,14 @@ if TYPE_CHECKING:
         SymmetryGroup,
     )
     from tanteo.parts.reading import READABLE, read_part
+    from tanteo.parts.several import as_part, as_parts
+    from tanteo.parts.topology import components, mesh_edges
+    from tanteo.parts.units import unit_name
 
 __all__ = [
+    "FLOAT32",
     "READABLE",
+    "UNITLESS",
     "Face",
     "ModelEdges",
     "ModelPlanes",
@@ -27,14 +34,24 @@ __all__ = [
     "Part",
     "SurfaceKind",
     "SymmetryGroup",
+    "as_part",
+    "as_parts",
+    "components",
     "exact_faces",
+    "mesh_edges",
     "mirror_part",
     "read_part",
+    "unit_name",
 ]
 
 __getattr__, __dir__ = lazy(
     __name__,
     {
+        "topology": "components mesh_edges",
+        "units": "unit_name",
+        "files": "UNITLESS",
+        "facets": "FLOAT32",
+        "several": "as_part as_parts",
         "exact": "exact_faces",
         "mirror": "mirror_part",
         "part": "Face ModelEdges ModelPlanes ModelVertices Part SurfaceKind SymmetryGroup",

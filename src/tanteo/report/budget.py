@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers.part_motions import corner_moves, part_scale, spins
-from tanteo.answers.pose_prior import prior_rows
+from tanteo.answers import corner_moves, part_scale, prior_rows, spins
 from tanteo.parts import Part
 from tanteo.report.contacts import Contacts
 from tanteo.report.sensed import Sensed

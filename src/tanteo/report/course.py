@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.active.explain import Added
+from tanteo.active import Added
 from tanteo.report.charts import bar
 from tanteo.report.curves import SHARES, STYLES, Curve, curve_chart, lengths_scale
 from tanteo.report.html import Html, element, join, table
@@ -30,7 +30,7 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
 
     Args:
         session: That was told something.
-        added: What each step told, as :func:`tanteo.active.explain.explain` has it.
+        added: What each step told, as :func:`tanteo.active.explanation.explain` has it.
     """
     lead = (
         "From before the first answer to the last: the probability of each part, and the largest corner sd of the "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers.part_motions import corner_moves, motion_words
+from tanteo.answers import corner_moves, motion_words
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.report.words import brief

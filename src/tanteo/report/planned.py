@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
-from tanteo.answers.part_motions import box_corners
+from tanteo.answers import box_corners
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale

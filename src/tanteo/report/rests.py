@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.active.explain import Direction
-from tanteo.answers.pose_prior import prior_rows
+from tanteo.active import Direction
+from tanteo.answers import prior_rows
 from tanteo.report.html import Html, element, join, table
 from tanteo.report.scene import Candidate
 from tanteo.report.section import Section
@@ -23,7 +23,7 @@ def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence
 
     Args:
         candidates: The hypotheses.
-        directions: Of each of them; see :func:`directions_of` and :func:`tanteo.active.explain.explain`.
+        directions: Of each of them; see :func:`directions_of` and :func:`tanteo.active.explanation.explain`.
     """
     lead = (
         "The pose may be off in these independent ways, the worst first: the overlays in the picture show them. Each "

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.answers import Answer, Hypothesis
-from tanteo.answers.part_motions import corner_sd
-from tanteo.answers.verdict import CONFIDENCE
+from tanteo.answers import CONFIDENCE, Answer, Hypothesis, corner_sd
 from tanteo.parts import Part
 from tanteo.report.sensed import Sensed
 

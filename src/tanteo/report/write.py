@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tanteo.active.explain import explain
+from tanteo.active import explain
 from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.parts import Part

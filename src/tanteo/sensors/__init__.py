@@ -8,6 +8,7 @@ This room has never heard of shapes: it knows rays, ranges and covariances.
 
 from tanteo.sensors.checks import KINDS, check_features
 from tanteo.sensors.cone import blend, cone_rays, draw_aims, edge_bias, edge_shift, edge_variance
+from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
     Status,
     UnitErrors,
@@ -31,13 +32,14 @@ from tanteo.sensors.presets import (
     sensor_preset,
     sensor_presets,
 )
-from tanteo.sensors.readings import Readings, concatenate
+from tanteo.sensors.readings import Readings, check_readings_kind, concatenate
 from tanteo.sensors.repeated import say_repeated
 from tanteo.sensors.rig import Rig, RigSensor
 from tanteo.sensors.stuck import say_stuck
 
 __all__ = [
     "KINDS",
+    "Device",
     "ErrorModel",
     "FreeBeams",
     "NoiseLaw",
@@ -51,6 +53,7 @@ __all__ = [
     "UnitErrors",
     "blend",
     "check_features",
+    "check_readings_kind",
     "concatenate",
     "cone_rays",
     "draw_aims",
@@ -64,6 +67,7 @@ __all__ = [
     "emit_touches",
     "error_model",
     "measure",
+    "misspelt",
     "preset_sigma",
     "range_variance",
     "reported_poses",

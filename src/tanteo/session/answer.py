@@ -6,12 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.active import SensingState, Stop, largest_corner_sd
-from tanteo.active.places import places_of
-from tanteo.answers import Answer, Hypothesis, PosePrior
-from tanteo.answers.pose_prior import prior_residuals
-from tanteo.answers.results import Status
-from tanteo.answers.verdict import CONFIDENCE, doubt, verdict
+from tanteo.active import SensingState, Stop, largest_corner_sd, places_of
+from tanteo.answers import CONFIDENCE, Answer, Hypothesis, PosePrior, Status, doubt, prior_residuals, verdict
 from tanteo.errors import InputError
 from tanteo.inference import GoodnessOfFit, as_hypothesis, face_elsewhere, goodness_of_fit, p_of_prior, worst_reading
 from tanteo.limits import SUSPECT

@@ -24,8 +24,7 @@ from tanteo.active import (
 from tanteo.answers import Answer, PosePrior
 from tanteo.errors import check_kind
 from tanteo.limits import check_count
-from tanteo.sensors import Readings, concatenate, say_stuck
-from tanteo.sensors.readings import check_readings_kind
+from tanteo.sensors import Readings, check_readings_kind, concatenate, say_stuck
 from tanteo.session.again import once_more
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.names import new_readings

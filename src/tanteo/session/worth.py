@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.active import POLICIES, Candidates, Choice, DecisionContext, SensingState, Stop
-from tanteo.active.policies import most_told
+from tanteo.active import POLICIES, Candidates, Choice, DecisionContext, SensingState, Stop, most_told
 from tanteo.session.again import information_of_repeat
 from tanteo.session.answer import contradiction, moved_words
 from tanteo.session.values import Done

@@ -9,10 +9,12 @@ from tanteo.viewer.commands import Advance, Choose, Click, Go, Pause, Quit, Rest
 from tanteo.viewer.player import Page, Player
 from tanteo.viewer.record import moments, show_moment
 from tanteo.viewer.shows import Show, Watch, bare_show, hand_show
+from tanteo.viewer.simulation import laser, simulated
 from tanteo.viewer.snapshot import Snapshot
-from tanteo.viewer.view import play, replay
+from tanteo.viewer.view import NEEDS_VISER, play, replay
 
 __all__ = [
+    "NEEDS_VISER",
     "Advance",
     "Choose",
     "Click",
@@ -27,8 +29,10 @@ __all__ = [
     "Watch",
     "bare_show",
     "hand_show",
+    "laser",
     "moments",
     "play",
     "replay",
     "show_moment",
+    "simulated",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.hand import FREE, MET, Body, Hand, Sensed
 from tanteo.lie import SE3
 from tanteo.parts import Part
-from tanteo.report.drawn import Drawn, draw_part
+from tanteo.report import Drawn, draw_part
 from tanteo.simulator import Solid
 from tanteo.typing import FloatArray, IntArray, Transforms
 from tanteo.viewer import colors

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tanteo.lie import SE3
-from tanteo.report.words import headline, length
+from tanteo.report import headline, length
 from tanteo.session import Done, Session
 from tanteo.shapes import Surface
 from tanteo.simulator import Solid

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.report.charts import bar
-from tanteo.report.html import Html, element
-from tanteo.report.words import percent
+from tanteo.report import Html, bar, element, percent
 from tanteo.viewer import colors
 from tanteo.viewer.drawing import OPEN
 from tanteo.viewer.primitives import Colour

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.active import Candidates, Probe, SensingState
-from tanteo.active.candidates import has_room, within_cone
+from tanteo.active import Candidates, Probe, SensingState, has_room, within_cone
 from tanteo.lie import SE3
 from tanteo.session import Action, Session
 from tanteo.typing import IntArray, Vectors

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
-    from tanteo.vision.camera import Camera, on_plane, project, rays, without_distortion
-    from tanteo.vision.descriptors import Descriptors, describe
+    from tanteo.vision.camera import COEFFICIENTS, USUAL, Camera, on_plane, project, rays, without_distortion
+    from tanteo.vision.cv import opencv
+    from tanteo.vision.descriptors import NAMES, Descriptors, describe
     from tanteo.vision.edge_map import EdgeMap, map_edges
     from tanteo.vision.edges import EdgePoints, find_edges
     from tanteo.vision.features import image_corner, image_edge
@@ -20,14 +21,19 @@ if TYPE_CHECKING:
     from tanteo.vision.picture import draw_sight
     from tanteo.vision.question import Question
     from tanteo.vision.regions import Region, find_regions
+    from tanteo.vision.rendering import Stage, Thing, render
     from tanteo.vision.resting import Rest, rests
     from tanteo.vision.seeing import see
     from tanteo.vision.segments import Corners, Segments, find_corners, find_segments
     from tanteo.vision.sight import Sight, Sighting, see_table
+    from tanteo.vision.silhouettes import silhouette
     from tanteo.vision.solid import follow, see_anywhere
     from tanteo.vision.table import CameraPose, TableErrors, fit_camera
 
 __all__ = [
+    "COEFFICIENTS",
+    "NAMES",
+    "USUAL",
     "Camera",
     "CameraPose",
     "Corners",
@@ -40,7 +46,9 @@ __all__ = [
     "Segments",
     "Sight",
     "Sighting",
+    "Stage",
     "TableErrors",
+    "Thing",
     "VisionModel",
     "describe",
     "draw_sight",
@@ -55,21 +63,27 @@ __all__ = [
     "like_outline",
     "map_edges",
     "on_plane",
+    "opencv",
     "prepare_vision",
     "project",
     "rays",
+    "render",
     "rests",
     "see",
     "see_anywhere",
     "see_table",
+    "silhouette",
     "without_distortion",
 ]
 
 __getattr__, __dir__ = lazy(
     __name__,
     {
-        "camera": "Camera on_plane project rays without_distortion",
-        "descriptors": "Descriptors describe",
+        "cv": "opencv",
+        "silhouettes": "silhouette",
+        "rendering": "Stage Thing render",
+        "camera": "COEFFICIENTS Camera USUAL on_plane project rays without_distortion",
+        "descriptors": "Descriptors NAMES describe",
         "edge_map": "EdgeMap map_edges",
         "edges": "EdgePoints find_edges",
         "features": "image_corner image_edge",

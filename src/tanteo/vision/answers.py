@@ -6,10 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.answers.hypothesis import hypothesis_at
-from tanteo.answers.part_motions import part_scale, spins, without_spins
-from tanteo.answers.results import Hypothesis, Status
-from tanteo.answers.verdict import verdict
+from tanteo.answers import Hypothesis, Status, hypothesis_at, part_scale, spins, verdict, without_spins
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, weak_motions
 from tanteo.parts import Part

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames.covariances import check_covariance, frozen_array
+from tanteo.frames import check_covariance, frozen_array
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _ROUNDS, _NEWTON = 8, 4

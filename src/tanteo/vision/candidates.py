@@ -53,7 +53,7 @@ class Candidates:
 
 def own_edges(region: Region, edges: EdgeMap) -> BoolArray:
     """Edge points that belong to a region ``(n,)``: in it or at its border."""
-    from tanteo.vision.opencv import opencv
+    from tanteo.vision.cv import opencv
 
     mask = opencv().dilate(region.mask.astype(np.uint8), np.ones((5, 5), np.uint8))
     at = np.rint(edges.points.pixels).astype(np.int64)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.typing import FloatArray
+from tanteo.vision.cv import opencv
 from tanteo.vision.edge_map import CHANNELS, EdgeMap, cell_of, channel_of
 from tanteo.vision.evidence import REACH
-from tanteo.vision.opencv import opencv
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames.covariances import frozen_array
+from tanteo.frames import frozen_array
 from tanteo.typing import Covariances, FloatArray
 
 NAMES = ("area", "perimeter", "x", "y", "long_axis", "short_axis", *(f"hu{k}" for k in range(1, 8)))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.typing import BoolArray, FloatArray, IntArray
+from tanteo.vision.cv import opencv
 from tanteo.vision.edges import EdgePoints
-from tanteo.vision.opencv import opencv
 
 CHANNELS = 8
 """Directions that are discriminated; a channel holds the edges within one step of its own direction."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames.covariances import frozen_array
+from tanteo.frames import frozen_array
 from tanteo.typing import BoolArray, FloatArray, IntArray
-from tanteo.vision.opencv import opencv
+from tanteo.vision.cv import opencv
 
 SMOOTHING = 1.2
 """Standard deviation of the Gaussian that the image is smoothed with [px]."""

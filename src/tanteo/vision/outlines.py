@@ -13,8 +13,8 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.shapes import Surface
+from tanteo.vision.cv import opencv
 from tanteo.vision.descriptors import NAMES, Descriptors, describe
-from tanteo.vision.opencv import opencv
 from tanteo.vision.resting import Rest
 
 if TYPE_CHECKING:

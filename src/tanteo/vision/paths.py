@@ -47,7 +47,7 @@ def model_paths(part: Part) -> Vectors:
 def _labels(points: Vectors, slack: float) -> IntArray:
     from scipy.spatial import cKDTree
 
-    from tanteo.parts.topology import components
+    from tanteo.parts import components
 
     pairs = cKDTree(points).query_pairs(max(slack, 1e-9), output_type="ndarray")
     return components(len(points), pairs[:, 0], pairs[:, 1])

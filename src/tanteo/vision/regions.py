@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.frames.covariances import frozen_array
+from tanteo.frames import frozen_array
 from tanteo.typing import BoolArray, FloatArray
+from tanteo.vision.cv import opencv
 from tanteo.vision.edges import CORRELATION, EdgePoints, check_image, image_noise
-from tanteo.vision.opencv import opencv
 
 _COARSE = 4
 _ROUNDS = 12

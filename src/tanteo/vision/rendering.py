@@ -15,7 +15,7 @@ from tanteo.parts import Part
 from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, project, rays
-from tanteo.vision.opencv import opencv
+from tanteo.vision.cv import opencv
 
 FINE = 4
 """Rays along a pixel's side where neighbours differ."""

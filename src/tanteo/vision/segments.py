@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.frames.covariances import frozen_array
+from tanteo.frames import frozen_array
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray
 from tanteo.vision.camera import Camera, without_distortion
+from tanteo.vision.cv import opencv
 from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of
 from tanteo.vision.edges import CORRELATION
 from tanteo.vision.fit import BIAS
-from tanteo.vision.opencv import opencv
 
 SHORTEST = 12.0
 """Shorter segments are not kept [px]."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers.results import Answer
+from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.parts import Part

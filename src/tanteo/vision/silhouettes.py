@@ -8,8 +8,8 @@ from tanteo.lie import SE3
 from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, project
+from tanteo.vision.cv import opencv
 from tanteo.vision.edge_map import cell_of
-from tanteo.vision.opencv import opencv
 from tanteo.vision.wireframe import in_camera
 
 MARGIN = 3

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers.part_motions import box_corners
-from tanteo.answers.results import Answer
+from tanteo.answers import Answer, box_corners
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.special import log_sum

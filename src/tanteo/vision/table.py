@@ -10,7 +10,7 @@ from tanteo.errors import DegenerateError, InputError
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, project, project_linearized, rays
-from tanteo.vision.opencv import opencv
+from tanteo.vision.cv import opencv
 
 _CONTRADICT = 0.01
 """Points that are farther off than this share of the image's width (rms) are not those of one camera."""

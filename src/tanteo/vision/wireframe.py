@@ -8,8 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.localization import motion_scale
-from tanteo.parts import Part
-from tanteo.parts.topology import mesh_edges
+from tanteo.parts import Part, mesh_edges
 from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 

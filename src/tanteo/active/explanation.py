@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.active.start import Start
 from tanteo.active.state import SensingState, begin
 from tanteo.active.stopping import largest_corner_sd
-from tanteo.answers.part_motions import corner_moves, motion_words, observed_covariance, spins
+from tanteo.answers import corner_moves, motion_words, observed_covariance, spins
 from tanteo.inference import NEGLIGIBLE, face_names, goodness_of_fit, information_by_point
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Transforms

@@ -8,8 +8,7 @@ import numpy as np
 
 from tanteo.active import Probe
 from tanteo.hand import Workspace
-from tanteo.sensors import Readings
-from tanteo.sensors.law import NoiseLaw
+from tanteo.sensors import NoiseLaw, Readings
 from tanteo.session import Action, Sensing
 from tanteo.shapes import Surface
 
