@@ -27,7 +27,7 @@ def run(capsys, *args):
     return ended.value.code or 0, capsys.readouterr().out
 
 
-def test_it_knows_every_dependency_and_every_extra_of_the_project():
+def test_it_knows_every_dependency_and_every_extra_of_project():
     needed = {re.match(r"[\w-]+", line)[0] for line in PROJECT["dependencies"]}
     assert set(doctor.NEEDED) == needed
     assert set(doctor.EXTRAS) == set(PROJECT["optional-dependencies"]) - FOR_DEVELOPERS
@@ -94,7 +94,7 @@ def test_an_error_on_the_way_is_told(monkeypatch):
     assert doctor.run_self_test().words == "wedge.off: expected a part."
 
 
-def test_missing_extras_are_named_with_what_they_give_and_how_to_get_them(monkeypatch, capsys):
+def test_missing_extras_are_named_with_how_to_get_them(monkeypatch, capsys):
     monkeypatch.setattr(doctor.util, "find_spec", lambda name: None)
     code, out = run(capsys)
     assert code == 0

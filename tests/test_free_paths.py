@@ -66,7 +66,7 @@ def by_part(answer, name):
 
 
 @pytest.mark.parametrize("labels", [True, False])
-def test_a_path_that_only_one_of_two_twins_leaves_free_tells_them_apart(steps, labels):
+def test_a_free_space_ray_discriminates_twins(steps, labels):
     rng, (low, high) = np.random.default_rng(1), steps
     T, planes = box_centred_pose(rng), in_common(low, high)
     paths = [path_that_meets(high, low, rng) for _ in range(2)]
@@ -94,7 +94,7 @@ def test_a_path_through_the_part_is_named_with_how_far(steps, labels):
     assert f"in the way of 1 of 2 paths on which nothing was met: {says}" in answer.message
 
 
-def test_a_labelled_part_in_the_way_of_many_paths_is_none_of_these(steps):
+def test_a_labelled_part_in_way_of_many_paths_is_none_of_these(steps):
     rng, low = np.random.default_rng(3), steps[0]
     T = box_centred_pose(rng)
     paths = [(low.centroid - 0.2 * d, d) for d in SE3.exp(rng.normal(size=(24, 6)))[:, :3, 0]]

@@ -83,7 +83,7 @@ def answers(targets):
 
 
 @pytest.mark.slow
-def test_the_covariance_in_the_world_is_as_wide_as_the_base_makes_it(answers):
+def test_the_covariance_in_the_world_is_as_wide_as_base_makes_it(answers):
     """Paths that stayed behind would hold the part where the base is not off: a third of them were in the region."""
     sure = [(part, T, a.hypotheses[0]) for part, T, a in answers if a.status == "recognized"]
     assert len(sure) >= 0.7 * SCENES
@@ -99,7 +99,7 @@ def test_no_path_that_passed_is_said_to_lead_through_the_part(answers):
 
 
 @pytest.mark.parametrize("labels", [True, False])
-def test_a_path_through_the_middle_is_named_also_with_the_base_off(targets, labels):
+def test_a_path_through_the_middle_is_named_also_with_base_off(targets, labels):
     rng, target = np.random.default_rng(7), targets[0]
     (p, *_), (d, *_) = beams(target, 1, rng, tilt=0.1)
     T, paths = box_centred_pose(rng), [(p - 0.5 * LENGTH * d, d), *grazing(target, 3, rng)]
@@ -108,7 +108,7 @@ def test_a_path_through_the_middle_is_named_also_with_the_base_off(targets, labe
     assert f"in the way of 1 of 4 paths on which nothing was met: {readings.ids[-4]} (" in answer.message
 
 
-def test_labelled_parts_are_weighed_with_paths_that_move_as_their_features_do(targets):
+def test_labelled_parts_are_weighed_with_free_space_rays(targets):
     """Twelve paths that passed: the part is no less probable than it was without them, and none of them is named."""
     for k in range(8):
         rng, target = np.random.default_rng((1992, k)), targets[k % 2]
@@ -123,7 +123,7 @@ def test_labelled_parts_are_weighed_with_paths_that_move_as_their_features_do(ta
 
 
 @pytest.mark.xfail(strict=False, reason="paths enter at the best shared errors, not averaged over them")
-def test_paths_are_averaged_over_what_readings_leave_open_of_the_base(targets):
+def test_rays_are_averaged_over_the_base_error(targets):
     """Three touches, and a base off by 4 mm sd: against many samples of it, weighed by the touches."""
     rng, target, n = np.random.default_rng(11), targets[4], 40000
     T, gains = box_centred_pose(rng), 4e-3 * np.eye(3)

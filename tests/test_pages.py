@@ -147,7 +147,7 @@ def test_commands_and_their_options_exist(page):
                 assert (ROOT / word).exists(), f"{page.name}: {command}"
 
 
-def test_every_picture_is_made_by_a_script_or_a_command_and_shown():
+def test_every_picture_is_made_by_a_script_or_command_and_shown():
     pictures = DOCS / "pictures"
     scripts = "".join(file.read_text(encoding="utf-8") for file in pictures.glob("*.py"))
     pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)

@@ -45,7 +45,7 @@ def test_a_session_names_and_places_the_part(targets):
         assert session.count <= 15
 
 
-def test_a_part_that_is_known_but_for_others_like_it_is_confirmed_face_by_face(targets):
+def test_a_part_like_others_is_confirmed_face_by_face(targets):
     """Located to begin with, so that no reading tells much; a part like it still gets less probable with each."""
     target, rng = targets[0], np.random.default_rng(4)
     start = rough([target], (1e-5, 1e-4))
@@ -67,7 +67,7 @@ def test_what_no_number_of_readings_confirms_is_not_asked_for(targets, probabili
     assert session.count <= 2
 
 
-def test_the_same_seed_and_readings_give_the_same_questions_and_answers(targets):
+def test_the_same_seed_gives_the_same_questions_and_answers(targets):
     start, runs = rough(targets), []
     for _ in range(2):
         rng = np.random.default_rng(5)
@@ -194,7 +194,7 @@ def test_a_question_that_expects_nothing_is_answered_by_its_beam(targets, expect
     assert session.asked is None
 
 
-def test_only_the_question_that_waits_is_dropped_when_it_is_refused(targets):
+def test_only_question_that_waits_is_dropped_when_it_is_refused(targets):
     session = new_session(rough(targets))
     first = session.ask()
     session.put(None)
@@ -230,7 +230,7 @@ def test_new_names_are_not_those_that_are_told_with_them(targets):
     assert step.ids == ("a (3)", "a (2)")
 
 
-def test_a_run_told_again_under_its_new_names_is_not_counted_again(targets):
+def test_a_run_told_again_under_new_names_is_not_counted_again(targets):
     """Two runs of one robot program have the same names and other values."""
     session = new_session(rough(targets))
     runs = [Readings.from_columns(np.array([[0.0, 0.0, z]]), ids=["a"], sds=np.array([1e-3])) for z in (0.1, 0.2, 0.3)]
@@ -349,7 +349,7 @@ def test_millimetres_are_no_free_beam(targets):
         assert action.read(distance).is_free.all()
 
 
-def test_a_prior_pose_that_the_readings_contradict_ends_the_session_and_is_said(targets):
+def test_a_contradicted_prior_ends_the_session(targets):
     """All six of its errors are over twice what was said; the readings agree, and a wider prior pose explains them."""
     start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(4)
     T = start.Ts[2] @ SE3.exp(np.linalg.cholesky(start.covariances[2]) @ np.full(6, 2.3))
@@ -371,7 +371,7 @@ def test_a_prior_pose_that_the_readings_contradict_ends_the_session_and_is_said(
     ("contact", "half_angle", "sd", "across"),
     [(True, 0.0, 3e-4, 3e-4), (False, 0.0, 3e-4, 9e-5), (False, 0.02, 3e-4, 1e-3), (False, 0.0, 3e-3, 9e-4)],
 )
-def test_a_beam_is_as_wide_across_as_its_cone_and_a_touch_as_along(targets, contact, half_angle, sd, across):
+def test_a_beam_is_as_wide_across_as_its_cone_and_touch_as_along(targets, contact, half_angle, sd, across):
     """Of readings of which only the spread along is said; a beam taken for a touch sees no edge where it is."""
     session = Session(rough(targets), replace(LASER, contact=contact, beam_half_angle=half_angle), Sensing(sd=sd))
     action = session.ask()
@@ -408,7 +408,7 @@ def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
     assert action.why == answer.message
 
 
-def test_a_part_with_a_higher_step_is_none_of_these_and_keeps_its_place():
+def test_a_higher_step_is_an_unknown_object_in_its_place():
     """Thirty exact readings of it leave the known part no probability at all: it is what the object is like."""
     known, own = (prepare(read_part(PARTS / f"step_{x}mm.step")) for x in (12, 15))
     start, rng = rough([known]), np.random.default_rng(2)
@@ -451,7 +451,7 @@ def test_of_several_prior_poses_the_nearest_counts(targets):
         ("xxxxxx", ""),
     ],
 )
-def test_readings_that_do_not_fit_until_or_since_some_time_are_said(aside, words):
+def test_readings_that_not_fit_until_or_since_some_time_are_said(aside, words):
     mask = np.array([c == "x" for c in aside])
     assert moved([f"a{k + 1}" for k in range(len(mask))], mask) == words
 
@@ -468,7 +468,7 @@ def test_a_part_that_was_moved_is_said_to_have_been(targets):
 
 
 @pytest.mark.parametrize("of_the_object", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_a_reading_that_does_not_fit_is_made_once_more_and_settles_it(targets, of_the_object):
+def test_a_reading_that_not_fit_is_made_once_more_and_settles_it(targets, of_the_object):
     """Two readings are off: outliers of the sensor the first time only; a part that is only like it is off again."""
     start, rng, wrong = rough(targets), np.random.default_rng(12), []
     session, again = new_session(start, tolerance=1e-3, max_measurements=21), 0
@@ -518,7 +518,7 @@ def supposing(state, probabilities, unknown):
     return replace(state, posterior=replace(state.posterior, modes=modes), unknown=unknown, draws=None)
 
 
-def test_poses_that_differ_by_less_than_the_tolerance_are_one_answer(targets):
+def test_poses_that_differ_by_less_than_tolerance_are_one_answer(targets):
     start, rng = rough(targets[2:], (1e-3, 1e-2)), np.random.default_rng(2)
     touches = scene(targets[2], start.Ts[0], SENSORS[1], 12, rng)[0]
     state = update(begin(start), touches, no_paths())
@@ -552,7 +552,7 @@ def test_poses_that_differ_by_less_than_the_tolerance_are_one_answer(targets):
     assert "the places that face 2 may have differ by less than" in face.message
 
 
-def test_a_reading_that_contradicts_everything_leaves_none_of_these(targets):
+def test_a_reading_against_all_leaves_the_unknown_object(targets):
     start = rough(targets)
     session = new_session(start)
     for k, point in enumerate(np.eye(3)):
@@ -604,7 +604,7 @@ def test_only_what_can_be_made_is_asked(targets):
 
 
 @pytest.mark.parametrize(("tilt", "contact", "speaks"), [(70, False, False), (70, True, True), (40, False, True)])
-def test_no_echo_from_a_face_that_is_too_oblique_for_the_probe_says_nothing(tilt, contact, speaks):
+def test_no_echo_from_an_oblique_face_says_nothing(tilt, contact, speaks):
     """Beams at the middle of the top, from beyond and within the incidence to which the probe answers."""
     target, angle = prepare(read_part(PARTS / "block.step")), np.radians(tilt)
     low, high = target.part.box

@@ -66,7 +66,7 @@ def test_planes_that_meet_elsewhere_are_of_another_edge():
 
 
 @pytest.mark.slow
-def test_the_far_end_of_a_bevel_is_not_taken_for_the_edge_of_the_face():
+def test_the_far_end_of_a_bevel_is_not_taken_for_edge_of_face():
     """Two millimetres of bevel; the same border without it is acquired (``test_acquisition``)."""
     robot = SimulatedHand(bevelled(0.002), gripper(), over(-0.02, 0.07), rng=np.random.default_rng(0))
     guess = EdgeGuess([0, 0, 0], [-1, 0, 0], [0, 0, 1])

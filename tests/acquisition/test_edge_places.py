@@ -36,7 +36,7 @@ def beside_the_edge(*solids):
     return session, face
 
 
-def test_what_stands_beyond_an_edge_is_looked_at_and_not_run_into():
+def test_what_stands_beyond_edge_is_looked_at_and_not_run_into():
     session, face = beside_the_edge(POST)
     T = pose_over(session, face, PLACE, ALONG)
     assert known_way(session, T, OUTWARDS, 0.05) < 0.02

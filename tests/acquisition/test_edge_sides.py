@@ -55,7 +55,7 @@ def test_what_a_spot_may_meet_is_not_against_it():
         assert said(crossing(0.01, border)) == ""
 
 
-def test_what_lies_farther_off_or_past_the_places_may_be_another_edge():
+def test_far_or_past_places_may_be_of_another_edge():
     """A groove in the face, the face going on beyond a gap, the next edge past a corner."""
     groove = crossing(0.01, 0.0)
     cut = [s if not -0.012 < s.T_world_hand[1, 3] < -0.009 else missed(s) for s in groove.log]

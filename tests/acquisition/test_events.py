@@ -71,7 +71,7 @@ def test_a_place_of_another_edge_is_found(k):
 
 
 @pytest.mark.parametrize("k", range(5))
-def test_the_one_place_of_another_edge_is_left_out_where_five_control_each_other(k):
+def test_one_place_of_another_edge_is_left_out(k):
     xs = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
     off = edge(xs, np.where(np.arange(5) == k, 0.0035, 0.0))
     kept, why = agreeing(gripper(), off, ALONG, OUTWARDS)

@@ -42,7 +42,7 @@ def two_levels():
     return Cloud(starts, np.tile(-UP, (n, 1)), ranges, yes, np.full(n, 3e-4), np.full(n, 0.01), yes)
 
 
-def test_what_is_known_well_is_not_taken_for_a_larger_face_beside_it():
+def test_what_is_known_well_not_taken_for_larger_face_beside_it():
     vague, sharp = (find_patches(two_levels(), FaceGuess(0.018 * UP, UP, sd=sd)) for sd in (0.015, 1e-3))
     assert any(abs(patch.point[2]) < 1e-3 for patch in vague)
     assert len(sharp) == 1

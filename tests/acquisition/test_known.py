@@ -92,7 +92,7 @@ def test_a_post_that_no_beam_has_met_is_not_run_into(away, turn):
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.5 * 0.02
 
 
-def test_every_cell_that_holds_a_point_counts_once_on_both_sides_of_the_origin():
+def test_every_cell_that_holds_a_point_counts_once():
     points = np.random.default_rng(3).normal(scale=0.01, size=(5000, 3))
     expected = np.unique(np.round(points / _CELL), axis=0) * _CELL
     np.testing.assert_allclose(_middles(_cells(points)), expected, atol=1e-12)

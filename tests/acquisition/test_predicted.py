@@ -58,7 +58,7 @@ def test_an_edge_has_its_face_on_the_left(bracket):
         assert not bracket[1].inside(outside)
 
 
-def test_a_corner_lies_between_the_edge_that_ends_there_and_the_one_that_begins(bracket):
+def test_a_vertex_lies_between_the_ends_of_its_edges(bracket):
     found = guesses(bracket[0], "vertex")
     assert found
     for p in found:

@@ -31,7 +31,7 @@ def farthest(log):
     return float(np.linalg.norm(centres - centres[0], axis=-1).max())
 
 
-def test_looks_from_the_start_swing_as_far_as_it_is_free_and_later_ones_farther():
+def test_first_looks_swing_as_far_as_free_later_ones_farther():
     session, _ = session_on()
     assert look_around(session, TILT, SPACING).reached
     assert look_around(session, TILT, SPACING).reached

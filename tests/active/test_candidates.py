@@ -74,7 +74,7 @@ def test_the_nearest_allowed_direction_is_taken():
     np.testing.assert_allclose(turned, np.maximum(angle - NARROW.cone, 0), atol=1e-7)
 
 
-def test_straight_against_the_approach_the_nearest_is_a_unit_direction_on_the_edge_of_the_cone():
+def test_nearest_direction_against_the_approach_is_on_its_cone():
     got = within_cone(-NARROW.approach[None], NARROW)[0]
     assert np.linalg.norm(got) == pytest.approx(1.0, abs=1e-12)
     assert got @ NARROW.approach == pytest.approx(np.cos(NARROW.cone), abs=1e-12)
@@ -107,7 +107,7 @@ def test_no_way_to_the_part_leads_through_a_forbidden_box(state, probe):
     assert len(kept) > 50
 
 
-def test_a_touch_stays_inside_the_workspace_up_to_the_part_and_a_beam_need_not(state):
+def test_a_touch_stays_inside_the_workspace_its_beam_need_not(state):
     """The far half of the part is out of bounds; starts before it have room."""
     middle = SE3.apply(state.poses[0], state.target(0).part.centroid)[2]
     for probe, out in ((TOUCH, False), (replace(TOUCH, contact=False), True)):
@@ -116,7 +116,7 @@ def test_a_touch_stays_inside_the_workspace_up_to_the_part_and_a_beam_need_not(s
         assert len(c) > 20
 
 
-def test_a_thin_part_that_lies_on_a_forbidden_table_can_be_touched_from_above():
+def test_a_thin_part_on_a_forbidden_table_is_touched_from_above():
     target = prepare(read_part(PARTS / "block.step"))
     state, low = begin(at_pose(target, np.eye(4), 1e-8 * np.eye(6))), target.part.box[0]
     table = ForbiddenBox("table", np.r_[low[:2] - 1, low[2] - 0.1], np.r_[low[:2] + 2, low[2]])
@@ -143,7 +143,7 @@ def test_starts_keep_clear_of_the_part_wherever_it_may_be():
     assert not len(propose(begin(rough([block], (0.03, 0.15))), replace(TOUCH, clearance=0.01), 300))
 
 
-def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
+def test_room_is_kept_from_every_mode_probable_none_of_these_is():
     target, C = prepare(read_part(PARTS / "block.step")), np.diag(np.repeat([0.012, 0.12], 3) ** 2)
     states = [begin(at_pose(target, np.eye(4), C, Priors(unknown=u))) for u in (0.05, 0.9999)]
     first, second = (propose(state, TOUCH, 200) for state in states)
@@ -151,7 +151,7 @@ def test_room_is_kept_from_every_mode_however_probable_none_of_these_is():
     np.testing.assert_array_less(TOUCH.clearance, signed_distance(target.surface, second.origins)[0])
 
 
-def test_readings_nearer_than_the_sensor_begins_to_read_are_improbable():
+def test_readings_nearer_than_the_least_range_are_improbable():
     """Of new samples of a prior pose; and those that are nearest in the middle are what is left out."""
     target, C = prepare(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
     state, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
@@ -164,7 +164,7 @@ def test_readings_nearer_than_the_sensor_begins_to_read_are_improbable():
     assert share[1] > 2 * share[0]
 
 
-def test_a_probe_has_the_least_range_of_its_sensor_and_answers_to_nothing_nearer():
+def test_a_probe_has_the_least_range_of_its_sensor():
     probe = probe_of(sensor_preset("keyence_il300"))
     assert probe.min_range == 0.16
     np.testing.assert_array_equal(

@@ -86,7 +86,7 @@ def test_readings_on_a_face_fix_its_normal_and_its_two_tilts(target):
             assert share == pytest.approx(levers.get(name, 0.0) / SD**2 / total, abs=5e-3)
 
 
-def test_the_first_reading_in_the_middle_of_a_face_fixes_its_normal(target):
+def test_the_first_reading_in_middle_of_a_face_fixes_its_normal(target):
     session = session_on(target, [touch("top", (0, 0, 40), 2)])
     (step,) = explain(session.state, session.steps).added
     after = 1 / np.sqrt(1 / SD**2 + 1 / PLACE**2)

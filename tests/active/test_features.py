@@ -62,7 +62,7 @@ def test_what_a_feature_tells_is_the_ratio_of_determinants(context):
 
 
 @pytest.mark.slow
-def test_sessions_that_choose_features_reach_their_goal_and_name_them():
+def test_sessions_that_choose_features_reach_goal_and_name_them():
     targets = [prepare(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right")]
     start, rng = rough(targets, (5e-3, 0.1)), np.random.default_rng(8)
     k, T = drawn_truth(start, rng)

@@ -36,7 +36,7 @@ def flange():
 
 
 @pytest.mark.parametrize("feature", ["face 2", "edge 7", "vertex 3", None])
-def test_moves_are_those_of_the_points_themselves_in_the_directions_that_count(wedge, feature):
+def test_moves_are_those_of_points_in_directions_that_count(wedge, feature):
     places, rng = places_of(wedge.part, feature), np.random.default_rng(1)
     for xi in 1e-6 * rng.normal(size=(5, 6)):
         moved = SE3.apply(SE3.exp(xi), places.points) - places.points
@@ -98,7 +98,7 @@ def test_the_chance_of_a_feature_is_that_of_draws_of_the_pose(wedge, feature, to
     assert chance_within(state, tolerance, feature) == pytest.approx(expected * (1 - state.unknown), abs=0.02)
 
 
-def test_what_is_useful_is_what_exceeds_the_tolerance_and_moves_the_feature(wedge):
+def test_useful_is_what_exceeds_tolerance_and_moves_the_feature(wedge):
     """Of corners as by inverting; of a face nothing of what slides it on itself."""
     state, tolerance = begin(at_pose(wedge, np.eye(4), C)), 1e-3
     J = corner_moves(wedge.part)
@@ -113,7 +113,7 @@ def test_what_is_useful_is_what_exceeds_the_tolerance_and_moves_the_feature(wedg
 
 
 @pytest.mark.parametrize("feature", ["edge 7", "face 3"])
-def test_a_plan_for_a_feature_keeps_what_it_promises_with_fewer_readings(wedge, feature):
+def test_a_plan_for_a_feature_needs_fewer_readings(wedge, feature):
     """Simulated readings of the plan, estimated about the expected pose: the feature's errors, the promised chance."""
     start, tolerance = at_pose(wedge, np.eye(4), C), 0.8e-3
     found = plan(start, TOUCH, tolerance, 0.9, feature=feature)

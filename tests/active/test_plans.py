@@ -58,7 +58,7 @@ def test_six_planned_touches_of_a_block(block):
     assert found.readings[-1].corner_sd <= 0.65e-3
 
 
-def test_what_is_promised_after_a_plan_is_what_linear_least_squares_gives(bracket):
+def test_a_plan_promises_what_least_squares_gives(bracket):
     """Simulated readings of the plan, estimated about the expected pose: corner errors against the promised chance."""
     tolerance = 0.9e-3
     start = at_pose(bracket, np.eye(4), C)
@@ -89,7 +89,7 @@ def test_two_readings_fewer_would_not_do(block):
 
 
 @pytest.mark.parametrize(("name", "n"), [("housing", 6), ("housing", 5), ("wedge", 5)])
-def test_the_worst_corner_is_as_good_as_in_the_best_of_many_plans(name, n):
+def test_the_worst_corner_is_as_good_as_in_best_of_many_plans(name, n):
     """Thousands of sets drawn at random, the best of them improved by single exchanges."""
     target = prepare(read_part(PARTS / f"{name}.step"))
     start, rng = at_pose(target, np.eye(4), C), np.random.default_rng(3)
@@ -117,7 +117,7 @@ def corner_errors(target, covariances):
     return np.sqrt(np.einsum("cij,kjl,cil->kc", J, covariances, J).max(axis=1))
 
 
-def test_a_robot_that_is_off_moves_what_it_reads_and_not_what_was_known(bracket):
+def test_a_robot_that_is_off_moves_its_readings_alone(bracket):
     """Place and turn of its base, the turn about the world's origin, far from which the part lies: one more draw."""
     T = SE3.from_parts(SO3.exp(np.array([0.3, 0.2, 1.0])), np.array([0.8, -0.5, 0.2]))
     sds, start = (2e-4, 3e-4), at_pose(bracket, T, C)
@@ -139,7 +139,7 @@ def test_what_is_known_better_than_the_robot_stays_so(bracket):
     assert plan(at_pose(bracket, np.eye(4), known), replace(TOUCH, base_sds=(1e-3, 1e-3)), 1e-3).readings == ()
 
 
-def test_planned_readings_meet_their_faces_wherever_the_part_may_be(bracket):
+def test_planned_readings_meet_their_faces_wherever_part_may_be(bracket):
     rough_C = np.diag(np.repeat([8e-3, 0.1], 3) ** 2)
     found, rng = plan(at_pose(bracket, np.eye(4), rough_C), FARTHER, 1e-5, max_measurements=8), np.random.default_rng(4)
     Ts = SE3.exp(rng.normal(size=(300, 6)) @ np.linalg.cholesky(rough_C).T)
@@ -235,7 +235,7 @@ def test_one_reading_tells_twins_apart(names):
     assert right == 4
 
 
-def test_a_step_that_is_located_by_what_both_have_is_told_from_its_twin():
+def test_a_step_is_discriminated_from_its_twin():
     """The 3 mm are then all in one place; shared out over the part, a beam beside the foot would seem to tell it."""
     pair = [prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (15, 12)]
     twins = laid_on(*pair)
@@ -349,7 +349,7 @@ def test_a_start_from_which_the_part_is_met_is_said():
     assert roomy.room > 0.95
 
 
-def test_a_probe_that_needs_more_room_than_it_has_is_told_how_much_it_has(bracket):
+def test_a_probe_without_enough_room_is_told_how_much_it_has(bracket):
     start = at_pose(bracket, np.eye(4), C)
     found = plan(start, probe_of(sensor_preset("inductive_analog_m18")), 1e-3)
     assert found.readings == ()

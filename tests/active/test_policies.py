@@ -25,7 +25,7 @@ def start():
     return rough([prepare(read_part(PARTS / f"{name}.step")) for name in names])
 
 
-def test_where_only_the_part_is_asked_for_it_is_the_part_that_counts(start):
+def test_where_only_the_part_is_asked_for_it_is_part_that_counts(start):
     state = begin(start)
     candidates = propose(state, LASER, 300)
     samples = draw(state, 128)
@@ -43,7 +43,7 @@ def test_where_only_the_part_is_asked_for_it_is_the_part_that_counts(start):
     assert only.gain == of_both[only.index]  # what it tells in all, by which a session ends
 
 
-def test_what_a_reading_tells_counts_by_the_time_it_takes_where_time_counts(start):
+def test_information_counts_by_time_where_time_counts(start):
     state = begin(start)
     candidates = propose(state, LASER, 300)
     context = DecisionContext(state, candidates, LASER, candidates.origins[0], None, 0, 0)
@@ -134,7 +134,7 @@ def test_one_part_alone_is_told_from_none_of_these(start):
 
 
 @pytest.mark.parametrize("policy", ["random", "nearest", "largest-face", "3-2-1"])
-def test_whichever_policy_chooses_it_ends_where_nothing_is_worth_its_cost(start, policy):
+def test_any_policy_ends_where_nothing_is_worth_its_cost(start, policy):
     """Known to hundredths of a millimetre; what a reading of 0.3 mm would tell is computed for all policies."""
     located = rough(start.targets[2:], (1e-5, 1e-4))
     session = new_session(located, policy=policy, probability=None, tolerance=1e-6)

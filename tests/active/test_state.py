@@ -77,7 +77,7 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
     np.testing.assert_allclose([*state.of_parts(), state.unknown], expected, atol=0.04)
 
 
-def test_precise_readings_of_a_rough_place_do_not_rule_out_what_they_are_of(targets):
+def test_precise_readings_of_prior_not_rule_out_what_they_are_of(targets):
     """A sheet 8 um thin in a place of 15 mm: samples off it told nothing, and the unknown object got it all."""
     start, log, unknown = rough(targets, (0.015, 0.15)), [], []
     for seed in range(3):
@@ -164,7 +164,7 @@ def test_prior_poses_keep_their_odds_while_readings_say_nothing(targets):
     assert share == pytest.approx(0.9, abs=0.03)
 
 
-def test_a_part_with_two_prior_poses_at_one_place_has_the_mass_of_both(targets):
+def test_two_prior_poses_at_one_place_add_their_mass(targets):
     pair = targets[0], targets[2]
     C = np.tile(np.diag(np.repeat([1e-3, 0.01], 3) ** 2), (3, 1, 1))
     start = Start(pair, np.array([0, 0, 1]), np.tile(np.eye(4), (3, 1, 1)), C, np.array([0.25, 0.25, 0.5]), Priors())
@@ -174,7 +174,7 @@ def test_a_part_with_two_prior_poses_at_one_place_has_the_mass_of_both(targets):
     assert P[0] / P[1] == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_density_of_the_start_is_the_mixture_of_its_prior_poses(targets):
+def test_the_density_of_the_start_is_mixture_of_its_prior_poses(targets):
     """As the likelihood has it of no reading at all."""
     start, rng = two_places(targets[2]), np.random.default_rng(1)
     Ts = start.Ts[np.arange(20) % 2] @ SE3.exp(0.01 * rng.normal(size=(20, 6)))
@@ -227,7 +227,7 @@ def test_a_mode_without_draws_counts_by_its_covariance(targets):
     assert chances[-1] == pytest.approx(state.of_parts()[state.part[0]])
 
 
-def test_free_beams_alone_leave_the_start_where_they_did_not_pass(targets):
+def test_free_beams_alone_leave_start_where_they_did_not_pass(targets):
     """Nothing was met: there is no touch to weigh, only paths; beside the part they say nothing."""
     start = rough(targets, sd=(1e-3, 1e-2))
     far = FreeRays(np.array([[1.0, 0.0, 0.5]]), np.array([[0.0, 0.0, -1.0]]), np.array([0.4]), np.zeros(1))
@@ -256,7 +256,7 @@ def test_a_shared_error_may_explain_what_looks_aoutliers(targets, bias):
     assert state.unknown == pytest.approx(np.exp(log[1] - logsumexp(log)), rel=0.25)  # plain draws know it to 7 %
 
 
-def test_a_part_that_was_ruled_out_is_looked_at_again_before_another_gets_certain(targets):
+def test_a_discarded_part_is_searched_again_before_certainty(targets):
     """Few coarse readings of the right bracket, which the left one explains alone: it is found again, with its odds."""
     rng, spread = np.random.default_rng(38), (0.015, 0.15)
     even = rough(targets[:2], spread, Priors(unknown=1e-9))
@@ -284,7 +284,7 @@ def test_parts_without_a_prior_pose_are_never_looked_for(targets):
     np.testing.assert_array_equal(state.of_parts()[:2], 0.0)
 
 
-def test_a_part_that_was_not_looked_for_is_when_none_of_the_others_fits(targets):
+def test_a_skipped_part_is_searched_when_no_other_fits(targets):
     """Readings of the wedge, while only the brackets were thought of; then all three are allowed again."""
     even = rough(targets, (5e-3, 0.05))
     without = replace(even, weights=np.array([0.5, 0.5, 1e-300]))
@@ -295,7 +295,7 @@ def test_a_part_that_was_not_looked_for_is_when_none_of_the_others_fits(targets)
     assert again.of_parts()[2] > 0.99
 
 
-def test_what_is_left_of_a_rival_is_weighed_as_well_as_the_leading_part():
+def test_what_is_left_of_rival_is_weighed_like_leading_part():
     """The t-slot's probability where the clamp leads, against samples of the prior, and others about the heavy ones."""
     parts = [prepare(read_part(PARTS / f"{name}.step")) for name in ("t_slot", "block", "clamp")]
     start, rng = rough(parts, (0.005, 0.15)), np.random.default_rng((3, 2))

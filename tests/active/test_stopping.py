@@ -31,7 +31,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
 @pytest.mark.parametrize("n", [2, 4])
-def test_the_chance_to_be_within_is_that_of_plain_importance_sampling(n):
+def test_chance_to_be_within_is_that_of_importance_sampling(n):
     """Samples of the prior pose, weighed by the readings' likelihood; a coarse sensor, a broad posterior."""
     target, coarse, rng = (
         prepare(read_part(PARTS / "wedge.step")),
@@ -61,7 +61,7 @@ def test_poses_that_symmetry_makes_equal_are_no_way_apart():
     np.testing.assert_allclose(corner_distances(begin(start), 0, moved), 2e-3, atol=1e-9)
 
 
-def test_the_worst_corner_is_that_of_all_poses_that_the_part_may_have():
+def test_the_worst_corner_is_that_of_poses_that_part_may_have():
     """Two poses 20 mm and 10 degrees apart, at 0.7 and 0.3, against samples of both; one alone has its own."""
     target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(5)
     Ts = np.stack([np.eye(4), SE3.exp(np.array([0.02, 0, 0, 0, 0, np.radians(10)]))])
@@ -77,7 +77,7 @@ def test_the_worst_corner_is_that_of_all_poses_that_the_part_may_have():
     assert largest_corner_sd(begin(alone)) == pytest.approx(corner_sd(target.part, C))
 
 
-def test_poses_that_symmetry_makes_equal_are_one_for_the_worst_corner():
+def test_symmetric_poses_are_one_for_the_largest_corner_sd():
     target = prepare(read_part(PARTS / "square_post.step"))
     Ts, C = target.part.symmetry.Ts, 1e-6 * np.eye(6)
     n = len(Ts)
@@ -103,7 +103,7 @@ def test_only_what_is_known_but_for_none_of_these_is_confirmed():
     assert not Stop(0.9).confirms(twins)
 
 
-def test_what_little_is_left_is_worth_as_many_readings_as_tell_it():
+def test_what_little_is_left_is_worth_as_many_readings():
     """Two parts at 0.98 and 0.02: 0.098 nats are left to know, which ten readings of 0.01 tell and nine do not."""
     target = prepare(read_part(PARTS / "wedge.step"))
     start = around([target, target], np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2)
@@ -123,7 +123,7 @@ def test_a_part_is_nowhere_near_where_another_is_said_to_be():
     assert chance_within(twins, 0.1) == pytest.approx(0.45)
 
 
-def test_where_the_posterior_is_not_normal_the_draws_say_how_near():
+def test_where_the_posterior_is_not_normal_draws_say_how_near():
     """All samples are put on the best pose: what is not normal is there then, however wide its covariance."""
     target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
     start = rough([target], (0.01, 0.08))

@@ -54,7 +54,7 @@ def test_derivatives_of_ranges_against_differences(bracket):
     assert (faces[:, 0] == c.face).all()
 
 
-def test_information_about_the_pose_is_half_the_log_of_the_ratio_of_determinants(bracket):
+def test_pose_information_is_half_a_log_ratio_of_determinants(bracket):
     """For a pose known so well that all is linear, against the determinant of the covariance after the reading."""
     start = at(bracket, (2e-5, 2e-4))
     c = propose(begin(start), LASER, 40)
@@ -247,7 +247,7 @@ def test_a_thin_beam_is_one_ray_and_on_a_plane_so_is_a_cone(bracket):
     np.testing.assert_allclose(wide.variances[flat], plain.variances[flat], rtol=1e-9)
 
 
-def test_hit_or_miss_of_a_wide_cone_is_not_promised_to_tell_two_parts_apart():
+def test_hit_or_miss_of_a_wide_cone_is_no_discrimination():
     """Steps 3 mm apart, past the edge: for the axis a sure hit and a sure miss, for the cone neither."""
     pair = [prepare(read_part(PARTS / f"step_{k}mm.step")) for k in (12, 15)]
     wide = probe_of(sensor_preset("vl53l0x"))

@@ -33,7 +33,7 @@ def unturned(rng, n=30):
     return hands
 
 
-def test_a_hand_that_never_turns_does_not_tell_the_offset_from_the_plane_s():
+def test_a_hand_that_never_turns_not_tell_offset_from_plane_s():
     rng = np.random.default_rng(0)
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)))
     assert found.status == "insufficient"
@@ -97,7 +97,7 @@ def test_readings_without_noise_are_met_exactly():
     assert found.outliers == ()
 
 
-def test_distance_along_the_axis_is_turned_into_range_along_the_beam():
+def test_distance_along_the_axis_is_turned_into_range_along_beam():
     rng = np.random.default_rng(7)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T))
     along = Readings.from_columns(ranges=0.8 * log.ranges, sensors=log.sensors, Ts_world_hand=log.Ts_world_hand)

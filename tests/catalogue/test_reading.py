@@ -219,7 +219,7 @@ def test_a_script_without_main_guard_can_read_in_parallel(folder, tmp_path):
     assert done.stdout.split() == ["23", "0"]
 
 
-def test_the_examples_read_alike_in_processes_inline_and_from_the_cache():
+def test_examples_read_alike_in_processes_and_from_cache():
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     files = [EXAMPLES / f"{name}.step" for name in ("block", "flange", "hex_spacer", "bracket_left")]
     parallel = read_parts(files, workers=2)

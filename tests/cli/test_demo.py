@@ -22,6 +22,6 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
     assert "http://" not in text.replace("http://www.w3.org", "")
 
 
-def test_a_report_that_cannot_be_written_is_said_before_the_story(run, tmp_path):
+def test_a_report_that_cannot_be_written_is_said_before_story(run, tmp_path):
     assert run("demo", "--no-open", "--report", str(tmp_path / "demo.txt")).code == 2
     assert run("demo", "--no-open", "--report", str(tmp_path / "no" / "demo.html")).code == 1

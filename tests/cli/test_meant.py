@@ -92,7 +92,7 @@ def bare(part, file, *, mirrored, seed, count=11):
     return file
 
 
-def test_a_sure_answer_whose_mirror_image_fits_better_is_asked_about(run, tmp_path):
+def test_a_better_mirror_image_is_asked_about(run, tmp_path):
     """With few touches one of a mirrored part's may pass for an outlier of the part."""
     part, asked = read_part(EXAMPLES / "parts/bracket_left.step"), 0
     for seed in range(6):
@@ -131,7 +131,7 @@ def test_a_mirror_image_has_to_fit_all_readings(left_aside, asked):
     assert bool(meant_image(None, part, ask)) == asked
 
 
-def test_a_question_that_cannot_be_asked_takes_nothing_from_the_answer():
+def test_an_impossible_question_costs_the_answer_nothing():
     def ask(readings, parts):
         raise InputError("no")
 

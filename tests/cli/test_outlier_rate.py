@@ -26,7 +26,7 @@ def touches(tmp_path_factory):
     return str(path)
 
 
-def test_more_strays_than_expected_are_no_answer_and_as_many_as_expected_are(run, touches):
+def test_more_outliers_than_expected_are_no_answer(run, touches):
     code, out, _ = run("locate", touches, "--part", str(BRACKET))
     assert code == 3
     assert "of 30 readings are not on it" in out

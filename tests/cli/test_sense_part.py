@@ -131,7 +131,7 @@ def test_refusals(sense, options, code, message):
     assert message in err
 
 
-def test_a_scene_without_a_rough_place_needs_one_from_the_options(run):
+def test_a_scene_without_a_rough_place_needs_one_from_options(run):
     scene = str(EXAMPLES / "scenes" / "bracket.toml")
     code, out, err = run("sense", "part", "--scene", scene, *PARTS)
     assert (code, out) == (1, "")
@@ -174,7 +174,7 @@ def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix
     assert len(told) > 0
 
 
-def test_a_record_that_cannot_be_written_does_not_cost_the_answer(sense, tmp_path, monkeypatch):
+def test_a_record_that_cannot_be_written_does_not_cost_answer(sense, tmp_path, monkeypatch):
     def full(session, path):
         raise InputError("--record: expected a file that can be written, got 'r.json': disk full.")
 

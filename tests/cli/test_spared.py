@@ -44,7 +44,7 @@ def test_what_is_read_is_not_written_over(run, tmp_path, monkeypatch, words):
     assert {file.name: file.read_text() for file in tmp_path.iterdir()} == before
 
 
-def test_a_part_that_was_named_and_cannot_be_read_ends_the_command(run, parts, tmp_path):
+def test_a_part_that_was_named_and_cannot_be_read_ends_command(run, parts, tmp_path):
     """The rest would be given as sure, though it may be that one."""
     (tmp_path / "r.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n")
     broken = tmp_path / "broken.stl"
@@ -56,7 +56,7 @@ def test_a_part_that_was_named_and_cannot_be_read_ends_the_command(run, parts, t
         assert f"error: {named.name if named is broken else named}" in err
 
 
-def test_a_link_to_nowhere_in_a_folder_is_a_part_that_cannot_be_read(run, parts, tmp_path):
+def test_a_link_to_nowhere_in_folder_is_part_that_cannot_be_read(run, parts, tmp_path):
     (tmp_path / "r.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n")
     folder = tmp_path / "some"
     folder.mkdir()

@@ -85,7 +85,7 @@ def tilt(found):
 
 @pytest.mark.parametrize("correlated", [False, True])
 @pytest.mark.parametrize("name", CONDITIONS)
-def test_joint_conditions_are_chi_square_and_their_gate_has_its_size(name, correlated):
+def test_joint_conditions_are_chi_square_and_their_gate_has_size(name, correlated):
     function, first, second, truth, dof = CONDITIONS[name]
     rng = np.random.default_rng(sum(map(ord, name)) + correlated)
     T1, T2 = truth(rng)
@@ -101,7 +101,7 @@ def test_joint_conditions_are_chi_square_and_their_gate_has_its_size(name, corre
     assert 0.045 < np.mean(cs.chi2_limit(0.05, dof) < D2) < 0.055
 
 
-def test_conditioned_distances_are_as_uncertain_as_they_say_for_every_origin():
+def test_conditioned_distances_have_true_spread_at_any_origin():
     rng = np.random.default_rng(3)
     for kind, function, offset in (
         (EDGE, cs.parallel_edges, [0, 0.03, 0.04]),

@@ -42,7 +42,7 @@ def slide(s, Ts, t, keep, **others):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("keep", [1, 4, 200])
-def test_a_slid_drawing_costs_what_is_under_it_and_the_best_that_are_apart_are_kept(seed, keep):
+def test_slid_drawings_keep_the_best_that_are_apart(seed, keep):
     s, Ts, t = sliding(seed)
     costs = t.costs(s, Ts, CENTRE)
     assert np.isinf(costs).any()
@@ -95,7 +95,7 @@ def test_of_samples_that_met_one_place_the_nearest_explain_it():
     assert 10 < got.sum() < hits.sum() - 10
 
 
-def test_samples_are_crowded_by_other_edges_and_by_their_own_that_has_turned():
+def test_samples_are_crowded_by_other_edges():
     groups, asked, places, normals, widths, _ = samples(2)
     got = _core.crowded_edges(groups, asked, places, normals, widths, 1.5, 0.95)
     way = places[:, :, None] - places[:, None]

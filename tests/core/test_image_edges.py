@@ -17,7 +17,7 @@ REACH = 40.0
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_those_are_seen_that_nothing_hides_and_whose_faces_look_at_the_eye(hidden):
+def test_visible_are_unhidden_faces_that_look_at_the_eye(hidden):
     s = scene(2, ())
     shown, rims = _core.see_edges(s.frame(), s.Ts, hidden)
     expected, ends = see(s, s.Ts, hidden)
@@ -34,7 +34,7 @@ def test_without_a_surface_nothing_is_hidden():
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=len)
-def test_they_are_where_numpy_says_and_follow_the_pose_as_it_says(lens):
+def test_they_are_where_numpy_says_and_follow_pose_as_it_says(lens):
     s = scene(3, lens)
     shown = np.random.default_rng(3).uniform(size=(5, 40)) < 0.8
     numbers, which, inside = _core.meet_edges(s.frame(), *s.image, s.Ts, shown, REACH)
@@ -70,7 +70,7 @@ def test_their_slopes_are_differences(lens):
 
 @pytest.mark.parametrize("prior", [0.0, 50.0])
 @pytest.mark.parametrize("lens", LENSES, ids=len)
-def test_the_pose_at_which_they_meet_best_is_climbed_to_as_numpy_does(lens, prior):
+def test_the_best_meeting_pose_is_maximized_as_numpy_does(lens, prior):
     s = scene(7, lens)
     Ts = s.Ts[:4]
     starts = Ts @ SE3.exp(np.random.default_rng(8).normal(size=(4, 6)) * np.repeat([3e-3, 0.05], 3))

@@ -28,7 +28,7 @@ def drawn(start, part, rng):
     return start.Ts[part] @ SE3.exp(np.linalg.cholesky(start.covariances[part]) @ rng.normal(size=6))
 
 
-def test_the_true_part_is_kept_clear_of_though_the_belief_stands_on_its_mirror_image(targets, start):
+def test_the_true_part_is_kept_clear_of_for_a_mirror_belief(targets, start):
     """Readings of the right bracket, and an assumption so wrong that all of the belief is on the left one."""
     rng, covered = np.random.default_rng(1), []
     wrong = replace(start, weights=np.array([1 - 2e-9, 1e-9, 1e-9]))
@@ -55,7 +55,7 @@ def test_what_is_allowed_agrees_with_all_readings_but_one(targets, start):
         assert (gaps > OFF + targets[k].field.step).sum() <= 1
 
 
-def test_two_free_beams_through_the_middle_rule_a_pose_out_and_one_does_not(targets):
+def test_two_free_space_rays_rule_a_pose_out_one_does_not(targets):
     """A solid wedge whose place is known well; the beams go through it as if it were not there."""
     place = around(targets[2:], np.eye(4), np.diag(np.repeat([1e-3, 1e-2], 3)) ** 2)
     origins = np.array([[0.0, 0.0, 0.3], [0.003, 0.0, 0.3]])

@@ -64,7 +64,7 @@ def test_without_room_it_ends_and_says_so(targets):
 
 
 @pytest.mark.slow
-def test_a_clamp_that_nobody_told_of_is_not_touched_by_the_fingers(targets):
+def test_a_clamp_that_nobody_told_of_is_not_touched_by_fingers(targets):
     """What a motion that cannot go on has met is told, and asked for in another way."""
     unknown = unknown_scene(targets[:2], 1, np.random.default_rng(9), told=False)
     session = unknown_session(unknown, most=24)

@@ -76,7 +76,7 @@ def test_a_beam_that_passes_an_edge_is_neither_free_nor_a_touch(met):
     assert not both.is_free.any()
 
 
-def test_side_beams_are_told_where_a_part_may_be_and_nowhere_else(targets):
+def test_side_beams_are_told_where_part_may_be_and_nowhere_else(targets):
     """A bracket is possible 60 mm to the right of the hand; what the beam to the left meets is no part."""
     states, ranges = np.full(len(HAND.origins), FREE), np.full(len(HAND.origins), np.nan)
     names = [sensor.name for sensor in HAND.rig.sensors]
@@ -141,7 +141,7 @@ def test_any_ray_of_a_flat_cone_may_have_met_the_furniture(tilt):
 
 
 @pytest.mark.parametrize(("aside", "unknown", "of_it"), [(0.0, 0.02, False), (0.2, 0.02, True), (0.0, 0.95, True)])
-def test_a_reading_near_the_table_is_of_a_part_that_is_expected_there(targets, aside, unknown, of_it):
+def test_a_reading_near_table_is_of_part_that_is_expected_there(targets, aside, unknown, of_it):
     """And of the table where the part is elsewhere, or where it is most probably another one."""
     T, axis = flat_look(65.0)
     readings = as_readings(HAND, log([nearest(axis)] * 10, [-1] * 10, T), "1")

@@ -88,7 +88,7 @@ def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
         assert RULES.workspace.clear(hand.body, fit[0]) > RULES.clearance
 
 
-def test_a_way_leads_over_what_stands_between_and_is_none_where_there_is_none(targets):
+def test_a_way_leads_over_obstacles_or_is_none(targets):
     hand = gripper()
     probe = hand_probe(hand, RULES, 0.04)
     down = np.diag([1.0, -1.0, -1.0])
@@ -108,7 +108,7 @@ def test_a_way_leads_over_what_stands_between_and_is_none_where_there_is_none(ta
     assert route(hand, walled, a, b, probe.retreat) is None
 
 
-def test_from_a_narrow_place_there_is_a_way_out_but_not_further_in(targets):
+def test_from_a_narrow_place_there_is_way_out_but_not_further_in(targets):
     hand = gripper()
     possible = Possible.of(believed(targets[:1], 1e-5))
     room = Room(hand.body, RULES.workspace, possible, RULES.clearance)

@@ -81,14 +81,14 @@ def test_where_the_image_is_wrong_the_rough_place_holds(twins, steps):
     assert alone.priors.unknown == wrong
 
 
-def test_nothing_seen_is_the_rough_place_and_without_one_an_error(steps):
+def test_nothing_seen_is_rough_place_and_without_one_an_error(steps):
     rough = around(steps, np.eye(4), NARROW, Priors(unknown=0.2))
     assert seen_start(None, steps, rough) is rough
     with pytest.raises(InputError, match="expected a part on the table"):
         seen_start(None, steps)
 
 
-def test_the_object_is_the_one_at_the_rough_place_and_never_known_furniture(steps):
+def test_the_object_is_one_at_prior_and_never_known_furniture(steps):
     """Three parts lie there; one is known and left out, and the prior pose says which of the others is meant."""
     image = read_image(EXAMPLES / "images" / "three_parts.png")
     regions = find_regions(image, find_edges(image))

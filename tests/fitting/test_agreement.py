@@ -50,7 +50,7 @@ def fitted(points, row):
     return jointly(report, plane, points, covs, shared, ids), bending(plane, points, covs, shared), plane
 
 
-def test_p_values_are_as_frequent_as_they_say_when_the_surface_is_a_plane():
+def test_p_values_are_uniform_on_a_plane():
     places, row = two_rows(12)
     n, p = 400, {"all": [], "bend": [], "worst": []}
     for seed in range(n):
@@ -64,7 +64,7 @@ def test_p_values_are_as_frequent_as_they_say_when_the_surface_is_a_plane():
     assert 0 < np.count_nonzero(np.array(p["worst"]) < 0.1) <= high  # a bound
 
 
-def test_a_bend_between_two_rows_is_seen_where_the_test_of_all_does_not_see_it():
+def test_curvature_between_two_rows_is_seen():
     places, row = two_rows(20)
     bent = places.copy()
     bent[:, 2] = np.where(row == 1, -0.02 * places[:, 1], 0.0)  # the second row slopes by 1.1 degrees
@@ -78,7 +78,7 @@ def test_a_bend_between_two_rows_is_seen_where_the_test_of_all_does_not_see_it()
 
 
 @pytest.mark.parametrize("kind", ["plane", "edge"])
-def test_shared_errors_as_unknowns_are_the_same_test_as_their_covariance(kind):
+def test_shared_errors_as_unknowns_are_same_test_as_covariance(kind):
     rng = np.random.default_rng(4)
     places, row = two_rows(6)
     if kind == "edge":
@@ -126,7 +126,7 @@ def test_one_wrong_reading_of_eighty_is_named():
     assert labelled(sound).rejected == ()
 
 
-def test_a_curved_face_is_said_and_its_covariance_covers_what_a_plane_leaves_out():
+def test_covariance_covers_what_a_plane_leaves_of_a_curved_face():
     """A cylinder of one metre, sensed over 90 mm: no reading of it is wrong."""
     rng, off, said = np.random.default_rng(2), [], 0
     for _ in range(60):

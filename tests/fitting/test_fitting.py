@@ -124,7 +124,7 @@ def test_batches_equal_single_fits(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_gains_are_the_derivative_of_the_fit_up_to_the_size_of_residuals(name):
+def test_gains_are_the_derivative_of_fit_up_to_size_of_residuals(name):
     fit, kind, make, _ = CASES[name]
     rng = np.random.default_rng(4)
     truth = make(rng)
@@ -159,7 +159,7 @@ def test_an_error_of_the_robot_base_moves_the_feature_rigidly(kind):
     np.testing.assert_allclose(found.shared[1].jacobian, exact @ SE3.adjoint(hand), rtol=1e-9, atol=1e-12)
 
 
-def test_constraints_of_fitted_features_do_not_feel_the_robot_base():
+def test_constraints_of_fitted_features_do_not_feel_robot_base():
     base = SharedError("base", np.diag([1.0] * 3 + [1e-4] * 3))
     with_base, without = (
         [
@@ -190,7 +190,7 @@ def test_an_error_that_is_not_rigid_goes_through_the_estimator():
         ft.fit_plane(points, covs, outward=[0, 0, 1], shared=[(bias, up[:3])])
 
 
-def test_thickness_feels_a_range_bias_twice_when_the_hand_was_turned_over():
+def test_thickness_feels_range_bias_twice_with_the_hand_turned():
     rng = np.random.default_rng(8)
     bias = SharedError("bias", np.array([[1e-8]]))
     covs = 1e-12 * np.broadcast_to(np.eye(3), (6, 3, 3))
@@ -248,7 +248,7 @@ def test_a_ball_tip_is_taken_off_against_the_normal():
     assert report.rms < 1e-12
 
 
-def test_plane_frames_sit_at_the_centroid_along_the_principal_directions():
+def test_plane_frames_sit_at_centroid_along_principal_directions():
     points = np.array([[x, y, 0.0] for x in (-3, -1, 1, 3) for y in (-1, 0, 1)]) * 0.01 + [1, 2, 3]
     covs = np.broadcast_to(1e-8 * np.eye(3), (12, 3, 3))
     found, report = ft.fit_plane(points, covs, outward=[0, 0, 1])

@@ -84,7 +84,7 @@ def test_a_clean_group_loses_no_reading():
     assert lost <= 3  # one in a thousand each
 
 
-def test_scatter_that_is_everywhere_widens_the_covariance_and_is_said():
+def test_scatter_that_is_everywhere_widens_cov_and_is_said():
     rng = np.random.default_rng(3)
     wide = fit(plane_points(12, rng, sd=5 * SD), directions=down(12))
     fair = fit(plane_points(12, np.random.default_rng(3), sd=5 * SD), directions=down(12), sd=5 * SD)
@@ -174,7 +174,7 @@ def test_edges_and_vertices_by_their_kind():
     assert found.features[0].kind.name == "vertex"
 
 
-def test_a_tip_error_with_a_turning_hand_is_not_taken_for_scatter():
+def test_a_tip_error_with_turning_hand_is_not_taken_for_scatter():
     """A tip beside where it is believed and a hand that turns between touches are said beforehand: nothing is wrong."""
     tip_sd, wrong = np.array([1.5e-3, 1.5e-3, 0.3e-3]), 0
     for seed in range(100):
@@ -188,7 +188,7 @@ def test_a_tip_error_with_a_turning_hand_is_not_taken_for_scatter():
     assert wrong <= 3
 
 
-def test_a_feature_shares_nothing_with_sensors_that_did_not_feel_it():
+def test_a_feature_shares_no_error_with_other_sensors():
     """Alone or in a record with another sensor's readings, an edge has the same shared errors."""
     rig = read_rig("paper-gripper")
     x = np.arange(8) * 0.01

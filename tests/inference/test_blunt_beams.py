@@ -38,7 +38,7 @@ def test_across_a_beam_is_three_tenths_of_along_or_its_cone(half_angle, across):
     np.testing.assert_allclose(touches.sd, np.hypot(max(SD, across), 1e-4), rtol=1e-9)
 
 
-def test_what_has_no_direction_or_no_beam_stays_as_uncertain_as_it_is():
+def test_without_direction_or_beam_uncertainty_stays():
     points = Readings.from_columns(np.zeros((3, 3)))
     np.testing.assert_allclose(as_contact_points(measure(points, sd=SD)).covs, np.tile(SD**2 * np.eye(3), (3, 1, 1)))
     np.testing.assert_allclose(made(np.eye(3), np.nan).covs, np.tile(SD**2 * np.eye(3), (3, 1, 1)), atol=1e-18)

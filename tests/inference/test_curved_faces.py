@@ -23,7 +23,7 @@ def flange():
     return prepare(read_part(PARTS / "flange.step"))
 
 
-def test_touches_of_a_hundredth_of_a_millimetre_are_believed_and_place_it_as_well_as_they_say(flange):
+def test_touches_of_a_hundredth_of_a_millimetre_are_believed(flange):
     """Of facets 36 micrometres deep, as the mesh has them, a quarter of such readings would be of no known part."""
     values = []
     for k in range(25):
@@ -52,7 +52,7 @@ def distances(target, points):
 
 
 @pytest.mark.slow
-def test_a_ball_tip_with_sensed_normals_places_it_as_well_as_it_says(flange):
+def test_a_ball_tip_with_sensed_normals_places_it_like_it_says(flange):
     """A tip of 3 mm in bores of 7 mm: its centre and the normal are two readings, not one moved by the other."""
     values, r, sd, tilt = [], 3e-3, 1e-4, 0.05
     for k in range(25):

@@ -322,7 +322,7 @@ def test_unknown_prior_counts(models):
     np.testing.assert_allclose(odds, odds[0], rtol=1e-3)
 
 
-def test_more_noise_than_stated_is_told_and_widens_the_covariance(parts):
+def test_more_noise_than_stated_is_told_and_widens_covariance(parts):
     rng = np.random.default_rng(12)
     part = parts["bracket_left"]
     features = all_planes(part, random_pose(rng), rng)

@@ -34,7 +34,7 @@ def from_above(target, inside, half_angle):
     return FreeRays(origin[None], np.array([[0.0, 0.0, -1.0]]), np.array([0.12]), np.zeros(1), slopes)
 
 
-def test_the_limit_comes_from_the_preset_of_the_sensor_and_a_touch_has_none():
+def test_the_limit_comes_from_the_preset():
     def paths(**how):
         readings = Readings.from_columns(
             np.zeros((1, 3)), directions=np.eye(3)[2:], is_free=np.array([True]), max_ranges=np.array([0.2])
@@ -47,7 +47,7 @@ def test_the_limit_comes_from_the_preset_of_the_sensor_and_a_touch_has_none():
     assert paths(sd=1e-3).incidences == pytest.approx(np.pi / 2)
 
 
-def test_a_path_is_named_if_it_meets_the_part_also_with_the_pose_three_standard_deviations_off(block):
+def test_a_ray_through_the_part_is_named_at_three_sds(block):
     """A path 2 mm inside of the border of the top, and how sure the place of that border is."""
     path = from_above(block, 2e-3, 0.0)
     for sd, surely in ((0.0, True), (0.6e-3, True), (0.75e-3, False)):
@@ -63,7 +63,7 @@ def test_a_cone_is_named_if_all_of_it_meets_the_part(block):
     assert through(from_above(block, rim - 1e-3, HALF), block) == 0
 
 
-def test_what_moves_path_and_pose_alike_is_no_distance_between_them(block):
+def test_what_moves_ray_and_pose_alike_is_no_distance(block):
     """A base off by 5 mm sd: where the part is said to be in the world is as vague, and the path goes with it."""
     base, vague = 5e-3 * np.eye(3)[None], np.diag([25e-6] * 3 + [0.0] * 3)
     path = replace(from_above(block, 2e-3, 0.0), shared_jacobian=base, turns=np.zeros((1, 3, 3)))

@@ -45,7 +45,7 @@ def test_p_values_of_right_poses_with_sensed_normals_are_even(bracket, n):
 
 
 @pytest.mark.parametrize("seed", [0, 70])
-def test_a_normal_near_an_edge_is_compared_with_the_face_that_the_reading_is_of(bracket, seed):
+def test_a_normal_near_an_edge_is_compared_with_its_own_face(bracket, seed):
     """The nearest face is square to it: two hundred standard deviations."""
     touches, T = oriented(bracket, 7, np.random.default_rng((20261227, 2, seed)), 1e-3, 5e-3)
     best = identify_points(touches, no_paths(), [bracket]).hypotheses[0]
@@ -61,7 +61,7 @@ def test_normals_that_are_worse_than_stated_are_what_contradicts(bracket):
 
 
 @pytest.mark.slow
-def test_a_prior_pose_that_three_touches_cannot_contradict_alone_is_blamed(bracket):
+def test_a_prior_that_three_points_cannot_contradict_is_blamed(bracket):
     """They fit exactly; that they do so some sd from where the part was said to be is no reading's fault."""
     rng = np.random.default_rng(4)
     T, C = box_centred_pose(rng), np.diag(np.repeat([5e-3, 0.05], 3) ** 2)

@@ -26,7 +26,7 @@ def read(steps, name, seed, n=30):
 
 
 @pytest.mark.xfail(strict=False, reason="a near variant whose readings a wider noise explains is refused, not named")
-def test_a_step_that_is_higher_than_that_of_the_known_part_is_seen_and_named(steps):
+def test_a_higher_step_than_the_known_part_s_is_named(steps):
     """Ten scenes, five of which have three readings or more off the known part: one is taken for it.
 
     There a pose that leaves none of them aside, and scatters 1.7 times as much as stated, hides the right one.

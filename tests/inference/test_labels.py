@@ -66,7 +66,7 @@ def test_an_edge_and_a_corner_tell_more_than_points_anywhere():
     assert odds(labelled(1e-4 * rng.normal(size=(2, 3)), sd=1e-4, kind="vertex"))[0] > 10
 
 
-def test_a_shared_error_that_turns_with_the_hand_does_not_hide_a_plane():
+def test_a_shared_error_that_turns_with_hand_does_not_hide_plane():
     """Points off by an error of ten times their noise are of a plane still, if the error is known to be shared."""
     rng = np.random.default_rng(4)
     R = any_rotations(rng, 8)

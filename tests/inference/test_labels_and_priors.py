@@ -78,7 +78,7 @@ def test_a_box_elsewhere_speaks_against_the_part(parts):
 
 
 @pytest.mark.parametrize("away", [0.5, 5.0, 5e3])
-def test_far_outside_of_the_box_probabilities_stay_numbers_that_sum_to_one(parts, away):
+def test_far_outside_of_box_ps_stay_numbers_that_sum_to_one(parts, away):
     """Nine faces of forty touches: an unknown part is out of the question, until the box is."""
     rng, part = np.random.default_rng(11), parts["bracket_left"]
     readings = labelled(part, random_pose(rng), range(9), rng, n=40)
@@ -94,7 +94,7 @@ def test_the_log_probability_of_a_range_is_right_near_and_far():
     assert log_between(low, high) == pytest.approx(exact, abs=1e-6)
 
 
-def test_pose_and_covariance_are_those_of_readings_and_prior_pose_together(parts):
+def test_pose_and_covariance_are_of_readings_and_prior(parts):
     """Three planes that leave nothing free, a prior pose as good as they are: NEES over 60 scenes."""
     part, values, sizes = parts["bracket_left"], [], []
     fine = np.repeat([5e-5, 1e-3], 3)
@@ -131,7 +131,7 @@ def test_a_prior_pose_settles_what_two_planes_leave_free(parts):
     assert low < np.mean(values) < high
 
 
-def test_a_prior_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
+def test_a_prior_names_one_of_symmetric_poses(parts):
     """And the faces that were sensed are called as in that pose."""
     part = parts["square_post"]
     assert part.symmetry.order > 1
@@ -146,7 +146,7 @@ def test_a_prior_pose_names_one_of_the_poses_that_symmetry_makes_alike(parts):
         assert faces == set(part.planes.faces[planes])
 
 
-def test_a_pose_at_the_border_of_a_box_is_the_mean_of_what_is_inside(parts):
+def test_a_pose_at_the_border_of_a_box_is_mean_of_what_is_inside(parts):
     part, rng = parts["bracket_left"], np.random.default_rng(11)
     readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
     alone = identify(readings, [part]).hypotheses[0]
@@ -217,7 +217,7 @@ def test_labels_stand_beside_readings_without(parts):
     assert answer.hypotheses[0].part == part.name
 
 
-def test_too_few_readings_of_a_label_go_to_the_surface_where_the_pose_is_about_known(parts):
+def test_too_few_readings_of_a_label_go_to_the_surface(parts):
     """Three, two and one touch on three faces of a block: labels that nothing can be fitted to."""
     part, rng = parts["block"], np.random.default_rng(8)
     planes = [np.argmax(part.planes.normals @ axis * part.planes.areas) for axis in np.eye(3)]
@@ -233,7 +233,7 @@ def test_too_few_readings_of_a_label_go_to_the_surface_where_the_pose_is_about_k
     assert squared(answer.hypotheses[0], T) < 30
 
 
-def test_a_prior_pose_eight_deviations_off_is_named_among_many_readings(parts):
+def test_a_prior_eight_sds_off_is_named_among_many_readings(parts):
     part, rng, fine = parts["bracket_left"], np.random.default_rng(9), np.repeat([2e-4, 5e-3], 3)
     T = random_pose(rng)
     readings = labelled(part, T, some_planes(part, rng, 9), rng, n=12)

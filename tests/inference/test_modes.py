@@ -34,7 +34,7 @@ def test_of_a_normal_region_the_mass_has_no_noise():
     assert abs(region.weights.sum() - 1) > 0.02  # the samples by themselves do not know it so well
 
 
-def test_of_a_region_that_is_not_normal_the_mass_is_right_on_average_and_less_noisy_than_by_samples_alone():
+def test_mass_of_a_broad_region_is_right_and_less_noisy():
     exact = np.mean(np.exp(0.5 * np.tanh(np.random.default_rng(2).normal(size=400_000))))
     both = np.array([(r.mass, r.weights.sum()) for r in (sample_prior(200, (3, k), bend=0.5) for k in range(300))])
     off = both - exact
@@ -43,7 +43,7 @@ def test_of_a_region_that_is_not_normal_the_mass_is_right_on_average_and_less_no
     assert off[:, 0].std() < 0.8 * off[:, 1].std()
 
 
-def test_a_normal_region_of_another_mass_is_no_normal_one_of_this_mass():
+def test_a_region_of_another_mass_is_not_normal():
     assert not sample_prior(200, 4, scale=3.0).is_normal
     assert sample_prior(200, 4, scale=3.0).mass == pytest.approx(3.0, rel=0.25)
 
@@ -62,7 +62,7 @@ def test_what_is_told_of_few_samples_is_wider_and_never_flat():
     assert np.linalg.eigvalsh(_covariance(np.zeros((6, 6)), curved, 1e6)).min() > 0
 
 
-def test_the_region_of_a_bent_ridge_is_widened_until_it_holds_its_samples():
+def test_the_region_of_a_bent_ridge_holds_its_samples():
     rng = np.random.default_rng(6)
     x = rng.normal(size=(4000, 6))
     even = np.full(4000, 1.0)
@@ -97,7 +97,7 @@ def test_parts_draw_the_same_numbers():
     np.testing.assert_array_equal(a.normal(size=9), b.normal(size=9))
 
 
-def test_of_many_points_outliers_are_not_the_ones_that_a_search_starts_from():
+def test_the_search_does_not_start_from_outliers():
     rng = np.random.default_rng(8)
     p = 0.05 * rng.normal(size=(1000, 3))
     p[::50] += rng.uniform(-5, 5, (20, 3))

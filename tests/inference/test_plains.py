@@ -43,7 +43,7 @@ def test_the_same_in_another_frame(bar):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_order_of_rough_touches_does_not_change_what_a_part_is_worth(seed):
+def test_order_of_coarse_points_does_not_change_the_evidence(seed):
     """With noise of a tenth of the part faces swap readings; the samples have to find the same mass each time."""
     parts = [prepare(read_part(EXAMPLES / f"{name}.step")) for name in ("step_12mm", "step_15mm")]
     rng = np.random.default_rng((5, seed))

@@ -140,7 +140,7 @@ def test_a_prior_pose_names_one_of_the_symmetric_poses(part):
         assert of_plain == pytest.approx(0.5, abs=0.02)
 
 
-def test_a_prior_pose_that_the_readings_contradict_is_not_overruled_in_silence(part):
+def test_a_contradicted_prior_is_not_overruled_in_silence(part):
     rng = np.random.default_rng(8)
     touches = touches_at(on_surface(part, 12, rng))
     wrong = PosePrior(SE3.exp(np.array([0.03, 0.03, 0.03, 0, 0, 0])), np.diag(np.full(6, 1e-3)) ** 2)
@@ -148,7 +148,7 @@ def test_a_prior_pose_that_the_readings_contradict_is_not_overruled_in_silence(p
     assert answer.status == "unknown"
 
 
-def test_a_prior_pose_that_is_wrong_is_named_however_many_readings_agree_with_each_other(part):
+def test_a_wrong_prior_is_named_where_readings_agree(part):
     """Eight deviations off: lost in the joint test of a hundred readings, which then were widened to make it fit."""
     for k in range(5):
         rng = np.random.default_rng((9, k))

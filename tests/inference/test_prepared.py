@@ -104,7 +104,7 @@ def test_another_process_maps_what_this_one_made():
     assert out.stdout.split() == [str(len(right)), "True"]
 
 
-def test_a_writer_that_is_killed_leaves_the_old_entry_or_the_new_one():
+def test_a_writer_that_is_killed_leaves_the_old_entry_or_new_one():
     part = flange()
     right = PreparedPart(part).shape.bytes()
     code = (

@@ -18,7 +18,7 @@ def test_parts_far_behind_one_that_explains_the_points_are_out():
     assert _kept([100, 90, 70, 0], on=True) == [100, 90]
 
 
-def test_half_of_the_parts_stay_while_the_leader_does_not_explain_the_points():
+def test_half_of_parts_stay_while_leader_does_not_explain_points():
     assert _kept([-500, 100, -900, -700], on=False) == [-500, 100]
     assert _kept([-500, 100, 90, 80], on=False) == [100, 90, 80]  # and all that are near it
 

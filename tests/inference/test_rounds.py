@@ -38,7 +38,7 @@ def test_ten_exact_touches_hold_the_truth_among_the_modes(name):
     assert among >= 7
 
 
-def test_a_wall_thinner_than_a_cell_of_the_grid_does_not_lead_away():
+def test_a_wall_thinner_than_a_cell_of_grid_does_not_lead_away():
     """Two of the touches that the search on the grid missed: precise ones of a part full of edges."""
     target = prepare(read_part(PARTS / "step_12mm.step"))
     for k, n in ((3, 10), (7, 10)):

@@ -33,7 +33,7 @@ def answered(target, touches, pose):
 
 
 @pytest.mark.slow
-def test_a_part_at_the_border_of_its_box_is_found_inside_with_a_covariance_that_covers_it(bracket):
+def test_a_part_at_the_border_of_the_box_is_found_inside(bracket):
     """One in two has its likeliest pose outside, by the noise: it was dropped, and a pose turned over given as sure."""
     outside, values = 0, []
     for seed in range(10):
@@ -93,7 +93,7 @@ def test_a_right_table_or_box_is_not_blamed(bracket, right):
         assert "said to be" not in answered(bracket, touches, right(bracket.part, T)).message
 
 
-def test_an_unknown_part_on_a_right_table_is_not_blamed_on_the_table(bracket):
+def test_an_unknown_part_on_a_right_table_is_not_blamed_on_table(bracket):
     other = prepare(read_part(PARTS / "clamp.step"))
     for seed in range(4):
         touches, T, _ = sensed(other, 20, 1e-4, seed)

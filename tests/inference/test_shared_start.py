@@ -37,7 +37,7 @@ def test_a_bias_of_forty_times_the_noise_is_found(bracket, k):
     assert nees(bracket.part, best.T_world_part, best.covariance, T)[0] < 22.5  # chi-square of 6 at 0.1 %
 
 
-def test_a_bias_is_not_taken_for_a_stray_where_few_readings_just_fix_the_pose(bracket):
+def test_bias_is_no_outlier_where_few_readings_fix_the_pose(bracket):
     """All at once it hardly bends seven readings; the last of them is off by tens of sds once the others are met."""
     C = np.diag(np.repeat([5e-3, np.radians(3)], 3)) ** 2
     for k in range(4):

@@ -52,7 +52,7 @@ def test_of_eight_touches_the_truth_is_among_the_modes(housing):
     assert len(missed) <= 1
 
 
-def test_where_a_slide_found_a_new_pose_the_part_is_turned_over_there_too(housing):
+def test_where_slide_found_new_pose_part_is_turned_over_there(housing):
     """A half turn and a slide between walls explain eight touches as well as the truth: neither alone leads there."""
     for k in (46, 69):
         rng = np.random.default_rng((20270101, 10, k))

@@ -51,7 +51,7 @@ def test_is_the_integral_over_all_rates(n, astray):
     assert log_density(hit[None], outlier[None], 0.02)[0] == pytest.approx(expected, abs=0.05)
 
 
-def test_one_doubtful_reading_belongs_less_where_others_are_aoutliers():
+def test_a_doubtful_reading_belongs_less_beside_outliers():
     clear, doubtful = np.array([12.0] * 10), np.array([0.0])
     gone = np.array([-40.0] * 3)
     alone = belongs(np.concatenate([clear, doubtful]), np.zeros(11), 0.02)
@@ -65,13 +65,13 @@ def test_counts_of_strays_are_beta_binomial(outliers, n):
     assert so_many(outliers, n, 0.02) == pytest.approx(betabinom(n, 0.5, 24.5).sf(outliers - 1), rel=0.1)
 
 
-def test_no_strays_are_never_too_many_and_any_are_if_none_are_expected():
+def test_no_outliers_are_never_many():
     assert so_many(0, 8, 0.02) == so_many(0, 8, 0.0) == 1
     assert so_many(1, 8, 0.0) == 0
 
 
 @pytest.mark.parametrize(("elsewhere", "n"), [(0, 3), (1, 8), (4, 12), (10, 25), (2, 20)])
-def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n):
+def test_any_share_of_a_near_variant_may_be_elsewhere(elsewhere, n):
     hit, outlier = np.full(n, 10.0), np.zeros(n)
     hit[:elsewhere] = -100
     expected = 10 * (n - elsewhere) + betaln(elsewhere + 1, n - elsewhere + 1)
@@ -80,7 +80,7 @@ def test_of_a_part_that_is_like_this_one_any_share_may_be_elsewhere(elsewhere, n
 
 @pytest.mark.parametrize("n", [3, 8, 30, 100, 300, 1000])
 @pytest.mark.parametrize("mean", [5e-4, 0.02, 0.1])
-def test_counts_weigh_what_they_weigh_however_many_readings_there_are(n, mean):
+def test_counts_weigh_what_they_weigh_many_readings_there_are(n, mean):
     """Both densities against beta functions, from no outlier to a fifth of the readings."""
     counts = np.unique(np.linspace(0, n // 5, 12).astype(int))
     hit, outlier = np.full((len(counts), n), 10.0), np.zeros((len(counts), n))
@@ -104,7 +104,7 @@ def test_few_strays_are_the_sensor_s_and_many_are_another_part():
     assert odds[10] > 5
 
 
-def test_what_is_on_the_part_where_another_was_off_makes_the_other_a_outliers():
+def test_an_outlier_of_one_part_may_be_on_another():
     """Two readings of one place, one of them off: of an object like the part, too, the sensor erred."""
     off, on, outlier = -300.0, 4.0, 1.0
     hit, other = np.array([[on, on, off, on]]), np.full((1, 4), outlier)

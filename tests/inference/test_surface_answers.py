@@ -89,7 +89,7 @@ def test_three_readings_are_never_an_answer(targets):
 
 
 @pytest.mark.xfail(strict=False, reason="the outline of the face holds one of the three motions a little")
-def test_readings_on_one_plane_leave_three_motions_free_and_it_says_what_to_sense(targets):
+def test_one_plane_leaves_three_directions_unobserved(targets):
     target, rng = targets["bracket_left"], np.random.default_rng(1)
     T = box_centred_pose(rng)
     local = on_faces(target.part, target.surface, np.array([0, 0, -1.0]), 12, rng)
@@ -163,7 +163,7 @@ def test_a_mirrored_part_is_told_apart(targets):
         assert nees(made.part, best.T_world_part, best.covariance, T)[0] < 30
 
 
-def test_a_part_that_was_given_twice_is_not_said_to_have_several_poses(targets):
+def test_a_part_given_twice_is_one_part(targets):
     target = targets["bracket_left"]
     _, touches, *_ = scene_of(target, 8, 25)
     assert identify_points(touches, no_paths(), [target]).status == "recognized"
@@ -172,7 +172,7 @@ def test_a_part_that_was_given_twice_is_not_said_to_have_several_poses(targets):
     assert twice.message.startswith("bracket_left was given more than once")
 
 
-def test_more_scatter_than_stated_is_said_and_widens_the_covariance(targets):
+def test_more_scatter_than_stated_is_said_and_widens_covariance(targets):
     target = targets["bracket_left"]
     T, touches, *_ = scene_of(target, 9, 40)
     optimist = replace(touches, covs=touches.covs / 1.7**2, sd=touches.sd / 1.7)
@@ -296,7 +296,7 @@ def test_what_limits_the_place_of_a_round_part_is_said_too(cylinder):
     assert off(cylinder.part, answer.hypotheses[0].T_world_part, T)[0] < 0.02
 
 
-def test_a_tolerance_does_not_count_twice_beside_an_error_that_all_readings_share(targets):
+def test_tolerance_does_not_count_twice_beside_a_shared_error(targets):
     """A base that is off moves part and readings together: it adds its own spread to the place, and nothing else."""
     target, tolerance, base = targets["bracket_left"], 2e-4, 3e-4
     _, touches, *_ = scene_of(target, 13, 40)

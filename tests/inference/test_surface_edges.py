@@ -38,7 +38,7 @@ def test_readings_on_one_line_or_at_one_point_are_not_enough(target, along, says
     assert says in answer.message
 
 
-def test_a_noise_larger_than_the_part_is_said_and_not_an_exception(target):
+def test_a_noise_larger_than_part_is_said_and_not_an_exception(target):
     points = target.samples[:12]
     touches = replace(touched(points), covs=np.tile(np.eye(3), (12, 1, 1)), sd=np.ones(12))
     assert identify_points(touches, FreeRays.none(), [target]).status == "insufficient"

@@ -24,7 +24,7 @@ def targets():
 
 @pytest.mark.xfail(strict=False, reason="0.87 of the probability where 0.9 is asked for")
 @pytest.mark.parametrize("seed", [(51, 14), (51, 30)])
-def test_many_strays_do_not_end_the_search_at_a_pose_that_leaves_many(targets, seed):
+def test_many_strays_do_not_end_search_at_pose_that_leaves_many(targets, seed):
     """A tenth of sixteen points are outliers and named; a wrong part that leaves five aside is no explanation."""
     rng = np.random.default_rng(seed)
     k = int(rng.integers(4))

@@ -46,7 +46,7 @@ def test_prior_poses(text):
     np.testing.assert_allclose(near.C, np.diag(np.r_[np.full(3, 5e-3), np.full(3, np.radians(3))] ** 2), atol=1e-12)
 
 
-def test_three_standard_deviations_are_along_and_about_the_axes_of_the_world():
+def test_three_sds_are_along_and_about_axes_of_world():
     """A part that lies on its side, known well in the world's height and badly about the world's vertical."""
     near = parse_pose_prior("400,200,0mm 90,0,0deg +- 5,5,1mm 1,1,10deg")
     world = name_covariance(near, ROS).covariance

@@ -160,7 +160,7 @@ def test_a_missing_rig(tmp_path):
         read_rig(tmp_path / "none.toml")
 
 
-def test_the_paper_s_gripper_is_there_by_name_unless_a_file_is_called_so(tmp_path, monkeypatch):
+def test_the_paper_s_gripper_is_there_by_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rig = read_rig("paper-gripper")
     beams = {s.name: s.T_hand_sensor[:3, 2].round(9).tolist() for s in rig.sensors}

@@ -155,7 +155,7 @@ def test_questions_that_were_replaced_are_counted_too(targets, tmp_path):
     assert again.asked.number == 2
 
 
-def test_answers_that_came_late_are_told_again_under_their_questions(targets, tmp_path):
+def test_answers_that_came_late_are_told_again_under_questions(targets, tmp_path):
     session, tells = plain_touches(targets)
     first = session.ask()
     session.put(None)

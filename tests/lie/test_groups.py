@@ -81,7 +81,7 @@ def test_log_is_exact_at_pi():
         np.testing.assert_allclose(np.abs(SO3.log(R)), np.pi * axis, atol=1e-15)
 
 
-def test_right_jacobian_has_no_seam_where_series_meets_closed_form():
+def test_right_jacobian_is_smooth_at_the_series_border():
     direction = np.array([100.0, -50.0, 20.0, 0.6, 0.0, 0.8])
     below, above = SE3.right_jacobian(direction * (1 - 1e-13)), SE3.right_jacobian(direction * (1 + 1e-13))
     np.testing.assert_allclose(below, above, rtol=1e-11, atol=1e-11)

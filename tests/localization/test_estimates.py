@@ -166,7 +166,7 @@ def test_consistent_over_two_thousand_trials(name, shared, tolerance):
     assert low <= solution.chi2.sum() <= high
 
 
-def test_same_robot_covariance_is_of_the_error_that_the_same_robot_makes():
+def test_same_robot_covariance_is_of_error_that_same_robot_makes():
     """Going back with the same robot, the part is where its base and tip errors put it, not where the world has it."""
     rng, trials = np.random.default_rng(12), 2000
     scene = Scene(["plane_plane"] * 5, rng)

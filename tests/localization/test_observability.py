@@ -206,7 +206,7 @@ def test_a_single_direction_keeps_its_side(name):
                 assert p.sensed.T_world_feature[:3, 2] @ e.T_world_part[:3, :3] @ p.model.T_part_feature[:3, 2] > 0.9
 
 
-def test_a_turn_is_told_by_the_point_of_its_axis_next_to_the_part():
+def test_a_turn_is_told_by_the_point_of_its_axis_next_to_part():
     """Not by the one next to the origin of its file, which may be metres away."""
     middle, T = np.array([50.0, -20.0, 10.0]), random_pose(np.random.default_rng(3))
     T[:3, 3] = np.array([1.0, 2.0, 3.0]) - T[:3, :3] @ middle  # so that the middle is at (1, 2, 3) m

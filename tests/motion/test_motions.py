@@ -196,7 +196,7 @@ def test_edge_events_are_unbiased_and_as_sure_as_they_say():
     assert abs(np.mean(standard)) < 3.3 / math.sqrt(len(standard))
 
 
-def test_another_edge_beside_the_crossing_does_not_shift_an_event():
+def test_another_edge_beside_crossing_does_not_shift_an_event():
     """A few readings of a long way miss at the side edge: they are no part of the crossing."""
     spot = STANDOFF * math.tan(math.radians(5))
     off, sds = [], []

@@ -92,7 +92,7 @@ def test_what_gives_no_echo_any_more_is_forgotten():
     assert np.isinf(run.room).all()
 
 
-def test_a_box_ahead_of_the_body_slows_it_and_one_behind_does_not():
+def test_a_box_ahead_of_body_slows_it_and_one_behind_does_not():
     robot = Observation(FREE)
     top = (robot.hand.body.centres[:, 2] + robot.hand.body.radii).max()
     for place, slowed in ((top + 0.0105, True), (-1.0, False)):
@@ -101,7 +101,7 @@ def test_a_box_ahead_of_the_body_slows_it_and_one_behind_does_not():
 
 
 @pytest.mark.parametrize("tilt", [-0.6, 0.0, 0.3])
-def test_height_and_tilt_are_those_of_the_plane_under_both_sensors(tilt):
+def test_height_and_tilt_are_those_of_plane_under_both_sensors(tilt):
     """A plane 50 mm from the middle between them, perpendicularly."""
     half = 0.5 * gripper().baseline
     ranges = 0.05 / np.cos(tilt) + np.array([-half, half]) * np.tan(tilt)

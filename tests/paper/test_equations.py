@@ -59,7 +59,7 @@ def corner(spin=0.6, angle=1.1):
     return T1, T2
 
 
-def test_section_2_errors_move_between_frames_by_the_differential_jacobians():
+def test_section_2_errors_move_by_differential_jacobians():
     T = frames(1, 1)[0]
     x = matrix_to_loc(T)
     e_F = 1e-7 * np.arange(1.0, 7.0)
@@ -101,7 +101,7 @@ def test_equation_04_the_origin_is_over_the_plane():
     assert found.value[0] == pytest.approx(T_S[:3, 2] @ (T_E[:3, 3] - T_S[:3, 3]))
 
 
-def test_equation_05_printed_variances_hold_for_one_spin_of_the_edge_only():
+def test_equation_05_printed_variances_hold_for_one_spin_of_edge():
     T_S, C_S, C_E = frames(5, 1)[0], covariance(PLANE, 5), covariance(EDGE, 6)
     for psi in (0.0, 1.0):
         T_E = T_S @ SE3.from_parts(SO3.axis_rotation(2, 0.3) @ SO3.axis_rotation(0, psi), np.array([0.1, 0.2, 0]))
@@ -124,7 +124,7 @@ def test_equation_06_three_equations_meet_in_the_corner():
 
 
 @pytest.mark.parametrize("number", ["07", "08", "09"])
-def test_equations_07_to_09_give_the_same_abscissa_when_the_edges_do_meet(number):
+def test_equations_07_to_09_give_one_abscissa_where_edges_meet(number):
     T1, T2 = corner()
     none = np.zeros((6, 6))
     printed = {
@@ -135,7 +135,7 @@ def test_equations_07_to_09_give_the_same_abscissa_when_the_edges_do_meet(number
     assert printed == pytest.approx(cs.intersect(T1, none, T2, none).value)
 
 
-def test_equation_09_is_singular_for_the_frame_that_coplanarity_wants():
+def test_equation_09_is_singular_for_a_coplanar_frame():
     T1, T2 = corner(spin=1e-3)
     C = covariance(EDGE, 7)
     assert published.abscissa_z(T1, C, T2, C).variance > 1e3 * cs.intersect(T1, C, T2, C).variance
@@ -144,7 +144,7 @@ def test_equation_09_is_singular_for_the_frame_that_coplanarity_wants():
         published.abscissa_z(np.eye(4), C, flat, C)
 
 
-def test_equation_10_the_composition_jacobian_at_zero_linearises_the_body_error():
+def test_equation_10_jacobian_at_zero_linearizes_body_error():
     T = SE3.exp(np.array([0.1, 0.2, 0.3, 0.4, -0.5, 0.6]))
     e = 1e-6 * np.arange(1.0, 7.0)
     x = matrix_to_loc(T)
@@ -192,7 +192,7 @@ def test_equation_13_the_length_is_the_distance_of_the_corners():
     assert cs.point_distance(*corners, np.eye(3)).value == pytest.approx(0.05)
 
 
-def test_equation_14_the_error_of_the_length_is_linear_in_small_errors():
+def test_equation_14_error_of_length_is_linear_in_small_errors():
     A, E, B = length_frames()
     e = 1e-6 * np.random.default_rng(12).normal(size=(3, 6))
     found = cs.edge_length(A, E, B, np.zeros((18, 18)))
@@ -200,7 +200,7 @@ def test_equation_14_the_error_of_the_length_is_linear_in_small_errors():
     assert moved.value - found.value == pytest.approx(found.gradient @ e.ravel(), rel=1e-4)
 
 
-def test_equation_15_the_printed_variance_counts_the_common_edge_twice():
+def test_equation_15_printed_variance_counts_common_edge_twice():
     A, E, B = length_frames()
     aside = EDGE.B.T @ np.diag([1e-5, 1e-8, 1e-8, 1e-8]) @ EDGE.B  # the middle edge is poorly known across
     C = [covariance(EDGE, 13), aside, covariance(EDGE, 15)]
@@ -229,7 +229,7 @@ def test_equation_16_the_angle_of_edges():
 
 
 @pytest.mark.parametrize("number", ["17", "18"])
-def test_equations_17_and_18_the_variance_of_the_angle_is_right_as_printed(number):
+def test_equations_17_and_18_variance_is_right_as_printed(number):
     T1, T2 = frames(16)
     C1, C2 = covariance(EDGE, 17), covariance(EDGE, 18)
     zero = np.zeros((6, 6))
@@ -251,7 +251,7 @@ def test_equation_19_the_angle_of_planes():
 
 
 @pytest.mark.parametrize("number", ["20", "21"])
-def test_equations_20_and_21_the_printed_condition_has_no_variance_where_it_holds(number):
+def test_equations_20_and_21_have_no_variance_where_they_hold(number):
     C1, C2 = covariance(EDGE, 22), covariance(EDGE, 23)
     T1, T2 = np.eye(4), SE3.from_parts(np.eye(3), np.array([0.1, 0.05, 0.0]))
     cosine, _ = published.parallel_edges(T1, C1, T2, C2)
@@ -277,7 +277,7 @@ def test_equations_22_and_23_planes_likewise(number):
     assert found.distance == pytest.approx(-0.02, abs=1e-9)  # minus the thickness
 
 
-def test_section_4_4_the_distance_of_edges_is_right_at_the_given_origins():
+def test_section_4_4_distance_of_edges_is_right_at_given_origins():
     C1, C2 = covariance(EDGE, 26), covariance(EDGE, 27)
     T2 = SE3.from_parts(np.eye(3), np.array([0.1, 0.03, 0.04]))
     found, (_, printed) = cs.parallel_edges(np.eye(4), C1, T2, C2), published.parallel_edges(np.eye(4), C1, T2, C2)
@@ -315,7 +315,7 @@ def test_equation_26_the_relative_error_has_a_minus():
     np.testing.assert_allclose(cov, np.outer(e12, e12), rtol=1e-4, atol=1e-20)
 
 
-def test_equation_27_the_error_of_six_numbers_does_not_exist_at_theta_90_degrees():
+def test_equation_27_error_does_not_exist_at_90_degrees():
     T12 = SE3.from_parts(SO3.axis_rotation(1, np.pi / 2), np.zeros(3))
     with pytest.raises(DegenerateError, match="gimbal lock"):
         location_covariance(matrix_to_loc(T12), np.eye(6))
@@ -325,7 +325,7 @@ def test_equation_27_the_error_of_six_numbers_does_not_exist_at_theta_90_degrees
     assert printed.variance == pytest.approx(right.variance)
 
 
-def test_equation_28_the_error_of_six_numbers_from_the_body_error():
+def test_equation_28_the_error_of_six_numbers_from_body_error():
     T12 = frames(31, 1)[0]
     x = matrix_to_loc(T12)
     np.testing.assert_allclose(

@@ -49,7 +49,7 @@ def located(targets, name, part, sd):
     return points, identify_points(touches_of(points, sd), no_paths(), [targets[part]], top=50)
 
 
-def test_nine_of_the_eleven_meshes_are_closed_and_two_of_them_are_one(targets):
+def test_nine_of_eleven_meshes_are_closed(targets):
     assert sorted(targets) == ["book", "box", "cleaner", "cylinder", "helmet", "rice", "robot", "spray", "tetrahedron"]
     np.testing.assert_array_equal(targets["cleaner"].part.vertices, targets["spray"].part.vertices)
 
@@ -148,7 +148,7 @@ def test_which_of_these(targets, name, part):
     assert answer.unknown_probability < 0.9
 
 
-def test_the_robot_set_belongs_to_another_mesh_and_is_not_accepted(targets):
+def test_the_robot_set_belongs_to_another_mesh_and_not_accepted(targets):
     """Not at the pose of the file, not 113 mm lower, not anywhere: no pose has the points on the mesh within 1 mm."""
     points, answer = located(targets, "measRobot_sim", "robot", 1e-3)
     lower = np.eye(4)

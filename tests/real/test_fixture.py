@@ -31,7 +31,7 @@ def test_located_without_correspondences_and_without_a_guess(located, name):
     assert best.rms < 0.5e-3
 
 
-def test_two_people_agree_once_the_tip_is_an_error_that_all_touches_share(target, located):
+def test_two_people_agree_once_tip_is_error_that_touches_share(target, located):
     """Plain least squares says 0.02; what the print is off its model is in neither, so the bound is a tenth of that."""
     assert disagreement(target, located, True, one_draw=True) > 2e-3
     assert disagreement(target, located, True, one_draw=False) > 2e-3
@@ -41,7 +41,7 @@ def test_without_the_tip_they_contradict_each_other(target, located):
     assert disagreement(target, located, False, one_draw=False) < 1e-4
 
 
-def test_without_the_tip_the_novice_is_told_of_the_scatter_and_has_a_wider_covariance(target, located):
+def test_without_tip_the_novice_has_a_wider_covariance(target, located):
     answer, known = located["novice", False], located["novice", True]
     assert "times as much as stated" in answer.message
     wide, narrow = (corner_sd(target.part, a.hypotheses[0].covariance) for a in (answer, known))
@@ -67,7 +67,7 @@ def test_the_share_of_the_tip_in_the_worst_corner(target, located, name):
     assert 0.4 < np.sqrt(total**2 - without**2) / total < 0.9  # samples tell the novice's 0.58 to about 0.1
 
 
-def test_it_says_that_the_tip_and_not_the_touches_limits_the_expert(located):
+def test_it_says_that_the_tip_and_not_the_touches_limits_expert(located):
     """Of the expert's variance at the largest corner sd the tip is more than half; of the novice's, two fifths."""
     assert "What limits it is not the readings but offset of the tip" in located["expert", True].message
     assert "Part of it is offset of the tip" in located["novice", True].message

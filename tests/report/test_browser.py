@@ -237,7 +237,7 @@ def test_it_turns_and_zooms_and_comes_back(open_page):
     assert differ(before, watched.picture()) < 0.02
 
 
-def test_the_wheel_scrolls_the_page_until_the_picture_was_clicked(open_page):
+def test_the_wheel_scrolls_the_page_until_picture_was_clicked(open_page):
     watched = open_page("clear")
     box = watched.page.locator("#view").bounding_box()
     watched.page.mouse.move(box["x"] + 60, box["y"] + 60)

@@ -74,7 +74,7 @@ def test_sources_have_names_and_the_largest_comes_first(wedge, scene):
     assert [s.share for s in budget.sources] == sorted((s.share for s in budget.sources), reverse=True)
 
 
-def test_without_a_source_is_what_the_budget_says_when_it_was_never_there(wedge, scene):
+def test_without_a_source_is_as_if_it_was_never_there(wedge, scene):
     readings, options, h = scene
     budget, _, _ = budget_of(wedge, readings, h, **options)
     left = {s.name: s.without for s in budget.sources}

@@ -24,7 +24,7 @@ def at_truth(answer, **changes):
     return replace(answer, T_world_part=TRUTH, **changes)
 
 
-def test_a_point_off_a_face_is_off_by_that_and_outside_is_positive(wedge, answer):
+def test_a_point_off_face_is_off_by_that_and_outside_is_positive(wedge, answer):
     readings = Readings.from_columns(
         points=SE3.apply(TRUTH, np.array([[0.02, 0.02, 0.0312], [0.02, 0.02, 0.0295]])), sds=np.full(2, SD)
     )
@@ -73,7 +73,7 @@ def test_rows_are_the_derivatives_of_the_distances(wedge, answer):
         assert contacts.rows[:, k] == pytest.approx(-change, abs=1e-5)
 
 
-def test_an_error_that_all_readings_share_is_not_in_the_distances(wedge, answer):
+def test_an_error_that_all_readings_share_is_not_in_distances(wedge, answer):
     """A sensor that reads 0.3 mm long along its beam: two opposite sides tell it from a shift."""
     rng = np.random.default_rng(3)
     exact = touches(wedge, rng)

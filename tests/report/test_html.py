@@ -57,6 +57,6 @@ def test_data_arrives_and_cannot_end_early(document):
     assert json.loads(inner) == document
 
 
-def test_attributes_that_are_none_are_left_out_and_true_stands_alone():
+def test_attributes_that_are_none_are_left_out_and_true_stands():
     assert element("input", type="radio", checked=True, disabled=None).text == '<input type="radio" checked>'
     assert element("i", class_="mark", data_h=0).text == '<i class="mark" data-h="0"></i>'

@@ -32,7 +32,7 @@ def test_the_ways_make_up_the_covariance(wedge, answer):
     assert xi.T @ xi / np.outer(scale, scale) == pytest.approx(C, abs=0.02 * np.abs(C).max())
 
 
-def test_the_largest_comes_first_and_moves_the_farthest_corner_as_it_says(wedge, answer):
+def test_the_largest_comes_first_and_moves_corners_as_stated(wedge, answer):
     ways, enlarged = find_ways(wedge, answer.T_world_part, answer.covariance)
     moves = [way.moves for way in ways]
     J = corner_moves(wedge)

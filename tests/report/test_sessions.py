@@ -28,7 +28,7 @@ def candidate(hypothesis, sensed, part):
     return Candidate(hypothesis, part, find_contacts(sensed, part, hypothesis), *ways)
 
 
-def test_it_has_the_answer_the_course_the_directions_and_the_facts(session):
+def test_it_has_the_answer_the_course_the_directions_and_facts(session):
     page = session_page(session, RUN)
     assert "It is wedge" in page or "Not decided" in page
     for words in ("How it went", "Which reading fixed which direction", "3 &lt;mm&gt;", "beam that met nothing"):
@@ -48,7 +48,7 @@ def test_every_answer_has_its_place_in_the_charts_and_its_row(session):
     assert "tolerance of the corners, 1 mm" in body.text
 
 
-def test_the_directions_of_a_session_are_those_of_its_explanation(session):
+def test_the_directions_of_session_are_those_of_its_explanation(session):
     page, directions = session_page(session, RUN), explain(session.state, session.steps).directions
     first = page.index('id="rests"')
     for d in directions:

@@ -9,7 +9,7 @@ from tanteo import Readings
 from tanteo.sensors import measure
 
 
-def test_centres_are_as_they_were_sensed_with_the_noise_that_they_had():
+def test_centres_stay_as_sensed_with_their_noise():
     rng = np.random.default_rng(1)
     points, normals = rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
     radii, tilts = np.array([2e-3, 0.0, 5e-3]), np.array([0.1, 0.1, 0.02])

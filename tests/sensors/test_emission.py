@@ -221,7 +221,7 @@ def test_what_is_reported_is_never_outside_the_limits():
     assert {Status.OK, Status.NEAR, Status.NONE} <= set(status.ravel())
 
 
-def test_the_same_seed_says_the_same_and_statuses_do_not_shift_the_draws():
+def test_the_same_seed_says_same_and_statuses_do_not_shift_draws():
     model = error_model([sensor_preset("vl53l4cd"), sensor_preset("hc_sr04")])
     runs = []
     for first in (0.3, np.inf):

@@ -53,7 +53,7 @@ def differences(measured_with, d):
 
 
 @pytest.mark.parametrize("scaled", [False, True])
-def test_the_mounting_moves_free_beams_as_a_rig_does_that_is_mounted_so(scaled):
+def test_the_mounting_moves_free_space_rays_as_the_rig_does(scaled):
     cov_scale = {"cov_scale": np.full(6, 1e-7)} if scaled else {}
     m = measure(ranged(hands()), rig=Rig((eye(**cov_scale),)))
     k = [error.name for error in m.shared].index("mounting and scale of head" if scaled else "mounting of head")
@@ -105,7 +105,7 @@ def test_a_sensor_that_met_nothing_yet_has_its_mounting():
     assert as_free_rays(m, 0.0).shared_jacobian.shape == (N, 3, 6)
 
 
-def test_paths_and_touches_at_one_place_move_alike_with_the_whitened_errors():
+def test_rays_and_points_move_alike_with_whitened_errors():
     Ts = np.repeat(hands()[::2], 2, axis=0)
     m = measure(touched(Ts), robot="ur_ros_nominal_dh", tip_sd=[1e-3, 0.0, 1e-4])
     touches, free, z = as_contact_points(m), as_free_rays(m, 0.0), np.random.default_rng(1).normal(size=9)

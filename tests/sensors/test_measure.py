@@ -43,7 +43,7 @@ def test_column_beats_sd_beats_preset():
     np.testing.assert_allclose(preset, [1e-6, (8e-6) ** 2], rtol=1e-9)
 
 
-def test_ball_moves_to_the_surface_only_where_the_normal_is_known():
+def test_ball_moves_to_the_surface_only_where_normal_is_known():
     normal = [[0.0, 0, 2.0], [np.nan] * 3]
     r = Readings.from_columns(
         np.full((2, 3), 0.1), normals=normal, radii=[0.002, 0.002], sds=[1e-4, 1e-4], normal_sds=[0.1, np.nan]
@@ -55,7 +55,7 @@ def test_ball_moves_to_the_surface_only_where_the_normal_is_known():
     np.testing.assert_allclose(np.diag(m.covs[1]), 1e-8)
 
 
-def test_range_reading_is_narrow_along_and_wide_across_by_its_cone():
+def test_range_reading_is_narrow_along_and_wide_across_by_cone():
     beam = np.array([[0.0, 0, -1.0]])
     r = Readings.from_columns(np.zeros((1, 3)), directions=beam, ranges=[0.2])
     m = measure(r, sensor="hc_sr04")
@@ -66,7 +66,7 @@ def test_range_reading_is_narrow_along_and_wide_across_by_its_cone():
     np.testing.assert_allclose(m.jacobians[1][0, :, 0], 0.2 * beam[0])
 
 
-def test_covariances_are_positive_definite_for_the_narrowest_beam():
+def test_covariances_are_positive_definite_for_narrowest_beam():
     r = Readings.from_columns(np.zeros((1, 3)), directions=[[1.0, 1, 0]], ranges=[0.03])
     preset = sensor_preset("keyence_il030")
     values = np.linalg.eigvalsh(measure(r, sensor=preset).covs[0])
@@ -110,7 +110,7 @@ def test_bias_of_a_touch_without_direction_widens_it_instead():
     np.testing.assert_allclose(m.covs[0], (0.0005**2 + 0.002**2) * np.eye(3))
 
 
-def test_bias_of_a_touch_acts_against_the_normal_when_only_that_is_known():
+def test_bias_of_touch_acts_against_normal_when_that_is_known():
     m = measure(Readings.from_columns(np.zeros((1, 3)), normals=[[0, 0, 3.0]]), sensor="ball_tip_on_cobot")
     np.testing.assert_allclose(m.jacobians[0][0, :, 0], [0, 0, -1])
 

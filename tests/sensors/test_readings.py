@@ -63,7 +63,7 @@ def test_refusals(columns, message):
     assert message in str(caught.value)
 
 
-def test_a_normal_may_be_known_as_badly_and_as_well_as_any_device_knows_it():
+def test_a_normal_may_be_known_badly_or_well():
     sds = [np.nan, np.radians(60.0), 1e-6]
     np.testing.assert_array_equal(Readings.from_columns(P, normals=P + 1, normal_sds=sds).normal_sds, sds)
 
@@ -88,7 +88,7 @@ def test_take_keeps_rows_whole():
     assert r.take(np.array([False, True, False])).ids == ("b",)
 
 
-def test_free_by_kind_or_by_flag_is_the_same_and_the_caller_keeps_his_flags():
+def test_free_by_kind_or_by_flag_is_the_same():
     flags = np.array([False, False, True])
     beams = {"directions": P + 1, "max_ranges": np.ones(3), "features": list("ABC")}
     r = Readings.from_columns(P, is_free=flags, kinds=["", "free", "plane"], **beams)

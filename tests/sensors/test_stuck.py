@@ -22,7 +22,7 @@ def test_so_many_equal_ranges_are_no_chance(value, other, least):
     assert words.startswith(f"The {least} ranges 3 to {least + 2} of 'eye' are all {1e3 * value:g} mm")
 
 
-def test_repeats_of_one_place_and_other_sensors_in_between_are_no_run():
+def test_repeats_with_other_sensors_between_are_no_run():
     assert say_stuck(ranges([0.10342] * 9, places=np.zeros(9))) == ""
     mixed = ranges([0.10342, 0.3] * 5, sensors=["left", "right"] * 5)
     assert "1 to 9 of 'left'" in say_stuck(mixed)

@@ -65,7 +65,7 @@ def test_distance_to_a_sphere_up_to_its_facets(sphere):
     assert np.einsum("ni,ni->n", gradient, outward)[clear].min() > 0.98
 
 
-def test_the_sign_is_that_of_the_winding_number_even_nearest_to_an_edge():
+def test_the_sign_is_that_of_winding_number_even_nearest_to_edge():
     """A wedge with a sharp edge: beside it the plane of the closest triangle gives the wrong side."""
     side = np.array([[0, 0, 0], [0.1, 0, 0.004], [0.1, 0, -0.004]])
     triangles = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (0, 5, 2), (0, 3, 5), (1, 5, 4), (1, 2, 5)])

@@ -90,7 +90,7 @@ def exact_tube(radius, precision=1e-6, count=24):
     return surface, revolved(profile, rows, corners, surface.normals, np.array([precision]))
 
 
-def test_distances_from_facets_become_those_from_the_cylinder_and_others_stay():
+def test_facet_distances_become_cylinder_distances():
     surface, found = exact_tube(0.03)
     side = np.pi / 24  # the middle of a facet, where the mesh lies deepest
     out = np.array([np.cos(side + 0.05), np.sin(side + 0.05), 0.0])
@@ -124,7 +124,7 @@ def test_a_bore_is_told_by_its_triangles():
     assert exact_tube(0.03)[1].profiles.signs == 1.0
 
 
-def test_the_apex_of_a_cone_and_slivers_of_its_mesh_do_not_leave_it_out():
+def test_the_apex_of_cone_and_slivers_of_mesh_not_leave_it_out():
     u = 2 * np.pi * np.arange(24) / 24
     ring = 0.05 * np.stack([np.tan(0.4) * np.cos(u), np.tan(0.4) * np.sin(u), 1 + 0 * u], axis=1)
     vertices = np.concatenate([ring, np.zeros((1, 3)), [0.5 * ring[0]], [0.5 * ring[0] + [0.0, 0.0, 1e-12]]])

@@ -88,7 +88,7 @@ def test_readings_and_beams_are_where_they_were_made(moments, targets):
     assert drawing.reading_primitives(moments[0]) == []
 
 
-def test_a_reading_that_does_not_fit_has_another_colour_and_shape(targets):
+def test_a_reading_that_not_fit_has_another_colour_and_shape(targets):
     show = maker(targets, tolerance=5e-4)(3, "largest-face")
     session, read = show.session, _reader(targets)
     for k in range(8):
@@ -117,7 +117,7 @@ def test_the_next_reading_points_at_its_place(moments):
     assert drawing.next_primitives(Snapshot(now.state, now.steps, None)) == []
 
 
-def test_the_hand_is_where_it_says_and_its_beams_end_where_they_met():
+def test_the_hand_is_where_it_says_and_beams_end_where_they_met():
     hand = gripper()
     T = SE3.from_parts(SO3.exp(np.array([3.0, 0.2, -0.4])), [0.1, 0.2, 0.3])
     states = np.array([MET, FREE, LOST] * 4)[: len(hand.origins)]

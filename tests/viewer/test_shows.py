@@ -85,7 +85,7 @@ def replaced(session, target):
     return replace(session, start=start)
 
 
-def test_a_click_on_an_upright_face_keeps_to_the_cone_of_the_probe(session):
+def test_a_click_on_an_upright_face_keeps_to_the_cone_of_probe(session):
     target, T = session.start.targets[0], session.start.Ts[0]
     side = SE3.apply(T, [0.0, 0.04, 0.05])
     action = click(replaced(session, target), side, T[:3, 0])

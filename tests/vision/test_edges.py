@@ -60,7 +60,7 @@ def test_the_spread_is_as_stated(noise, contrast):
 
 
 @pytest.mark.parametrize("gap", [4.0, 4.5, 5.0])
-def test_an_edge_that_a_neighbour_pulls_aside_drifts_and_one_that_stands_alone_does_not(gap):
+def test_an_edge_drifts_where_a_neighbour_pulls_it(gap):
     alone, n = step_image(0.3, 0.2)
     beside = alone + 0.6 * (step_image(0.3, 0.2 + gap)[0] - 90)
     for image, pulled in ((alone, False), (beside, True)):
@@ -77,7 +77,7 @@ def test_an_edge_that_a_neighbour_pulls_aside_drifts_and_one_that_stands_alone_d
             assert drifts.max() < 0.02
 
 
-def test_the_mean_along_an_edge_errs_as_the_correlation_length_says():
+def test_the_mean_along_an_edge_errs_as_correlation_length_says():
     rng, noise, z = np.random.default_rng(6), 4.0, []
     for _ in range(150):
         angle, offset = rng.uniform(0, np.pi), rng.uniform(-0.5, 0.5)

@@ -170,7 +170,7 @@ def test_the_camera_s_own_error_moves_the_part_with_it(model, seen):
     np.testing.assert_allclose(moved.covariance - plain.covariance, G @ A @ A.T @ G.T, rtol=1e-4, atol=1e-12)
 
 
-def test_the_table_counts_as_three_equations_and_the_fit_is_told_in_metres(model, seen):
+def test_the_table_counts_as_three_equations(model, seen):
     camera, edges, T = seen
     mode = ImageMode(model, 0, T, 0.0, 0.9)
     settled = settle(model, camera, edges, T)
@@ -184,7 +184,7 @@ def test_the_table_counts_as_three_equations_and_the_fit_is_told_in_metres(model
 
 
 @pytest.mark.parametrize("share", [0.4, 3.0])
-def test_the_covariance_is_widened_by_what_does_not_fit_and_never_narrowed(model, seen, share):
+def test_the_cov_is_widened_by_what_not_fit_and_never_narrowed(model, seen, share):
     camera, edges, T = seen
     settled = settle(model, camera, edges, T)
     chi2 = share * (round(settled.equations) - 6)

@@ -126,7 +126,7 @@ def test_one_pose_found_twice_counts_once(scene):
     np.testing.assert_allclose(twice.T_camera_part, once.T_camera_part, atol=1e-12)
 
 
-def test_what_a_pose_beside_leaves_open_is_open_no_farther_than_about_it(scene):
+def test_a_pose_beside_leaves_no_more_open_than_about_it(scene):
     """Only the best pose may leave a direction open: others stand for what is near them."""
     model, width = scene[0], 1e-3
     sharp = np.r_[1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3]

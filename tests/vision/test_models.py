@@ -139,7 +139,7 @@ def test_a_silhouette_covers_what_rays_meet(tmp_path):
     assert spilled(frame.surface, CAMERA, T[None], half)[0] > 0.3 * mask.sum()
 
 
-def test_resting_poses_are_kept_in_the_cache_and_found_anew_where_that_is_damaged(tmp_path, monkeypatch):
+def test_resting_poses_are_cached_and_found_anew_if_damaged(tmp_path, monkeypatch):
     monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
     block(tmp_path, 90, 50, 20)
     file = tmp_path / "block.off"

@@ -25,7 +25,7 @@ def seen(model):
     return camera, edges, find_regions(image, edges.points)[0], T
 
 
-def test_points_of_the_surface_are_on_it_and_within_the_silhouette(model, seen):
+def test_points_of_the_surface_are_on_it_and_within_silhouette(model, seen):
     camera, _, _, T = seen
     assert model.frame.surface.closest(model.inner).distances == pytest.approx(0, abs=1e-9)
     mask = silhouette(model.frame.surface, camera, T)
@@ -59,7 +59,7 @@ def test_the_share_on_bare_table_is_about_that_of_the_silhouette(model, seen):
     assert share[2] == 0
 
 
-def test_a_first_pose_is_next_to_the_truth_and_costs_what_it_should(model, seen):
+def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     camera, edges, region, T = seen
     table, distances = SE3.inverse(camera.T_world_camera), small_distances(edges)
     proposal = propose(model, camera, table, distances, slides(region, camera))

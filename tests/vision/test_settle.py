@@ -150,7 +150,7 @@ def squared_error(settled, T):
     return float(e @ settled.information @ e)
 
 
-def test_whichever_edge_is_another_s_the_pose_stays_within_what_is_stated(seen):
+def test_the_pose_stays_within_its_spread_whatever_the_edge(seen):
     model, camera, points, T, prior = seen
     met = clear_edges(model, meet(model.frame, camera, map_edges(points), T, 1.5))
     groups = model.frame.groups
@@ -173,7 +173,7 @@ def test_whichever_edge_is_another_s_the_pose_stays_within_what_is_stated(seen):
 
 @pytest.mark.parametrize("stated", [0.15, 0.35])
 @pytest.mark.parametrize("seed", range(40))
-def test_edges_that_are_all_off_by_more_than_rendered_ones_are_taken_as_such(seen, seed, stated):
+def test_edges_farther_off_than_rendered_are_taken_as_such(seen, seed, stated):
     """As with a lens or a model that is not exact: every edge is shifted, as is said or by more."""
     model, camera, points, T, prior = seen
     camera = replace(camera, edge_sd=stated)

@@ -217,7 +217,7 @@ def test_a_camera_that_cannot_stand_there_is_refused(two, models, change, words)
         see_table(image, replace(camera, T_world_camera=change(camera.T_world_camera)), models[:1])
 
 
-def test_poses_are_in_the_camera_s_frame_where_nobody_says_where_it_stands(two, models):
+def test_poses_are_in_the_camera_frame_without_its_place(two, models):
     image, camera, _, _ = two
     assert see_table(image, camera, models[:1]).frame == "world"
     assert see_anywhere(image, camera, models[:1]).frame == "world"
