@@ -80,7 +80,7 @@ def patch():
         ("in a patch", f"{1e3 * clustered:.2f} mm"),
     ]
     text = "Six touches of 0.3 mm on a block of 200 x 150 x 80 mm, place known to 5 mm and 0.05 rad an axis before."
-    return Table("Planned and clustered", text, ("six touches", "largest corner sd, 1 sd"), rows)
+    return Table("Planned and clustered", text, ("six touches", "largest corner sd"), rows)
 
 
 def panel(scenes, seed):

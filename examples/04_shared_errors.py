@@ -23,7 +23,7 @@ for words, tip_sd in (("not said", None), ("said: sd 1.5, 1.5, 0.3 mm", [1.5e-3,
     best = answer.hypotheses[0]
     error = np.linalg.norm(best.T_world_part[:3, 3] - TRUTH)
     print(f"error of the tip {words}: {answer.status}")
-    print(f"    origin is {1e3 * error:.2f} mm off, stated sd of the largest corner sd {1e3 * best.corner_sd:.2f} mm")
+    print(f"    origin is {1e3 * error:.2f} mm off, largest corner sd {1e3 * best.corner_sd:.2f} mm")
     print(f"    {answer.message}")
 
 # the absolute error of the robot moves part and world together: the same for every reading, and for going back

@@ -14,7 +14,7 @@ import numpy as np
 
 from tanteo.active import Probe, Stop, around, explain
 from tanteo.inference import prepare
-from tanteo.io.session_record import read_record, write_record
+from tanteo.io import read_record, write_record
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.sensors import NoiseLaw

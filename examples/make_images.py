@@ -15,8 +15,7 @@ from rendered import slab_thing, table_camera
 from tanteo.io import write_image
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import project, rests
-from tanteo.vision.rendering import Look, Stage, render, thing
+from tanteo.vision import Look, Stage, project, render, rests, thing
 
 HERE = Path(__file__).resolve().parent
 CAMERA = table_camera(distance=0.62, tilt=22.0, turn=30.0)

@@ -97,7 +97,7 @@ def test_the_demo_that_is_shown_ends_well():
     (shown,) = (block for block in CONSOLE if block.startswith("$ tanteo demo"))
     assert "It was step_12mm" in shown
     assert "\nstep_12mm, located to" in shown
-    assert float(re.search(r"largest corner sd is ([\d.]+) mm", shown)[1]) < 1.0
+    assert float(re.search(r"corner farthest off is ([\d.]+) mm", shown)[1]) < 1.0
     ours, others = re.search(r"Readings: (\d+)\. Random places would have taken (\d+)", shown).groups()
     assert int(ours) < int(others)
 

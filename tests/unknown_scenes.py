@@ -77,7 +77,7 @@ def unknown_session(unknown, policy="information", seed=0, **stop) -> Session:
 
 
 def off(session, number, T_world_part) -> float:
-    """How far the largest corner sd is from where it is said to be [m]; infinite for another part."""
+    """How far the worst corner is off [m]; infinite for another part."""
     state = session.state
     if not len(state.weights) or state.part[0] != number:
         return float("inf")

@@ -121,7 +121,7 @@ def off(hypothesis):
 
 
 print(f"said: largest corner sd {1e3 * best.corner_sd:.3f} mm, one standard deviation; p of the fit {best.p_value:.2f}")
-print("true: largest corner sd off by {:.3f} mm; squared distance in the answer's covariance {:.1f}".format(*off(best)))
+print("true: worst corner off by {:.3f} mm; squared distance in the answer's covariance {:.1f}".format(*off(best)))
 
 # %%
 # One error says little. Over many it has to be as large as it says: the mean of that squared distance is six.

@@ -49,7 +49,7 @@ probe = Probe("touch probe", NoiseLaw.of(SD), contact=True, standoff=0.05, clear
 
 found = plan(start, probe, TOLERANCE)
 print(found.message)
-print(" n  face       largest corner sd, 1 sd   P(all corners within 0.2 mm)")
+print(" n  face       largest corner sd   P(all corners within 0.2 mm)")
 for n, r in enumerate(found.readings, 1):
     print(f"{n:2d}  {r.face:9} {1e3 * r.corner_sd:10.3f} mm {r.within:20.3f}")
 
@@ -75,9 +75,9 @@ axes.set_box_aspect(np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], 
 axes.view_init(elev=28, azim=-40)
 curve = figure.add_subplot(1, 2, 2)
 sds = 1e3 * np.array([found.before, *(r.corner_sd for r in found.readings)])
-curve.semilogy(range(len(sds)), sds, "o-", color="#0072b2", label="largest corner sd, 1 sd")
+curve.semilogy(range(len(sds)), sds, "o-", color="#0072b2", label="largest corner sd")
 curve.axhline(1e3 * TOLERANCE, color="#b84800", ls="--", label="tolerance")
-curve.set(xlabel="touches", ylabel="largest corner sd, 1 sd [mm]")
+curve.set(xlabel="touches", ylabel="largest corner sd [mm]")
 curve.legend()
 figure.tight_layout(w_pad=5)
 
@@ -95,7 +95,7 @@ corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
 
 
 def carried_out(readings, truth):
-    """How far the largest corner sd is off [mm], what the answer says of it, and whether every touch met something."""
+    """How far the worst corner is off [mm], what the answer says of it, and whether every touch met something."""
     origins, directions = (np.array([getattr(r, name) for r in readings]) for name in ("origin", "direction"))
     back = SE3.inverse(truth)
     ranges = target.surface.cast(SE3.apply(back, origins), directions @ back[:3, :3].T).distances

@@ -111,7 +111,7 @@ def test_the_worst_corner_is_as_good_as_in_best_of_many_plans(name, n):
 
 
 def corner_errors(target, covariances):
-    """Root mean square error of the largest corner sd of the part's box ``(k,)``."""
+    """Root mean square error at the worst corner of the part's box ``(k,)``."""
     corners = np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3)
     J = np.stack([np.concatenate([np.eye(3), -SO3.hat(x)], axis=1) for x in corners])
     return np.sqrt(np.einsum("cij,kjl,cil->kc", J, covariances, J).max(axis=1))

@@ -46,7 +46,7 @@ def test_the_first_line_is_the_answer():
     lines = answer_lines(recognition(hypothesis()))
     assert lines[0] == (
         "bracket at x 100.00 y -20.00 z 300.00 mm, roll 10.00 pitch 20.00 yaw 30.00 deg in the world; "
-        "probability 97.0 %, largest corner sd sd 0.3 mm"
+        "probability 97.0 %, largest corner sd 0.3 mm"
     )
     assert lines[-1] == "It is the bracket."
     text = "\n".join(lines)

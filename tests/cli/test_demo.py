@@ -16,7 +16,7 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
     assert got.code == 0
     assert "No camera" in got.out
     assert "\nstep_12mm, located to" in got.out
-    assert float(re.search(r"It was step_12mm, and its largest corner sd is ([\d.]+) mm", got.out)[1]) < 6  # 2 sd
+    assert float(re.search(r"It was step_12mm, and the corner farthest off is ([\d.]+) mm", got.out)[1]) < 6  # 2 sd
     text = report.read_text(encoding="utf-8")
     assert "How it went" in text
     assert "http://" not in text.replace("http://www.w3.org", "")

@@ -53,7 +53,7 @@ class Added:
             likeliest part is another one than before.
         motion: in which direction the pose became better known, in words; empty where in none.
         narrowed: standard deviation along it over that before; NaN without one.
-        corner_sd_before: of the largest corner sd before them, of the same part, over all poses that it may have [m].
+        corner_sd_before: largest corner sd before them, of the same part, over all poses that it may have [m].
         corner_sd: after them [m].
     """
 
@@ -143,7 +143,7 @@ def _added(start: Start, before: Observation | None, after: Observation, met: di
 
 
 def _rough_corner_sd(start: Start, part: int) -> float:
-    """Of the largest corner sd of a part, by its prior poses."""
+    """Largest corner sd of a part, by its prior poses."""
     own = np.flatnonzero(start.part == part)
     rough = {name: getattr(start, name)[own] for name in ("part", "Ts", "covariances", "weights")}
     return largest_corner_sd(begin(replace(start, **rough)))

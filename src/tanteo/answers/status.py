@@ -78,7 +78,7 @@ def verdict(
     if best.probability < least:
         return "ambiguous", _ambiguous_message(hypotheses, unknown, shares, same) + note
     sure, else_ = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
-    located = f"located to {1e3 * best.corner_sd:.2g} mm (1 sd, largest corner sd)"
+    located = f"located to {1e3 * best.corner_sd:.2g} mm (largest corner sd)"
     return "recognized", f"{best.part}{sure}, {located}{else_}." + note
 
 

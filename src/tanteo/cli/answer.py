@@ -52,7 +52,7 @@ def _headline(answer: Answer, frame: str) -> str:
     best = answer.hypotheses[0]
     where = (
         f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the {frame}; "
-        f"probability {_percent(best.probability)}, largest corner sd sd {_millimetres(best.corner_sd)}"
+        f"probability {_percent(best.probability)}, largest corner sd {_millimetres(best.corner_sd)}"
     )
     return {
         "recognized": where,

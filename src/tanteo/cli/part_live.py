@@ -54,4 +54,4 @@ def state_words(visit: Visit) -> str:
         return "no part explains them"
     probability = float(step.probabilities[step.part])
     words = f"{visit.leader} P = {probability:.3f}" if probability < 0.9995 else f"{visit.leader} P > 0.999"
-    return f"{words}, largest corner sd sd {1e3 * step.corner_sd:.2f} mm"
+    return f"{words}, largest corner sd {1e3 * step.corner_sd:.2f} mm"

@@ -39,7 +39,7 @@ class Observation:
     Attributes:
         session: that found it.
         truth: name of the part that lay there.
-        off: how far its largest corner sd truly is from where the answer puts it [m].
+        off: how far the worst corner is off [m].
         random: readings that random places needed for the same, the median of some tries, in words.
     """
 
@@ -72,7 +72,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
     moved = SE3.inverse(T) @ answer.hypotheses[0].T_world_part
     corners = box_corners(targets[name].part)
     off = np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max()
-    say(f"It was {name}, and its largest corner sd is {1e3 * off:.2f} mm from where it truly is.")
+    say(f"It was {name}, and the corner farthest off is {1e3 * off:.2f} mm from the truth.")
     others = _at_random(start, targets[name], T, seed)
     say(f"Readings: {session.count}. Random places would have taken {others}.")
     return Observation(session, name, float(off), others)
@@ -108,7 +108,7 @@ def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart
     answer = sight.objects[0].answer
     likely = [h for h in answer.hypotheses if h.probability > 1e-3]
     words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in likely)
-    say(f"The camera above it: {words}; largest corner sd {1e3 * likely[0].corner_sd:.1f} mm, 1 sd.")
+    say(f"The camera above it: {words}; largest corner sd {1e3 * likely[0].corner_sd:.1f} mm.")
     names = list(dict.fromkeys(h.part for h in answer.hypotheses))
     return from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
 

@@ -274,7 +274,7 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> str:
 
 
 def _corner_sd(mode: Mode, information: FloatArray) -> float:
-    """Of the largest corner sd [m], from the information on all states; spins of the part are no error."""
+    """The largest corner sd [m], from the information on all states; spins of the part are no error."""
     part = mode.prepared.part
     scale = part_scale(part)
     unit = scale.T @ without_spins(part, pose_information(information)) @ scale

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tanteo.io.same_answer import differences
     from tanteo.io.scene_toml import SceneFile, read_scene
     from tanteo.io.sensed_file import sensed_document, sensed_json
-    from tanteo.io.session_record import SessionRecord, load_record, resumed, write_record
+    from tanteo.io.session_record import SessionRecord, load_record, read_record, resumed, write_record
     from tanteo.io.sight_file import EMPTY, sight_document, sight_json
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
 
@@ -69,6 +69,7 @@ __all__ = [
     "read_marks",
     "read_prior",
     "read_readings",
+    "read_record",
     "read_rig",
     "read_scene",
     "recognition_document",
@@ -97,7 +98,7 @@ __getattr__, __dir__ = lazy(
         "rig_checks": "meant_metres",
         "calibration_json": "calibration_document",
         "rig_json": "rig_document",
-        "session_record": "SessionRecord load_record resumed write_record",
+        "session_record": "SessionRecord load_record read_record resumed write_record",
         "part_files": "parts_of",
         "camera_file": "read_camera",
         "images": "read_image write_image",

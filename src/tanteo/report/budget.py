@@ -27,9 +27,9 @@ class Source:
 
     Attributes:
         name: In words.
-        share: Of the variance of the largest corner sd; the shares of a budget sum to one.
+        share: Of the variance of the corner that is known worst; the shares of a budget sum to one.
         sd: What the source alone does to the largest corner sd, one standard deviation [m].
-        without: Standard deviation of the largest corner sd if this error were not there [m]; NaN where that leaves
+        without: Largest corner sd if this error were not there [m]; NaN where that leaves
             nothing.
     """
 
@@ -41,11 +41,11 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Where the uncertainty of the largest corner sd of the part's box comes from.
+    """Where the uncertainty at the worst-known corner of the part's box comes from.
 
     Attributes:
         sources: The largest first.
-        total: Standard deviation of the largest corner sd by this budget [m].
+        total: Largest corner sd by this budget [m].
     """
 
     sources: tuple[Source, ...]
@@ -154,7 +154,7 @@ def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term]) ->
 
 
 def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: str, part: Part) -> float:
-    """Standard deviation of the largest corner sd without one source; NaN if the others leave a row without noise."""
+    """Largest corner sd without one source; NaN if the others leave a row without noise."""
     rest = {other: term for other, term in terms.items() if other != name}
     if not rest or not np.all(_assumed(rest).own > 0):
         return float("nan")

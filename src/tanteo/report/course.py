@@ -84,7 +84,7 @@ def _corners(session: Session) -> Html:
     tolerance = session.stop.tolerance if session.stop.feature is None else None
     goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
     scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
-    label = f"Standard deviation of the largest corner sd after {len(steps)} answers, {values[-1]:.3g} mm at last."
+    label = f"Largest corner sd after {len(steps)} answers, {values[-1]:.3g} mm at last."
     curve = Curve("largest corner sd of the likeliest part", values, said)
     return curve_chart(label, [curve], scale, places, goal)
 
@@ -93,7 +93,7 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
     steps, names = session.steps, _names(session)
     shown = _leading(steps, _IN_TABLE)
     headers = (
-        "", "readings", "asked at", "met", *(names[k] for k in shown), "unknown object", "largest corner sd, 1 sd",
+        "", "readings", "asked at", "met", *(names[k] for k in shown), "unknown object", "largest corner sd",
         "about the part [nats]", "about the pose [nats]", "best narrowed", "to",
     )  # fmt: skip
     rows: list[tuple[Html | str, ...]] = [

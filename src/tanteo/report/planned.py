@@ -90,7 +90,7 @@ def _front(
 
 def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     """What each reading brings, as curves and as a table."""
-    of_what = plan.feature or "the largest corner sd of the part's box"
+    of_what = plan.feature or "the worst-known corner of the part's box"
     lead = (
         f"How well {of_what} is expected to be known, one standard deviation, and how probably {_all(plan)} "
         f"{'is' if plan.feature else 'are'} within the tolerance: before the first reading and after each. The order "

@@ -46,7 +46,7 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str,
     x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
     rows = [
         ("Position in the world", f"x {x}, y {y}, z {z} mm"),
-        ("Largest corner sd, 1 sd", length(hypothesis.corner_sd)),
+        ("Largest corner sd", length(hypothesis.corner_sd)),
         ("Readings that fit", f"{used} of {n}"),
     ]
     if hypothesis.covariance_relative is not None and not hypothesis.unobserved:

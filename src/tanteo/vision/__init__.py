@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tanteo.vision.picture import draw_sight
     from tanteo.vision.question import Question
     from tanteo.vision.regions import Region, find_regions
-    from tanteo.vision.rendering import Stage, Thing, render
+    from tanteo.vision.rendering import Look, Stage, Thing, render, thing
     from tanteo.vision.resting import Rest, rests
     from tanteo.vision.seeing import see
     from tanteo.vision.segments import Corners, Segments, find_corners, find_segments
@@ -40,6 +40,7 @@ __all__ = [
     "Descriptors",
     "EdgeMap",
     "EdgePoints",
+    "Look",
     "Question",
     "Region",
     "Rest",
@@ -73,6 +74,7 @@ __all__ = [
     "see_anywhere",
     "see_table",
     "silhouette",
+    "thing",
     "without_distortion",
 ]
 
@@ -81,7 +83,7 @@ __getattr__, __dir__ = lazy(
     {
         "cv": "opencv",
         "silhouettes": "silhouette",
-        "rendering": "Stage Thing render",
+        "rendering": "Look Stage Thing render thing",
         "camera": "COEFFICIENTS Camera USUAL on_plane project rays without_distortion",
         "descriptors": "Descriptors NAMES describe",
         "edge_map": "EdgeMap map_edges",
