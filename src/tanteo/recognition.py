@@ -11,11 +11,10 @@ import numpy.typing as npt
 
 from tanteo.answers import Answer, Priors, check_question, with_elapsed
 from tanteo.errors import InputError
-from tanteo.inference import identify_points
+from tanteo.inference import about_frames, about_readings, identify_points, scale_of
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
-from tanteo.remarks import remarks
 from tanteo.sensors import (
     PointMeasurements,
     Readings,
@@ -96,8 +95,10 @@ def identify(
     answer = identify_points(
         points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors, seed=seed
     )
-    notes = remarks(answer, readings, measured, rays, parts)
-    return with_elapsed(_said(answer, *notes, placed=placed), measure=elapsed)
+    found = about_readings(answer, readings, measured, rays, parts)
+    answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
+    frames = about_frames(answer, scale_of(measured.points, [as_part("part", part) for part in parts]), measured)
+    return replace(answer, findings=found if frames is None else (*found, frames))
 
 
 def _as_published(

@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from tanteo.answers.pose_prior import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
     from tanteo.answers.priors import Priors, sized
     from tanteo.answers.question import Clock, check_question, with_elapsed
-    from tanteo.answers.results import Answer, Hypothesis, Status
+    from tanteo.answers.results import Answer, Finding, Hypothesis, Status
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
 
 __all__ = [
     "CONFIDENCE",
     "Answer",
     "Clock",
+    "Finding",
     "Hypothesis",
     "PosePrior",
     "Priors",
@@ -67,6 +68,6 @@ __getattr__, __dir__ = lazy(
         "question": "Clock check_question with_elapsed",
         "pose_prior": "PosePrior Table in_box log_density_within prior_residuals prior_rows",
         "priors": "Priors sized",
-        "results": "Answer Hypothesis Status",
+        "results": "Answer Finding Hypothesis Status",
     },
 )

@@ -11,6 +11,8 @@ from tanteo.typing import Covariances, FloatArray, Transforms
 
 Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
 
+FindingKind = Literal["units", "spread", "directions", "normals", "mirror", "free_space", "repeated", "stuck"]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
@@ -72,6 +74,19 @@ class Hypothesis:
     shared: SharedGiven | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something odd about the input, beside the answer.
+
+    Attributes:
+        kind: ``units``, ``spread``, ``directions``, ``normals``, ``mirror``, ``free_space``, ``repeated`` or ``stuck``.
+        message: what was found, and what may have been meant.
+    """
+
+    kind: FindingKind
+    message: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
     """The answer to "which part is it, and where".
@@ -84,6 +99,7 @@ class Answer:
         unknown_probability: posterior of the unknown object; sums to one with all hypotheses, reported or not.
         elapsed: seconds by stage.
         seed: of the search; the same seed gives the same answer.
+        findings: what is odd about the input: units, directions, repeats and so on.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -98,6 +114,7 @@ class Answer:
     unknown_probability: float
     elapsed: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
+    findings: tuple[Finding, ...] = ()
 
     @property
     def best(self) -> Hypothesis | None:

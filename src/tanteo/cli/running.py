@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,10 +21,12 @@ from tanteo.cli.targets import check_different, parts_read
 from tanteo.errors import PartError, ReadingsError, TanteoError
 
 if TYPE_CHECKING:
-    from tanteo.answers import Answer, PosePrior, Priors
-    from tanteo.cli.scale import Scale
+    from tanteo.answers import Answer, Finding, PosePrior, Priors
+    from tanteo.inference import Ask, Scale
     from tanteo.parts import Part
     from tanteo.sensors import PointMeasurements, Readings, Rig
+
+_HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILINE)
 
 _FAILED, _MISUSED, UNDECIDED, _INTERRUPTED = 1, 2, 3, 130
 
@@ -69,7 +71,6 @@ def recognize(
     sources = [("the readings", readings_path), ("--rig", rig_path), *parts_read(part_paths)]
     check_different(("--report", report), inputs=sources)
     given = _read(readings_path, part_paths, rig_path, options, quiet=as_json)
-    from tanteo.cli.meant import meant
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
@@ -85,21 +86,30 @@ def recognize(
         result = ask(given.readings, given.parts)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
-    show = partial(_print, result, pose, as_json=as_json, verbose=verbose)
     if not as_json:  # a person reads while it is thought about what may be wrong; a document has it all
-        show()
-    again = ask if pose is None else None
-    about = result, given.scale, given.measured, given.readings, given.parts
-    if not given.doubted and (question := meant(*about, again)):
-        complain("warning", question)
+        _print(result, pose, as_json=False, verbose=verbose)
+    if not given.doubted and (question := _question(result, given, ask if pose is None else None)):
+        complain("warning", question.message)
+        known = tuple(one for one in result.findings if one.kind not in ("directions", "normals"))
+        result = replace(result, findings=(*known, question))
     if as_json:
-        show()
+        _print(result, pose, as_json=True, verbose=verbose)
     if report is not None:
         from tanteo.cli.reporting import report_answer
 
         report_answer(report, result, given.readings, given.parts, given.rig, options, pose, as_json=as_json)
     if result.status != "recognized":
         raise typer.Exit(UNDECIDED)
+
+
+def _question(answer: Answer, given: _Given, ask: Ask | None) -> Finding | None:
+    """What may have been meant otherwise: a unit, a direction, or an axis."""
+    from tanteo.inference import about_frames, about_mirror
+
+    question = about_frames(answer, given.scale, given.measured)
+    if question is not None or ask is None:
+        return question
+    return about_mirror(answer, given.readings, given.parts, ask)
 
 
 class _Given(NamedTuple):
@@ -117,7 +127,7 @@ def _read(
     readings_path: str, part_paths: Sequence[str], rig_path: str | None, options: RunOptions, *, quiet: bool
 ) -> _Given:
     """Read everything, with a warning where it hardly goes together."""
-    from tanteo.cli.scale import asked_rig, check_scale, check_spread, scale_of
+    from tanteo.inference import about_size, about_spread, scale_of
     from tanteo.io import read_readings
     from tanteo.sensors import misspelt
 
@@ -128,9 +138,12 @@ def _read(
     if rig is None and (question := misspelt(readings)):
         complain("warning", question)
     parts = read_all_parts(part_paths, options.units, quiet=quiet)
-    scale = scale_of(measured.points, parts, _beginning(readings_path), options.units)
-    doubted = check_scale(measured.points, scale) or check_spread(measured.covs, scale)
-    return _Given(readings, measured, parts, rig, scale, doubted)
+    column = _HEADER.search(_beginning(readings_path))
+    scale = scale_of(measured.points, parts, column[1] if column else "", options.units or "")
+    doubt = about_size(measured.points, scale) or about_spread(measured.covs, scale)
+    if doubt is not None:
+        complain("warning", doubt.message)
+    return _Given(readings, measured, parts, rig, scale, doubt is not None)
 
 
 def _print(result: Answer, pose: PosePrior | None, *, as_json: bool, verbose: bool) -> None:
@@ -154,6 +167,16 @@ def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:
     said = {"outlier_rate": options.outliers, "unknown": options.none}
     given = {name: value for name, value in said.items() if value is not None}
     return None if pose is None and not given else Priors(pose=pose, **given)
+
+
+def asked_rig(path: str) -> Rig:
+    """A rig from a file, with a question where its lengths may be in metres."""
+    from tanteo.io import meant_metres, read_rig
+
+    rig = read_rig(path)
+    if question := meant_metres(rig):
+        complain("warning", question)
+    return rig
 
 
 def _beginning(path: str) -> str:

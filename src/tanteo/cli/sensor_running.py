@@ -85,7 +85,7 @@ def _preset(name: str) -> SensorPreset | RobotPreset:
 
 def show_rig(file: str, *, as_json: bool) -> None:
     """Check a rig and print it."""
-    from tanteo.cli.scale import asked_rig
+    from tanteo.cli.running import asked_rig
 
     rig = asked_rig(file)
     if as_json:
@@ -101,7 +101,7 @@ def show_rig(file: str, *, as_json: bool) -> None:
 def run_fit(request: FitRequest, *, as_json: bool, verbose: bool) -> None:
     """Calibrate, print, write, draw; exits with 3 when the log does not tell where a beam is."""
     from tanteo.calibration import calibrate
-    from tanteo.cli.scale import asked_rig
+    from tanteo.cli.running import asked_rig
     from tanteo.io import read_readings
     from tanteo.sensors import robot_preset
 

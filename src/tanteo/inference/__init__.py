@@ -7,7 +7,18 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.inference.diagnostics import face_elsewhere
     from tanteo.inference.features import identify_features
+    from tanteo.inference.findings import (
+        Scale,
+        about_directions,
+        about_frames,
+        about_readings,
+        about_size,
+        about_spread,
+        about_units,
+        scale_of,
+    )
     from tanteo.inference.free_space import gone_through
+    from tanteo.inference.mirror import Ask, about_mirror
     from tanteo.inference.modes import Mode
     from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
@@ -27,12 +38,21 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NEGLIGIBLE",
+    "Ask",
     "GoodnessOfFit",
     "Mode",
     "PoseMixture",
     "Posterior",
     "PreparedPart",
     "Problem",
+    "Scale",
+    "about_directions",
+    "about_frames",
+    "about_mirror",
+    "about_readings",
+    "about_size",
+    "about_spread",
+    "about_units",
     "as_hypothesis",
     "face_elsewhere",
     "face_names",
@@ -48,6 +68,7 @@ __all__ = [
     "posterior_about",
     "prepare",
     "prepare_all",
+    "scale_of",
     "settle",
     "update_posterior",
     "worst_reading",
@@ -58,7 +79,9 @@ __getattr__, __dir__ = lazy(
     {
         "diagnostics": "face_elsewhere",
         "features": "identify_features",
+        "findings": ("Scale about_directions about_frames about_readings about_size about_spread about_units scale_of"),
         "free_space": "gone_through",
+        "mirror": "Ask about_mirror",
         "modes": "Mode",
         "posterior": "NEGLIGIBLE Posterior infer",
         "prepared": "PreparedPart prepare prepare_all",

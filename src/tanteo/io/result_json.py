@@ -29,6 +29,7 @@ def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]
         answer: the answer.
         frame: name of the frame that its poses are in.
     """
+    found = [{"kind": one.kind, "message": one.message} for one in answer.findings]
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -38,6 +39,7 @@ def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]
         "hypotheses": [_hypothesis(h, frame) for h in answer.hypotheses],
         "unknown_probability": _number(answer.unknown_probability),
         "elapsed_s": {stage: _number(seconds) for stage, seconds in answer.elapsed.items()},
+        **({"findings": found} if found else {}),
     }
 
 

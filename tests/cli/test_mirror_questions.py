@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, surface_points
-from tanteo.cli.meant import meant_image, meant_mirrored
+from tanteo.answers import Answer
 from tanteo.errors import InputError
+from tanteo.inference import about_mirror
 from tanteo.io import read_readings
 from tanteo.lie import SE3
 from tanteo.parts import read_part
@@ -72,7 +73,7 @@ def test_readings_of_a_hand_are_not_mirrored(run, monkeypatch):
     def mirrored(*args):
         raise AssertionError("asked")
 
-    monkeypatch.setattr("tanteo.cli.meant.meant_mirrored", mirrored)
+    monkeypatch.setattr("tanteo.inference.mirror.of_mirrored", mirrored)
     words = ["--rig", EXAMPLES / "readings/laser_rig.toml", "--part", PART]
     assert run("locate", EXAMPLES / "readings/wedge_ranges.csv", *words).out.startswith("unknown")
 
@@ -125,10 +126,11 @@ def test_a_mirror_image_has_to_fit_all_readings(left_aside, asked):
     part = read_part(EXAMPLES / "parts/bracket_left.step")
 
     def ask(readings, parts):
-        best = SimpleNamespace(part=parts[1].name, outliers=left_aside, probability=0.999)
-        return SimpleNamespace(hypotheses=[best])
+        return SimpleNamespace(best=SimpleNamespace(part=parts[1].name, outliers=left_aside, probability=0.999))
 
-    assert bool(meant_image(None, part, ask)) == asked
+    answer = SimpleNamespace(status="recognized", best=SimpleNamespace(part=part.name, outliers=("7",)))
+    readings = read_readings(EXAMPLES / "readings/bracket_left.csv")
+    assert bool(about_mirror(answer, readings, [part], ask)) == asked
 
 
 def test_an_impossible_question_costs_the_answer_nothing():
@@ -137,4 +139,4 @@ def test_an_impossible_question_costs_the_answer_nothing():
 
     part = read_part(EXAMPLES / "parts/step_15mm.step")
     readings = read_readings(EXAMPLES / "readings/step_15mm.csv")
-    assert meant_image(readings, part, ask) == meant_mirrored(readings, [part], ask) == ""
+    assert about_mirror(Answer("unknown", "", (), 1.0), readings, [part], ask) is None

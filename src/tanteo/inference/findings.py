@@ -1,0 +1,242 @@
+"""What is odd about the input: units, spreads, directions, repeats, a stuck sensor, free-space rays through the part.
+
+Each is a typed :class:`tanteo.answers.Finding`. Those here cost next to nothing; ``mirror`` asks the search again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from tanteo.answers import Answer, Finding
+from tanteo.errors import ReadingsError
+from tanteo.inference.free_space import gone_through
+from tanteo.inference.prepared import prepare_all
+from tanteo.measurements import FreeRays
+from tanteo.parts import Part
+from tanteo.sensors import PointMeasurements, Readings, say_repeated, say_stuck
+from tanteo.typing import Covariances, FloatArray, Vectors
+
+_FEW = 3
+"""Fewer readings than this say nothing about the size of what was sensed, or about directions."""
+
+_TOO_WIDE, _TOO_NARROW = 3.0, 0.01
+"""Readings farther from their middle than this many diagonals, or all nearer, suggest a wrong unit."""
+
+_FINEST, _COARSEST = 2e-7, 0.1
+"""Standard deviations below the first [m], or above this share of the largest part, suggest a wrong unit."""
+
+_OUTWARD = 0.2
+"""Mean cosine between a direction and the way to the middle of the readings, below whose negative it looks reversed."""
+
+_LIKELY = (0.25, 1.2)
+"""Readings of one part span this share of its diagonal, as a rule."""
+
+_HANDLED = (2e-3, 5.0)
+"""Sizes of parts that robots touch [m]: a suggested unit leads to one of these."""
+
+_UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
+"""Units of columns, and of part files, in metres."""
+
+_INTO = 0.8
+"""Share of the sensed normals that make a question if they point as the sensor looks."""
+
+_RAYS = 3
+"""Free-space rays that a message names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Sizes on both sides, and the units that they were read with.
+
+    Attributes:
+        span: how far apart the readings are [m].
+        sizes: diagonals of the parts [m].
+        column: unit in the names of the readings' columns; empty if not known.
+        option: unit that was stated for the parts; empty if their files have one of their own.
+    """
+
+    span: float
+    sizes: tuple[float, ...]
+    column: str = ""
+    option: str = ""
+
+
+def scale_of(points: Vectors, parts: Sequence[Part], column: str = "", option: str = "") -> Scale:
+    """Sizes and units of points ``(n, 3)`` [m] and parts."""
+    span = 2 * float(np.median(_away(points))) if len(points) >= _FEW else 0.0
+    return Scale(span, tuple(p.diagonal for p in parts), column, option)
+
+
+def about_readings(
+    answer: Answer, readings: Readings, measured: PointMeasurements, free: FreeRays, parts: Sequence[Part]
+) -> tuple[Finding, ...]:
+    """What is odd about the readings, in the light of an answer.
+
+    Args:
+        answer: what the readings are of.
+        readings: what the devices said.
+        measured: what was made of it.
+        free: free-space rays.
+        parts: the candidates, prepared or not.
+    """
+    found = (
+        Finding("free_space", _gone_through(answer, free, measured.free.ids, parts)),
+        Finding("repeated", say_repeated(measured)),
+        Finding("stuck", say_stuck(readings)),
+        Finding("units", _too_wide(answer, measured, parts)),
+    )
+    return tuple(one for one in found if one.message)
+
+
+def about_frames(answer: Answer, scale: Scale, measured: PointMeasurements) -> Finding | None:
+    """Of readings of no known part: which unit or direction was probably meant otherwise."""
+    if answer.status != "unknown":
+        return None
+    return (
+        about_units(scale)
+        or about_directions(measured.points, measured.directions)
+        or about_normals(measured.normals, measured.directions)
+    )
+
+
+def about_units(scale: Scale) -> Finding | None:
+    """The units that would make both sides fit; None if they fit, or none would."""
+    if not scale.span or _fits(scale.span, scale.sizes):
+        return None
+    guesses = []
+    for column, option in product(_others(scale.column), _others(scale.option)):
+        span = scale.span * _UNITS.get(column, 1) / _UNITS.get(scale.column, 1)
+        sizes = [size * _UNITS.get(option, 1) / _UNITS.get(scale.option, 1) for size in scale.sizes]
+        changed = [f"--units {option}"] * (option != scale.option) + [f"columns in {column} (x_{column})"] * (
+            column != scale.column
+        )
+        if len(changed) == 1 and _fits(span, sizes):
+            guesses.append(changed[0])
+    if not guesses:
+        return None
+    widest = max(scale.sizes)
+    return Finding(
+        "units",
+        f"The {'largest ' if len(scale.sizes) > 1 else ''}part is {_length(widest)} wide and the readings span about "
+        f"{_length(scale.span)}: did you mean {' or '.join(guesses)}?",
+    )
+
+
+def about_size(points: Vectors, scale: Scale) -> Finding | None:
+    """Readings that hardly can be of these parts.
+
+    Raises:
+        ReadingsError: the readings are far wider than any part.
+    """
+    if len(points) < _FEW:
+        return None
+    away = _away(points)
+    largest, smallest = max(scale.sizes), min(scale.sizes)
+    units = about_units(scale)
+    advice = "Check the units in the names of the columns and of the parts (--units)."
+    advice = f"{advice} {units.message}" if units else advice
+    if np.median(away) > _TOO_WIDE * largest:
+        raise ReadingsError(
+            f"readings: expected points around a part of {largest * 1e3:.4g} mm or less, got half of them more than "
+            f"{np.median(away) * 1e3:.4g} mm from their middle. {advice}"
+        )
+    if away.max() >= _TOO_NARROW * smallest:
+        return None
+    within, size = f"{away.max() * 1e3:.3g} mm", f"{smallest * 1e3:.4g} mm"
+    return Finding("units", f"all readings lie within {within}, and the smallest part measures {size}. {advice}")
+
+
+def about_spread(covs: Covariances, scale: Scale) -> Finding | None:
+    """Standard deviations that no sensor of such parts has; ``covs`` of the readings ``(n, 3, 3)`` [m^2]."""
+    if not len(covs):
+        return None
+    sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
+    if _FINEST <= sd <= _COARSEST * max(scale.sizes):
+        return None
+    size = f"{sd / max(scale.sizes):.0%} of the largest part" if sd > _FINEST else "finer than any sensor"
+    return Finding(
+        "spread",
+        f"one standard deviation of the readings is {1e3 * sd:.3g} mm, which is {size}. Is its unit right "
+        "(column sd_mm, sd_m, sd_um; --sd)?",
+    )
+
+
+def about_directions(points: Vectors, directions: Vectors) -> Finding | None:
+    """Directions ``(n, 3)``, NaN where unknown, most of which lead away from the middle of the points."""
+    known = np.isfinite(directions).all(axis=1)
+    if known.sum() < _FEW:
+        return None
+    inward = np.median(points[known], axis=0) - points[known]
+    cosines = np.sum(inward * directions[known], axis=1) / np.linalg.norm(inward, axis=1).clip(1e-12)
+    if cosines.mean() > -_OUTWARD:
+        return None
+    return Finding(
+        "directions",
+        f"The directions (dx, dy, dz) of {np.mean(cosines < 0):.0%} of the readings lead away from the middle of all: "
+        "they are meant to point into the material, as the sensor looks or the tip moves. Did you mean the opposite?",
+    )
+
+
+def about_normals(normals: Vectors, directions: Vectors) -> Finding | None:
+    """Sensed normals that point as the sensor looks: into the material."""
+    cosines = np.sum(normals * directions, axis=1)
+    known = cosines[np.isfinite(cosines)]
+    if len(known) < _FEW or np.mean(known > 0) <= _INTO:
+        return None
+    return Finding(
+        "normals",
+        f"The normals (nx, ny, nz) of {np.mean(known > 0):.0%} of the readings point as the sensor looks (dx, dy, dz): "
+        "normals are meant to point out of the material. Did you mean the opposite?",
+    )
+
+
+def _gone_through(answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part]) -> str:
+    """Free-space rays that the best answer's part is surely in the way of."""
+    if not answer.hypotheses or not len(free):
+        return ""
+    best = answer.hypotheses[0]
+    part = next(part for part in prepare_all("parts", parts) if part.part.name == best.part)
+    short = gone_through(free, best.T_world_part, best.covariance, best.shared, part)
+    rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
+    if not len(rows):
+        return ""
+    named = ", ".join(f"{ids[k]} (it ends {1e3 * short[k]:.2g} mm further)" for k in rows[:_RAYS])
+    rest = f" and {len(rows) - _RAYS} more" if len(rows) > _RAYS else ""
+    return f"{best.part} is in the way of {len(rows)} of {len(ids)} paths on which nothing was met: {named}{rest}."
+
+
+def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]) -> str:
+    """That readings of no known part lie farther apart than any part is wide, as millimetres would."""
+    if answer.status != "unknown" or not len(measured.points):
+        return ""
+    away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
+    widest = max(2 * part.part.radius for part in prepare_all("parts", parts))
+    if away <= _TOO_WIDE * widest:
+        return ""
+    return (
+        f"Half of the readings are more than {away:.3g} m from their middle, and the largest part measures "
+        f"{widest:.3g} m: lengths are in metres."
+    )
+
+
+def _away(points: Vectors) -> FloatArray:
+    """Distances from the middle ``(n,)`` [m]."""
+    return np.asarray(np.linalg.norm(points - np.median(points, axis=0), axis=1))
+
+
+def _others(unit: str) -> tuple[str, ...]:
+    """The unit itself and what else it might be; itself alone where it was not a choice."""
+    return (unit, *(u for u in _UNITS if u != unit)) if unit else (unit,)
+
+
+def _fits(span: float, sizes: Sequence[float]) -> bool:
+    low, high = _LIKELY
+    return any(low <= span / size <= high and _HANDLED[0] <= size <= _HANDLED[1] for size in sizes)
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.3g} m" if metres >= 0.1 else f"{1e3 * metres:.3g} mm"
