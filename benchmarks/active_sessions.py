@@ -92,7 +92,7 @@ def policies(sensor, scenes, seed, keep, processes, names=POLICIES, unknown=None
     text = (
         f"{len(twenty())} parts, {scenes} scenes, {probe.name} of {1e3 * float(probe.law.const):g} mm, place known to "
         f"{1e3 * PLACE[0]:g} mm and {PLACE[1]:g} rad an axis; placed: largest corner sd {1e3 * corner:g} mm; at most "
-        f"{MOST} readings; prior of unknown object {USUAL if unknown is None else unknown:g}; seed {seed}."
+        f"{MOST} readings; prior of the unknown object {USUAL if unknown is None else unknown:g}; seed {seed}."
     )
     return Table(f"Readings needed, {probe.name}", text, columns, table)
 

@@ -50,7 +50,7 @@ def test_links_lead_somewhere(page):
         file = (page.parent / path).resolve() if path else page
         assert file.exists(), f"{name(page)}: {target}"
         assert file.is_relative_to(ROOT), f"{name(page)}: {target} leaves the repository"
-        if anchor:
+        if anchor and file.suffix == ".md":  # lines of programs: tests/test_tour.py
             assert anchor in anchors(file), f"{name(page)}: {target}"
 
 

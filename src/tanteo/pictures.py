@@ -32,7 +32,7 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
-        InputError: The preset touches, or the file's suffix is unknown object.
+        InputError: The preset touches, or the file's suffix is of another kind.
         OSError: The file cannot be written.
     """
     if preset.is_contact:
@@ -74,7 +74,7 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
-        InputError: The file's suffix is unknown object.
+        InputError: The file's suffix is of another kind.
         OSError: The file cannot be written.
     """
     figure = _figure(10, 4.2)

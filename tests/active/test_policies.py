@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
-from tanteo.active import POLICIES, DecisionContext, begin, draw, most_told, predict, propose
+from tanteo.active import POLICIES, DecisionContext, begin, draw, most_information, predict, propose
 from tanteo.active.utility import about_mode, expected_information
 from tanteo.inference import prepare
 from tanteo.parts import read_part
@@ -149,4 +149,4 @@ def test_the_best_is_what_the_best_candidate_tells(start):
     state = begin(start)
     candidates = propose(state, LASER, 300)
     told = expected_information(*_predicted(state, candidates), LASER)
-    assert most_told(DecisionContext(state, candidates, LASER, None, None, 0, 0)) == told.max()
+    assert most_information(DecisionContext(state, candidates, LASER, None, None, 0, 0)) == told.max()

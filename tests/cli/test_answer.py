@@ -52,7 +52,7 @@ def test_the_first_line_is_the_answer():
     text = "\n".join(lines)
     assert "quaternion  w 0.951549  x 0.038135  y 0.189308  z 0.239298" in text
     assert "sd          x 1  y 2  z 3 mm" in text
-    assert "None of these parts: 3.0 %." in text
+    assert "Unknown object: 3.0 %." in text
     assert "It could also be" not in text
     assert "T_world_part" not in text
 
@@ -63,7 +63,7 @@ def test_order_of_what_follows():
     text = "\n".join(answer_lines(recognition(best, other, status="ambiguous"), verbose=True))
     marks = [
         "ambiguous, best guess bracket at", "2 equivalent poses", "T_world_part (metres):", "1 on plane 12",
-        "It could also be:", "mirrored [bold]", "20.0 %", "None of these parts", "Readings that do not fit: 7, 9.",
+        "It could also be:", "mirrored [bold]", "20.0 %", "Unknown object", "Readings that do not fit: 7, 9.",
         "Not observed: rotation about part z.", "Time: load 0.400 s", "It is the bracket.",
     ]  # fmt: skip
     assert sorted(marks, key=text.index) == marks
@@ -79,14 +79,14 @@ def test_undecided_headlines(status, start):
 
 def test_a_test_that_speaks_against_likely_parts_is_said():
     lines = answer_lines(recognition(hypothesis(), status="unknown", unknown=1e-6))
-    assert not any(line.startswith("None of these parts") for line in lines)
+    assert not any(line.startswith("Unknown object") for line in lines)
     assert any(line.startswith("A test says that unknown object parts fits") for line in lines)
 
 
 def test_no_hypothesis_at_all():
     lines = answer_lines(recognition(status="unknown", unknown=1.0, message="Touch again."))
     assert lines[0] == "unknown: no part fits these readings"
-    assert "None of these parts: > 99.9 %." in lines
+    assert "Unknown object: > 99.9 %." in lines
     assert lines[-1] == "Touch again."
 
 

@@ -41,7 +41,7 @@ def test_the_same_seed_gives_the_same_run(targets):
     ends = []
     for _ in range(2):
         unknown = unknown_scene(targets[:2], 0, np.random.default_rng(7))
-        session = unknown_session(unknown, most=6)
+        session = unknown_session(unknown, max_measurements=6)
         run(unknown, session)
         ends.append(session)
     np.testing.assert_array_equal(ends[0].readings.ranges, ends[1].readings.ranges)
@@ -67,7 +67,7 @@ def test_without_room_it_ends_and_says_so(targets):
 def test_a_clamp_that_nobody_told_of_is_not_touched_by_fingers(targets):
     """What a motion that cannot go on has met is told, and asked for in another way."""
     unknown = unknown_scene(targets[:2], 1, np.random.default_rng(9), told=False)
-    session = unknown_session(unknown, most=24)
+    session = unknown_session(unknown, max_measurements=24)
     done = run(unknown, session)
     assert done.visits
     assert unknown.clear > 0

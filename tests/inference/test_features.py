@@ -285,7 +285,7 @@ def test_what_parts_are_like_is_a_share():
             Priors(right_angled=value)
 
 
-@pytest.mark.parametrize("name", ["unknown", "outlier_rate", "kin"])
+@pytest.mark.parametrize("name", ["unknown", "outlier_rate", "near_variant"])
 def test_what_is_assumed_is_a_probability(name):
     for value in (0.0, 1.0, -0.1, np.nan):
         with pytest.raises(InputError, match=rf"priors, {name}: .* got {value}. A tiny"):

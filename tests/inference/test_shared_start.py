@@ -63,7 +63,7 @@ def test_a_sensor_that_is_mounted_roughly_hides_no_pose(housing, k):
     """Pose proposals alone lead to maxima that leave six readings aside, or that lie 15 standard deviations off."""
     rng = np.random.default_rng((90, k))
     T = box_centred_pose(rng)
-    answer = identify_points(mounted(housing, T, 25, rng, off=3e-3, rotated=0.03), FreeRays.none(), [housing])
+    answer = identify_points(mounted(housing, T, 25, rng, off=3e-3, turned=0.03), FreeRays.none(), [housing])
     assert answer.status == "recognized"
     best = answer.hypotheses[0]
     assert best.outliers == ()

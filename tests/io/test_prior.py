@@ -163,7 +163,7 @@ NEAR = "[pose_prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
     ("text", "message"),
     [
         ("", "got an empty file"),
-        ("tabel = 1\n", "expected one of table, box, near, got 'tabel'"),
+        ("tabel = 1\n", "expected one of table, box, pose_prior, got 'tabel'"),
         ("table = 0\n", "prior.toml, table: expected a table"),
         ("[table]\nsd_mm = 1\n", "expected top_mm or point_mm with normal"),
         ("[table]\ntop_mm = 1\npoint_mm = [1, 2, 3]\nsd_mm = 1\n", "got both"),
@@ -177,12 +177,12 @@ NEAR = "[pose_prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
         (NEAR + "turn_sd_deg = 1\n", "expected 'sd_mm'"),
         (
             NEAR + "sd_mm = [1, 2]\nturn_sd_deg = 1\n",
-            "near, sd_mm: expected one positive number or three, got [1, 2]",
+            "pose_prior, sd_mm: expected one positive number or three, got [1, 2]",
         ),
-        (NEAR + "sd_mm = 0\nturn_sd_deg = 1\n", "near, sd_mm: expected one positive number or three, got 0"),
+        (NEAR + "sd_mm = 0\nturn_sd_deg = 1\n", "pose_prior, sd_mm: expected one positive number or three, got 0"),
         (
             NEAR + "sd_mm = 1\nturn_sd_deg = [1, -2, 1]\n",
-            "near, turn_sd_deg: expected one positive number or three, got",
+            "pose_prior, turn_sd_deg: expected one positive number or three, got",
         ),
         (
             "[table]\ntop_mm = 1\nsd_mm = 1\nnormal = [0, 0, 0]\n",
@@ -195,7 +195,7 @@ NEAR = "[pose_prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
         (NEAR + "sd_mm = 1\nturn_sd = 1\n", "expected one of turn_sd_deg, turn_sd_rad"),
         (NEAR + "covariance_m_rad = [1, 2]\n", "expected 36 numbers, got 2"),
         (NEAR + f"covariance_m_rad = {np.zeros((6, 6)).tolist()}\n", "expected a positive variance"),
-        (NEAR + f"covariance_m_rad = {(-np.eye(6)).tolist()}\n", "near, covariance_m_rad"),
+        (NEAR + f"covariance_m_rad = {(-np.eye(6)).tolist()}\n", "pose_prior, covariance_m_rad"),
         (NEAR + f"ros_covariance_m_rad = {np.eye(6).tolist()}\nturn_sd_deg = 3\n", "got sd_mm and turn_sd_deg and ros"),
         (NEAR + "kuka = [1, 2, 3, 4, 5, 6]\nsd_mm = 1\nturn_sd_deg = 1\n", "expected one pose"),
         ("[pose_prior]\nsd_mm = 1\nturn_sd_deg = 1\n", "expected one pose"),

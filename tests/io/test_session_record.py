@@ -284,7 +284,7 @@ def test_readings_that_cannot_be_are_named(recorded):
     document = json.loads(path.read_text())
     document["observations"].append(document["observations"][0])
     path.write_text(json.dumps(document))
-    with pytest.raises(InputError, match=r"told\[1\]: id: expected every reading to have its own"):
+    with pytest.raises(InputError, match=r"observations\[1\]: id: expected every reading to have its own"):
         read_record(path)
     document["start"]["part"] = [1]
     path.write_text(json.dumps(document))
@@ -309,7 +309,7 @@ def settle(path, target):
     complaint = str(path)
     try:
         record = load_record(path)
-        resumed(replace(record, told=(), asked=None), [target] * len(record.parts))
+        resumed(replace(record, observations=(), asked=None), [target] * len(record.parts))
     except InputError as error:
         complaint = str(error)
     assert complaint.startswith(str(path))

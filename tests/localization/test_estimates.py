@@ -198,7 +198,7 @@ def test_ignoring_shared_errors_is_overconfident():
         pairings = []
         for pairing in scene.pairings([T[t] for T in Ts]):
             P = pairing.sensed.P + sum(
-                term.gain @ term.error.covariance @ term.gain.T for term in pairing.sensed.shared
+                term.jacobian @ term.error.covariance @ term.jacobian.T for term in pairing.sensed.shared
             )
             pairings.append(replace(pairing, sensed=replace(pairing.sensed, P=0.5 * (P + P.T), shared=())))
         e = estimate_pose(pairings)
@@ -319,7 +319,7 @@ def test_invariance(name):
         kind = pairing.sensed.kind
         S = free_motion(kind, rng)
         A = kind.B @ SE3.adjoint_inverse(S) @ kind.B.T
-        terms = tuple(SharedTerm(term.error, A @ term.gain) for term in pairing.sensed.shared)
+        terms = tuple(SharedTerm(term.error, A @ term.jacobian) for term in pairing.sensed.shared)
         P = A @ pairing.sensed.P @ A.T
         sensed = replace(
             pairing.sensed, T_world_feature=pairing.sensed.T_world_feature @ S, P=0.5 * (P + P.T), shared=terms
@@ -339,7 +339,7 @@ def test_invariance(name):
     elsewhere = []
     for pairing in pairings:
         T = W @ pairing.sensed.T_world_feature
-        terms = (SharedTerm(base, pairing.sensed.shared[0].gain @ SE3.adjoint_inverse(W)), pairing.sensed.shared[1])
+        terms = (SharedTerm(base, pairing.sensed.shared[0].jacobian @ SE3.adjoint_inverse(W)), pairing.sensed.shared[1])
         elsewhere.append(replace(pairing, sensed=replace(pairing.sensed, T_world_feature=T, shared=terms)))
     same(estimate_pose(elsewhere, start=W @ start), W @ e.T_world_part)
 

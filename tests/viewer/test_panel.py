@@ -28,7 +28,7 @@ def test_before_the_first_reading(session):
     assert [n for n in ("bracket_left", "bracket_right", "unknown object") if n in bars] == [
         "bracket_left", "bracket_right", "unknown object",
     ]  # fmt: skip
-    assert "Nothing yet" in panel.told([])
+    assert "Nothing yet" in panel.steps([])
 
 
 def test_swatches_have_the_colours_of_what_is_drawn(session):
@@ -43,13 +43,13 @@ def test_what_a_file_says_is_escaped(session):
     evil = replace(target, part=replace(target.part, name="<img src=x>"))
     start = replace(now.state.start, targets=(evil, *now.state.start.targets[1:]))
     now = replace(now, state=replace(now.state, start=start))
-    for words in (panel.bars(now), panel.status(now, "<b>x</b>"), panel.told(["<i>"]), panel.verdict(now, ["<u>"])):
+    for words in (panel.bars(now), panel.status(now, "<b>x</b>"), panel.steps(["<i>"]), panel.verdict(now, ["<u>"])):
         assert not re.search(r"<(img|b|i|u)[ >]", words)
     assert "&lt;img src=x&gt;" in panel.bars(now)
 
 
 def test_only_the_last_lines_are_shown_the_last_first():
-    words = panel.told([f"line {k}" for k in range(20)])
+    words = panel.steps([f"line {k}" for k in range(20)])
     assert re.findall(r"line (\d+)", words) == [str(k) for k in range(19, 11, -1)]
 
 

@@ -139,7 +139,7 @@ def acquire_plane(session: Session, guess: FaceGuess, label: str, *, beside: Fea
             continue
         reach = HOVER + _BELOW * session.standoff
         down = session.does(approach(session.robot, session.standoff, session.rules, reach=reach))
-        attempt = meant(guess, scan(session, label, width)) if down.reached else failed(down)
+        attempt = as_guessed(guess, scan(session, label, width)) if down.reached else failed(down)
         if attempt[0] in ("acquired", "timeout"):
             return attempt
         tried.places.append(session.places[-1])
@@ -151,7 +151,7 @@ def acquire_plane(session: Session, guess: FaceGuess, label: str, *, beside: Fea
     return attempt
 
 
-def meant(guess: FaceGuess, attempt: Attempt) -> Attempt:
+def as_guessed(guess: FaceGuess, attempt: Attempt) -> Attempt:
     """A face that was sensed, unless the idea was known too well for it to be the one that was meant."""
     face = attempt[2]
     if face is None:

@@ -20,7 +20,7 @@ from tanteo.active.measures import (
 )
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.plans import Plan, PlannedReading, plan
-from tanteo.active.policies import POLICIES, most_told, policy_named
+from tanteo.active.policies import POLICIES, most_information, policy_named
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
 from tanteo.active.start import Start, around, at_pose, from_hypotheses
@@ -70,7 +70,7 @@ __all__ = [
     "information_bounds",
     "kl_divergence",
     "largest_corner_sd",
-    "most_told",
+    "most_information",
     "mutual_information",
     "places_of",
     "plan",

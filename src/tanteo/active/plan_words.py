@@ -42,7 +42,7 @@ def in_doubt(meets: FloatArray, within: float) -> str:
     )
 
 
-def from_too_rough(design: Design, tolerance: float, within: float) -> str:
+def from_wide_prior(design: Design, tolerance: float, within: float) -> str:
     """That no readings that are chosen beforehand do, as the start is too rough."""
     before = design.places.sd(design.pose(design.prior))
     return (

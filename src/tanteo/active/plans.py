@@ -19,7 +19,7 @@ from tanteo.active.design import Design, design_of
 from tanteo.active.places import check_feature, places_of
 from tanteo.active.plan_words import (
     aim,
-    from_too_rough,
+    from_wide_prior,
     in_doubt,
     reaches_nothing,
     too_close,
@@ -154,7 +154,9 @@ def plan(
         return _nothing_to_do(start, design, tolerance, within)
     design, chosen, can = _steadiest(start, probe, tolerance, confidence, max_measurements, seed, design)
     found = _as_plan(start, design, chosen, tolerance, confidence)
-    if not (found.reached or can) and (why := _too_rough(start, probe, design, found, tolerance, confidence, seed)):
+    if not (found.reached or can) and (
+        why := _too_wide_a_prior(start, probe, design, found, tolerance, confidence, seed)
+    ):
         found = replace(found, message=why)
     if why := too_close(design, found.room):
         found = replace(found, message=f"{found.message} {why}")
@@ -212,7 +214,7 @@ def _nowhere(start: Start, probe: Probe, seed: int) -> str:
     return reaches_nothing(start.targets[0].part.name, probe)
 
 
-def _too_rough(
+def _too_wide_a_prior(
     start: Start, probe: Probe, design: Design, found: Plan, tolerance: float, confidence: float, seed: int
 ) -> str:
     """That from so rough a start no readings do, where they would if it were better known; empty otherwise."""
@@ -222,4 +224,4 @@ def _too_rough(
     better = design_of(finer, probe, seed, design.places.feature)
     if better is None or better.best(tolerance) < confidence:
         return ""
-    return from_too_rough(design, tolerance, found.readings[-1].within)
+    return from_wide_prior(design, tolerance, found.readings[-1].within)

@@ -22,7 +22,7 @@ _ALONE, _MEANWHILE = 0.01, 0.3
 between equals; and until it is known, where the pose is asked for as well."""
 
 
-def most_told(context: DecisionContext) -> float:
+def most_information(context: DecisionContext) -> float:
     """What the best candidate is expected to tell [nats], whichever one a policy takes: by this a session ends."""
     return float(_told(context)[2].max())
 

@@ -22,7 +22,7 @@ _BEYOND = 1.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """Rough poses of parts, each normal, with their probabilities; the unknown object has the rest.
+    """Prior poses of parts, each normal, with their probabilities; the unknown object has the rest.
 
     Attributes:
         targets: the parts, prepared (``inference.prepare``).

@@ -24,7 +24,7 @@ def check_question(parts: Any, significance: float, top: int, seed: int, priors:
         raise InputError("parts: expected at least one part, got none.")
     check_number("significance", significance)
     if not 0 < significance < 1:
-        raise InputError(f"alpha: expected a probability between 0 and 1, got {significance}.")
+        raise InputError(f"significance: expected a probability between 0 and 1, got {significance}.")
     check_count("top", top, 1)
     check_count("seed", seed, 0)
     if priors is not None:

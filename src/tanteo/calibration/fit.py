@@ -60,7 +60,7 @@ class Fit:
 def refine(
     setup: Setup, log: PlaneLog, prior: Prior, *, share: float = 0.5, law: PlaceLaw | None = None, passes: int = _PASSES
 ) -> Fit:
-    """Climb from one start: weights of outliers, setup and noise in turns, until nothing moves.
+    """Maximize from one start: weights of outliers, setup and noise in turns, until nothing moves.
 
     Args:
         setup: The start.

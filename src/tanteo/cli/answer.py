@@ -33,9 +33,9 @@ def answer_lines(answer: Answer, known: str = "", *, frame: str = "world", verbo
     if len(answer.hypotheses) > 1:
         lines += ["", "It could also be:", *_others(answer.hypotheses[1:])]
     if answer.status == "unknown" and best is not None and best.probability > answer.unknown_probability:
-        lines += ["", "A test says that unknown object parts fits; the probabilities are what they were if one did."]
+        lines += ["", "A test says that none of the parts fits; the probabilities are what they were if one did."]
     elif best is not None or answer.status == "unknown":
-        lines += ["", f"None of these parts: {_percent(answer.unknown_probability)}."]
+        lines += ["", f"Unknown object: {_percent(answer.unknown_probability)}."]
     if best is not None and best.outliers:
         lines.append(f"Readings that do not fit: {_outliers(best)}.")
     if best is not None and best.unobserved:

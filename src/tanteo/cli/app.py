@@ -6,12 +6,35 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.completing import robot_names, sensor_names
+from tanteo.cli.arguments import (
+    AsPublished,
+    BoxAt,
+    Grouped,
+    Json,
+    OutlierRate,
+    PartPath,
+    PartPaths,
+    PosePriorAt,
+    PriorPath,
+    ReadingsPath,
+    Report,
+    RigPath,
+    Robot,
+    Sd,
+    Seed,
+    Sensor,
+    Significance,
+    TableAt,
+    TipSd,
+    Tolerance,
+    Top,
+    Units,
+    UnknownPrior,
+    Verbose,
+)
 from tanteo.cli.demo_app import demo
 from tanteo.cli.plan_app import plan
-from tanteo.cli.prior_options import BoxAt, Near, NoneOf, PriorPath, Strays, TableAt
 from tanteo.cli.replay_app import replay
-from tanteo.cli.reporting_option import Report
 from tanteo.cli.sense_app import sense_app
 from tanteo.cli.sensor_app import sensor_app
 from tanteo.cli.view_app import view
@@ -24,53 +47,6 @@ app = typer.Typer(
     epilog="Exit codes: 0 answered, 1 failed, 2 misused, 3 ambiguous, unknown or insufficient.",
 )
 part_app = typer.Typer(help="Look at CAD files.", rich_markup_mode=None, no_args_is_help=True)
-app.add_typer(part_app, name="part")
-app.command()(demo)
-app.command()(plan)
-app.command()(replay)
-app.command()(view)
-app.add_typer(sense_app, name="sense")
-app.add_typer(sensor_app, name="sensor")
-
-ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="Readings file (CSV).")]
-PartPaths = Annotated[
-    list[str],
-    typer.Option("--parts", metavar="FILE_OR_FOLDER...", help="CAD files (STEP, STL) or folders of them."),
-]
-PartPath = Annotated[str, typer.Option("--part", metavar="FILE", help="CAD file of the part (STEP, STL, ...).")]
-Units = Annotated[
-    str | None,
-    typer.Option("--units", metavar="UNIT", help="Unit of STL, OBJ, PLY and OFF: mm, cm, m, um, in, ft."),
-]
-Sensor = Annotated[
-    str | None,
-    typer.Option("--sensor", metavar="NAME", help="Preset with the sensor's errors.", autocompletion=sensor_names),
-]
-Sd = Annotated[
-    str | None,
-    typer.Option("--sd", metavar="LENGTH", help="One standard deviation of readings without their own, as 0.3mm."),
-]
-Tolerance = Annotated[
-    str,
-    typer.Option("--tolerance", metavar="LENGTH", help="Standard deviation of the made part from its CAD, as 0.1mm."),
-]
-Robot = Annotated[
-    str | None,
-    typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.", autocompletion=robot_names),
-]
-TipSd = Annotated[
-    str | None,
-    typer.Option("--tip-sd", metavar="X,Y,Z", help="Tip offset's standard deviations in the hand, as 1.5,1.5,0.3mm."),
-]
-RigPath = Annotated[
-    str | None, typer.Option("--rig", metavar="FILE", help="Where the range sensors sit on the hand (TOML).")
-]
-Alpha = Annotated[float, typer.Option("--significance", help="Significance level of the tests.")]
-Top = Annotated[int, typer.Option("--top", help="How many hypotheses to report.")]
-AsPublished = Annotated[bool, typer.Option("--as-published", help="Use the equations as the paper prints them.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
-Seed = Annotated[int, typer.Option("--seed", help="Of the search: the same seed gives the same answer.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")]
 
 
 def _version(wanted: bool) -> None:
@@ -90,7 +66,7 @@ def root(
     """Which part is it, where is it, and how sure are we: from touches and ranges against CAD files."""
 
 
-@app.command()
+@app.command(cls=Grouped)
 def identify(
     readings: ReadingsPath,
     parts: PartPaths,
@@ -100,14 +76,14 @@ def identify(
     tolerance: Tolerance = "0mm",
     robot: Robot = None,
     tip_sd: TipSd = None,
-    outliers: Strays = None,
-    none: NoneOf = None,
+    outlier_rate: OutlierRate = None,
+    unknown_prior: UnknownPrior = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
-    near: Near = None,
+    pose_prior: PosePriorAt = None,
     prior: PriorPath = None,
-    significance: Alpha = 0.01,
+    significance: Significance = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
     report: Report = None,
@@ -124,13 +100,14 @@ def identify(
         with misuse():
             options = read_options(
                 units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd,
-                outliers=outliers, none=none, significance=significance, top=top, as_published=as_published, seed=seed,
+                outlier_rate=outlier_rate, unknown_prior=unknown_prior, significance=significance, top=top,
+                as_published=as_published, seed=seed,
             )  # fmt: skip
-        pose = read_pose_prior(table, box, near, prior)
+        pose = read_pose_prior(table, box, pose_prior, prior)
         recognize(readings, parts, rig, options, pose, report=report, as_json=json, verbose=verbose)
 
 
-@app.command()
+@app.command(cls=Grouped)
 def locate(
     readings: ReadingsPath,
     part: PartPath,
@@ -140,14 +117,14 @@ def locate(
     tolerance: Tolerance = "0mm",
     robot: Robot = None,
     tip_sd: TipSd = None,
-    outliers: Strays = None,
-    none: NoneOf = None,
+    outlier_rate: OutlierRate = None,
+    unknown_prior: UnknownPrior = None,
     rig: RigPath = None,
     table: TableAt = None,
     box: BoxAt = None,
-    near: Near = None,
+    pose_prior: PosePriorAt = None,
     prior: PriorPath = None,
-    significance: Alpha = 0.01,
+    significance: Significance = 0.01,
     top: Top = 5,
     as_published: AsPublished = False,
     report: Report = None,
@@ -161,12 +138,13 @@ def locate(
     with guarded():
         require_file("--part", part)
     identify(
-        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, outliers, none, rig, table, box, near, prior,
+        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, outlier_rate, unknown_prior, rig, table,
+        box, pose_prior, prior,
         significance, top, as_published, report, json, seed, verbose,
     )  # fmt: skip
 
 
-@app.command()
+@app.command(cls=Grouped)
 def see(
     image: Annotated[str, typer.Argument(metavar="IMAGE", help="Image file (PNG, JPEG, ...).")],
     camera: Annotated[
@@ -197,7 +175,13 @@ def see(
         see_image(SeeOptions(image, camera, parts, unit, marks, picture, count), as_json=json, verbose=verbose)
 
 
-@part_app.command("show")
+app.command(cls=Grouped)(plan)
+app.add_typer(sense_app, name="sense")
+app.command(cls=Grouped)(view)
+app.command(cls=Grouped)(replay)
+
+
+@part_app.command("show", cls=Grouped)
 def show(
     file: Annotated[str, typer.Argument(metavar="FILE", help="CAD file (STEP, STL, ...).")],
     units: Units = None,
@@ -214,7 +198,12 @@ def show(
         show_part(file, unit, as_json=json, verbose=verbose)
 
 
-@app.command()
+app.add_typer(sensor_app, name="sensor")
+app.add_typer(part_app, name="part")
+app.command(cls=Grouped)(demo)
+
+
+@app.command(cls=Grouped)
 def doctor(json: Json = False) -> None:
     """Say what is installed and whether it works: versions, extras, a self-test."""
     from tanteo.cli.doctoring import run_doctor

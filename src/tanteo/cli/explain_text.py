@@ -14,17 +14,17 @@ _NOTABLE = 0.05
 """Share of the information on a direction from which a reading is named."""
 
 
-def explain_lines(told: Explanation) -> list[str]:
+def explain_lines(explanation: Explanation) -> list[str]:
     """The lines for a person."""
-    if not told.added:
+    if not explanation.added:
         return ["Nothing was told, so there is nothing to explain."]
     headers = ["reading", "met", "part nats", "pose nats", "corner mm", "likeliest", "P", "what it narrowed most", "to"]
     lines = [bold("What each reading told:")]
-    lines += table(headers, [_step(a) for a in told.added], left=(0, 1, 5, 7), indent=2)
-    if told.directions:
-        lines += ["", bold(f"What the pose of {told.part} rests on, the worst known direction first:")]
+    lines += table(headers, [_step(a) for a in explanation.added], left=(0, 1, 5, 7), indent=2)
+    if explanation.directions:
+        lines += ["", bold(f"What the pose of {explanation.part} rests on, the worst known direction first:")]
         headers = ["direction", "corners mm", "readings", "prior pose"]
-        lines += table(headers, [_direction(d) for d in told.directions], left=(0, 2), indent=2)
+        lines += table(headers, [_direction(d) for d in explanation.directions], left=(0, 2), indent=2)
     return lines
 
 

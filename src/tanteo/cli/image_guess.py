@@ -77,7 +77,7 @@ def guess_from_image(kind: str, scene: SceneFile, options: GuessOptions) -> Pred
     best, unknown = seen.answer.hypotheses[0], seen.answer.unknown_probability
     if unknown > best.probability:
         raise InputError(
-            f"--image: expected one of the parts of --parts, got unknown object with {100 * unknown:.0f} %. "
+            f"--image: expected one of the parts of --parts, got an unknown object with {100 * unknown:.0f} %. "
             "Add the CAD file of what lies there."
         )
     part = next(part for part in parts if part.name == best.part)

@@ -95,21 +95,21 @@ def view_of(scene: SceneFile, options: ImageOptions) -> View:
     return View(image, camera, T_world_table, _furniture(scene, camera))
 
 
-def start_from_view(view: View, targets: tuple[PreparedPart, ...], rough: Start | None) -> Start | None:
+def start_from_view(view: View, targets: tuple[PreparedPart, ...], prior: Start | None) -> Start | None:
     """What the image leaves open, said on standard error; None if it shows nothing and there is no prior pose.
 
     Args:
         view: the image and its camera.
         targets: the parts.
-        rough: where they may be without the image.
+        prior: where they may be without the image.
     """
     from tanteo.execution import seen_start
 
-    seen = seen_in(view, [target.part for target in targets], rough)
-    return rough if seen is None else seen_start(seen, targets, rough)
+    seen = seen_in(view, [target.part for target in targets], prior)
+    return prior if seen is None else seen_start(seen, targets, prior)
 
 
-def seen_in(view: View, parts: Sequence[Part], rough: Start | None = None) -> Sighting | None:
+def seen_in(view: View, parts: Sequence[Part], prior: Start | None = None) -> Sighting | None:
     """The object that is meant, None without any; what it may be is said on standard error."""
     from tanteo.execution import HYPOTHESES, part_seen
     from tanteo.vision import see_table
@@ -117,7 +117,7 @@ def seen_in(view: View, parts: Sequence[Part], rough: Start | None = None) -> Si
     sight = see_table(
         view.image, view.camera, parts, T_world_table=view.T_world_table, top=HYPOTHESES, ignore=view.ignore
     )
-    seen = part_seen(sight, rough)
+    seen = part_seen(sight, prior)
     emit([printable(image_words(seen))], sys.stderr)
     return seen
 

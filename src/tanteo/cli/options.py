@@ -68,8 +68,8 @@ class RunOptions:
         sd: One standard deviation of readings without their own.
         tolerance: Standard deviation of the made part against its CAD.
         tip_sd: Of the tip's offset in the hand's frame.
-        outliers: Share of readings expected to be off the part; None for the usual.
-        none: Probability beforehand that it is none of the parts; None for the usual.
+        outlier_rate: Share of readings expected to be off the part; None for the usual.
+        unknown_prior: Probability beforehand that it is none of the parts; None for the usual.
         significance: Share of true hypotheses that the tests may lose.
         top: How many hypotheses to report.
         as_published: Use the paper's equations as printed.
@@ -82,8 +82,8 @@ class RunOptions:
     sd: float | None
     tolerance: float
     tip_sd: tuple[float, ...] | None
-    outliers: float | None
-    none: float | None
+    outlier_rate: float | None
+    unknown_prior: float | None
     significance: float
     top: int
     as_published: bool
@@ -98,8 +98,8 @@ def read_options(
     sd: str | None,
     tolerance: str,
     tip_sd: str | None,
-    outliers: str | None,
-    none: str | None,
+    outlier_rate: str | None,
+    unknown_prior: str | None,
     significance: float,
     top: int,
     as_published: bool,
@@ -129,8 +129,8 @@ def read_options(
         sd=None if sd is None else _require("--sd", parse_length(sd, "--sd"), sd, positive=True),
         tolerance=_require("--tolerance", parse_length(tolerance, "--tolerance"), tolerance, positive=False),
         tip_sd=None if tip_sd is None else _three("--tip-sd", parse_lengths(tip_sd, "--tip-sd"), tip_sd),
-        outliers=read_outlier_rate(outliers),
-        none=read_none(none),
+        outlier_rate=read_outlier_rate(outlier_rate),
+        unknown_prior=read_unknown_prior(unknown_prior),
         significance=significance,
         top=top,
         as_published=as_published,
@@ -143,7 +143,7 @@ def read_outlier_rate(text: str | None) -> float | None:
     return None if text is None else _share("--outlier-rate", text, 0.5, "one half")
 
 
-def read_none(text: str | None) -> float | None:
+def read_unknown_prior(text: str | None) -> float | None:
     """The probability of ``--unknown-prior``; None if it was not typed."""
     return None if text is None else _share("--unknown-prior", text, 1.0, "one")
 

@@ -42,7 +42,10 @@ def start_of(
     start = _seen_or_rough(scene, parts, known, view)
     if start is None:
         return None
-    outlier_rate, unknown = options.outliers or start.priors.outlier_rate, options.none or start.priors.unknown
+    outlier_rate, unknown = (
+        options.outlier_rate or start.priors.outlier_rate,
+        options.unknown_prior or start.priors.unknown,
+    )
     return replace(start, priors=replace(start.priors, outlier_rate=outlier_rate, unknown=unknown))
 
 

@@ -6,12 +6,14 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.completing import robot_names, sensor_names
-from tanteo.cli.prior_options import Near
-from tanteo.cli.reporting_option import Report
-from tanteo.cli.session_options import Feature
-
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+from tanteo.cli.arguments import (
+    Feature,
+    Json,
+    PosePriorAt,
+    Report,
+    robot_names,
+    sensor_names,
+)
 
 
 def plan(
@@ -44,7 +46,7 @@ def plan(
         str | None,
         typer.Option("--robot", metavar="PRESET", help="Preset with the robot's errors.", autocompletion=robot_names),
     ] = None,
-    near: Near = None,
+    pose_prior: PosePriorAt = None,
     approach: Annotated[
         str | None,
         typer.Option(
@@ -82,7 +84,8 @@ def plan(
         with misuse():
             options = PlanOptions.read(
                 part=part, discriminate=discriminate or [], tolerance=tolerance, confidence=confidence, feature=feature,
-                sensor=sensor, sd=sd, robot=robot, near=near, approach=approach, standoff=standoff, clearance=clearance,
+                sensor=sensor, sd=sd, robot=robot, pose_prior=pose_prior, approach=approach,
+                standoff=standoff, clearance=clearance,
                 max_measurements=max_measurements, units=units, csv=csv, seed=seed,
             )  # fmt: skip
         run_plan(options, report, as_json=json)

@@ -31,7 +31,7 @@ class PlanOptions:
         confidence: with which they keep it.
         feature: name of the one to place instead of the corners, if any.
         probe: what senses.
-        near: prior pose of the part; None for that of its file, roughly.
+        pose_prior: prior pose of the part; None for that of its file, roughly.
         max_measurements: readings at most.
         units: of CAD files that carry none.
         csv: file to write, if any.
@@ -43,7 +43,7 @@ class PlanOptions:
     confidence: float
     feature: str | None
     probe: Probe
-    near: PosePrior | None
+    pose_prior: PosePrior | None
     max_measurements: int
     units: str | None
     csv: str | None
@@ -61,7 +61,7 @@ class PlanOptions:
         sensor: str | None,
         sd: str | None,
         robot: str | None,
-        near: str | None,
+        pose_prior: str | None,
         approach: str | None,
         standoff: str | None,
         clearance: str | None,
@@ -90,11 +90,11 @@ class PlanOptions:
                 "session (tanteo sense part --image)."
             )
         of_plans = {
-            "tolerance": tolerance, "confidence": confidence, "feature": feature, "near": near,
+            "tolerance": tolerance, "confidence": confidence, "feature": feature, "pose_prior": pose_prior,
             "max_measurements": max_measurements,
             "csv": csv,
         }  # fmt: skip
-        unused = [f"--{name}" for name, value in of_plans.items() if value is not None]
+        unused = [f"--{name.replace('_', '-')}" for name, value in of_plans.items() if value is not None]
         if discriminate and unused:
             raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Leave it out.")
         if part is not None and tolerance is None:
@@ -122,7 +122,7 @@ class PlanOptions:
             confidence=confidence,
             feature=feature,
             probe=_probe(sensor, sd, robot, approach, standoff, clearance),
-            near=read_pose_prior(None, None, near, None),
+            pose_prior=read_pose_prior(None, None, pose_prior, None),
             max_measurements=max_measurements,
             units=None if units is None else read_unit(units),
             csv=csv,

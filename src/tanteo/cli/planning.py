@@ -44,7 +44,7 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
     from tanteo.inference import prepare
     from tanteo.io import plan_csv, plan_json
 
-    T, C = _rough(parts[0], options.near)
+    T, C = _rough(parts[0], options.pose_prior)
     with misuse_of_options():
         found = plan(
             at_pose(prepare(parts[0]), T, C), options.probe, options.tolerance, options.confidence,
@@ -67,11 +67,11 @@ def run_plan(options: PlanOptions, report: str | None, *, as_json: bool) -> None
         raise typer.Exit(UNDECIDED)
 
 
-def _rough(part: Part, near: PosePrior | None) -> tuple[np.ndarray, np.ndarray]:
-    if near is not None:
-        assert near.T_world_part is not None
-        assert near.covariance is not None
-        return near.T_world_part, near.covariance
+def _rough(part: Part, pose_prior: PosePrior | None) -> tuple[np.ndarray, np.ndarray]:
+    if pose_prior is not None:
+        assert pose_prior.T_world_part is not None
+        assert pose_prior.covariance is not None
+        return pose_prior.T_world_part, pose_prior.covariance
     from tanteo.lie import SE3
 
     J = SE3.adjoint(SE3.from_parts(np.eye(3), part.centroid))  # known at the centroid
@@ -86,11 +86,11 @@ def _write(path: str, text: str) -> None:
 def plan_lines(plan: Plan, options: PlanOptions) -> list[str]:
     """The lines for a person."""
     worst = plan.feature or "largest corner sd"
-    if options.near is None:
+    if options.pose_prior is None:
         spread = f"{1e3 * _ROUGH[0]:g} mm and {np.degrees(_ROUGH[1]):g} deg"
         before = f"with its frame at the world's, to {spread} (say --pose-prior for another pose)"
     else:
-        before = prior_words(options.near)
+        before = prior_words(options.pose_prior)
     lines = [
         bold(printable(plan.message)),
         f"  sensor      {options.probe.name}",

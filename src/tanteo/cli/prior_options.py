@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from tanteo.cli.options import MisuseError, misuse
 from tanteo.cli.printing import complain
@@ -15,60 +13,32 @@ if TYPE_CHECKING:
     from tanteo.io import Brand
     from tanteo.typing import FloatArray
 
-TableAt = Annotated[
-    str | None,
-    typer.Option("--table", metavar="HEIGHT", help="The part rests on a level table at this height, as 0+-1mm."),
-]
-BoxAt = Annotated[
-    str | None,
-    typer.Option("--box", metavar="LOW,HIGH", help="The part is in this box of the world, as 0,0,0,500,400,200mm."),
-]
-Near = Annotated[
-    str | None,
-    typer.Option(
-        "--pose-prior", metavar="POSE", help="The part is near this pose, as '400,200,0mm 0,0,90deg +- 5mm 3deg'."
-    ),
-]
-PriorPath = Annotated[
-    str | None, typer.Option("--prior", metavar="FILE", help="The same from a file: table, box, prior pose (TOML).")
-]
-Strays = Annotated[
-    str | None,
-    typer.Option(
-        "--outlier-rate", metavar="SHARE", help="Of readings expected to be off the part, as 10%; 2% if not given."
-    ),
-]
-NoneOf = Annotated[
-    str | None,
-    typer.Option(
-        "--unknown-prior", metavar="SHARE", help="Probability beforehand of unknown object parts, as 0.1%; else 5%."
-    ),
-]
-
 _FIELDS = {"T_world_part": "--pose-prior", "covariance": "--pose-prior", "box": "--box", "table": "--table"}
 
 
-def read_pose_prior(table: str | None, box: str | None, near: str | None, file: str | None) -> PosePrior | None:
+def read_pose_prior(table: str | None, box: str | None, pose_prior: str | None, file: str | None) -> PosePrior | None:
     """What the four options say together; None if none is given.
 
     Args:
         table: of ``--table``.
         box: of ``--box``.
-        near: of ``--pose-prior``.
+        pose_prior: of ``--pose-prior``.
         file: of ``--prior``.
 
     Raises:
         MisuseError: an option cannot be meant, or says again what the file says.
         InputError: the file cannot be read.
     """
-    if table is box is near is file is None:
+    if table is box is pose_prior is file is None:
         return None
     from tanteo.answers import PosePrior
     from tanteo.io import BRANDS, parse_box, parse_pose_prior, parse_table, prior_brand, read_prior
 
     with misuse():
-        frame = None if near is None else parse_pose_prior(near, "--pose-prior")
-        _say_if_unverified("--pose-prior", BRANDS.get(near.split(maxsplit=1)[0].rstrip(":")) if near else None)
+        frame = None if pose_prior is None else parse_pose_prior(pose_prior, "--pose-prior")
+        _say_if_unverified(
+            "--pose-prior", BRANDS.get(pose_prior.split(maxsplit=1)[0].rstrip(":")) if pose_prior else None
+        )
         typed = PosePrior(
             T_world_part=None if frame is None else frame.T,
             covariance=None if frame is None else frame.C,

@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.reporting_option import Report
+from tanteo.cli.arguments import (
+    Report,
+)
 
 
 def replay(

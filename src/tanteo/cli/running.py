@@ -164,17 +164,17 @@ def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:
     """What is assumed beforehand; None for what always is."""
     from tanteo.answers import Priors
 
-    said = {"outlier_rate": options.outliers, "unknown": options.none}
+    said = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
     given = {name: value for name, value in said.items() if value is not None}
     return None if pose is None and not given else Priors(pose=pose, **given)
 
 
 def asked_rig(path: str) -> Rig:
     """A rig from a file, with a question where its lengths may be in metres."""
-    from tanteo.io import meant_metres, read_rig
+    from tanteo.io import read_rig, suspect_metres
 
     rig = read_rig(path)
-    if question := meant_metres(rig):
+    if question := suspect_metres(rig):
         complain("warning", question)
     return rig
 

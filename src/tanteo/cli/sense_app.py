@@ -6,20 +6,26 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.prior_options import Near, NoneOf, PriorPath, Strays
-from tanteo.cli.reporting_option import Report
-from tanteo.cli.session_options import (
+from tanteo.cli.arguments import (
     CameraFile,
     Confidence,
     Feature,
+    Grouped,
     ImageFile,
+    Json,
     MarksFile,
-    MeshUnits,
-    Most,
+    MaxMeasurements,
+    OutlierRate,
     PolicyName,
+    PosePriorAt,
+    PriorPath,
     Probability,
+    Report,
     SceneSeed,
-    Tolerance,
+    Units,
+    UnknownPrior,
+    Verbose,
+    Within,
 )
 
 sense_app = typer.Typer(
@@ -47,11 +53,9 @@ FaceName = Annotated[
     str | None,
     typer.Option("--face", metavar="NAME", help="Of the part in --image, as 'face 6' (see tanteo part show)."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say more.")]
 
 
-@sense_app.command("plane")
+@sense_app.command("plane", cls=Grouped)
 def sense_plane(
     scene: SceneFile,
     standoff: Standoff = None,
@@ -63,7 +67,7 @@ def sense_plane(
     camera: CameraFile = None,
     marks: MarksFile = None,
     face: FaceName = None,
-    units: MeshUnits = None,
+    units: Units = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -72,7 +76,7 @@ def sense_plane(
     _sense("plane", scene, standoff, seed, record, forbid or [], guess, json, verbose)
 
 
-@sense_app.command("edge")
+@sense_app.command("edge", cls=Grouped)
 def sense_edge(
     scene: SceneFile,
     standoff: Standoff = None,
@@ -84,7 +88,7 @@ def sense_edge(
     camera: CameraFile = None,
     marks: MarksFile = None,
     face: FaceName = None,
-    units: MeshUnits = None,
+    units: Units = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -93,7 +97,7 @@ def sense_edge(
     _sense("edge", scene, standoff, seed, record, forbid or [], guess, json, verbose)
 
 
-@sense_app.command("vertex")
+@sense_app.command("vertex", cls=Grouped)
 def sense_vertex(
     scene: SceneFile,
     standoff: Standoff = None,
@@ -105,7 +109,7 @@ def sense_vertex(
     camera: CameraFile = None,
     marks: MarksFile = None,
     face: FaceName = None,
-    units: MeshUnits = None,
+    units: Units = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -114,7 +118,7 @@ def sense_vertex(
     _sense("vertex", scene, standoff, seed, record, forbid or [], guess, json, verbose)
 
 
-@sense_app.command("part")
+@sense_app.command("part", cls=Grouped)
 def sense_part(
     scene: SceneFile,
     parts: Annotated[
@@ -123,16 +127,16 @@ def sense_part(
     ],
     policy: PolicyName = "information",
     probability: Probability = 0.99,
-    tolerance: Tolerance = None,
+    tolerance: Within = None,
     feature: Feature = None,
     confidence: Confidence = 0.95,
-    max_measurements: Most = 100,
+    max_measurements: MaxMeasurements = 100,
     standoff: Standoff = None,
-    units: MeshUnits = None,
-    near: Near = None,
+    units: Units = None,
+    pose_prior: PosePriorAt = None,
     prior: PriorPath = None,
-    outliers: Strays = None,
-    none: NoneOf = None,
+    outlier_rate: OutlierRate = None,
+    unknown_prior: UnknownPrior = None,
     image: ImageFile = None,
     camera: CameraFile = None,
     marks: MarksFile = None,
@@ -157,9 +161,9 @@ def sense_part(
             options = read_part_options(
                 policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
                 max_measurements=max_measurements, standoff=standoff, seed=seed, units=units,
-                outliers=outliers, none=none,
+                outlier_rate=outlier_rate, unknown_prior=unknown_prior,
             )  # fmt: skip
-        known = read_pose_prior(None, None, near, prior)
+        known = read_pose_prior(None, None, pose_prior, prior)
         seen = image_options(image, camera, marks)
         sense_unknown(scene, parts, options, known, seen, record, report, as_json=json, verbose=verbose)
 

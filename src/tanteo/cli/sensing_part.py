@@ -40,8 +40,8 @@ class PartOptions:
         standoff: Of the sensor from what it reads; None for the scene's.
         seed: Of all simulated errors and of the session; None for the scene's.
         units: Of part files that carry none.
-        outliers: Share of readings expected to be off the part; None for the usual one.
-        none: Probability beforehand of none of the parts, likewise.
+        outlier_rate: Share of readings expected to be off the part; None for the usual one.
+        unknown_prior: Probability beforehand of none of the parts, likewise.
     """
 
     policy: str
@@ -49,8 +49,8 @@ class PartOptions:
     standoff: float | None
     seed: int | None
     units: str | None
-    outliers: float | None
-    none: float | None
+    outlier_rate: float | None
+    unknown_prior: float | None
 
 
 def read_part_options(
@@ -64,8 +64,8 @@ def read_part_options(
     standoff: str | None,
     seed: int | None,
     units: str | None,
-    outliers: str | None,
-    none: str | None,
+    outlier_rate: str | None,
+    unknown_prior: str | None,
 ) -> PartOptions:
     """The options from what was typed.
 
@@ -73,7 +73,7 @@ def read_part_options(
         InputError: The first one that cannot be meant, named as on the command line.
     """
     from tanteo.active import Stop, policy_named
-    from tanteo.cli.options import read_none, read_outlier_rate, read_unit
+    from tanteo.cli.options import read_outlier_rate, read_unit, read_unknown_prior
     from tanteo.cli.sensing import read_standoff
     from tanteo.io import parse_length
 
@@ -98,7 +98,15 @@ def read_part_options(
         feature=feature,
     )
     unit = None if units is None else read_unit(units)
-    return PartOptions(policy, stop, read_standoff(standoff), seed, unit, read_outlier_rate(outliers), read_none(none))
+    return PartOptions(
+        policy,
+        stop,
+        read_standoff(standoff),
+        seed,
+        unit,
+        read_outlier_rate(outlier_rate),
+        read_unknown_prior(unknown_prior),
+    )
 
 
 def sense_unknown(

@@ -6,19 +6,24 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.completing import preset_names, robot_names, sensor_names
+from tanteo.cli.arguments import (
+    Grouped,
+    Json,
+    preset_names,
+    robot_names,
+    sensor_names,
+)
 
 sensor_app = typer.Typer(
     help="Look at sensors, robots and rigs, and calibrate them.", rich_markup_mode=None, no_args_is_help=True
 )
 
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Picture = Annotated[
     str | None, typer.Option("--picture", metavar="FILE", help="Draw it as well: a PNG, SVG or PDF file.")
 ]
 
 
-@sensor_app.command("list")
+@sensor_app.command("list", cls=Grouped)
 def list_all(json: Json = False) -> None:
     """List the sensors, robots and rigs that can be named, with how far their figures were verified."""
     from tanteo.cli.running import guarded
@@ -28,7 +33,7 @@ def list_all(json: Json = False) -> None:
         list_presets(as_json=json)
 
 
-@sensor_app.command("show")
+@sensor_app.command("show", cls=Grouped)
 def show(
     name: Annotated[
         str,
@@ -47,7 +52,7 @@ def show(
         show_preset(name, picture, as_json=json)
 
 
-@sensor_app.command("rig")
+@sensor_app.command("rig", cls=Grouped)
 def rig(
     file: Annotated[str, typer.Argument(metavar="RIG", help="Rig file (TOML), or a rig of `tanteo sensor list`.")],
     json: Json = False,
@@ -60,7 +65,7 @@ def rig(
         show_rig(file, as_json=json)
 
 
-@sensor_app.command("fit")
+@sensor_app.command("fit", cls=Grouped)
 def fit(
     log: Annotated[str, typer.Argument(metavar="LOG", help="Readings (CSV): ranges of planes at many hand poses.")],
     rig: Annotated[

@@ -6,19 +6,22 @@ from typing import Annotated
 
 import typer
 
-from tanteo.cli.prior_options import Near, NoneOf, PriorPath, Strays
-from tanteo.cli.session_options import (
+from tanteo.cli.arguments import (
     CameraFile,
     Confidence,
     Feature,
     ImageFile,
     MarksFile,
-    MeshUnits,
-    Most,
+    MaxMeasurements,
+    OutlierRate,
     PolicyName,
+    PosePriorAt,
+    PriorPath,
     Probability,
     SceneSeed,
-    Tolerance,
+    Units,
+    UnknownPrior,
+    Within,
 )
 
 
@@ -36,19 +39,19 @@ def view(
     bare: Annotated[bool, typer.Option("--bare", help="No hand: a laser that is simply where it is wanted.")] = False,
     policy: PolicyName = "information",
     probability: Probability = 0.99,
-    tolerance: Tolerance = None,
+    tolerance: Within = None,
     feature: Feature = None,
     confidence: Confidence = 0.95,
-    max_measurements: Most = 100,
+    max_measurements: MaxMeasurements = 100,
     standoff: Annotated[
         str | None,
         typer.Option("--standoff", metavar="LENGTH", help="Of the sensors, as 40mm; else the scene's."),
     ] = None,
-    units: MeshUnits = None,
-    near: Near = None,
+    units: Units = None,
+    pose_prior: PosePriorAt = None,
     prior: PriorPath = None,
-    outliers: Strays = None,
-    none: NoneOf = None,
+    outlier_rate: OutlierRate = None,
+    unknown_prior: UnknownPrior = None,
     image: ImageFile = None,
     camera: CameraFile = None,
     marks: MarksFile = None,
@@ -68,8 +71,8 @@ def view(
         with misuse():
             of_session = {
                 "--bare": bare, "--tolerance": tolerance, "--feature": feature, "--standoff": standoff,
-                "--pose-prior": near,
-                "--prior": prior, "--outlier-rate": outliers, "--unknown-prior": none, "--image": image,
+                "--pose-prior": pose_prior,
+                "--prior": prior, "--outlier-rate": outlier_rate, "--unknown-prior": unknown_prior, "--image": image,
                 "--camera": camera,
                 "--marks": marks, "--seed": seed is not None,
             }  # fmt: skip
@@ -77,12 +80,12 @@ def view(
             options = read_part_options(
                 policy=policy, probability=probability, tolerance=tolerance, confidence=confidence, feature=feature,
                 max_measurements=max_measurements, standoff=standoff, seed=seed, units=units,
-                outliers=outliers, none=none,
+                outlier_rate=outlier_rate, unknown_prior=unknown_prior,
             )  # fmt: skip
         require_viser()
         if record is not None:
             view_record(record, parts or [], port, show=not no_open)
             return
-        known = read_pose_prior(None, None, near, prior)
+        known = read_pose_prior(None, None, pose_prior, prior)
         seen = image_options(image, camera, marks)
         view_scene(scene, parts or [], options, known, seen, port, bare=bare, show=not no_open)

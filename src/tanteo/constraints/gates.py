@@ -28,7 +28,7 @@ class Gate:
 def _level(significance: float) -> float:
     if not 0 < significance < 1:
         raise InputError(
-            f"alpha: expected a rejection rate between 0 and 1, got {significance}. Give for example 0.05."
+            f"significance: expected a rejection rate between 0 and 1, got {significance}. Give for example 0.05."
         )
     return float(significance)
 

@@ -51,7 +51,7 @@ def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> 
 
 
 def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, reach: float) -> Transforms:
-    """Stances ``(m, 4, 4)``, those first in which more beams would meet the likeliest mode, then the least turned."""
+    """Approach poses ``(m, 4, 4)``, first those in which more beams meet the likeliest mode, then the least turned."""
     target, to_part = state.target(0), SE3.inverse(state.poses[0])
     pair = list(hand.frontal)
     starts = SE3.apply(to_part, SE3.apply(Ts[:, None], hand.origins[pair]))

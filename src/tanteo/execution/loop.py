@@ -22,7 +22,7 @@ from tanteo.session import Action, Done, Session, Step
 from tanteo.typing import BoolArray, Transforms
 
 _TRIED = 4
-"""Stances of one beam to which a way is looked for."""
+"""Approach poses of one beam to which a way is looked for."""
 
 _REFUSED = 25
 """Questions in a row that the hand cannot answer before the run ends."""

@@ -155,7 +155,7 @@ class PartSearch:
         return Ts[np.argsort(costs, kind="stable")[:count]]
 
     def sample(self, count: int) -> None:
-        """Climb from samples of what is known of the pose, each a group of its own; and follow the ridge it lies on."""
+        """Maximize from samples of the pose prior, each a group of its own; and follow the ridge it lies on."""
         objective = self.objective
         if not objective.named:
             return
@@ -165,7 +165,7 @@ class PartSearch:
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, RIDGE, self.rng))
 
     def try_poses(self, Ts: Transforms) -> None:
-        """Climb from poses that no points proposed; what they lead to still has to be found, but for what is there."""
+        """Maximize from poses that no points proposed; what they lead to still has to be found."""
         if not len(Ts):
             return
         found = self.objective.look(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))

@@ -75,7 +75,7 @@ def _directions() -> Vectors:
 
 
 def log_anywhere(problem: Problem, centroid: Vectors) -> float:
-    """Log density of all readings if the object is unknown object: in a ball, which is where the prior has a part.
+    """Log density of all readings if the object is unknown: in a ball, which is where the prior has a part.
 
     Points of one label are of one surface, whatever the object is, and most of its faces run along three perpendicular
     axes: else every right corner would be proof of whichever part has one.

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tanteo.io.readings_csv import read_readings
     from tanteo.io.readings_write import write_readings
     from tanteo.io.result_json import document_json, executed_json, recognition_document, recognition_json
-    from tanteo.io.rig_checks import meant_metres
+    from tanteo.io.rig_checks import suspect_metres
     from tanteo.io.rig_json import rig_document
     from tanteo.io.rig_toml import read_rig, shipped_rigs
     from tanteo.io.rig_write import rig_text, write_rig
@@ -50,7 +50,6 @@ __all__ = [
     "executed_json",
     "explanation_document",
     "load_record",
-    "meant_metres",
     "parse_angle",
     "parse_box",
     "parse_length",
@@ -82,6 +81,7 @@ __all__ = [
     "shipped_rigs",
     "sight_document",
     "sight_json",
+    "suspect_metres",
     "write_image",
     "write_readings",
     "write_record",
@@ -95,7 +95,7 @@ __getattr__, __dir__ = lazy(
         "explanation_json": "explanation_document",
         "same_answer": "differences",
         "part_document": "part_json",
-        "rig_checks": "meant_metres",
+        "rig_checks": "suspect_metres",
         "calibration_json": "calibration_document",
         "rig_json": "rig_document",
         "session_record": "SessionRecord load_record read_record resumed write_record",

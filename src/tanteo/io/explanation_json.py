@@ -8,11 +8,11 @@ from typing import Any
 from tanteo.active import Explanation
 
 
-def explanation_document(told: Explanation) -> dict[str, Any]:
+def explanation_document(explanation: Explanation) -> dict[str, Any]:
     """What each reading added and what the answer rests on; ``null`` where there is no number."""
     return {
         "schema": "tanteo.explanation/1",
-        "part": told.part,
+        "part": explanation.part,
         "added": [
             {
                 "readings": list(a.ids),
@@ -26,7 +26,7 @@ def explanation_document(told: Explanation) -> dict[str, Any]:
                 "corner_sd_before_m": _number(a.corner_sd_before),
                 "corner_sd_m": _number(a.corner_sd),
             }
-            for a in told.added
+            for a in explanation.added
         ],
         "directions": [
             {
@@ -35,7 +35,7 @@ def explanation_document(told: Explanation) -> dict[str, Any]:
                 "shares": {name: _number(share) for name, share in d.shares},
                 "prior": _number(d.prior),
             }
-            for d in told.directions
+            for d in explanation.directions
         ],
     }
 

@@ -54,7 +54,7 @@ def check_beam(sensor: RigSensor, place: str) -> None:
         )
 
 
-def meant_metres(rig: Rig) -> str:
+def suspect_metres(rig: Rig) -> str:
     """A question where a sensor sits so near to the hand's origin that its place may be in metres; else empty."""
     for sensor in rig.sensors:
         away = float(np.linalg.norm(sensor.T_hand_sensor[:3, 3]))

@@ -44,7 +44,7 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
 
 
 def _probabilities(session: Session) -> Html:
-    """The parts that led and the strongest others; and unknown object."""
+    """The parts that led the strongest others, and the unknown object."""
     steps, names = session.steps, _names(session)
     before = _before(session)
     shown = [k for k in _leading(steps, STYLES - 1) if max(before[k], *(s.probabilities[k] for s in steps)) > _SEEN]

@@ -31,7 +31,7 @@ class Way:
         moves: How far one standard deviation of it moves the farthest corner of the box [m].
         rms: How far it moves all corners, root mean square [m].
         xi: One standard deviation of it, right perturbation of the pose ``(6,)`` [m, rad].
-        Ts_world_part: Ghosts ``(3, 2, 4, 4)``: at 1, 2 and 3 standard deviations, backwards and forwards, enlarged.
+        Ts_world_part: Overlays ``(3, 2, 4, 4)``: at 1, 2 and 3 standard deviations, backwards and forwards, enlarged.
     """
 
     words: str

@@ -79,7 +79,7 @@ def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
         for k, way in enumerate(ways)
     ]
     none = element("option", "no overlays", value="", selected=None if haunted else True)
-    return element("select", *options, none, aria_label="Ghosts: how the pose may be off")
+    return element("select", *options, none, aria_label="Overlays: how the pose may be off")
 
 
 def _legend(legend: Sequence[tuple[str, str]], scaled: Sequence[Sequence[tuple[str, str]]]) -> Html:

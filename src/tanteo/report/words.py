@@ -32,7 +32,7 @@ def headline(answer: Answer) -> str:
             f"{best.part} fits, but it is not located: {free} {'stay' if len(best.unobserved) > 1 else 'stays'} free."
         )
     if answer.status == "unknown":
-        return f"Probably unknown object parts; the nearest is {best.part}."
+        return f"Probably an unknown object; the nearest part is {best.part}."
     likely = list(dict.fromkeys(h.part for h in answer.hypotheses if h.probability > 0.01)) or [best.part]
     if len(likely) == 1:
         return f"It is {likely[0]} or something unknown, in one of several poses: not decided."

@@ -10,14 +10,14 @@ import numpy as np
 from tanteo.sensors import Readings
 
 
-def new_readings(told: Sequence[Readings], readings: Readings) -> tuple[Readings | None, str]:
+def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, str]:
     """The readings that are new, named so that no name comes twice; and what was done about names.
 
     Args:
-        told: what was told before.
-        readings: what is told now.
+        before: what was given before.
+        readings: what is given now.
     """
-    known = {name: (r, k) for r in told for k, name in enumerate(r.ids)}
+    known = {name: (r, k) for r in before for k, name in enumerate(r.ids)}
     taken = {*known, *readings.ids}
     keep, names = list[int](), list[str]()
     again, corrected, renamed = list[str](), list[str](), list[str]()

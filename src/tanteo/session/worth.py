@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.active import POLICIES, Candidates, Choice, DecisionContext, SensingState, Stop, most_told
+from tanteo.active import POLICIES, Candidates, Choice, DecisionContext, SensingState, Stop, most_information
 from tanteo.session.again import information_of_repeat
 from tanteo.session.answer import contradiction, moved_words
 from tanteo.session.values import Done
@@ -49,7 +49,7 @@ def worth_making(
     """
     state, best = context.state, choice.gain
     if np.isnan(best) and stop.least_gain > 0:
-        best = most_told(context)
+        best = most_information(context)
     told = information_of_repeat(state) if len(repeats) else 0.0
     if told > 0 and told >= stop.least_gain and told >= best:
         return replace(context, candidates=repeats), Choice(0, told, _AGAIN)

@@ -7,7 +7,7 @@ from tanteo.viewer.primitives import Colour
 PART, EDGE, INK, SOFT = (195, 204, 213), (61, 74, 87), (27, 36, 45), (85, 97, 109)
 """The likeliest part and its edges; the next reading and the truth; the hand."""
 
-GOOD, BAD, BEAM, FREE, GHOST = (0, 114, 178), (184, 72, 0), (125, 137, 148), (45, 174, 91), (125, 18, 217)
+GOOD, BAD, BEAM, FREE, OVERLAY = (0, 114, 178), (184, 72, 0), (125, 137, 148), (45, 174, 91), (125, 18, 217)
 """Readings that fit and those that do not, beams that met something and those that did not, how the pose may be off."""
 
 TABLE, FURNITURE = (238, 240, 243), (206, 196, 178)

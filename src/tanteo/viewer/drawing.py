@@ -21,7 +21,7 @@ from tanteo.viewer.solids import dashed, ellipsoids, hand_mesh, outline
 _SDS = 2.0
 """Standard deviations at which ellipsoids are drawn."""
 
-_GHOSTS, _GHOST_LINES = 5, 300
+_OVERLAYS, _OVERLAY_LINES = 5, 300
 """Poses of the likeliest part that are drawn besides, and lines of each."""
 
 _ARM = 0.14
@@ -128,8 +128,8 @@ def _overlays(now: Snapshot) -> list[Primitive]:
     if not now.decided:
         return []
     k = int(np.argmax(b.weights))
-    lines = _drawn(b.target(k).part).lines[:_GHOST_LINES]
-    return [Lines(f"overlay {i}", lines, colors.GHOST, 1.0, T, "overlays") for i, T in enumerate(_poses(now, k))]
+    lines = _drawn(b.target(k).part).lines[:_OVERLAY_LINES]
+    return [Lines(f"overlay {i}", lines, colors.OVERLAY, 1.0, T, "overlays") for i, T in enumerate(_poses(now, k))]
 
 
 def _poses(now: Snapshot, k: int) -> Transforms:
@@ -137,12 +137,12 @@ def _poses(now: Snapshot, k: int) -> Transforms:
     b = now.state
     if b.draws is None:
         L = np.linalg.cholesky(b.covariances[k])
-        return np.asarray(b.poses[k] @ SE3.exp(np.random.default_rng(1991).normal(size=(_GHOSTS, 6)) @ L.T))
+        return np.asarray(b.poses[k] @ SE3.exp(np.random.default_rng(1991).normal(size=(_OVERLAYS, 6)) @ L.T))
     own = np.flatnonzero((b.draws.mode == k) & (b.draws.weights > 0))
     if not len(own):
         return np.zeros((0, 4, 4))
     w = np.cumsum(b.draws.weights[own])
-    rows = np.searchsorted(w, w[-1] * (np.arange(_GHOSTS) + 0.5) / _GHOSTS).clip(0, len(own) - 1)
+    rows = np.searchsorted(w, w[-1] * (np.arange(_OVERLAYS) + 0.5) / _OVERLAYS).clip(0, len(own) - 1)
     return b.draws.Ts[own[rows]]
 
 

@@ -90,7 +90,7 @@ def counted(now: Snapshot) -> str:
 
 
 def bars(now: Snapshot) -> str:
-    """How probable each part is: the likeliest, all others together, and unknown object."""
+    """How probable each part is: the likeliest, all others together, and the unknown object."""
     p, order = now.state.of_parts(), now.order
     drawn = set(now.state.part[now.drawn_modes()].tolist())
     rows = [
@@ -117,7 +117,7 @@ def _row(name: str, share: float, swatch: str | None, kind: str = "") -> Html:
     return element("div", box, element("span", name), value, bar(share, kind), class_="row")
 
 
-def told(lines: Sequence[str]) -> str:
+def steps(lines: Sequence[str]) -> str:
     """What happened, the last first."""
     if not lines:
         return _framed(element("span", "Nothing yet.", class_="soft"))
@@ -144,7 +144,7 @@ def legend(*, hand: bool) -> str:
     keys = [
         ("mark", colors.EDGE, "the likeliest part"),
         ("mark", colors.RIVALS[0], "other parts, coloured as above"),
-        ("mark", colors.GHOST, "how the likeliest may be off"),
+        ("mark", colors.OVERLAY, "how the likeliest may be off"),
         ("mark dot", colors.GOOD, "reading that fits, with 2 sd"),
         ("mark dot diamond", colors.BAD, "reading that does not fit"),
         ("mark", colors.BEAM, "beam of a reading"),

@@ -223,7 +223,7 @@ class Player:
         self.page.show("readings", drawing.reading_primitives(now))
         self.page.show("next", drawing.next_primitives(now))
         self.page.say("bars", panel.bars(now))
-        self.page.say("told", panel.told(self._lines))
+        self.page.say("told", panel.steps(self._lines))
         self._say(self._note)
 
     def _say(self, note: str) -> None:

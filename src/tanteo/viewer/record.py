@@ -34,4 +34,4 @@ def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:
     page.show("next", drawing.next_primitives(now))
     page.say("status", panel.status(now, f"After step {k} of {len(all_moments) - 1} of the record."))
     page.say("bars", panel.bars(now))
-    page.say("told", panel.told([panel.step_line(m) for m in all_moments[1 : k + 1]]))
+    page.say("told", panel.steps([panel.step_line(m) for m in all_moments[1 : k + 1]]))

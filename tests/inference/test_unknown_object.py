@@ -1,4 +1,4 @@
-"""None of these: where an object can be of which only readings are known, and how often a part is denied."""
+"""The unknown object: where an object can be of which only readings are known, and how often a part is denied."""
 
 from __future__ import annotations
 
