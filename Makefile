@@ -2,6 +2,7 @@
 #   make demo   the story: an image, a few readings, an answer with its spread, a report
 #   make test   lint, types, contracts and tests
 # make test-all runs the slow tests, too: the statistics over many scenes.
+# make types says how much of the interface has types (at least 99 %).
 # make docs makes the site in build/docs; make core builds the compiled core anew, and nothing else.
 # make wheel makes dist/tanteo-*.whl; make wheel-test tries it elsewhere; make sanitize runs tests/core on a core that is watched.
 PYTHON ?= python3
@@ -22,7 +23,7 @@ ZIG     = $(BIN)/zig-c++
 export CXX = $(abspath $(ZIG))
 endif
 
-.PHONY: demo test test-all check unit docs bench core wheel wheel-test sanitize clean
+.PHONY: demo test test-all check types unit docs bench core wheel wheel-test sanitize clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -37,6 +38,16 @@ check: $(VENV)/.test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# pyright finds a package where it is installed, not where an editable one is imported from
+types: $(VENV)/.test
+	$(PIP) install --quiet -c constraints.txt 'basedpyright>=1.30'
+	rm -rf build/types && $(BIN)/python -m venv --without-pip build/types/venv
+	site=$$(build/types/venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
+	cp -r src/tanteo "$$site" && echo $(SITE) > "$$site/venv.pth"
+	cd build/types && { PATH="$$PWD/venv/bin:$$PATH" $(abspath $(BIN))/basedpyright --verifytypes tanteo --ignoreexternal --outputjson || true; } | \
+	venv/bin/python -c 'import json, sys; score = json.load(sys.stdin)["typeCompleteness"]["completenessScore"]; \
+	print(f"{score:.1%} of the symbols have types"); sys.exit(score < 0.99)'
 
 # every worker is a process of its own: more threads than that only wait for each other
 unit: $(VENV)/.test

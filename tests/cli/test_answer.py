@@ -80,7 +80,7 @@ def test_undecided_headlines(status, start):
 def test_a_test_that_speaks_against_likely_parts_is_said():
     lines = answer_lines(recognition(hypothesis(), status="unknown", unknown=1e-6))
     assert not any(line.startswith("Unknown object") for line in lines)
-    assert any(line.startswith("A test says that unknown object parts fits") for line in lines)
+    assert any(line.startswith("A test says that none of the parts fits") for line in lines)
 
 
 def test_no_hypothesis_at_all():

@@ -1,6 +1,7 @@
 """What is asked beforehand and what is answered: priors, the pose's among them, hypotheses, status and message."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -56,6 +57,8 @@ __all__ = [
     "without_spins",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

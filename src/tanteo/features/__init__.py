@@ -3,7 +3,8 @@
 A feature is a frame, a kind and a covariance over the perturbations that matter for the kind (``math.md`` section 2).
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -63,6 +64,8 @@ __all__ = [
     "stacked_covariance",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

@@ -4,7 +4,8 @@
 array cores over batches. This room has never heard of parts.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -50,6 +51,8 @@ __all__ = [
     "vertex_ml",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

@@ -5,7 +5,8 @@ those names, over batches. Location vectors (the paper's six numbers) and covari
 are for the border.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -102,6 +103,8 @@ __all__ = [
     "unit_diagonal",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

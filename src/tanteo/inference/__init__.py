@@ -1,6 +1,7 @@
 """Which part measurements are of, and where it is: one posterior over parts, poses and the unknown object."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -74,6 +75,8 @@ __all__ = [
     "worst_reading",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

@@ -7,7 +7,8 @@
 quantities with units. Records of sessions are in ``tanteo.io.session_record``, which loads much and is not loaded here.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -88,6 +89,8 @@ __all__ = [
     "write_rig",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

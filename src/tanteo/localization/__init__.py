@@ -1,6 +1,7 @@
 """Pairings of sensed with model features -> the part's pose, its covariance, and what stays unobserved."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -42,6 +43,8 @@ __all__ = [
     "weak_motions",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

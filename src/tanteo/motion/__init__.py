@@ -5,7 +5,8 @@ of all that was sensed. Before every command :class:`Steering` slows it so that 
 than the clearance, and no part of the hand to the bounds of its workspace. This room knows no estimator.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -41,6 +42,8 @@ __all__ = [
     "settled",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

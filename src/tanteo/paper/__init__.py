@@ -1,6 +1,7 @@
 """Recognition as the paper of 1991 describes it, for teaching and comparison."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -9,4 +10,6 @@ if TYPE_CHECKING:
 
 __all__ = ["identify_as_published"]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(__name__, {"recognition": "identify_as_published"})

@@ -1,6 +1,7 @@
 """CAD file -> :class:`Part`: a closed mesh in metres, its planes, straight edges, corners and symmetry."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -44,6 +45,8 @@ __all__ = [
     "unit_name",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {

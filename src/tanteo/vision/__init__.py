@@ -5,7 +5,8 @@ image to image; ``image_edge`` and ``image_corner`` make what a camera sees of a
 ``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from tanteo.lazy import lazy
 
@@ -78,6 +79,8 @@ __all__ = [
     "without_distortion",
 ]
 
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {
