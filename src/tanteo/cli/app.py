@@ -32,9 +32,9 @@ from tanteo.cli.arguments import (
     UnknownPrior,
     Verbose,
 )
-from tanteo.cli.demo_app import demo
+from tanteo.cli.demo import demo
 from tanteo.cli.plan_app import plan
-from tanteo.cli.replay_app import replay
+from tanteo.cli.replay import replay
 from tanteo.cli.sense_app import sense_app
 from tanteo.cli.sensor_app import sensor_app
 from tanteo.cli.view_app import view

@@ -226,9 +226,7 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     if sampler.local.any():
         return _wanted_along(sampler, p)
     need = np.clip(_PER * p, _LEAST, _ENOUGH) * (p > _MATTERS)
-    worth = np.clip(
-        ess / np.maximum(sampler.sample_prior(), 1), 1 / _MOST, 1
-    )  # effective samples for each that is drawn
+    worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / _MOST, 1)  # effective samples for each that is drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, _FIRST, _MORE), 0).astype(np.int64)
     if not want.any():
         return want

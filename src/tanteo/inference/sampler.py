@@ -172,7 +172,7 @@ class Sampler:
         none = np.zeros(len(peaks), dtype=bool)
         self._fitted, self.local = np.concatenate([self._fitted, none]), np.concatenate([self.local, none])
 
-    def sample_prior(self) -> IntArray:
+    def counts(self) -> IntArray:
         """Samples drawn so far of each component ``(m,)``."""
         counts = np.zeros(len(self.peaks), dtype=np.int64)
         for owner, _, _, count in self._components:
@@ -216,9 +216,9 @@ class Sampler:
 
     def _count(self, k: int, count: int) -> None:
         """Remember what is drawn of a component: more of the same is one of larger weight."""
-        for row, (owner, mean, covariance, sample_prior) in enumerate(self._components):
+        for row, (owner, mean, covariance, drawn) in enumerate(self._components):
             if owner == k and np.array_equal(mean, self.means[k]) and np.array_equal(covariance, self.covariances[k]):
-                self._components[row] = k, mean, covariance, sample_prior + count
+                self._components[row] = k, mean, covariance, drawn + count
                 return
         self._components.append((k, self.means[k].copy(), self.covariances[k].copy(), count))
 
