@@ -29,7 +29,7 @@ FARTHER = replace(TOUCH, standoff=0.06)  # with room wherever a large part may l
 C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
 
 
-def test_a_start_that_is_too_wide_a_prior_for_any_plan_is_what_is_said(bracket):
+def test_a_prior_too_wide_for_any_plan_is_named(bracket):
     """10 mm and 5 degrees: touches of its narrow faces may miss, and the others say nothing of one direction."""
     rough, fine = np.diag(np.repeat([0.01, np.radians(5)], 3)) ** 2, replace(TOUCH, law=NoiseLaw.of(1e-5))
     found = plan(at_pose(bracket, np.eye(4), rough), fine, 0.5e-3)
