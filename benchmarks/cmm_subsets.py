@@ -23,7 +23,7 @@ from tanteo.inference import Problem, goodness_of_fit, identify_points, posterio
 
 
 def leaves_free(touches, block, truth):
-    """Whether nothing resists some motion where the truth maximizations to."""
+    """Whether nothing resists some motion at the maximum that the truth leads to."""
     problem = Problem(touches, no_paths(), Priors(radius=block.part.radius))
     mode = posterior_about(problem, block, truth[None], np.random.default_rng(0)).modes[0]
     return len(goodness_of_fit(mode).free) > 0

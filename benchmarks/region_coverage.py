@@ -3,7 +3,7 @@
 Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
 from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
 region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
-of the readings off as outliers, once as they are and once for an oracle that was told which these are and left them
+of the readings outliers, once as they are and once for an oracle that was told which these are and left them
 out. Then how an error that all readings share limits the answer. ``outlier_rate`` is the rate that is stated, 0.02 if
 not given. ``--processes`` and ``--keep`` as in ``campaign.py``.
 """

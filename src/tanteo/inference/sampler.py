@@ -54,7 +54,7 @@ _AWAY = 1e3
 """Diagonals of the part at which it is out of reach of all points."""
 
 _STRANGE, _LOOKED_AT = 0.1, 4
-"""Share of all weights at which a sample is maximized from; so many of them at a time."""
+"""Share of all weights at which a new maximization starts from a sample; so many of them at a time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

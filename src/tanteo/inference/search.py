@@ -37,7 +37,7 @@ _MISSING, _OFTEN = 0.02, 4
 one to which four pairs led is missed in one of sixteen searches."""
 
 _BITS, _CERTAIN = 60, 0b1111
-"""Pairs and samples that are discriminated, and what labels lead to: as good as found by several."""
+"""Groups of pairs and samples that count as separate; what labels lead to counts as found by several."""
 
 _ROUNDS, _DOUBTFUL, _TOGETHER, _LEAST_ROUNDS = 8, 12, 24, 4
 """Rounds of a part at most, and where its best pose leaves points out that it should not: of few precise points a round

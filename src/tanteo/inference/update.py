@@ -24,11 +24,11 @@ from tanteo.inference.search import PartSearch, start_search
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _SAMPLES, _OF_NORMAL = 24, 2
-"""Samples of what was known of a part that are maximized from; of a mode that is normal, from which nearly all of them
+"""Samples of the posterior so far from which a part is maximized again; of a mode that is normal, from which nearly all of them
 lead back to its maximum, so many."""
 
 _FRESH, _WIDELY = 24, 96
-"""Samples of the prior that are maximized from beside them; and of a part of which nothing is known, or in doubt."""
+"""Samples of the prior from which it is maximized besides; and of a part of which nothing is known, or in doubt."""
 
 _MATTERS = 0.003
 """Probability of a part from which, while its region is not normal, samples of its prior are made after each tell."""

@@ -125,7 +125,7 @@ def _as_one(
 def mixture(terms: Terms, A: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Mean and covariance of the unknowns over the choices of edges that are another's.
 
-    The most probable choice is maximized to edge by edge; it and those that differ in one or two edges are summed.
+    The most probable choice is found edge by edge; it and those that differ in one or two edges are summed.
 
     Args:
         terms: of the edges.
