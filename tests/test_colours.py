@@ -1,4 +1,4 @@
-"""Colours that can be read, and told from each other by those who see fewer of them: report, live page, pictures of images."""
+"""Colours that can be read and told from each other, also by those who see fewer of them."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ class PartSearch:
         return self.objective.problem.log_pose_density(prepared) + orbit
 
     def restart(self, effort: Effort) -> None:
-        """Propose from pairs of points, which know nothing of each other; settle, maximization, merge."""
+        """Propose from pairs of points, which know nothing of each other; settle, maximize, merge."""
         if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
             self._take_other_points()
         objective, k, count = self.objective, self.restarts, min(effort.pairs, len(self.pairs))

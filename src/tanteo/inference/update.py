@@ -24,8 +24,8 @@ from tanteo.inference.search import PartSearch, start_search
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _SAMPLES, _OF_NORMAL = 24, 2
-"""Samples of the posterior so far from which a part is maximized again; of a mode that is normal, from which nearly all of them
-lead back to its maximum, so many."""
+"""Samples of the posterior so far from which a part is maximized again; fewer of a normal mode, from which nearly all
+lead back to its maximum."""
 
 _FRESH, _WIDELY = 24, 96
 """Samples of the prior from which it is maximized besides; and of a part of which nothing is known, or in doubt."""
