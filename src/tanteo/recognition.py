@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from tanteo.answers import Answer, Priors, check_question, with_elapsed
 from tanteo.errors import InputError
-from tanteo.inference import about_frames, about_readings, identify_points, scale_of
+from tanteo.inference import about_frames, about_readings, identify_points, prepare_all, scale_of
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
@@ -97,7 +97,9 @@ def identify(
     )
     found = about_readings(answer, readings, measured, rays, parts)
     answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
-    frames = about_frames(answer, scale_of(measured.points, [as_part("part", part) for part in parts]), measured)
+    frames = about_frames(
+        answer, scale_of(measured.points, [one.part for one in prepare_all("parts", parts)]), measured
+    )
     return replace(answer, findings=found if frames is None else (*found, frames))
 
 

@@ -6,7 +6,7 @@ import pytest
 from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.patch import find_patches
-from tanteo.acquisition.plane import meant
+from tanteo.acquisition.plane import as_guessed
 from tanteo.errors import InputError
 from tanteo.features import PLANE, Feature
 from tanteo.lie import SE3
@@ -53,7 +53,7 @@ def test_what_is_known_well_not_taken_for_larger_face_beside_it():
 def test_a_face_far_off_a_sharp_idea_is_another_one(height, tilt, taken):
     """A millimetre and 0.02 rad are known; the guess of a person takes all three."""
     face = Feature(PLANE, SE3.exp(np.array([0, 0, height, tilt, 0, 0])), 1e-8 * np.eye(3))
-    status, message, feature = meant(FaceGuess(np.zeros(3), UP, 1e-3, 0.02), ("acquired", "", face))
+    status, message, feature = as_guessed(FaceGuess(np.zeros(3), UP, 1e-3, 0.02), ("acquired", "", face))
     assert (status, feature is face) == (("acquired", True) if taken else ("unclear", False))
     assert taken or "off where it should be" in message
-    assert meant(FaceGuess(np.zeros(3), UP), ("acquired", "", face))[2] is face
+    assert as_guessed(FaceGuess(np.zeros(3), UP), ("acquired", "", face))[2] is face

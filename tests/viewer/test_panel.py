@@ -58,7 +58,7 @@ def test_the_legend_has_every_hue_that_has_a_meaning():
     for hue in (
         colors.EDGE,
         colors.RIVALS[0],
-        colors.GHOST,
+        colors.OVERLAY,
         colors.GOOD,
         colors.BAD,
         colors.BEAM,
