@@ -85,7 +85,7 @@ def sensing_hand(wedge, folder):
 GIVEN = {made.__name__: made for made in (active_sensing, replay, reading_cad, report, sense_part, sensing_hand)}
 """What the code of a page takes as given."""
 
-ELSEWHERE = {"README": "tests/test_readme.py", "view": "tests/viewer"}
+ELSEWHERE = {"README": "tests/test_readme.py", "CONTRIBUTING": "tests/test_extending.py", "view": "tests/viewer"}
 """Pages whose code runs there."""
 
 
