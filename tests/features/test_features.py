@@ -148,7 +148,7 @@ def test_bad_covariances_are_refused(name):
 def test_bad_frames_and_kinds_are_refused():
     with pytest.raises(InputError, match="rigid motion"):
         Feature(PLANE, np.diag([1, 1, -1, 1.0]), np.eye(3))
-    with pytest.raises(InputError, match="vertex, edge, plane"):
+    with pytest.raises(InputError, match="plane, edge, vertex"):
         feature_kind("face")
 
 

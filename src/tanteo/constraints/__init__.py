@@ -14,7 +14,6 @@ from tanteo.constraints.angle import (
     signed_angle,
 )
 from tanteo.constraints.constraint import (
-    CONSTRAINT_KINDS,
     AbsentConstraint,
     Constraint,
     ConstraintColumn,
@@ -22,7 +21,7 @@ from tanteo.constraints.constraint import (
     ConstraintTable,
 )
 from tanteo.constraints.coplanarity import coplanarity, height_and_pitch
-from tanteo.constraints.edge_length import LengthEstimate, edge_length
+from tanteo.constraints.edge_length import LengthEstimate, edge_length, relate_length
 from tanteo.constraints.gates import (
     Gate,
     chi2_limit,
@@ -36,11 +35,13 @@ from tanteo.constraints.intersection import gap_edges, intersect
 from tanteo.constraints.joint import JointTest, joint_test, joint_update, laplace_log_evidence, whitened_test
 from tanteo.constraints.parallel import ParallelEstimate, collinearity, parallel_edges, parallel_planes
 from tanteo.constraints.point import DistanceEstimate, point_distance, point_edge_distance, point_plane_distance
-from tanteo.constraints.relate import relate, relate_all, relate_length
+from tanteo.constraints.relate import relate, relate_all
+from tanteo.constraints.relation import CONSTRAINT_KINDS, PAIR_RELATIONS, PairGroup, PairRelation, register_relation
 from tanteo.constraints.relative import Relative, ScalarEstimate, VectorEstimate, relative
 
 __all__ = [
     "CONSTRAINT_KINDS",
+    "PAIR_RELATIONS",
     "AbsentConstraint",
     "Constraint",
     "ConstraintColumn",
@@ -50,6 +51,8 @@ __all__ = [
     "Gate",
     "JointTest",
     "LengthEstimate",
+    "PairGroup",
+    "PairRelation",
     "ParallelEstimate",
     "Relative",
     "ScalarEstimate",
@@ -79,6 +82,7 @@ __all__ = [
     "point_edge_distance",
     "point_plane_distance",
     "published",
+    "register_relation",
     "relate",
     "relate_all",
     "relate_length",

@@ -6,8 +6,12 @@ The paper's ``arccos`` has an unbounded slope at 0 and pi and its ``F*`` divides
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
+from tanteo.constraints.relation import RESOLUTION, PairGroup, PairRelation, register_relation
 from tanteo.constraints.relative import X_AXIS, Z_AXIS, Relative, ScalarEstimate, relative, scalar_estimate
 from tanteo.errors import DegenerateError
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
@@ -136,3 +140,63 @@ def away_from_corner(direction: Vectors, centroid: Vectors, corner: Vectors) -> 
     All in the world; ``(*batch, 3)`` -> ``(*batch,)`` (section 4.2 of the paper: "both going away the intersection").
     """
     return np.sum(direction * (centroid - corner), axis=-1) >= 0
+
+
+NEARLY_PARALLEL = "the directions are parallel within 5 sigma, where the angle has no valid variance: see parallelism."
+
+
+def bent_pairs(group: PairGroup, row: int) -> BoolArray:
+    """Whether the angle is a valid linear quantity: ``sin(alpha) > 5 sigma`` (``math.md`` section 12)."""
+    return np.sin(group.value[:, row]) > 5 * np.sqrt(group.S[:, row, row]) + RESOLUTION
+
+
+def angle_bias_of(group: PairGroup, axis: int) -> FloatArray:
+    """Bias of the angles of a group ``(n, 1)`` with shared errors, as :func:`tanteo.constraints.angle_bias`."""
+    arrays, (first, second) = group.arrays, group.pairs.T
+    C12 = None
+    C1, C2 = arrays.C[first], arrays.C[second]
+    if arrays.shared_jacobian is not None:
+        A1, A2 = arrays.shared_jacobian[first], arrays.shared_jacobian[second]
+        A1t, A2t = A1.swapaxes(1, 2), A2.swapaxes(1, 2)
+        C1, C2, C12 = C1 + A1 @ arrays.shared @ A1t, C2 + A2 @ arrays.shared @ A2t, A1 @ arrays.shared @ A2t
+    return angle_bias(group.pair, axis, (C1, C2, C12))[:, None]
+
+
+PLANE_ANGLE = ConstraintKind("plane_angle", ("rad",), "angle of two outward normals")
+
+
+def _fill_planes(p: Vectors, a: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    value[:, 0], _, r[:, 0] = angle_partials(a, Z_AXIS)
+
+
+def _cut_planes(group: PairGroup) -> list[ConstraintColumn]:
+    bias = partial(angle_bias_of, group, Z_AXIS)
+    return [group.column(PLANE_ANGLE, group.value, group.S, bent_pairs(group, 0), NEARLY_PARALLEL, bias=bias)]
+
+
+register_relation(PairRelation((PLANE_ANGLE,), ("plane", "plane"), 1, _fill_planes, _cut_planes))
+
+EDGE_PLANE_ANGLE = ConstraintKind("edge_plane_angle", ("rad",), "rise of an undirected edge over a plane, 0 to pi/2")
+
+
+def _fill_plane_line(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    value[:, 0], _, r[:, 0] = edge_plane_partials(n)
+
+
+def _cut_plane_line(group: PairGroup) -> list[ConstraintColumn]:
+    angle, sd = np.abs(group.value), np.sqrt(group.S[:, 0, 0])
+    upright = np.cos(angle[:, 0]) > 5 * sd + RESOLUTION
+    folded = angle[:, 0] < 2 * sd
+    return [
+        group.column(
+            EDGE_PLANE_ANGLE,
+            angle,
+            group.S,
+            upright,
+            "the edge is normal to the plane within 5 sigma, where the angle has no valid variance.",
+            (folded, "the angle is within 2 sigma of zero, where its sign is lost: test coplanarity instead."),
+        )
+    ]
+
+
+register_relation(PairRelation((EDGE_PLANE_ANGLE,), ("plane", "line"), 1, _fill_plane_line, _cut_plane_line))

@@ -14,7 +14,7 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class ConstraintKind:
-    """One row of the table of kinds.
+    """What a constraint measures.
 
     Attributes:
         name: lower case.
@@ -32,48 +32,6 @@ class ConstraintKind:
     def dof(self) -> int:
         """Degrees of freedom of its chi-square test."""
         return len(self.units)
-
-
-EDGE_ANGLE = ConstraintKind("edge_angle", ("rad",), "angle of two edges, both pointing away from their corner")
-EDGE_GAP = ConstraintKind("edge_gap", ("m",), "distance by which two edges miss each other, signed", null=True)
-EDGE_PARALLELISM = ConstraintKind("edge_parallelism", ("rad", "rad"), "tilts of the second edge", null=True)
-EDGE_DISTANCE = ConstraintKind("edge_distance", ("m",), "distance of two parallel edges")
-EDGE_COLLINEARITY = ConstraintKind(
-    "edge_collinearity", ("rad", "rad", "m", "m"), "tilts and offsets of the second edge", null=True
-)
-EDGE_LENGTH = ConstraintKind("edge_length", ("m",), "length of an edge between its two corners")
-PLANE_ANGLE = ConstraintKind("plane_angle", ("rad",), "angle of two outward normals")
-PLANE_PARALLELISM = ConstraintKind("plane_parallelism", ("rad", "rad"), "tilts of the second plane", null=True)
-PLANE_OFFSET = ConstraintKind(
-    "plane_offset", ("m",), "offset of a parallel plane along the first normal: a step, or minus a thickness"
-)
-EDGE_PLANE_ANGLE = ConstraintKind("edge_plane_angle", ("rad",), "rise of an undirected edge over a plane, 0 to pi/2")
-EDGE_PLANE_COPLANARITY = ConstraintKind(
-    "edge_plane_coplanarity", ("m", "rad"), "height and rise of an edge over a plane", null=True
-)
-POINT_PLANE_HEIGHT = ConstraintKind("point_plane_height", ("m",), "height of a vertex over a plane, signed")
-POINT_EDGE_DISTANCE = ConstraintKind("point_edge_distance", ("m",), "distance of a vertex from an edge")
-POINT_DISTANCE = ConstraintKind("point_distance", ("m",), "distance of two vertices")
-
-CONSTRAINT_KINDS: dict[str, ConstraintKind] = {
-    kind.name: kind
-    for kind in (
-        EDGE_ANGLE,
-        EDGE_GAP,
-        EDGE_PARALLELISM,
-        EDGE_DISTANCE,
-        EDGE_COLLINEARITY,
-        EDGE_LENGTH,
-        PLANE_ANGLE,
-        PLANE_PARALLELISM,
-        PLANE_OFFSET,
-        EDGE_PLANE_ANGLE,
-        EDGE_PLANE_COPLANARITY,
-        POINT_PLANE_HEIGHT,
-        POINT_EDGE_DISTANCE,
-        POINT_DISTANCE,
-    )
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

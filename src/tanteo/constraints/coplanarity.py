@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
+from tanteo.constraints.relation import PairGroup, PairRelation, register_relation
 from tanteo.constraints.relative import X_AXIS, VectorEstimate, relative, vector_estimate
-from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _Q = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
 _R = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -49,3 +51,20 @@ def height_and_pitch(estimate: VectorEstimate) -> tuple[FloatArray, Covariances]
     scale = np.stack([np.ones_like(cosine), -1 / np.where(cosine > 0, cosine, np.nan)], axis=-1)
     S = estimate.covariance * scale[..., :, None] * scale[..., None, :]
     return np.stack([estimate.value[..., 0], theta], axis=-1), S
+
+
+EDGE_PLANE_COPLANARITY = ConstraintKind(
+    "edge_plane_coplanarity", ("m", "rad"), "height and rise of an edge over a plane", null=True
+)
+
+
+def _fill(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    value[:, 0], value[:, 1] = p[:, 2], n[:, 2]
+    q[:, 0, 2] = r[:, 1, 2] = 1.0
+
+
+def _cut(group: PairGroup) -> list[ConstraintColumn]:
+    return [group.column(EDGE_PLANE_COPLANARITY, group.value, group.S)]
+
+
+register_relation(PairRelation((EDGE_PLANE_COPLANARITY,), ("plane", "line"), 2, _fill, _cut))

@@ -11,7 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.constraints.constraint import Constraint, ConstraintKind
 from tanteo.constraints.intersection import intersect
+from tanteo.constraints.relate import relate_all
+from tanteo.constraints.relation import CONSTRAINT_KINDS
+from tanteo.errors import InputError
+from tanteo.features import EDGE, HALF_EDGE, Feature, collect_shared
 from tanteo.typing import Covariances, FloatArray, Transforms
 
 
@@ -51,3 +56,44 @@ def edge_length(T_A: Transforms, T_E: Transforms, T_B: Transforms, C: Covariance
     gradient = np.concatenate([-start.g1, end.g2 - start.g2, end.g1], axis=-1) * sign
     variance = np.sum(gradient * (C @ gradient[..., None])[..., 0], axis=-1)
     return LengthEstimate(np.abs(difference), variance, gradient)
+
+
+EDGE_LENGTH = ConstraintKind("edge_length", ("m",), "length of an edge between its two corners")
+CONSTRAINT_KINDS[EDGE_LENGTH.name] = EDGE_LENGTH
+
+
+def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
+    """Length of ``edge`` between its corners with two *adjacent* edges, (13)-(15) corrected.
+
+    Raises:
+        InputError: if one of them is no edge.
+        DegenerateError: if a neighbour is parallel to the edge.
+    """
+    features = (first, edge, second)
+    for feature in features:
+        if feature.kind not in (EDGE, HALF_EDGE):
+            raise InputError(f"edge length: expected three edges, got a {feature.kind.name} ({feature.label!r}).")
+    _, shared, shared_jacobian = collect_shared(features)
+    B = np.zeros((sum(f.kind.size for f in features), 18))
+    P = np.zeros((len(B), len(B)))
+    row = 0
+    for k, feature in enumerate(features):
+        block = slice(row, row + feature.kind.size)
+        B[block, 6 * k : 6 * k + 6], P[block, block] = feature.kind.B, feature.P
+        row = block.stop
+    T_A, T_E, T_B = (feature.T_world_feature for feature in features)
+    length = edge_length(T_A, T_E, T_B, np.zeros((18, 18)))
+    g = length.gradient @ B.T
+    common = g @ np.concatenate(shared_jacobian)
+    variance = np.asarray(g @ P @ g + common @ shared @ common).reshape(1, 1)
+    labels = (edge.label, first.label, second.label)
+    shallow = [f.label for f in (first, second) if not _meets(edge, f)]
+    caution = (
+        f"{' and '.join(shallow)}: parallel to the edge within 10 sigma, the corner is not known." if shallow else ""
+    )
+    return Constraint(EDGE_LENGTH, labels, np.reshape(length.value, 1), variance, np.zeros(1), caution)
+
+
+def _meets(edge: Feature, other: Feature) -> bool:
+    """Whether two edges have a corner to speak of: ``sin(alpha) > 10 sigma`` (``math.md`` section 13, rule 4)."""
+    return bool(relate_all((edge, other)).column("edge_gap").present[0])

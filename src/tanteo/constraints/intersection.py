@@ -1,4 +1,4 @@
-"""Where two edges meet, and how far they miss each other: (6)-(12), ``math.md`` sections 4.1 and 4.2.
+"""Where two edges meet, at which angle, and how far they miss each other: (6)-(12), ``math.md`` sections 4.1 and 4.2.
 
 (8) and (9) each keep one of two redundant equations; (9) is singular exactly when the z axis of the first edge is
 normal to the common plane, which the paper's own coplanarity test wants. The foot of the common perpendicular is the
@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.constraints.angle import NEARLY_PARALLEL, angle_bias_of, angle_partials
+from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
+from tanteo.constraints.relation import RESOLUTION, PairGroup, PairRelation, register_relation
 from tanteo.constraints.relative import X_AXIS, ScalarEstimate, relative, scalar_estimate
 from tanteo.errors import DegenerateError
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
 
 def abscissa_partials(p: Vectors, n: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -78,3 +81,50 @@ def gap_edges(
     _refuse_parallel(n, "gap of edges")
     h, q, r = gap_partials(pair.p, n)
     return scalar_estimate(pair, X_AXIS, h, (q, r), (C1, C2, C12))
+
+
+EDGE_ANGLE = ConstraintKind("edge_angle", ("rad",), "angle of two edges, both pointing away from their corner")
+EDGE_GAP = ConstraintKind("edge_gap", ("m",), "distance by which two edges miss each other, signed", null=True)
+
+_NO_CORNER = "the lines are parallel within 10 sigma, so they have no common perpendicular of their own."
+
+
+def _fill(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    """Rows: angle, gap."""
+    value[:, 0], _, r[:, 0] = angle_partials(n, X_AXIS)
+    value[:, 1], q[:, 1], r[:, 1] = gap_partials(p, n)
+
+
+def _cut(group: PairGroup) -> list[ConstraintColumn]:
+    value, S, sd = group.value, group.S, np.sqrt(group.S[:, 0, 0])
+    sine = np.sqrt(group.b[:, 1] ** 2 + group.b[:, 2] ** 2)
+    angle, unsure = _away(group, np.sqrt(S[:, 1, 1]) + 1e-12, np.where(sine > 0, sine, 1.0))
+    return [
+        group.column(
+            EDGE_ANGLE,
+            angle,
+            S[:, :1, :1],
+            sine > 5 * sd + RESOLUTION,
+            NEARLY_PARALLEL,
+            (unsure, "the corner lies among the sensed points of an edge: the angle may be its supplement."),
+            bias=lambda: np.where(angle != value[:, :1], -1.0, 1.0) * angle_bias_of(group, X_AXIS),
+        ),
+        group.column(EDGE_GAP, value[:, 1:], S[:, 1:, 1:], sine > 10 * sd + RESOLUTION, _NO_CORNER),
+    ]
+
+
+def _away(group: PairGroup, sd: FloatArray, sine: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """The angle with both directions pointing away from the corner, and where a direction cannot be told."""
+    p, n, slide = group.pair.p, group.b, group.pair.slide[:, 0]
+    s2 = -(p[:, 1] * n[:, 1] + p[:, 2] * n[:, 2]) / (sine * sine)  # abscissae of the feet
+    s = np.empty((len(p), 2))
+    s[:, 0], s[:, 1] = p[:, 0] + s2 * n[:, 0], s2 + slide
+    extent = group.arrays.extent[group.pairs]
+    margin = (3 * sd / sine)[:, None]
+    inside = (s >= extent[..., 0] - margin) & (s <= extent[..., 2] + margin)
+    turned = (s > extent[..., 1]).sum(axis=1) == 1
+    angle = group.value[:, 0]
+    return np.where(turned, np.pi - angle, angle)[:, None], np.asarray(inside.any(axis=1))
+
+
+register_relation(PairRelation((EDGE_ANGLE, EDGE_GAP), ("line", "line"), 2, _fill, _cut))

@@ -12,9 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
+from tanteo.constraints.point import length_of
+from tanteo.constraints.relation import RESOLUTION, PairGroup, PairRelation, register_relation
 from tanteo.constraints.relative import X_AXIS, Z_AXIS, Relative, VectorEstimate, relative, vector_estimate
 from tanteo.errors import DegenerateError
-from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,3 +148,80 @@ def collinearity_partials(pair: Relative, sign: FloatArray) -> tuple[FloatArray,
     r[..., 0, 1] = r[..., 1, 2] = sign
     q[..., 2, 1] = q[..., 3, 2] = 1.0
     return value, q, r
+
+
+PARALLEL_ALPHA = 1e-4
+"""Rejected share of truly parallel pairs: the pruning level of ``math.md`` section 9."""
+_PARALLEL_LIMIT = -2 * float(np.log(PARALLEL_ALPHA))  # of chi-square with two degrees of freedom
+_NOT_PARALLEL = f"the pair is not parallel (rejected at {PARALLEL_ALPHA:g}), so it has no one distance."
+
+
+def _parallel_pairs(group: PairGroup) -> BoolArray:
+    """Whether the two tilts pass the test of parallelism with 2 degrees of freedom."""
+    v1, v2 = group.value[:, 0], group.value[:, 1]
+    S = group.S
+    a, b, c = S[:, 0, 0] + RESOLUTION**2, S[:, 0, 1], S[:, 1, 1] + RESOLUTION**2
+    return c * v1 * v1 - 2 * b * v1 * v2 + a * v2 * v2 <= _PARALLEL_LIMIT * (a * c - b * b)
+
+
+PLANE_PARALLELISM = ConstraintKind("plane_parallelism", ("rad", "rad"), "tilts of the second plane", null=True)
+PLANE_OFFSET = ConstraintKind(
+    "plane_offset", ("m",), "offset of a parallel plane along the first normal: a step, or minus a thickness"
+)
+
+
+def _fill_planes(p: Vectors, a: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    """Rows: two tilts, offset."""
+    sign = sign_of(a[:, 2])
+    value[:, :2], value[:, 2] = a[:, :2] * sign[:, None], p[:, 2]
+    r[:, 0, 0] = r[:, 1, 1] = sign
+    q[:, 2, 2] = 1.0
+
+
+def _cut_planes(group: PairGroup) -> list[ConstraintColumn]:
+    value, S = group.value, group.S
+    offset, variance = condition_on_parallel(value[:, :2], value[:, 2:], S)
+    return [
+        group.column(PLANE_PARALLELISM, value[:, :2], S[:, :2, :2]),
+        group.column(PLANE_OFFSET, offset, variance, _parallel_pairs(group), _NOT_PARALLEL),
+    ]
+
+
+register_relation(PairRelation((PLANE_PARALLELISM, PLANE_OFFSET), ("plane", "plane"), 3, _fill_planes, _cut_planes))
+
+EDGE_PARALLELISM = ConstraintKind("edge_parallelism", ("rad", "rad"), "tilts of the second edge", null=True)
+EDGE_DISTANCE = ConstraintKind("edge_distance", ("m",), "distance of two parallel edges")
+EDGE_COLLINEARITY = ConstraintKind(
+    "edge_collinearity", ("rad", "rad", "m", "m"), "tilts and offsets of the second edge", null=True
+)
+
+
+def _fill_lines(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    """Rows: two tilts, two offsets."""
+    sign = sign_of(n[:, 0])
+    value[:, :2], value[:, 2:] = n[:, 1:] * sign[:, None], p[:, 1:]
+    r[:, 0, 1] = r[:, 1, 2] = sign
+    q[:, 2, 1] = q[:, 3, 2] = 1.0
+
+
+def _cut_lines(group: PairGroup) -> list[ConstraintColumn]:
+    value, S = group.value, group.S
+    parallel = _parallel_pairs(group)
+    distance, variance, across = length_of(*condition_on_parallel(value[:, :2], value[:, 2:], S))
+    apart = distance > 3 * np.sqrt(across)
+    return [
+        group.column(EDGE_PARALLELISM, value[:, :2], S[:, :2, :2]),
+        group.column(
+            EDGE_DISTANCE,
+            distance[:, None],
+            variance[:, None, None],
+            parallel & apart,
+            "the edges are not parallel, or nearer than 3 sigma, where the distance is not normal: see collinearity.",
+            bias=(across / (2 * np.where(apart, distance, 1.0)))[:, None],
+        ),
+        group.column(EDGE_COLLINEARITY, value, S, parallel & ~apart, "the edges are not parallel, or clearly apart."),
+    ]
+
+
+_OF_EDGES = EDGE_PARALLELISM, EDGE_DISTANCE, EDGE_COLLINEARITY
+register_relation(PairRelation(_OF_EDGES, ("line", "line"), 4, _fill_lines, _cut_lines))

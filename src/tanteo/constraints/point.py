@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
+from tanteo.constraints.relation import PairGroup, PairRelation, register_relation
 from tanteo.constraints.relative import X_AXIS, ScalarEstimate, relative, scalar_estimate
 from tanteo.errors import DegenerateError
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
@@ -69,3 +71,58 @@ def point_edge_distance(
             "Test its two offsets (2 dof) instead."
         )
     return scalar_estimate(pair, X_AXIS, d, (q / d[..., None], None), (C_edge, C_point, C12))
+
+
+def length_of(v: FloatArray, S: Covariances) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lengths of vectors ``(N, k)``, their variances, and the summed variance across them."""
+    d = np.sqrt((v * v).sum(axis=1))
+    u = v / np.where(d > 0, d, 1.0)[:, None]
+    variance = (u[:, None] @ S @ u[..., None])[:, 0, 0]
+    return d, variance, np.maximum(S.trace(axis1=1, axis2=2) - variance, 0.0)
+
+
+POINT_PLANE_HEIGHT = ConstraintKind("point_plane_height", ("m",), "height of a vertex over a plane, signed")
+POINT_EDGE_DISTANCE = ConstraintKind("point_edge_distance", ("m",), "distance of a vertex from an edge")
+POINT_DISTANCE = ConstraintKind("point_distance", ("m",), "distance of two vertices")
+
+
+def _fill_plane_point(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    """Row: height."""
+    value[:, 0], q[:, 0, 2] = p[:, 2], 1.0
+
+
+def _cut_plane_point(group: PairGroup) -> list[ConstraintColumn]:
+    return [group.column(POINT_PLANE_HEIGHT, group.value, group.S)]
+
+
+def _fill_line_point(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    """Rows: two offsets."""
+    value[:] = p[:, 1:]
+    q[:, 0, 1] = q[:, 1, 2] = 1.0
+
+
+def _fill_points(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    """Rows: the three offsets."""
+    value[:] = p
+    q[:, 0, 0] = q[:, 1, 1] = q[:, 2, 2] = 1.0
+
+
+def _cut_offsets(kind: ConstraintKind, sigmas: float, group: PairGroup) -> list[ConstraintColumn]:
+    value, variance, across = length_of(group.value, group.S)
+    clear = value > sigmas * np.sqrt(across / (group.value.shape[1] - 1))
+    reason = f"the distance is below {sigmas:g} sigma, where it is not normal: the features touch, as far as is known."
+    bias = across / (2 * np.where(clear, value, 1.0))
+    return [group.column(kind, value[:, None], variance[:, None, None], clear, reason, bias=bias[:, None])]
+
+
+def _cut_line_point(group: PairGroup) -> list[ConstraintColumn]:
+    return _cut_offsets(POINT_EDGE_DISTANCE, 3.0, group)
+
+
+def _cut_points(group: PairGroup) -> list[ConstraintColumn]:
+    return _cut_offsets(POINT_DISTANCE, 5.0, group)
+
+
+register_relation(PairRelation((POINT_PLANE_HEIGHT,), ("plane", "point"), 1, _fill_plane_point, _cut_plane_point))
+register_relation(PairRelation((POINT_EDGE_DISTANCE,), ("line", "point"), 2, _fill_line_point, _cut_line_point))
+register_relation(PairRelation((POINT_DISTANCE,), ("point", "point"), 3, _fill_points, _cut_points))

@@ -5,26 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 
 from tanteo.constraints.relative import AXIS_HATS
-from tanteo.features import Feature, collect_shared
+from tanteo.features import Feature, Shape, collect_shared
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
-PLANE_LIKE, LINE_LIKE, POINT_LIKE = 0, 1, 2
-_SHAPES = {
-    "plane": PLANE_LIKE,
-    "edge": LINE_LIKE,
-    "half_edge": LINE_LIKE,
-    "cylinder": LINE_LIKE,
-    "vertex": POINT_LIKE,
-    "sphere": POINT_LIKE,
+MEETINGS: tuple[tuple[Shape, Shape], ...] = (
+    ("plane", "plane"),
+    ("plane", "line"),
+    ("line", "line"),
+    ("plane", "point"),
+    ("line", "point"),
+    ("point", "point"),
+)
+"""Pairs of shapes, the first one first."""
+_ORDER: dict[Shape, int] = {"plane": 0, "line": 1, "point": 2}
+_AXIS: dict[Shape, int] = {"plane": 2, "line": 0, "point": 0}
+_FREE: dict[Shape, tuple[float, float, float]] = {
+    "plane": (1.0, 1.0, 0.0),
+    "line": (1.0, 0.0, 0.0),
+    "point": (0.0, 0.0, 0.0),
 }
-_AXIS = {PLANE_LIKE: 2, LINE_LIKE: 0, POINT_LIKE: 0}
-_FREE = {PLANE_LIKE: (1.0, 1.0, 0.0), LINE_LIKE: (1.0, 0.0, 0.0)}
-ROWS = {(0, 0): 4, (0, 1): 3, (1, 1): 6, (0, 2): 1, (1, 2): 2, (2, 2): 3}
-"""Values computed for a pair of two shapes, in the order in which :mod:`relate` fills them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,31 +43,28 @@ class PairPlan:
         axis_hats: ``[e]x`` of the second feature's axis ``(N, 3, 3)``.
         axis: that axis as a unit vector of its own frame ``(N, 3, 1)``.
         free: directions along which the second origin may slide to the middle ``(N, 3)``.
-        rows: greatest number of values of any pair.
     """
 
     first: IntArray
     second: IntArray
     pairs: IntArray
-    groups: dict[tuple[int, int], slice]
+    groups: dict[tuple[Shape, Shape], slice]
     axis_hats: FloatArray
     axis: FloatArray
     free: FloatArray
-    rows: int
 
 
 @lru_cache(maxsize=256)
-def pair_plan(shapes: tuple[int, ...]) -> PairPlan:
-    """The pairs of features of those shapes; -1 for a shape that no constraint knows."""
-    meetings: dict[tuple[int, int], list[tuple[int, int]]] = {key: [] for key in ROWS}
-    for i in range(len(shapes)):
-        for j in range(i + 1, len(shapes)):
-            a, b = (i, j) if shapes[i] <= shapes[j] else (j, i)
-            if shapes[a] >= 0:
-                meetings[shapes[a], shapes[b]].append((a, b))
-    groups: dict[tuple[int, int], slice] = {}
+def pair_plan(shapes: tuple[Shape | None, ...]) -> PairPlan:
+    """The pairs of features of those shapes; of none with a feature that has no shape."""
+    meetings: dict[tuple[Shape, Shape], list[tuple[int, int]]] = {key: [] for key in MEETINGS}
+    shaped = [(i, shape) for i, shape in enumerate(shapes) if shape is not None]
+    for one, other in combinations(shaped, 2):
+        (a, first), (b, second) = (one, other) if _ORDER[one[1]] <= _ORDER[other[1]] else (other, one)
+        meetings[first, second].append((a, b))
+    groups: dict[tuple[Shape, Shape], slice] = {}
     pairs: list[tuple[int, int]] = []
-    keys: list[tuple[int, int]] = []
+    keys: list[tuple[Shape, Shape]] = []
     for key, members in meetings.items():
         if members:
             groups[key] = slice(len(pairs), len(pairs) + len(members))
@@ -71,7 +72,7 @@ def pair_plan(shapes: tuple[int, ...]) -> PairPlan:
             keys += [key] * len(members)
     index = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     axes = np.array([_AXIS[b] for _, b in keys], dtype=np.int64)
-    free = np.array([_FREE[a] if a == b and a in _FREE else (0.0, 0.0, 0.0) for a, b in keys]).reshape(-1, 3)
+    free = np.array([_FREE[a] if a == b else (0.0, 0.0, 0.0) for a, b in keys]).reshape(-1, 3)
     return PairPlan(
         np.ascontiguousarray(index[:, 0]),
         np.ascontiguousarray(index[:, 1]),
@@ -80,7 +81,6 @@ def pair_plan(shapes: tuple[int, ...]) -> PairPlan:
         AXIS_HATS[axes],
         np.eye(3)[axes][..., None],
         free,
-        max((ROWS[key] for key in groups), default=0),
     )
 
 
@@ -105,12 +105,7 @@ class FeatureArrays:
     extent: FloatArray
 
 
-def shapes_of(features: Sequence[Feature]) -> tuple[int, ...]:
-    """Plane, line or point: the code of each feature's shape, -1 for the others (cone, circle)."""
-    return tuple([_SHAPES.get(feature.kind.name, -1) for feature in features])
-
-
-def stack_features(features: Sequence[Feature], shapes: tuple[int, ...]) -> FeatureArrays:
+def stack_features(features: Sequence[Feature], shapes: tuple[Shape | None, ...]) -> FeatureArrays:
     """Copy frames, covariances and shared errors of some features into arrays."""
     n = len(features)
     T = np.array([feature.T_world_feature for feature in features]).reshape(n, 4, 4)
@@ -134,9 +129,9 @@ def _block(rows: tuple[int, ...]) -> tuple[IntArray, IntArray]:
     return index[:, None], index
 
 
-def _extents(features: Sequence[Feature], shapes: tuple[int, ...], R: FloatArray, c: Vectors) -> FloatArray:
+def _extents(features: Sequence[Feature], shapes: tuple[Shape | None, ...], R: FloatArray, c: Vectors) -> FloatArray:
     extent = np.zeros((len(features), 3))
-    lines = [k for k, shape in enumerate(shapes) if shape == LINE_LIKE and len(features[k].support)]
+    lines = [k for k, shape in enumerate(shapes) if shape == "line" and len(features[k].support)]
     if not lines:
         return extent  # origins are the centroids, as fitting leaves them
     supports = [features[k].support for k in lines]

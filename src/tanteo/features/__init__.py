@@ -31,8 +31,11 @@ if TYPE_CHECKING:
         SPHERE,
         VERTEX,
         FeatureKind,
+        Shape,
         binding,
         feature_kind,
+        label_kind,
+        register_kind,
     )
     from tanteo.features.reframing import flip_edge, reframe, reframe_feature, reframe_near
 
@@ -48,6 +51,7 @@ __all__ = [
     "VERTEX",
     "Feature",
     "FeatureKind",
+    "Shape",
     "SharedError",
     "SharedTerm",
     "Sides",
@@ -57,9 +61,11 @@ __all__ = [
     "feature_covariance",
     "feature_kind",
     "flip_edge",
+    "label_kind",
     "reframe",
     "reframe_feature",
     "reframe_near",
+    "register_kind",
     "shared_root",
     "stacked_covariance",
 ]
@@ -73,7 +79,10 @@ __getattr__, __dir__ = lazy(
             "Feature SharedError SharedTerm Sides collect_shared cross_covariance feature_covariance "
             "shared_root stacked_covariance"
         ),
-        "kinds": "CIRCLE CONE CYLINDER EDGE HALF_EDGE KINDS PLANE SPHERE VERTEX FeatureKind binding feature_kind",
+        "kinds": (
+            "CIRCLE CONE CYLINDER EDGE HALF_EDGE KINDS PLANE SPHERE VERTEX FeatureKind Shape binding feature_kind "
+            "label_kind register_kind"
+        ),
         "reframing": "flip_edge reframe reframe_feature reframe_near",
     },
 )

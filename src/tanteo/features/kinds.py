@@ -1,4 +1,4 @@
-"""The kinds of feature: which perturbations of its frame matter, and which motions map it onto itself.
+"""The kinds of feature, one registry entry each: which perturbations of the frame matter, which map it onto itself.
 
 Rows index the tangent ``(x, y, z, wx, wy, wz)``. The rows of a kind are its perturbation coordinates; the others are
 its degrees of freedom, along which it may be re-framed at will and carries no information (paper section 2,
@@ -8,28 +8,38 @@ its degrees of freedom, along which it may be re-framed at will and carries no i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.typing import FloatArray, Transforms
 
+Shape: TypeAlias = Literal["plane", "line", "point"]
+"""What a feature is to other features: where its origin may slide."""
+
+_SHAPES: dict[tuple[int, ...], Shape] = {(0, 1): "plane", (0,): "line", (3, 4, 5): "point"}
+
 
 @dataclass(frozen=True, slots=True)
 class FeatureKind:
-    """One row of the table of kinds.
+    """One kind of feature; all that other rooms ask about a kind follows from these entries.
 
     Attributes:
         name: lower case, as in readings files.
         rows: tangent rows that matter, in the order of the covariance ``P``.
         frame: what the frame's axes mean, in words.
         flip: a half turn (as rotation diagonal) that maps the undirected feature onto itself, if there is one.
+        min_readings: how many readings of one label determine it; 0 if readings are never labelled with this kind.
+        faces: how many faces of the part meet there.
     """
 
     name: str
     rows: tuple[int, ...]
     frame: str
     flip: tuple[float, float, float] | None = None
+    min_readings: int = 0
+    faces: int = 1
 
     @property
     def size(self) -> int:
@@ -40,6 +50,18 @@ class FeatureKind:
     def free(self) -> tuple[int, ...]:
         """Tangent rows of the continuous symmetry: the degrees of freedom of the frame."""
         return tuple(i for i in range(6) if i not in self.rows)
+
+    @property
+    def shape(self) -> Shape | None:
+        """Plane, line (x) or point, by the translations that are free; None for others (cone, circle)."""
+        slides = tuple(i for i in self.free if i < 3)
+        return _SHAPES.get(slides or self.free)
+
+    @property
+    def axis(self) -> int | None:
+        """Axis of the frame about which the feature is free to turn: its direction; None if there is not just one."""
+        turns = [i - 3 for i in self.free if i >= 3]
+        return turns[0] if len(turns) == 1 else None
 
     @property
     def B(self) -> FloatArray:
@@ -55,18 +77,34 @@ class FeatureKind:
         return np.stack(motions)
 
 
-VERTEX = FeatureKind("vertex", (0, 1, 2), "origin at the point")
-EDGE = FeatureKind("edge", (1, 2, 4, 5), "x along the edge", flip=(-1.0, -1.0, 1.0))
-PLANE = FeatureKind("plane", (2, 3, 4), "z is the outward normal")
-HALF_EDGE = FeatureKind("half_edge", (1, 2, 3, 4, 5), "x along the edge, z out of the labelled face")
-CYLINDER = FeatureKind("cylinder", (1, 2, 4, 5), "x along the axis", flip=(-1.0, -1.0, 1.0))
-CONE = FeatureKind("cone", (0, 1, 2, 4, 5), "origin at the apex, x along the axis")
-CIRCLE = FeatureKind("circle", (0, 1, 2, 3, 4), "origin at the centre, z normal", flip=(1.0, -1.0, -1.0))
-SPHERE = FeatureKind("sphere", (0, 1, 2), "origin at the centre")
+KINDS: dict[str, FeatureKind] = {}
+"""All kinds by name, in the order of their registration."""
 
-KINDS: dict[str, FeatureKind] = {
-    kind.name: kind for kind in (VERTEX, EDGE, PLANE, HALF_EDGE, CYLINDER, CONE, CIRCLE, SPHERE)
-}
+
+def register_kind(kind: FeatureKind) -> FeatureKind:
+    """Make a kind known under its name: to readings, constraints and localization.
+
+    Raises:
+        InputError: if another kind has that name.
+    """
+    if KINDS.setdefault(kind.name, kind) != kind:
+        raise InputError(f"kind: expected a name of its own, got {kind.name!r}, which is taken. Choose another name.")
+    return kind
+
+
+PLANE = register_kind(FeatureKind("plane", (2, 3, 4), "z is the outward normal", min_readings=3))
+EDGE = register_kind(FeatureKind("edge", (1, 2, 4, 5), "x along the edge", (-1.0, -1.0, 1.0), min_readings=2, faces=2))
+VERTEX = register_kind(FeatureKind("vertex", (0, 1, 2), "origin at the point", min_readings=1, faces=3))
+HALF_EDGE = register_kind(FeatureKind("half_edge", (1, 2, 3, 4, 5), "x along the edge, z out of the labelled face"))
+CYLINDER = register_kind(FeatureKind("cylinder", (1, 2, 4, 5), "x along the axis", (-1.0, -1.0, 1.0)))
+CONE = register_kind(FeatureKind("cone", (0, 1, 2, 4, 5), "origin at the apex, x along the axis"))
+CIRCLE = register_kind(FeatureKind("circle", (0, 1, 2, 3, 4), "origin at the centre, z normal", (1.0, -1.0, -1.0)))
+SPHERE = register_kind(FeatureKind("sphere", (0, 1, 2), "origin at the centre"))
+
+
+def label_kind(name: str) -> FeatureKind:
+    """The kind of the labelled points of that kind of reading: points of unknown kind are taken to lie on a plane."""
+    return KINDS.get(name, PLANE)
 
 
 def feature_kind(name: str) -> FeatureKind:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features.feature import Feature, SharedTerm
-from tanteo.features.kinds import EDGE, PLANE, FeatureKind
+from tanteo.features.kinds import EDGE, FeatureKind
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
@@ -66,14 +66,14 @@ def reframe_feature(feature: Feature, S: Transforms) -> Feature:
 
 
 def reframe_near(feature: Feature, point: Vectors) -> Feature:
-    """The same edge or plane with its origin slid to the foot of ``point`` (world) [m]; others are returned as is.
+    """The same line or plane with its origin slid to the foot of ``point`` (world) [m]; others are returned as is.
 
     Do this before a pairwise constraint: second-order terms grow with the distance between origins.
     """
-    if feature.kind.name not in (EDGE.name, "cylinder", PLANE.name):
+    free = [i for i in feature.kind.free if i < 3]
+    if not free:
         return feature
     local = SE3.apply(SE3.inverse(feature.T_world_feature), np.asarray(point, dtype=np.float64))
     slide = np.eye(4)
-    free = [i for i in feature.kind.free if i < 3]
     slide[free, 3] = local[free]
     return reframe_feature(feature, slide)

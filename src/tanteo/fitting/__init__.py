@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     )
     from tanteo.fitting.edge import edge_ml, fit_edge
     from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings
+    from tanteo.fitting.fits import FITS, Fit, LabelledPoints, fitted, register_fit
     from tanteo.fitting.labelled import LabelledFeatures, fit_labelled
     from tanteo.fitting.plane import fit_plane, plane_ml
     from tanteo.fitting.spread import (
@@ -28,10 +29,13 @@ if TYPE_CHECKING:
     from tanteo.fitting.vertex import Corner, fit_vertex, intersect_edges, intersect_lines, vertex_ml
 
 __all__ = [
+    "FITS",
     "Corner",
     "Estimate",
+    "Fit",
     "FitReport",
     "LabelledFeatures",
+    "LabelledPoints",
     "SharedReadings",
     "edge_direction_covariance",
     "edge_from_planes",
@@ -41,6 +45,7 @@ __all__ = [
     "fit_labelled",
     "fit_plane",
     "fit_vertex",
+    "fitted",
     "intersect_edges",
     "intersect_lines",
     "intersect_planes",
@@ -48,6 +53,7 @@ __all__ = [
     "plane_from_two_directions",
     "plane_ml",
     "plane_normal_covariance",
+    "register_fit",
     "vertex_ml",
 ]
 
@@ -59,6 +65,7 @@ __getattr__, __dir__ = lazy(
         "derived": "edge_from_planes edge_from_two_points intersect_planes plane_from_two_directions",
         "edge": "edge_ml fit_edge",
         "estimate": "Estimate FitReport SharedReadings",
+        "fits": "FITS Fit LabelledPoints fitted register_fit",
         "labelled": "LabelledFeatures fit_labelled",
         "plane": "fit_plane plane_ml",
         "spread": "edge_direction_covariance plane_displacement_covariance plane_normal_covariance",

@@ -8,21 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.constraints import chi2_p_value
-from tanteo.errors import DegenerateError, InputError, SideError
-from tanteo.features import PLANE, Sides
-from tanteo.fitting.agreement import Bending, bending, jointly
-from tanteo.fitting.edge import fit_edge
-from tanteo.fitting.estimate import FitReport, SharedReadings
-from tanteo.fitting.plane import fit_plane, plane_ml
+from tanteo.errors import DegenerateError, SideError
+from tanteo.features import PLANE, FeatureKind, Sides, label_kind
+from tanteo.fitting.agreement import Bending, bending
+from tanteo.fitting.estimate import FitReport
+from tanteo.fitting.fits import FITS, LabelledPoints
 from tanteo.fitting.sides import known_side, most_opposed
-from tanteo.fitting.vertex import fit_vertex
 from tanteo.lie import SE3
 from tanteo.limits import SUSPECT
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import Covariances, FloatArray, Vectors
-
-_LEAST = {"edge": 2, "vertex": 1}
-"""Readings that a feature takes at least; three of a plane."""
 
 
 def fit_group(
@@ -44,10 +38,11 @@ def fit_group(
         SideError: if too many readings disagree about which side is outside.
         InputError: for a ball tip on an edge or a vertex, or different tips.
     """
-    kind = measured.kinds[rows[0]]
-    least = _LEAST.get(kind, 3)
+    kind = label_kind(measured.kinds[rows[0]])
+    least = kind.min_readings
     if len(rows) < least:
-        raise DegenerateError(f"{kind} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
+        name = measured.kinds[rows[0]]
+        raise DegenerateError(f"{name} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
     kept, fit = _of_one_side(measured, kind, label, rows, tolerance)
     feature, dropped, notes = _agreeing(measured, kind, label, kept, tolerance, *fit)
     behind = (measured.ids[row] for row in rows if row not in kept)
@@ -55,7 +50,7 @@ def fit_group(
 
 
 def _of_one_side(
-    measured: PointMeasurements, kind: str, label: str, rows: Sequence[int], tolerance: float
+    measured: PointMeasurements, kind: FeatureKind, label: str, rows: Sequence[int], tolerance: float
 ) -> tuple[list[int], tuple[Sides, FitReport]]:
     """The rows without those, a quarter at most, that were sensed from another side of a plane; and their fit."""
     kept, least = list(rows), max(3, len(rows) - len(rows) // 4)
@@ -65,7 +60,7 @@ def _of_one_side(
             fit = _fit(measured, kind, label, kept, tolerance)
         except SideError as error:
             unlike = error
-        row, cosine = (kept[0], 1.0) if kind in _LEAST else most_opposed(measured, kept)
+        row, cosine = most_opposed(measured, kept) if kind.shape == "plane" else (kept[0], 1.0)
         astray = fit is None or (cosine < 0 and not _agrees(fit[1]))
         if astray and len(kept) > least:
             kept.remove(row)
@@ -77,7 +72,7 @@ def _of_one_side(
 
 def _agreeing(
     measured: PointMeasurements,
-    kind: str,
+    kind: FeatureKind,
     label: str,
     rows: list[int],
     tolerance: float,
@@ -85,7 +80,7 @@ def _agreeing(
     report: FitReport,
 ) -> tuple[Sides, dict[str, float], list[str]]:
     """The feature of readings of one side, of which that is the fit, as :func:`fit_group` gives it."""
-    least = _LEAST.get(kind, 3)
+    least = kind.min_readings
     bend = _bending(measured, rows, tolerance, feature)
     if _agrees(report):
         return _unless_bent(label, feature, bend, {})
@@ -141,8 +136,8 @@ def _bending(measured: PointMeasurements, rows: Sequence[int], tolerance: float,
     plane = feature[0] if isinstance(feature, tuple) else feature
     if plane.kind is not PLANE:
         return Bending(0.0, 0, 1.0)
-    points, covs, shared, radii = _sensed(measured, rows, tolerance)
-    return bending(plane, points, covs, shared, float(radii[0]))
+    sensed = _sensed(measured, plane.label, rows, tolerance)
+    return bending(plane, sensed.points, sensed.covs, sensed.shared, float(sensed.radii[0]))
 
 
 def _unless_bent(
@@ -164,53 +159,20 @@ def _figure(value: float) -> str:
 
 
 def _fit(
-    measured: PointMeasurements, kind: str, label: str, rows: Sequence[int], tolerance: float
+    measured: PointMeasurements, kind: FeatureKind, label: str, rows: Sequence[int], tolerance: float
 ) -> tuple[Sides, FitReport]:
-    points, covs, shared, radii = _sensed(measured, rows, tolerance)
-    ids = [measured.ids[row] for row in rows]
-    if kind in ("edge", "vertex"):
-        if radii.any():
-            raise InputError(
-                f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radii.max():g} mm, whose "
-                f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
-            )
-        fit = fit_edge if kind == "edge" else fit_vertex
-        one, report = fit(points, covs, label=label, readings=ids, shared=shared)
-        return one, jointly(report, one, points, covs, shared, ids)
-    if np.ptp(radii) > 1e-9:
-        raise InputError(
-            f"plane {label!r}: expected one tip radius, got {1e3 * radii.min():g} to {1e3 * radii.max():g} mm."
-        )
-    radius = float(radii[0])
-    sides = known_side(measured, rows)
-    if sides:
-        feature, report = fit_plane(
-            points,
-            covs,
-            radius=radius,
-            label=label,
-            readings=ids,
-            shared=shared,
-            **sides,
-        )
-        return replace(feature, tip_radius=radius), jointly(report, feature, points, covs, shared, ids, radius)
-    normal = plane_ml(points, covs).T[:3, 2]
-    both = [
-        fit_plane(points, covs, outward=s * normal, radius=radius, label=label, readings=ids, shared=shared)
-        for s in (1, -1)
-    ]
-    report = jointly(both[0][1], both[0][0], points, covs, shared, ids, radius)
-    return (replace(both[0][0], tip_radius=radius), replace(both[1][0], tip_radius=radius)), report
+    return FITS[kind.name](_sensed(measured, label, rows, tolerance))
 
 
-def _sensed(
-    measured: PointMeasurements, rows: Sequence[int], tolerance: float
-) -> tuple[Vectors, Covariances, SharedReadings, FloatArray]:
-    """Points of these rows, their covariances, the errors that they share, and the radii of their tips."""
+def _sensed(measured: PointMeasurements, label: str, rows: Sequence[int], tolerance: float) -> LabelledPoints:
+    """The points of these rows."""
     index = np.array(rows)
     # what other sensors share is no error of these readings
     shared = [(e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()]
-    return measured.points[index], measured.covs[index] + tolerance**2 * np.eye(3), shared, measured.radii[index]
+    ids = tuple(measured.ids[row] for row in rows)
+    covs = measured.covs[index] + tolerance**2 * np.eye(3)
+    side = known_side(measured, rows)
+    return LabelledPoints(label, ids, measured.points[index], covs, shared, measured.radii[index], side)
 
 
 def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:

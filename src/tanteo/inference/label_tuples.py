@@ -11,6 +11,7 @@ from itertools import combinations, product
 
 import numpy as np
 
+from tanteo.features import label_kind
 from tanteo.inference.labels import groups_of
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3, SO3
@@ -64,7 +65,7 @@ def labelled_planes(points: ContactPoints) -> Planes:
     groups, found = groups_of(points), []
     for g in range(groups.max(initial=-1) + 1):
         rows = np.flatnonzero(groups == g)
-        if len(rows) < 3 or points.kinds[rows[0]] not in ("point", "plane"):
+        if len(rows) < 3 or label_kind(points.kinds[rows[0]]).shape != "plane":
             continue
         p, sd = points.points[rows], float(points.sd[rows].max())
         middle = p.mean(axis=0)

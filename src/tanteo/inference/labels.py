@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from tanteo.features import label_kind
 from tanteo.lie import SO3
 from tanteo.measurements import ContactPoints
 from tanteo.special import log_sum
@@ -26,9 +27,6 @@ deviations within which they look the same way."""
 _COUNT = 6
 """Points of a label that count: how a made face is off is the same for all of them, so that more of them say no more of
 whether it is the part's."""
-
-_OF_TWO = "edge", "vertex"
-"""Kinds of which two points tell something: the direction of an edge, or that they meet."""
 
 _SIZES = 6
 """Sizes of faces and edges, each half of the last, that are equally likely: from the object's to a thirtieth of it."""
@@ -103,10 +101,11 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
     log_odds = np.zeros(groups.max(initial=-1) + 1)
     for g in range(len(log_odds)):
         own = points.take(np.flatnonzero(groups == g))
-        if len(own) < 3 and own.kinds[0] not in _OF_TWO:
+        free = 3 - label_kind(own.kinds[0]).faces
+        if len(own) <= free:  # two points tell the direction of an edge, or that they meet, and nothing of a face
             continue
         log, facet = _shared(own, radius)
-        if len(own) > 2 or own.kinds[0] == "vertex":
+        if len(own) > 2 or not free:
             log_odds[g] = np.logaddexp(np.log(_FLAT) + log * min(1.0, _COUNT / len(own)), np.log1p(-_FLAT))
         if facet is not None and log > 0:
             rows.append(facet)
@@ -126,7 +125,7 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     """
     middle = points.points.mean(axis=0)
     axes = np.linalg.svd((points.points - middle).T @ (points.points - middle))[2]
-    free = {"vertex": 0, "edge": 1}.get(points.kinds[0], 2)  # directions along what they share come first
+    free = 3 - label_kind(points.kinds[0]).faces  # directions along what they share come first
     across, along = axes[free:], axes[:free]
     off = (points.points - middle) @ across.T
     if free == 2:

@@ -8,14 +8,13 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.answers import PosePrior, Priors, log_density_within
+from tanteo.features import label_kind
 from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
-
-_KINDS = {"edge": 1, "vertex": 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +102,7 @@ class Problem:
         return _core.make_problem(
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
-            np.array([_KINDS.get(kind, 0) for kind in t.kinds], dtype=np.int32), self.groups,
+            np.array([label_kind(kind).faces - 1 for kind in t.kinds], dtype=np.int32), self.groups,
             _c(self.elsewhere.log_odds), _c(t.shared_jacobian), float(self.scale_sd), _c(rates), _c(weights),
             self.priors.outlier_rate, _c(lines), _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots),
             _c(log_weights),

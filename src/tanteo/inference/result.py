@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.answers import Hypothesis, PosePrior, corner_sd, hypothesis_at, part_scale, prior_rows, spins, without_spins
-from tanteo.features import SharedError
+from tanteo.features import SharedError, label_kind
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
 from tanteo.lie import SE3, SO3
@@ -35,9 +35,6 @@ _LESSENED = {
 }
 """What else can be done about an error that all measurements share, by what its name begins with."""
 
-
-_ACROSS = {"edge": 2, "vertex": 3}
-"""Directions in which a point of an edge, or of a vertex, can be off; of a face it is one."""
 
 _HELD, _TOLD = 0.05, 24
 """Standard deviation over the size of the part up to which samples say that the ends of faces hold a motion; so many
@@ -67,7 +64,7 @@ class GoodnessOfFit:
         """Of the points that belong and their normals, and the degrees of freedom if no motion is free."""
         belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.kinds
         chi2 = float(np.sum(self.at.residuals[0, belongs] ** 2) + np.sum(tilts[belongs] ** 2))
-        dof = sum(_ACROSS.get(kind, 1) for kind, on in zip(kinds, belongs, strict=True) if on)
+        dof = sum(label_kind(kind).faces for kind, on in zip(kinds, belongs, strict=True) if on)
         return chi2, dof + 2 * int(np.count_nonzero(tilts[belongs])) - 6
 
 

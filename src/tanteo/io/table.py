@@ -15,7 +15,7 @@ from tanteo.errors import ReadingsError
 from tanteo.io.columns import DIRECTION, GROUPS, HAND, NORMAL, POINT, Column
 from tanteo.io.lines import Lines
 from tanteo.lie import SE3, SO3
-from tanteo.sensors import KINDS, Readings, check_features
+from tanteo.sensors import Readings, check_features, reading_kinds
 from tanteo.typing import BoolArray, FloatArray
 
 LARGEST = 100.0
@@ -69,7 +69,7 @@ class Table:
         if column.base == "id":
             self._check_ids(names)
             return names
-        valid = {"kind": KINDS, "status": _STATUSES}.get(column.base)
+        valid = {"kind": reading_kinds(), "status": _STATUSES}.get(column.base)
         if valid is not None and (strange := set(names) - {*valid, ""}):
             k = next(i for i, name in enumerate(names) if name in strange)
             self.fail(k, column.base, names[k], f"one of {', '.join(valid)}")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.features import label_kind
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
@@ -131,7 +132,7 @@ def as_contact_points(
     """
     points, independent, radii = measured.centres()
     for label, kind, radius in zip(measured.features, measured.kinds, radii, strict=True):
-        if kind in ("edge", "vertex") and radius > 0:
+        if label_kind(kind).faces > 1 and radius > 0:
             raise InputError(
                 f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radius:g} mm, whose "
                 f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."

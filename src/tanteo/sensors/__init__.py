@@ -6,7 +6,7 @@ ranges with errors drawn from the very model that ``measure`` assumes.
 This room has never heard of shapes: it knows rays, ranges and covariances.
 """
 
-from tanteo.sensors.checks import KINDS, check_features
+from tanteo.sensors.checks import check_features, reading_kinds
 from tanteo.sensors.cone import blend, cone_rays, draw_aims, edge_bias, edge_shift, edge_variance
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
@@ -38,7 +38,6 @@ from tanteo.sensors.rig import Rig, RigSensor
 from tanteo.sensors.stuck import say_stuck
 
 __all__ = [
-    "KINDS",
     "Device",
     "ErrorModel",
     "FreeBeams",
@@ -70,6 +69,7 @@ __all__ = [
     "misspelt",
     "preset_sigma",
     "range_variance",
+    "reading_kinds",
     "reported_poses",
     "robot_preset",
     "robot_presets",

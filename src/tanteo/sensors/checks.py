@@ -9,17 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import ReadingsError
+from tanteo.features import KINDS
 from tanteo.limits import LARGEST, LARGEST_TILT_SD, LEAST_SD, LEAST_TILT_SD
 from tanteo.typing import BoolArray
 
 if TYPE_CHECKING:
     from tanteo.sensors.readings import Readings
-
-KINDS = ("plane", "edge", "vertex", "point", "free")
-"""What a reading was taken on; ``free`` is a beam that met nothing."""
-
-MIN_ROWS = {"plane": 3, "edge": 2, "vertex": 1}
-"""How many readings a labelled feature needs before it says anything as a feature."""
 
 _ARRAYS = (
     "points", "directions", "normals", "normal_sds", "sds", "across_sds", "radii", "Ts_world_hand", "ranges",
@@ -28,6 +23,11 @@ _ARRAYS = (
 _POSITIVE = {"normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m"}
 
 _LENGTHS = "points", "ranges", "max_ranges", "radii", "sds", "across_sds"
+
+
+def reading_kinds() -> tuple[str, ...]:
+    """What a reading can be taken on: a kind of feature, any ``point``; ``free`` is a beam without echo."""
+    return (*(kind.name for kind in KINDS.values() if kind.min_readings), "point", "free")
 
 
 def check_readings(readings: Readings) -> None:
@@ -53,10 +53,11 @@ def check_features(readings: Readings) -> None:
     """
     counts = Counter(zip(readings.features, readings.kinds, strict=True))
     for (label, kind), count in counts.items():
-        if label and count < MIN_ROWS.get(kind, 0):
+        least = KINDS[kind].min_readings if kind in KINDS else 0
+        if label and count < least:
             members = [i for i, f in zip(readings.ids, readings.features, strict=True) if f == label]
             raise ReadingsError(
-                f"feature '{label}': expected at least {MIN_ROWS[kind]} readings of kind {kind}, got {count} "
+                f"feature '{label}': expected at least {least} readings of kind {kind}, got {count} "
                 f"({', '.join(members)}). Sense more of it, or leave feature and kind empty to use unlabelled points."
             )
 
@@ -70,9 +71,10 @@ def _check_ids(ids: tuple[str, ...]) -> None:
 
 
 def _check_kinds(readings: Readings) -> None:
-    unknown = set(readings.kinds) - set(KINDS)
+    known = reading_kinds()
+    unknown = set(readings.kinds) - set(known)
     if unknown:
-        raise ReadingsError(f"kind: expected one of {', '.join(KINDS)}, got '{min(unknown)}'. Correct the kind.")
+        raise ReadingsError(f"kind: expected one of {', '.join(known)}, got '{min(unknown)}'. Correct the kind.")
     if any((kind == "free") != free for kind, free in zip(readings.kinds, readings.is_free.tolist(), strict=True)):
         raise ReadingsError("is_free: expected it true exactly where kind is 'free', got a mixture. Use from_columns.")
 
@@ -143,7 +145,7 @@ def _check_labels(readings: Readings) -> None:
                 f"kind of reading '{name}': expected '{kinds[label]}' as for the other readings of feature "
                 f"'{label}', got '{kind}'. Give one label one kind."
             )
-        if not label and kind in MIN_ROWS:
+        if not label and kind in KINDS:
             raise ReadingsError(
                 f"feature of reading '{name}': expected a label for kind '{kind}', got none. Label the readings "
                 "that were taken on one feature, or leave kind empty."

@@ -1,0 +1,109 @@
+"""One fit a kind of feature: how the labelled points of a kind become a feature of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.features import EDGE, PLANE, VERTEX, Feature, FeatureKind, Sides
+from tanteo.fitting.agreement import jointly
+from tanteo.fitting.edge import fit_edge
+from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, make_report, shared_terms
+from tanteo.fitting.plane import fit_plane, plane_ml
+from tanteo.fitting.vertex import fit_vertex
+from tanteo.lie import SE3
+from tanteo.typing import Covariances, FloatArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelledPoints:
+    """The measured points of one label.
+
+    Attributes:
+        label: their name.
+        ids: of the readings.
+        points: on the surface, or centres of the tip's ball ``(n, 3)`` in the world [m].
+        covs: their independent covariances ``(n, 3, 3)`` [m^2].
+        shared: errors that they have in common.
+        radii: of the tip's ball ``(n,)`` [m]; 0 without one.
+        side: ``normals`` or ``directions`` ``(n, 3)``, if the readings tell which side is outside.
+    """
+
+    label: str
+    ids: tuple[str, ...]
+    points: Vectors
+    covs: Covariances
+    shared: SharedReadings
+    radii: FloatArray
+    side: Mapping[str, Vectors]
+
+
+Fit: TypeAlias = Callable[[LabelledPoints], tuple[Sides, FitReport]]
+
+FITS: dict[str, Fit] = {}
+"""The fit of each kind, by its name."""
+
+
+def register_fit(kind: FeatureKind, fit: Fit) -> None:
+    """Say how labelled points of a kind become a feature of it."""
+    FITS[kind.name] = fit
+
+
+def fitted(kind: FeatureKind, estimate: Estimate, sensed: LabelledPoints) -> tuple[Feature, FitReport]:
+    """The feature of an estimate without batch axes, with what its points share, and how well they agree with it."""
+    rows = SE3.adjoint_inverse(estimate.T)[list(kind.rows)]
+    terms = shared_terms(sensed.points, estimate, rows, sensed.shared)
+    feature = Feature(kind, estimate.T, estimate.P, sensed.label, terms, sensed.points, sensed.ids)
+    return feature, make_report(estimate, sensed.ids)
+
+
+def _plane(sensed: LabelledPoints) -> tuple[Sides, FitReport]:
+    """A plane, or both if its outward side is unknown."""
+    points, covs, radius = sensed.points, sensed.covs, float(sensed.radii[0])
+    if np.ptp(sensed.radii) > 1e-9:
+        least, most = 1e3 * sensed.radii.min(), 1e3 * sensed.radii.max()
+        raise InputError(f"plane {sensed.label!r}: expected one tip radius, got {least:g} to {most:g} mm.")
+
+    def facing(**side: Vectors) -> tuple[Feature, FitReport]:
+        feature, report = fit_plane(
+            points, covs, radius=radius, label=sensed.label, readings=sensed.ids, shared=sensed.shared, **side
+        )
+        return replace(feature, tip_radius=radius), report
+
+    if sensed.side:
+        feature, report = facing(**sensed.side)
+        return feature, jointly(report, feature, points, covs, sensed.shared, sensed.ids, radius)
+    normal = plane_ml(points, covs).T[:3, 2]
+    (one, report), (other, _) = facing(outward=normal), facing(outward=-normal)
+    return (one, other), jointly(report, one, points, covs, sensed.shared, sensed.ids, radius)
+
+
+def _edge(sensed: LabelledPoints) -> tuple[Sides, FitReport]:
+    return _touched(EDGE, fit_edge, sensed)
+
+
+def _vertex(sensed: LabelledPoints) -> tuple[Sides, FitReport]:
+    return _touched(VERTEX, fit_vertex, sensed)
+
+
+def _touched(
+    kind: FeatureKind, fit: Callable[..., tuple[Feature, FitReport]], sensed: LabelledPoints
+) -> tuple[Sides, FitReport]:
+    """An edge or a vertex from points of itself."""
+    if sensed.radii.any():
+        raise InputError(
+            f"{kind.name} {sensed.label!r}: expected surface points, got centres of a ball of "
+            f"{1e3 * sensed.radii.max():g} mm, whose contact on an edge is unknown. Sense the two faces beside it, or "
+            f"give points of the {kind.name} itself."
+        )
+    feature, report = fit(sensed.points, sensed.covs, label=sensed.label, readings=sensed.ids, shared=sensed.shared)
+    return feature, jointly(report, feature, sensed.points, sensed.covs, sensed.shared, sensed.ids)
+
+
+register_fit(PLANE, _plane)
+register_fit(EDGE, _edge)
+register_fit(VERTEX, _vertex)
