@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CYLINDER, EDGE, PLANE, SPHERE, VERTEX, FeatureKind
+from tanteo.features import CIRCLE, CYLINDER, EDGE, KINDS, PLANE, SPHERE, VERTEX, FeatureKind
 from tanteo.typing import FloatArray, Transforms
 
 Linear = tuple[FloatArray, FloatArray]
@@ -72,10 +72,6 @@ def _one(f: FloatArray, D: FloatArray) -> Linear:
     return f[..., None], D[..., None, :]
 
 
-def _points(T: Transforms, radius: FloatArray) -> Linear:
-    return _point_rows(T, [0, 1, 2])
-
-
 def _point_on_line(T: Transforms, radius: FloatArray) -> Linear:
     return _point_rows(T, [1, 2])
 
@@ -84,18 +80,10 @@ def _point_on_plane(T: Transforms, radius: FloatArray) -> Linear:
     return _point_rows(T, [2])
 
 
-def _lines(T: Transforms, radius: FloatArray) -> Linear:
-    return _stack(_point_rows(T, [1, 2]), _x_axis_rows(T))
-
-
 def _line_on_plane(T: Transforms, radius: FloatArray) -> Linear:
     D = np.zeros((*T.shape[:-2], 6))
     D[..., 4], D[..., 5] = -T[..., 2, 2], T[..., 2, 1]
     return _stack(_point_rows(T, [2]), _one(T[..., 2, 0], D))
-
-
-def _planes(T: Transforms, radius: FloatArray) -> Linear:
-    return _stack(_point_rows(T, [2]), _z_axis_rows(T))
 
 
 def _plane_has_point(T: Transforms, radius: FloatArray) -> Linear:
@@ -142,42 +130,33 @@ def _point_on_circle(T: Transforms, radius: FloatArray) -> Linear:
     return _stack(_point_rows(T, [2]), _at_radius(T, [0, 1], radius))
 
 
-def _circles(T: Transforms, radius: FloatArray) -> Linear:
-    return _stack(_point_rows(T, [0, 1, 2]), _z_axis_rows(T))
+def _same(kind: FeatureKind) -> Relation | None:
+    """That a feature of a kind is one of the same kind; None where neither a direction nor a point says all of it."""
+    slides = [i for i in kind.rows if i < 3]
+    turns = {None: [], 0: [_x_axis_rows], 2: [_z_axis_rows]}.get(kind.axis)
+    if turns is None or kind.size != len(slides) + 2 * len(turns):
+        return None
+
+    def linearize(T: Transforms, radius: FloatArray) -> Linear:
+        return _stack(_point_rows(T, slides), *(rows(T) for rows in turns))
+
+    return Relation(f"{kind.name}_{kind.name}", kind, kind, kind.size, linearize)
 
 
-def _plane_directions(T: Transforms, radius: FloatArray) -> Linear:
-    return _z_axis_rows(T)
-
-
-def _line_directions(T: Transforms, radius: FloatArray) -> Linear:
-    return _x_axis_rows(T)
-
-
-_TABLE = (
-    Relation("vertex_vertex", VERTEX, VERTEX, 3, _points),
+_BETWEEN_KINDS = (
     Relation("vertex_on_edge", VERTEX, EDGE, 2, _point_on_line),
     Relation("vertex_on_plane", VERTEX, PLANE, 1, _point_on_plane),
-    Relation("edge_edge", EDGE, EDGE, 4, _lines),
     Relation("edge_on_plane", EDGE, PLANE, 2, _line_on_plane),
-    Relation("plane_plane", PLANE, PLANE, 3, _planes),
     Relation("plane_has_vertex", PLANE, VERTEX, 1, _plane_has_point),
     Relation("plane_has_edge", PLANE, EDGE, 2, _plane_has_line),
     Relation("edge_has_vertex", EDGE, VERTEX, 2, _line_through_point),
     Relation("point_on_cylinder", VERTEX, CYLINDER, 1, _point_on_cylinder),
     Relation("point_on_sphere", VERTEX, SPHERE, 1, _point_on_sphere),
     Relation("point_on_circle", VERTEX, CIRCLE, 2, _point_on_circle),
-    Relation("circle_circle", CIRCLE, CIRCLE, 5, _circles),
-    Relation("cylinder_cylinder", CYLINDER, CYLINDER, 4, _lines),
-    Relation("sphere_sphere", SPHERE, SPHERE, 3, _points),
 )
 
-RELATIONS: dict[str, Relation] = {r.name: r for r in _TABLE}
-"""The table, by name."""
-
-PLANE_DIRECTIONS = Relation("plane_directions", PLANE, PLANE, 2, _plane_directions)
-EDGE_DIRECTIONS = Relation("edge_directions", EDGE, EDGE, 2, _line_directions)
-"""Same direction, offset unknown: what is common to all right-angled parts."""
+RELATIONS: dict[str, Relation] = {r.name: r for r in (*map(_same, KINDS.values()), *_BETWEEN_KINDS) if r is not None}
+"""The table, by name: another entry makes another relation. Kinds registered later join it when they are paired."""
 
 
 def relation_between(sensed: FeatureKind, model: FeatureKind) -> Relation:
@@ -186,8 +165,10 @@ def relation_between(sensed: FeatureKind, model: FeatureKind) -> Relation:
     Raises:
         InputError: if a feature of the first kind says nothing about one of the second.
     """
-    for relation in _TABLE:
-        if relation.sensed.name == sensed.name and relation.model.name == model.name:
+    for relation in RELATIONS.values():
+        if relation.sensed == sensed and relation.model == model:
             return relation
-    known = ", ".join(r.name for r in _TABLE)
+    if sensed == model and (same := _same(sensed)):
+        return RELATIONS.setdefault(same.name, same)
+    known = ", ".join(RELATIONS)
     raise InputError(f"pairing: expected one of {known}, got a sensed {sensed.name} with a model {model.name}.")

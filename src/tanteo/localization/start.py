@@ -8,13 +8,12 @@ from itertools import product
 
 import numpy as np
 
-from tanteo.features import EDGE
 from tanteo.lie import SE3, SO3
+from tanteo.localization.relations import Relation
 from tanteo.localization.solve import Block
 from tanteo.typing import FloatArray, Transforms
 
-_MAX_FLIPPED_EDGES = 6
-_DIRECTION_AXIS = {"plane": 2, "edge": 0, "cylinder": 0, "circle": 2, "half_edge": 0, "cone": 0}
+_MAX_FLIPPED = 6
 
 
 def first_pose(blocks: Sequence[Block]) -> Transforms:
@@ -31,9 +30,8 @@ def first_pose(blocks: Sequence[Block]) -> Transforms:
 def _directions(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray, FloatArray]:
     sensed, model, weights = [], [], []
     for block in blocks:
-        a = _DIRECTION_AXIS.get(block.relation.sensed.name)
-        b = _DIRECTION_AXIS.get(block.relation.model.name)
-        if block.relation.name in ("vertex_vertex", "sphere_sphere"):
+        a, b = block.relation.sensed.axis, block.relation.model.axis
+        if _of_points(block.relation):
             u, v, w = _from_mean(block)
         elif a is None or b is None or a != b:
             continue
@@ -49,6 +47,15 @@ def _directions(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray, FloatA
         empty = np.zeros((*batch, 0, 3))
         return empty, empty, np.zeros((*batch, 0))
     return np.concatenate(sensed, axis=-2), np.concatenate(model, axis=-2), np.concatenate(weights, axis=-1)
+
+
+def _same(relation: Relation) -> bool:
+    """Whether a feature is said to be one of its own kind."""
+    return relation.sensed == relation.model
+
+
+def _of_points(relation: Relation) -> bool:
+    return _same(relation) and relation.model.shape == "point"
 
 
 def _from_mean(block: Block) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -72,9 +79,7 @@ def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
     A, b, total, count = np.zeros((*batch, 3, 3)), np.zeros((*batch, 3)), np.zeros((*batch, 3)), np.zeros(batch)
     for block in blocks:
         rows = [i for i in range(3) if i in block.relation.model.rows and i in block.relation.sensed.rows]
-        if block.relation.sensed.name == "vertex":
-            rows = [i for i in range(3) if i in block.relation.model.rows]
-        if not rows or block.relation.name.endswith("directions"):
+        if not rows:
             continue
         axes = R[..., None, :, :] @ block.Ts_part_model[..., :3, rows]
         gap = block.Ts_world_feature[..., :3, 3] - SE3.apply(R[..., None, :, :], block.Ts_part_model[..., :3, 3])
@@ -88,20 +93,20 @@ def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
 
 
 def first_poses(blocks: Sequence[Block]) -> Transforms:
-    """Pose proposals ``(k, 4, 4)``: both directions of undirected edges; many rotations where directions fix none."""
+    """Pose proposals ``(k, 4, 4)``: both directions of undirected lines; many rotations where directions fix none."""
     edges = [
         (b, i)
         for b, block in enumerate(blocks)
-        if block.relation.name == "edge_edge"
+        if _same(block.relation) and block.relation.model.flip
         for i in range(block.active.shape[-1])
-    ][:_MAX_FLIPPED_EDGES]
+    ][:_MAX_FLIPPED]
     starts = []
     for flips in product((False, True), repeat=len(edges)):
         flipped = list(blocks)
         for (b, i), flip in zip(edges, flips, strict=True):
             if flip:
                 Ts = np.array(flipped[b].Ts_part_model)
-                Ts[i] = Ts[i] @ EDGE.symmetries[1]
+                Ts[i] = Ts[i] @ flipped[b].relation.model.symmetries[1]
                 flipped[b] = replace(flipped[b], Ts_part_model=Ts)
         starts.append(first_pose(flipped))
     if _fixed_directions(blocks) < 2:
@@ -113,10 +118,10 @@ def _fixed_directions(blocks: Sequence[Block]) -> int:
     """Rank of the paired directions: two fix a rotation."""
     rows = [np.zeros((0, 3))]
     for block in blocks:
-        name = block.relation.name
-        if name in ("plane_plane", "edge_edge", "cylinder_cylinder", "circle_circle"):
-            rows.append(block.Ts_part_model[..., :3, 2 if "plane" in name or "circle" in name else 0])
-        elif name in ("vertex_vertex", "sphere_sphere"):
+        relation = block.relation
+        if _same(relation) and relation.model.axis is not None:
+            rows.append(block.Ts_part_model[..., :3, relation.model.axis])
+        elif _of_points(relation):
             p = block.Ts_part_model[..., :3, 3]
             rows.append(p[1:] - p[:1])
     D = np.concatenate(rows)
