@@ -10,8 +10,17 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
-from tanteo.active import POLICIES, DecisionContext, begin, draw, most_information, predict, propose
-from tanteo.active.utility import about_mode, expected_information
+from tanteo.active import (
+    POLICIES,
+    DecisionContext,
+    about_mode,
+    begin,
+    draw,
+    expected_information,
+    most_information,
+    predict,
+    propose,
+)
 from tanteo.inference import prepare
 from tanteo.parts import read_part
 from tanteo.session import Action, Done

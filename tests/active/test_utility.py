@@ -12,6 +12,8 @@ from sensing_scenes import LASER, new_session, rough, sense
 from tanteo.active import (
     Probe,
     Start,
+    about_mode,
+    about_pose,
     at_pose,
     begin,
     discriminate,
@@ -22,7 +24,6 @@ from tanteo.active import (
     propose,
 )  # fmt: skip
 from tanteo.active.samples import beams
-from tanteo.active.utility import about_mode, about_pose
 from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.hand import Workspace

@@ -267,7 +267,7 @@ def test_what_a_record_cannot_hold_is_refused(recorded, tmp_path):
         ({"questions": 1}, "questions: expected 2 or more, the largest number of a question, got 1"),
         ({"seed": True}, "seed: expected a whole number, got True"),
         ({"stop": {}}, "stop: expected 'probability', got nothing"),
-        ({"policy": {"kind": "Best"}}, "policy: expected 'kind' to be one of Information"),
+        ({"policy": {"kind": "Best"}}, "policy: expected 'kind' to be one of Greedy"),
         ({"observations": {}}, "observations: expected a list"),
         ({"answer": 3}, "answer: expected a table"),
     ],

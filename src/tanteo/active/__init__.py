@@ -20,16 +20,17 @@ from tanteo.active.measures import (
 )
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.plans import Plan, PlannedReading, plan
-from tanteo.active.policies import POLICIES, most_information, policy_named
+from tanteo.active.policies import POLICIES, Greedy, most_information, policy_named, register_utility
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
 from tanteo.active.start import Start, around, at_pose, from_hypotheses
 from tanteo.active.state import SensingState, begin, update
 from tanteo.active.stopping import Stop, chance_within, corner_distances, largest_corner_sd
-from tanteo.active.utility import expected_information
+from tanteo.active.utility import UTILITIES, Outlook, Utility, about_mode, about_pose, expected_information
 
 __all__ = [
     "POLICIES",
+    "UTILITIES",
     "AcceptProbability",
     "Added",
     "Candidates",
@@ -40,6 +41,8 @@ __all__ = [
     "Explanation",
     "Feature",
     "GateDiscrimination",
+    "Greedy",
+    "Outlook",
     "Places",
     "Plan",
     "PlannedReading",
@@ -50,6 +53,9 @@ __all__ = [
     "SensingState",
     "Start",
     "Stop",
+    "Utility",
+    "about_mode",
+    "about_pose",
     "accept_matrix",
     "accept_probability",
     "around",
@@ -79,6 +85,7 @@ __all__ = [
     "predict_range",
     "probe_of",
     "propose",
+    "register_utility",
     "update",
     "within_cone",
 ]

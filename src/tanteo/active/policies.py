@@ -9,57 +9,45 @@ import numpy as np
 from tanteo.active.baselines import LargestFace, Nearest, Random, Scripted321
 from tanteo.active.context import Choice, DecisionContext, Policy
 from tanteo.active.features import Feature, features, joint_information
-from tanteo.active.samples import Predictions, Samples, draw, predict
-from tanteo.active.utility import about_mode, expected_information
+from tanteo.active.utility import UTILITIES, Utility, outlook
 from tanteo.errors import InputError
-from tanteo.typing import FloatArray
-
-_SAMPLES = 128
-"""Poses on which every candidate is tried."""
-
-_ALONE, _MEANWHILE = 0.01, 0.3
-"""Share of all that is told which counts beside what is told of the part: where that alone is asked for, to decide
-between equals; and until it is known, where the pose is asked for as well."""
 
 
 def most_information(context: DecisionContext) -> float:
     """What the best candidate is expected to tell [nats], whichever one a policy takes: by this a session ends."""
-    return float(_told(context)[2].max())
-
-
-def _told(s: DecisionContext) -> tuple[Samples, Predictions, FloatArray]:
-    """Poses, what each candidate would read at them, and what it is expected to tell ``(C,)`` [nats]."""
-    samples = draw(s.state, _SAMPLES, s.tolerance, s.feature)
-    predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe)
-    return samples, predicted, expected_information(samples, predicted, s.probe)
+    return float(outlook(context).told.max())
 
 
 @dataclass(frozen=True, slots=True)
-class Information:
-    """The reading that tells most about part and pose; or most for its time, travelling included.
-
-    Where nobody asks for the pose it is the part that counts, and above all until it is known where both are asked for.
+class Greedy:
+    """The reading of the greatest utility; or of the most for its time, travelling included.
 
     Attributes:
+        utility: its name in the registry.
         per_second: divide by the time that it takes.
         name: of the policy.
+
+    Raises:
+        InputError: if no utility has that name.
     """
 
+    utility: str = "information"
     per_second: bool = False
     name: str = "information"
 
+    def __post_init__(self) -> None:
+        if self.utility not in UTILITIES:
+            known = ", ".join(UTILITIES)
+            raise InputError(f"utility: expected one of {known}, got {self.utility!r}. Register it, or name one.")
+
     def choose(self, context: DecisionContext) -> Choice:
-        """The candidate with the largest expected information, or information a second."""
-        s = context
-        samples, predicted, gains = _told(s)
-        worth = gains
-        if s.part_only or s.part_open:
-            share = _ALONE if s.part_only else _MEANWHILE
-            worth = share * gains + about_mode(samples, predicted, s.probe, samples.part)
+        """The candidate with the greatest utility, or utility a second."""
+        ahead = outlook(context)
+        worth = UTILITIES[self.utility](ahead)
         if self.per_second:
-            worth = worth / s.seconds()
+            worth = worth / context.seconds()
         k = int(np.argmax(worth))
-        return Choice(k, float(gains[k]), f"it is expected to tell {gains[k]:.2f} nats about part and pose")
+        return Choice(k, float(ahead.told[k]), f"it is expected to tell {ahead.told[k]:.2f} nats about part and pose")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,13 +65,13 @@ class Features:
     def choose(self, context: DecisionContext) -> Choice:
         """A reading of the feature that is worth most."""
         s = context
-        samples, predicted, alone = _told(s)
+        ahead = outlook(s)
         found = features(s.state, s.candidates)
-        gains = joint_information(found, samples, predicted, s)
+        gains = joint_information(found, ahead.samples, ahead.predicted, s)
         worth = gains / np.array([_seconds(s, feature) for feature in found])
         best = int(np.argmax(worth))
         chosen = found[best]
-        k = int(chosen.rows[np.argmax((alone / s.seconds())[chosen.rows])])
+        k = int(chosen.rows[np.argmax((ahead.told / s.seconds())[chosen.rows])])
         why = f"with {len(chosen.rows) - 1} more of {chosen.name} it is expected to tell {gains[best]:.2f} nats"
         return Choice(k, float(gains[best]), why)
 
@@ -96,10 +84,22 @@ def _seconds(s: DecisionContext, feature: Feature) -> float:
 
 POLICIES: dict[str, Policy] = {
     policy.name: policy
-    for policy in (Information(), Information(True, "information-per-second"),
+    for policy in (Greedy(), Greedy(per_second=True, name="information-per-second"),
                    Features(), Random(), Nearest(), LargestFace(), Scripted321())
 }  # fmt: skip
 """All policies by name."""
+
+
+def register_utility(name: str, utility: Utility) -> None:
+    """Make a utility known under its name, and the policy that takes the reading of which it is greatest.
+
+    Raises:
+        InputError: if another policy has that name.
+    """
+    if name in POLICIES and UTILITIES.get(name) is not utility:
+        raise InputError(f"utility: expected a name of its own, got {name!r}, which is taken. Choose another name.")
+    UTILITIES[name] = utility
+    POLICIES[name] = Greedy(name, name=name)
 
 
 def policy_named(name: str) -> Policy:

@@ -4,17 +4,73 @@ Two things add up. Which mode is it, part and place: the mutual information of m
 the modes made of small normal ones, so that what an edge does to a reading counts, and the chance of a miss; overlaps
 of pairs are Bhattacharyya's, as in the bound of Kolchinsky and Tracey. And where is the part, given the mode: half the
 log of the ratio of variances, as far as it matters for a tolerance.
+
+A utility is one entry of a registry: what each candidate is worth by what it is expected to read. This information is
+one of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
 import numpy as np
 
 from tanteo import _core
+from tanteo.active.context import DecisionContext
 from tanteo.active.probe import Probe
-from tanteo.active.samples import Predictions, Samples
+from tanteo.active.samples import Predictions, Samples, draw, predict
 from tanteo.special import entropy
 from tanteo.typing import FloatArray, IntArray
+
+_SAMPLES = 128
+"""Poses on which every candidate is tried."""
+
+_ALONE, _MEANWHILE = 0.01, 0.3
+"""Share of all that is told which counts beside what is told of the part: where that alone is asked for, to decide
+between equals; and until it is known, where the pose is asked for as well."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlook:
+    """What the candidates are expected to read, and to tell.
+
+    Attributes:
+        context: what is decided on.
+        samples: poses of the belief.
+        predicted: what each candidate would read at each of them.
+        told: information that each is expected to give about part and pose ``(C,)`` [nats].
+    """
+
+    context: DecisionContext
+    samples: Samples
+    predicted: Predictions
+    told: FloatArray
+
+
+Utility: TypeAlias = Callable[[Outlook], FloatArray]
+"""What each candidate is worth ``(C,)``, in units of its own: the greatest is taken."""
+
+
+def outlook(context: DecisionContext) -> Outlook:
+    """Try every candidate on poses of the belief."""
+    s = context
+    samples = draw(s.state, _SAMPLES, s.tolerance, s.feature)
+    predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe)
+    return Outlook(s, samples, predicted, expected_information(samples, predicted, s.probe))
+
+
+def information(ahead: Outlook) -> FloatArray:
+    """What each reading is expected to tell ``(C,)`` [nats].
+
+    Where nobody asks for the pose it is the part that counts, and above all until it is known where both are asked for.
+    """
+    s = ahead.context
+    if s.part_only or s.part_open:
+        share = _ALONE if s.part_only else _MEANWHILE
+        return share * ahead.told + about_mode(ahead.samples, ahead.predicted, s.probe, ahead.samples.part)
+    return ahead.told
 
 
 def expected_information(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
@@ -70,3 +126,7 @@ def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
     answers = predicted.met & probe.answers(predicted.ranges, predicted.cosines)
     own = probe.variance(np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0))
     return np.where(answers, predicted.shares, 0.0), own + predicted.scatter
+
+
+UTILITIES: dict[str, Utility] = {"information": information}
+"""All utilities by name."""
