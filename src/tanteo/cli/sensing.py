@@ -158,11 +158,11 @@ def _where(feature: Feature | None) -> str:
         return ""
     T = feature.T_world_feature
     place = "at x {:.2f} y {:.2f} z {:.2f} mm".format(*(1e3 * T[:3, 3]))
-    if feature.kind.name == "plane":
-        return place + ", outward normal ({:.4f}, {:.4f}, {:.4f}) in the world".format(*T[:3, 2])
-    if feature.kind.name == "edge":
-        return place + ", along ({:.4f}, {:.4f}, {:.4f}) in the world".format(*T[:3, 0])
-    return place + " in the world"
+    axis = feature.kind.axis
+    if axis is None:
+        return place + " in the world"
+    name = "along" if axis == 0 else "outward normal"
+    return place + ", {} ({:.4f}, {:.4f}, {:.4f}) in the world".format(name, *T[:3, axis])
 
 
 def _spread(feature: Feature) -> list[str]:
@@ -173,7 +173,7 @@ def _spread(feature: Feature) -> list[str]:
     whole = np.sqrt(np.diag(feature_covariance(feature))[rows])
     own = np.sqrt(np.diag(feature.P))
     names = {0: "along x", 1: "along y", 2: "along z", 3: "about x", 4: "about y", 5: "about z"}
-    if feature.kind.name == "plane":
+    if feature.kind.shape == "plane":
         names[2] = "along the normal"
 
     def words(sds: np.ndarray) -> str:
