@@ -12,7 +12,9 @@ import pytest
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
 from tanteo.active import (
     POLICIES,
+    UTILITIES,
     DecisionContext,
+    Greedy,
     about_mode,
     begin,
     draw,
@@ -20,7 +22,9 @@ from tanteo.active import (
     most_information,
     predict,
     propose,
+    register_utility,
 )
+from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.parts import read_part
 from tanteo.session import Action, Done
@@ -159,3 +163,10 @@ def test_the_best_is_what_the_best_candidate_tells(start):
     candidates = propose(state, LASER, 300)
     told = expected_information(*_predicted(state, candidates), LASER)
     assert most_information(DecisionContext(state, candidates, LASER, None, None, 0, 0)) == told.max()
+
+
+def test_utilities_have_names_of_their_own():
+    with pytest.raises(InputError, match="expected one of information, got 'comfort'"):
+        Greedy("comfort")
+    with pytest.raises(InputError, match="'random', which is taken"):
+        register_utility("random", UTILITIES["information"])

@@ -245,3 +245,12 @@ def test_relate_is_the_table_of_two():
     assert [c.kind.name for c in one] == [c.kind.name for c in all_of_them]
     assert one[0].labels == ("f0", "f1")
     assert cs.relate(*fs[::-1])[0].labels == ("f0", "f1")  # a plane is named before an edge
+
+
+def test_a_relation_has_ordered_shapes_and_new_names():
+    (relation,) = cs.PAIR_RELATIONS["plane", "point"]
+    with pytest.raises(InputError, match="got point, plane"):
+        cs.register_relation(replace(relation, shapes=("point", "plane")))
+    with pytest.raises(InputError, match="'point_plane_height', which is taken"):
+        cs.register_relation(relation)
+    assert cs.PAIR_RELATIONS["plane", "point"] == [relation]

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from tanteo.features import (
     reframe,
     reframe_feature,
     reframe_near,
+    register_kind,
     shared_root,
     stacked_covariance,
 )
@@ -59,6 +62,21 @@ def test_reframed_perturbations_describe_the_same_feature(kind):
     A = kind.B @ SE3.adjoint_inverse(S) @ kind.B.T
     gap = SE3.log(SE3.inverse(moved @ SE3.exp(kind.B.T @ (A @ p))) @ T @ SE3.exp(kind.B.T @ p) @ S)
     np.testing.assert_allclose(kind.B @ gap, 0, atol=1e-11)
+
+
+def test_shape_and_direction_follow_from_the_free_rows():
+    shapes = {name: (kind.shape, kind.axis) for name, kind in KINDS.items()}
+    assert shapes["plane"] == ("plane", 2)
+    assert shapes["edge"] == shapes["cylinder"] == ("line", 0)
+    assert shapes["half_edge"] == ("line", None)
+    assert shapes["vertex"] == shapes["sphere"] == ("point", None)
+    assert (shapes["cone"], shapes["circle"]) == ((None, 0), (None, 2))
+
+
+def test_a_name_is_registered_once():
+    assert register_kind(EDGE) is EDGE
+    with pytest.raises(InputError, match="'edge', which is taken"):
+        register_kind(replace(EDGE, rows=(0, 1, 2)))
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=str)

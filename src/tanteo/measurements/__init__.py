@@ -1,7 +1,16 @@
 """What was sensed, as the likelihood reads it: one file a kind, arrays in the world frame, metres and radians."""
 
-from tanteo.measurements.features import as_labelled_points
+from tanteo.measurements.features import TO_POINTS, FeaturePoints, ToPoints, as_labelled_points
 from tanteo.measurements.points import ContactPoints, as_contact_points
 from tanteo.measurements.rays import FreeRays, as_free_rays
 
-__all__ = ["ContactPoints", "FreeRays", "as_contact_points", "as_free_rays", "as_labelled_points"]
+__all__ = [
+    "TO_POINTS",
+    "ContactPoints",
+    "FeaturePoints",
+    "FreeRays",
+    "ToPoints",
+    "as_contact_points",
+    "as_free_rays",
+    "as_labelled_points",
+]

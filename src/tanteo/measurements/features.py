@@ -6,13 +6,13 @@ give the feature's own covariance. So features are measurements like any other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TypeAlias
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import Feature, Sides, collect_shared, shared_root
+from tanteo.features import EDGE, PLANE, VERTEX, Feature, Sides, collect_shared, shared_root
 from tanteo.lie import SE3
 from tanteo.measurements.points import ContactPoints
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
@@ -50,11 +50,33 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     )  # fmt: skip
 
 
-_Columns: TypeAlias = tuple[Vectors, Covariances, Vectors, Vectors, FloatArray, FloatArray]
+class FeaturePoints(NamedTuple):
+    """Points that say of the part what one feature says.
+
+    Attributes:
+        points: ``(n, 3)`` in the world [m].
+        covs: ``(n, 3, 3)``.
+        sides: outward normals where only the side is known, else zero ``(n, 3)``.
+        normals: sensed outward normals, else zero ``(n, 3)``.
+        normal_sds: of these, pi where there is none ``(n,)`` [rad].
+        shared_jacobian: of the points by the whitened shared errors ``(n, 3, D)``.
+    """
+
+    points: Vectors
+    covs: Covariances
+    sides: Vectors
+    normals: Vectors
+    normal_sds: FloatArray
+    shared_jacobian: FloatArray
 
 
-def _none(D: int) -> _Columns:
-    return np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3, D))
+ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePoints]
+"""From a feature (two if its side is unknown), its name and its gain on the shared errors ``(size, D)``."""
+
+
+def _none(D: int) -> FeaturePoints:
+    none = np.zeros((0, 3))
+    return FeaturePoints(none, np.zeros((0, 3, 3)), none, none, np.zeros(0), np.zeros((0, 3, D)))
 
 
 def _names(features: Sequence[Feature]) -> list[str]:
@@ -66,31 +88,31 @@ def _names(features: Sequence[Feature]) -> list[str]:
     return names
 
 
-def _rows(view: tuple[Feature, ...], name: str, gain: FloatArray) -> _Columns:
-    feature = view[0]
-    kind = feature.kind.name
-    if not np.linalg.eigvalsh(feature.P).min() > 0:
+def _rows(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    kind = view[0].kind.name
+    if not np.linalg.eigvalsh(view[0].P).min() > 0:
         raise InputError(f"feature {name!r}, P: expected a positive variance in every direction, got zero.")
-    if kind == "plane":
-        return _of_plane(feature, name, gain, sided=len(view) == 1)
-    if kind == "edge":
-        return _of_edge(feature, gain)
-    if kind == "vertex":
-        R = feature.T_world_feature[:3, :3]
-        return _plain(feature.T_world_feature[None, :3, 3], (R @ feature.P @ R.T)[None], (R @ gain)[None])
-    raise InputError(
-        f"feature {name!r}: expected a plane, edge or vertex, got a {kind}. Curved features are not matched yet; give "
-        "the points that were sensed on it."
-    )
+    if kind not in TO_POINTS:
+        raise InputError(
+            f"feature {name!r}: expected one of {', '.join(TO_POINTS)}, got a {kind}. Such features are not matched "
+            "yet; give the points that were sensed on it."
+        )
+    return TO_POINTS[kind](view, name, gain)
 
 
-def _plain(points: Vectors, covs: Covariances, shared_jacobian: FloatArray) -> _Columns:
+def _plain(points: Vectors, covs: Covariances, shared_jacobian: FloatArray) -> FeaturePoints:
     none = np.zeros(points.shape)
-    return points, covs, none, none, np.full(len(points), np.pi), shared_jacobian
+    return FeaturePoints(points, covs, none, none, np.full(len(points), np.pi), shared_jacobian)
 
 
-def _of_plane(feature: Feature, name: str, gain: FloatArray, *, sided: bool) -> _Columns:
+def _of_vertex(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    T, R = view[0].T_world_feature, view[0].T_world_feature[:3, :3]
+    return _plain(T[None, :3, 3], (R @ view[0].P @ R.T)[None], (R @ gain)[None])
+
+
+def _of_plane(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
     """Points where the plane was felt that say what it says; or one with its normal, where no such points do."""
+    feature, sided = view[0], len(view) == 1
     T, local = feature.T_world_feature, SE3.apply(SE3.inverse(feature.T_world_feature), feature.support)[:, :2]
     normal, levers = T[:3, 2], np.column_stack([np.ones(len(local)), local[:, 1], -local[:, 0]])
     rows, variances = _as_good(levers, feature.P)
@@ -98,7 +120,7 @@ def _of_plane(feature: Feature, name: str, gain: FloatArray, *, sided: bool) -> 
         heights = np.sqrt(variances) * _scatter(levers[rows] / np.sqrt(variances)[:, None])
         points = SE3.apply(T, np.column_stack([local[rows], heights]))
         columns = _plain(points, variances[:, None, None] * np.eye(3), _along(normal, levers[rows] @ gain))
-        return (*columns[:2], np.tile(normal, (len(rows), 1)) * sided, *columns[3:])
+        return columns._replace(sides=np.tile(normal, (len(rows), 1)) * sided)
     if not sided:
         raise InputError(
             f"plane {name!r}: expected the points where it was sensed (support), spread as far as its tilts are known "
@@ -109,7 +131,7 @@ def _of_plane(feature: Feature, name: str, gain: FloatArray, *, sided: bool) -> 
     variance = float((lever @ feature.P @ lever.T)[0, 0])
     tilt = float(np.sqrt(np.linalg.eigvalsh(feature.P[1:, 1:])[-1]))
     point = SE3.apply(T, np.array([[x, y, 0.0]]))
-    return (
+    return FeaturePoints(
         point,
         variance * np.eye(3)[None],
         0 * normal[None],
@@ -156,9 +178,9 @@ def _along(direction: Vectors, shared_jacobian: FloatArray) -> FloatArray:
     return direction[:, None] * shared_jacobian[:, None]
 
 
-def _of_edge(feature: Feature, gain: FloatArray) -> _Columns:
+def _of_edge(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
     """Two points of the edge, about where it is known best."""
-    T = feature.T_world_feature
+    feature, T = view[0], view[0].T_world_feature
     turn = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]])  # (y, z, wy, wz) of (y, z, wz, -wy)
     information = turn.T @ np.linalg.inv(feature.P) @ turn
     # y + x wz and z - x wy at places of mean m and mean square q say: n (1, m; m, q) (x) inverse covariance
@@ -176,3 +198,7 @@ def _of_edge(feature: Feature, gain: FloatArray) -> _Columns:
     world = T[:3, :3] @ cov @ T[:3, :3].T
     lever = np.array([[[0, 0, 0, 0], [1, 0, 0, s], [0, 1, -s, 0]] for s in x])
     return _plain(SE3.apply(T, np.column_stack([x, 0 * x, 0 * x])), np.tile(world, (2, 1, 1)), T[:3, :3] @ lever @ gain)
+
+
+TO_POINTS: dict[str, ToPoints] = {PLANE.name: _of_plane, EDGE.name: _of_edge, VERTEX.name: _of_vertex}
+"""How features of each kind become points, by its name."""
