@@ -202,8 +202,9 @@ inline void add_hit(PointSlope& sum, const Hit& h, const Point& point, double we
     const Mat3 stiff = h.tilted ? not_negative(h.stiff) : h.stiff;  // with w, what a tilt adds is not negative by itself
     for (int i = 0; i < 9; ++i) sum.pp.m[i] += weight * stiff.m[i];
     const double scaled = 1 - unscaled * h.per_sd * h.per_sd;  // share of the variance that the noise scale scales
-    sum.by_scale += weight * scaled * (r * r - (face ? 1 : point.kind == Kind::EDGE ? 2 : 3) + h.spread);
-    sum.of_scale += 2 * weight * scaled * scaled;
+    const double across = face ? 1 : point.kind == Kind::EDGE ? 2 : 3;
+    sum.by_scale += weight * scaled * (r * r - across + h.spread);
+    sum.of_scale += weight * scaled * scaled * (r * r + across);  // its mean is the expected information, far out its step holds
     if (!h.tilted) return;
     for (int i = 0; i < 2; ++i) {
         const Vec3 by_p = (-h.bend[i] * h.along * h.per_tilt[i]) * h.e[i];
@@ -301,7 +302,7 @@ void Likelihood::add_points(const State& state) {
         const PointSlope sum = slope_of(hits.data(), hit_share.data(), order, point, point.extra + blur * blur, m);
         add_states(sum, s.in_part - shape.centre, state.pose.R, problem, static_cast<int>(j), gradient.data(),
                    information.data());
-        if (problem.scale_sd > 0) {
+        if (problem.scale_sd > 0 && blur == 0) {  // blurred, the noise is no one's
             gradient.back() += problem.scale_sd * sum.by_scale;
             information.back() += problem.scale_sd * problem.scale_sd * sum.of_scale;
         }

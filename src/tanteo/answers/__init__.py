@@ -7,6 +7,7 @@ from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
     from tanteo.answers.hypothesis import hypothesis_at
+    from tanteo.answers.misfit import Misfit
     from tanteo.answers.part_motions import (
         box_corners,
         corner_moves,
@@ -31,6 +32,7 @@ __all__ = [
     "Clock",
     "Finding",
     "Hypothesis",
+    "Misfit",
     "PosePrior",
     "Priors",
     "Status",
@@ -63,6 +65,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "hypothesis": "hypothesis_at",
+        "misfit": "Misfit",
         "status": "CONFIDENCE doubt verdict",
         "part_motions": (
             "box_corners corner_moves corner_sd motion_words observed_covariance part_scale "

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.answers.misfit import Misfit
 from tanteo.answers.part_motions import corner_sd, excuse, part_scale, where_to_sense, world_axis
 from tanteo.answers.results import Hypothesis
 from tanteo.localization import SharedGiven, describe_motion
 from tanteo.parts import Part
-from tanteo.special import chi2_survival
 from tanteo.typing import Covariances, Tangents, Transforms
 
 
@@ -19,8 +19,7 @@ def hypothesis_at(
     *,
     free: Tangents,
     probability: float,
-    chi2: float,
-    dof: int,
+    misfit: Misfit,
     rms: float,
     outliers: tuple[str, ...] = (),
     pairings: tuple[tuple[str, str], ...] = (),
@@ -36,8 +35,7 @@ def hypothesis_at(
         covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad]; uniform samples along ``free``.
         free: motions that nothing resists, the part's spins among them, over :func:`part_scale` ``(k, 6)``.
         probability: posterior.
-        chi2: joint squared Mahalanobis distance.
-        dof: its degrees of freedom; none or fewer where nothing was checked.
+        misfit: of all that was sensed, and of what was known of the pose.
         rms: root mean square distance of what was sensed [m].
         outliers: ids of the readings that do not belong.
         pairings: reading id and model feature of those that do.
@@ -57,9 +55,10 @@ def hypothesis_at(
         unobserved=unobserved,
         symmetry_order=part.symmetry.order,
         symmetry_poses=T_world_part @ part.symmetry.Ts[1:],
-        chi2=chi2,
-        dof=max(dof, 0),
-        p_value=chi2_survival(chi2, dof) if dof > 0 else 1.0,
+        chi2=misfit.chi2,
+        dof=max(misfit.dof, 0),
+        p_value=misfit.p_value,
+        noise_scale=misfit.noise_scale(),
         rms=rms,
         outliers=outliers,
         pairings=pairings,

@@ -29,9 +29,10 @@ class Hypothesis:
         unobserved: directions that the readings leave free and no symmetry explains, in words.
         symmetry_order: number of equivalent poses, this one included.
         symmetry_poses: the other equivalent poses ``(symmetry_order - 1, 4, 4)``.
-        chi2: joint Mahalanobis distance of all pairings.
+        chi2: joint squared Mahalanobis distance of all pairings, with the noise as stated.
         dof: its degrees of freedom.
-        p_value: probability of a larger ``chi2`` if the hypothesis is true; 1 without redundancy.
+        p_value: probability of a larger ``chi2`` if the hypothesis is true and the noise within what was known of it;
+            1 without redundancy.
         rms: root mean square distance of the readings to the features they are paired with [m].
         outliers: ids of the readings that the hypothesis does not explain.
         pairings: reading id and model feature, for every explained reading.
@@ -42,6 +43,7 @@ class Hypothesis:
         symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
             not an error, and not in ``unobserved``. None for other parts.
         advice: what to sense to observe the first free direction; empty if there is none.
+        noise_scale: times the stated noise that the readings have: the likeliest, and from where to where with 95 %.
         shared: errors that all readings share, whitened and in the order of the measurements, given the pose; None if
             nothing is shared.
 
@@ -71,6 +73,7 @@ class Hypothesis:
     covariance_relative: Covariances | None = None
     symmetry_axis: FloatArray | None = None
     advice: str = ""
+    noise_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     shared: SharedGiven | None = None
 
 

@@ -17,9 +17,6 @@ _NOTABLE = 0.05
 _CONTRADICTED = 1e-3
 """So improbable a number of outliers among labelled points contradicts the part that explains the others."""
 
-_SCATTER = 1.1
-"""A noise scale up to this is as stated."""
-
 
 def mostly_on(best: Hypothesis, unknown: float) -> bool:
     """Whether the unknown object is more probable than a part that most of the points, but not all, are on."""
@@ -84,9 +81,13 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
     )
 
 
-def scattered(scale: float, worst: str) -> str:
-    """That the points scatter more than stated, if they do, and the worst of them."""
-    if scale <= _SCATTER:
+def scattered(best: Hypothesis, worst: str) -> str:
+    """That the points scatter more or less than stated, if that is sure, and the worst of them."""
+    scale, low, high = best.noise_scale
+    if low <= 1 <= high:
         return ""
-    says = f" The readings scatter {scale:.1f} times as much as stated: covariances were widened by that."
-    return says + (f" The worst is {worst} even so." if worst else "")
+    says = (
+        f" The readings scatter {scale:.2g} times as much as stated (95 %: {low:.2g} to {high:.2g}), and the "
+        "covariance is of that."
+    )
+    return says + (f" The worst is {worst} even so." if worst and scale > 1 else "")

@@ -135,7 +135,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
     covariance = _covariance(((rest[:, None] * xi).T @ xi + expected) / region.mass, curved, region.ess)
-    if not region.is_normal:
+    if not region.is_normal or objective.problem.scale_sd > 0:
         covariance = covariance * _beyond_normal(xi, w, covariance)
     return Mode(
         objective, T, covariance, T_peak, peaks.zs[best], to_origin(objective, peaks.information[best]),

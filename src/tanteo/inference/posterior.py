@@ -97,20 +97,6 @@ def infer(
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng)
 
 
-def with_scale(posterior: Posterior, sd: float, rng: np.random.Generator) -> Posterior:
-    """The posterior if the noise is known to that (log) standard deviation only: from the maxima that were found.
-
-    Args:
-        posterior: with the noise as stated, of parts that are equally probable beforehand.
-        sd: of the log of the noise scale.
-        rng: of all draws.
-    """
-    problem, evidence = posterior.problem.with_scale(sd), np.array([s.log_evidence for s in posterior.searches])
-    near = np.flatnonzero(evidence > evidence.max(initial=-np.inf) - 2 * NEGLIGIBLE)
-    searches = [posterior.searches[k].asked(problem) for k in near]
-    return weigh(problem, searches, posterior.log_priors[near], posterior.log_anywhere, rng)
-
-
 def weigh(
     problem: Problem, searches: Sequence[PartSearch], priors: FloatArray, anywhere: float, rng: np.random.Generator
 ) -> Posterior:

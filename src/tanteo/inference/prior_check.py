@@ -86,8 +86,7 @@ def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     outliers, n = int(np.sum(~one.belongs)), len(one.belongs)
     if so_many(outliers, n, rate) <= _OUTLIERS:
         return False
-    chi2, dof = one.chi_square()
-    return bool(dof <= 0 or chi2_survival(chi2, dof) > _PLAUSIBLE)
+    return one.misfit().p_value > _PLAUSIBLE
 
 
 def _share(posterior: Posterior) -> float:

@@ -40,7 +40,6 @@ class Problem:
         points: contact points and beam hits.
         rays: free-space rays.
         priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
-        scale_sd: standard deviation of the log of the noise scale; 0 where the noise is as stated.
         mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
         elsewhere: what labels say of surfaces that are not the part's.
@@ -49,7 +48,6 @@ class Problem:
     points: ContactPoints
     rays: FreeRays
     priors: Priors
-    scale_sd: float = 0.0
     mixtures: dict[int, PoseMixture] = field(default_factory=dict)
     groups: IntArray = field(init=False, repr=False)
     elsewhere: Elsewhere = field(init=False, repr=False)
@@ -60,13 +58,14 @@ class Problem:
         object.__setattr__(self, "elsewhere", elsewhere(self.points, groups, self.priors.radius))
 
     @property
+    def scale_sd(self) -> float:
+        """Standard deviation of the log of the noise scale; 0 where the noise is as stated, and no state."""
+        return self.priors.log_noise_sd if len(self.points) else 0.0
+
+    @property
     def states(self) -> int:
         """Shared errors and noise scale beside the pose."""
         return self.points.shared_jacobian.shape[2] + (self.scale_sd > 0)
-
-    def with_scale(self, sd: float) -> Problem:
-        """The same with the noise known to that (log) standard deviation only."""
-        return replace(self, scale_sd=sd)
 
     def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
         """What is known of the pose of a part, as normal densities; None if nothing is."""

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers import CONFIDENCE, Answer, Clock, Priors, check_question, sized, verdict
+from tanteo.answers import Answer, Clock, Priors, check_question, sized, verdict
 from tanteo.features import SharedError
 from tanteo.inference.diagnostics import against_labels, face_elsewhere, left_out, mostly_on, not_on_it, scattered
-from tanteo.inference.posterior import Posterior, infer, with_scale
+from tanteo.inference.posterior import Posterior, infer
 from tanteo.inference.prepared import PreparedPart, prepare
-from tanteo.inference.prior_check import check_prior, is_good_fit, without_prior
+from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
 from tanteo.measurements import ContactPoints, FreeRays
@@ -36,10 +36,6 @@ _EQUAL = 1e-6
 
 _MAY_MISS = 0.05
 """Probability of poses that the search met only once from which the answer says that others may fit."""
-
-_SCALE_SD, _SCALE_PRIOR, _MOST_SCALE = float(np.log(2.0)), 0.1, 2.5
-"""If the noise is not as stated it is so by about a factor of two, 1 sd, and that is as probable beforehand. Beyond the
-last it is no noise: something else is wrong, and is named."""
 
 
 def identify_points(
@@ -80,7 +76,6 @@ def identify_points(
     posterior = _answer(problem, prepared, seed)
     clock.lap("search")
     found = [goodness_of_fit(mode) for mode in posterior.modes]
-    scale = _noise_scale(found[0]) if found else 1.0
     hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
     clock.lap("locate")
     worst = worst_reading(points, found[0]) if found else ""
@@ -110,50 +105,22 @@ def identify_points(
     if hypotheses and status == "recognized":
         message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
-    message += _missed(posterior.missing, status) + scattered(scale, worst)
+    message += _missed(posterior.missing, status)
+    message += scattered(hypotheses[0], worst) if hypotheses else ""
     return Answer(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
 def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Posterior:
-    """The posterior; with the noise scale as a state where that explains the measurements better, prior included.
-
-    But a noise that makes another part of them is not believed: what was taken for noise may be the difference.
-    """
+    """The posterior of the parts that are large enough."""
     fitting = [part for part in parts if _large_enough(problem.points, part.part)]
     centroid = np.mean([part.part.centroid for part in parts], axis=0)
-    posterior = infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
-    if not posterior.modes or _as_stated(posterior):
-        return posterior
-    scaled = with_scale(posterior, _SCALE_SD, np.random.default_rng(seed))
-    better = scaled.log_evidence + np.log(_SCALE_PRIOR) > posterior.log_evidence + np.log1p(-_SCALE_PRIOR)
-    if not better or not scaled.modes or scaled.modes[0].prepared is not posterior.modes[0].prepared:
-        return posterior
-    return scaled if _noise_scale(goodness_of_fit(scaled.modes[0])) <= _MOST_SCALE else posterior
-
-
-def _as_stated(posterior: Posterior) -> bool:
-    """Whether the best mode is an answer, and explains the measurements with the noise that was stated.
-
-    Where something is known of the pose, it is asked what they are without it: a wrong prior is not their noise.
-    """
-    one, priors = goodness_of_fit(posterior.modes[0]), posterior.problem.priors
-    if priors.pose is not None:
-        one = goodness_of_fit(without_prior(posterior.modes[0], priors))
-    chi2, dof = one.chi_square()
-    sure = posterior.unknown < 1 - CONFIDENCE
-    return sure and (dof <= 0 or chi2 < dof + 3 * np.sqrt(2 * dof)) and is_good_fit(one, priors.outlier_rate)
+    return infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
 
 
 def _of_its_shape(part: Part, parts: Sequence[PreparedPart]) -> list[str]:
     """Names of the parts of equal area and volume."""
     size = part.area, part.volume
     return [p.part.name for p in parts if np.allclose((p.part.area, p.part.volume), size, rtol=_EQUAL, atol=0.0)]
-
-
-def _noise_scale(one: GoodnessOfFit) -> float:
-    """Times the stated noise that the measurements have; 1 where it was taken as stated."""
-    problem = one.mode.objective.problem
-    return float(np.exp(problem.scale_sd * one.mode.z[-1])) if problem.scale_sd > 0 else 1.0
 
 
 def _close_together(points: ContactPoints, best: GoodnessOfFit, priors: Priors) -> bool:

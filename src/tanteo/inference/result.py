@@ -8,7 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo import _core
-from tanteo.answers import Hypothesis, PosePrior, corner_sd, hypothesis_at, part_scale, prior_rows, spins, without_spins
+from tanteo.answers import (
+    Hypothesis,
+    Misfit,
+    PosePrior,
+    corner_sd,
+    hypothesis_at,
+    part_scale,
+    prior_rows,
+    spins,
+    without_spins,
+)
 from tanteo.features import SharedError, label_kind
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
@@ -48,11 +58,13 @@ class GoodnessOfFit:
     Attributes:
         mode: the mode.
         at: the measurements there, one pose.
+        per_stated_sd: one over the stated standard deviation of each along its normal ``(n,)`` [1/m].
         free: motions that nothing resists, those of the part's symmetry first, over ``part_scale`` ``(m, 6)``.
     """
 
     mode: Mode
     at: Details
+    per_stated_sd: FloatArray
     free: Tangents
 
     @property
@@ -60,12 +72,18 @@ class GoodnessOfFit:
         """Which points are on the part ``(n,)``."""
         return np.asarray(self.at.belongs[0] > 0.5)
 
-    def chi_square(self) -> tuple[float, int]:
-        """Of the points that belong and their normals, and the degrees of freedom if no motion is free."""
+    @property
+    def log_noise_sd(self) -> float:
+        """How well the noise was known: standard deviation of the log of its scale."""
+        return self.mode.objective.problem.scale_sd
+
+    def misfit(self) -> Misfit:
+        """Of the points that belong and their normals, against what was stated."""
         belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.kinds
-        chi2 = float(np.sum(self.at.residuals[0, belongs] ** 2) + np.sum(tilts[belongs] ** 2))
-        dof = sum(label_kind(kind).faces for kind, on in zip(kinds, belongs, strict=True) if on)
-        return chi2, dof + 2 * int(np.count_nonzero(tilts[belongs])) - 6
+        points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
+        across = sum(label_kind(kind).faces for kind, on in zip(kinds, belongs, strict=True) if on)
+        told = 2 * int(np.count_nonzero(tilts[belongs]))
+        return Misfit(points, float(np.sum(tilts[belongs] ** 2)), across + told - 6, self.log_noise_sd)
 
 
 def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
@@ -73,7 +91,9 @@ def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
     part, T = mode.prepared.part, mode.T_peak[None]
     at = details_at(mode.objective, T, mode.z[None])
     information = without_spins(part, pose_information(mode.information))
-    return GoodnessOfFit(mode, at, _free(mode, information))
+    scaled = mode.objective.problem.scale_sd > 0
+    stated = details_at(mode.objective, T, np.r_[mode.z[:-1], 0.0][None]) if scaled else at
+    return GoodnessOfFit(mode, at, stated.per_sd[0], _free(mode, information))
 
 
 def _free(mode: Mode, information: FloatArray) -> Tangents:
@@ -102,10 +122,10 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
     covariance, given = _covariances(one)
     common, common_given = _common_tolerance(points, one)
     known = prior_rows(pose, part, mode.T_peak[None])[0][0]
-    chi2, fixed = one.chi_square()
-    chi2 += float(np.sum(mode.z**2) + np.sum(known**2))
+    errors = mode.z[: points.shared_jacobian.shape[2]]
     named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
-    dof = fixed + len(known) + len(free) - (len(spins(part)) if named else 0)
+    more = len(known) + len(free) - (len(spins(part)) if named else 0)
+    misfit = one.misfit().beside(float(np.sum(errors**2) + np.sum(known**2)), more)
     names = face_names(one)
     return hypothesis_at(
         part,
@@ -113,8 +133,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
         covariance + common,
         free=free,
         probability=mode.probability,
-        chi2=chi2,
-        dof=dof,
+        misfit=misfit,
         rms=float(np.sqrt(np.mean(distances[belongs] ** 2))) if belongs.any() else 0.0,
         outliers=tuple(name for name, ok in zip(points.ids, belongs, strict=True) if not ok),
         pairings=tuple((i, f) for i, f, ok in zip(points.ids, names, belongs, strict=True) if ok),
@@ -157,7 +176,7 @@ def _covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
     scale = part_scale(part)
     whole = without_spins(part, pose_information(mode.information))
     covariance = _with_free(mode.covariance if mode.ess > 1 else None, whole, one.free, scale)
-    if not len(mode.z):
+    if not mode.objective.problem.points.shared_jacobian.shape[2]:
         return covariance, None
     known = without_spins(part, mode.information[:6, :6])
     if len(one.free) > len(spins(part)):

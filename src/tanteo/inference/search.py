@@ -171,15 +171,6 @@ class PartSearch:
         found = self.objective.look(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
         self.peaks = self.objective.merged(self.peaks, found, _MOST)
 
-    def asked(self, problem: Problem) -> PartSearch:
-        """The same maxima where another problem has them: with more states, or other priors."""
-        objective = replace(self.objective, problem=problem, core=problem.compiled(self.objective.prepared))
-        more = problem.states - self.peaks.zs.shape[1]
-        zs = np.pad(self.peaks.zs, ((0, 0), (0, more)), constant_values=1.0)
-        peaks = objective.maximize(self.peaks.Ts, zs, self.peaks.groups, fine=True)
-        along = along_ridge(objective, self.along.Ts) if self.along is not None and len(self.along) else None
-        return replace(self, objective=objective, peaks=peaks, along=along)
-
     def on_the_part(self) -> BoolArray:
         """Which points the best maximum has on the part ``(n,)``; none without a maximum."""
         count = len(self.objective.problem.points)

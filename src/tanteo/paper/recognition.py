@@ -11,7 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Answer, Clock, Hypothesis, check_question, hypothesis_at, part_scale, verdict, without_spin
+from tanteo.answers import (
+    Answer,
+    Clock,
+    Hypothesis,
+    Misfit,
+    check_question,
+    hypothesis_at,
+    part_scale,
+    verdict,
+    without_spin,
+)
 from tanteo.errors import InputError
 from tanteo.features import Feature, Sides, collect_shared, shared_root
 from tanteo.lie import SE3
@@ -143,8 +153,7 @@ def _hypothesis(one: _Accepted, sensed: Sequence[Feature], probability: float) -
         estimate.covariance,
         free=np.asarray(np.linalg.solve(part_scale(one.part), estimate.free.T).T, dtype=np.float64),
         probability=probability,
-        chi2=estimate.chi2,
-        dof=estimate.dof,
+        misfit=Misfit(0.0, estimate.chi2, estimate.dof),
         rms=_rms(estimate.T_world_part, [pairing for pairing, _ in pairings]),
         outliers=(),
         pairings=tuple((r, name) for p, name in pairings for r in p.sensed.readings or (p.sensed.label,)),

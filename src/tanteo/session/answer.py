@@ -14,7 +14,6 @@ from tanteo.limits import SUSPECT
 from tanteo.measurements import ContactPoints
 from tanteo.session.moved import moved
 from tanteo.session.values import Observation, Step
-from tanteo.special import chi2_survival
 
 ALPHA = 0.01
 """An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
@@ -101,9 +100,8 @@ def p_of_start(state: SensingState) -> float:
 
 def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> str:
     """The reading that contradicts the likeliest hypothesis most, unless the prior pose contradicts it more."""
-    chi2, fixed = best.chi_square()
-    dof = fixed + len(best.free)
-    return worst_reading(points, best) if dof > 0 and chi2_survival(chi2, dof) < prior_p else ""
+    contradicted = best.misfit().beside(0.0, len(best.free)).p_value < prior_p
+    return worst_reading(points, best) if contradicted else ""
 
 
 def moved_words(state: SensingState) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.answers import Hypothesis, Status, hypothesis_at, part_scale, spins, verdict, without_spins
+from tanteo.answers import Hypothesis, Misfit, Status, hypothesis_at, part_scale, spins, verdict, without_spins
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, weak_motions
 from tanteo.parts import Part
@@ -47,8 +47,7 @@ def hypothesis(
         covariance,
         free=weak,
         probability=mode.probability,
-        chi2=settled.chi2,
-        dof=dof,
+        misfit=Misfit(0.0, settled.chi2, dof),
         rms=_rms(settled.met, camera, mode.T_camera_part, part),
     )
 

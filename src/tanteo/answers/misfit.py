@@ -1,0 +1,69 @@
+"""How badly measurements fit, where their noise is known to a factor only: p-value, and the scale that they tell."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.special import chi2_survival
+
+_SIGMAS, _STEPS = 5.0, 41
+"""Reach of the sum over the log of the noise scale, in its standard deviations, and its terms."""
+
+_ENOUGH = 60
+"""Newton steps on a convex function of one number: it converges from anywhere long before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Squared distances of measurements from where they should be, in stated standard deviations.
+
+    Attributes:
+        noise: of what the noise scale scales.
+        rest: of all else: sensed normals, shared errors, the prior of the pose.
+        dof: degrees of freedom of both; none or fewer where nothing was checked.
+        log_sd: how well the noise was known: standard deviation of the log of its scale; 0 if exactly.
+    """
+
+    noise: float
+    rest: float
+    dof: int
+    log_sd: float = 0.0
+
+    @property
+    def chi2(self) -> float:
+        """The joint squared Mahalanobis distance, with the noise as stated."""
+        return self.noise + self.rest
+
+    @property
+    def p_value(self) -> float:
+        """How often measurements fit as badly or worse, the noise being within what was known of it (Box 1980)."""
+        if self.dof <= 0:
+            return 1.0
+        if self.log_sd == 0:
+            return chi2_survival(self.chi2, self.dof)
+        z = np.linspace(-_SIGMAS, _SIGMAS, _STEPS)
+        weights = np.exp(-0.5 * z**2)
+        p = [chi2_survival(self.noise * math.exp(-2 * self.log_sd * x) + self.rest, self.dof) for x in z]
+        return float(weights @ p / weights.sum())
+
+    def beside(self, rest: float, dof: int) -> Misfit:
+        """The same with more that the noise scale does not scale."""
+        return replace(self, rest=self.rest + rest, dof=self.dof + dof)
+
+    def noise_scale(self) -> tuple[float, float, float]:
+        """Times the stated noise that the measurements have: the likeliest, and from where to where with 95 %.
+
+        The degrees of freedom that the pose takes are left aside; the prior of the scale is log-normal about 1.
+        """
+        if self.log_sd == 0:
+            return 1.0, 1.0, 1.0
+        dof, prior, log = max(self.dof, 0), self.log_sd**-2, 0.0
+        for _ in range(_ENOUGH):
+            told = self.noise * math.exp(-2 * log)
+            log += max(min((told - dof - prior * log) / (2 * told + prior), 1.0), -1.0)
+        sd = (2 * self.noise * math.exp(-2 * log) + prior) ** -0.5
+        low, likeliest, high = (math.exp(log + k * sd) for k in (-1.96, 0.0, 1.96))
+        return likeliest, low, high
