@@ -181,23 +181,23 @@ class Oracle:
         """All points given the rate of outliers; points of one label are on one face, or contradict it."""
         groups, alone = self.q.groups, self.q.groups < 0
         density = np.array([sum(w for _, w in h) for h in hits])
-        log = np.log((1 - rate) * density[alone] + rate).sum()
+        log = np.log((1 - rate) * density[alone] + rate + self.q.furniture[alone]).sum()
         for g in range(groups.max(initial=-1) + 1):
             rows = np.flatnonzero(groups == g)
             log += self._log_group([hits[j] for j in rows], rows, density[rows], self.q.mean_rate)
         return log
 
     def _log_group(self, hits, rows, density, rate):
-        slip = rate
+        slip, around = rate, self.q.furniture[rows]
         by_area = any(self.q.kinds[j] == 0 and not self.q.directions[j].any() for j in rows)
-        logs = [np.log(slip / (1 - slip)) + self.q.elsewhere, np.log((1 - rate) * slip * density + rate).sum()]
+        logs = [np.log(slip / (1 - slip)) + self.q.elsewhere, np.log((1 - rate) * slip * density + rate + around).sum()]
         for face in {face for h in hits for face, _ in h}:
             portion = self._portion(face)
             log = np.log(portion) if face < 0 or by_area else 0.0
-            for j, h, d in zip(rows, hits, density, strict=True):
+            for j, h, d, there in zip(rows, hits, density, around, strict=True):
                 share = portion if face < 0 or (self.q.kinds[j] == 0 and not self.q.directions[j].any()) else 1.0
                 on = sum(w for f, w in h if f == face) / share
-                log += np.log((1 - rate) * ((1 - slip) * on + slip * d) + rate)
+                log += np.log((1 - rate) * ((1 - slip) * on + slip * d) + rate + there)
             logs.append(log)
         return np.log1p(-slip) + np.logaddexp.reduce(logs)
 

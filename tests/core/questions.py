@@ -28,6 +28,7 @@ class Question:
     normal_sds: np.ndarray
     reach: np.ndarray
     log_outlier: np.ndarray
+    furniture: np.ndarray
     kinds: np.ndarray
     groups: np.ndarray
     elsewhere: float  # log density of each group off the part, over that of as many outliers
@@ -99,7 +100,7 @@ def asked(points, sd, *, rate=0.02):
     ball = np.log(4 / 3 * np.pi * RADIUS**3)
     return Question(
         points, sd**2 * np.tile(np.eye(3), (n, 1, 1)), np.zeros(n), np.zeros(n), *np.zeros((3, n, 3)),
-        np.full(n, np.pi), np.zeros(n), np.full(n, -ball), np.zeros(n, np.int32), np.full(n, -1, np.int32),
+        np.full(n, np.pi), np.zeros(n), np.full(n, -ball), np.zeros(n), np.zeros(n, np.int32), np.full(n, -1, np.int32),
         2.0, np.zeros((n, 3, 0)), 0.0, np.array(rates), np.array(weights), rate, np.zeros((0, 9)), none, none,
         np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0),
     )  # fmt: skip
@@ -133,6 +134,13 @@ def oriented(q, normals, rng, tilt=0.05):
         normals=turns.apply(normals),
         normal_sds=np.full(len(normals), tilt),
         log_outlier=q.log_outlier - np.log(4 * np.pi),
+    )
+
+
+def furnished(q, rng):
+    """Some points may be of what stands around, some surely are."""
+    return replace(
+        q, furniture=np.where(rng.uniform(size=len(q.points)) < 0.5, 0.0, 10 ** rng.uniform(-3, 6, len(q.points)))
     )
 
 

@@ -13,6 +13,7 @@ from core.questions import (
     anisotropic,
     asked,
     directed,
+    furnished,
     near_pose,
     oriented,
     random_pose,
@@ -80,6 +81,14 @@ def _scale(q, normals, body, T, rng):
     return replace(with_shared(anisotropic(q, rng), 2, rng), scale_sd=0.4)
 
 
+def _furnished(q, normals, body, T, rng):
+    return furnished(q, rng)
+
+
+def _labels_among_furniture(q, normals, body, T, rng):
+    return furnished(_labels(q, normals, body, T, rng), rng)
+
+
 def _rays(q, normals, body, T, rng):
     return with_rays(q, body, T, rng)
 
@@ -94,7 +103,7 @@ def _prior(q, normals, body, T, rng):
 
 KINDS = [
     _plain, _anisotropic, _beams, _blunt_beams, _normals, _uneven_normals, _tips, _uneven_tips, _labels,
-    _labelled_beams, _labelled_sides, _shared, _scale, _rays, _cones, _prior,
+    _labelled_beams, _labelled_sides, _shared, _scale, _furnished, _labels_among_furniture, _rays, _cones, _prior,
 ]  # fmt: skip
 OF_FACES = [_plain, _anisotropic, _blunt_beams, _normals, _uneven_normals, _tips, _uneven_tips, _scale]
 

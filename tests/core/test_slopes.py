@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 from core.bodies import flat_bodies, round_bodies
-from core.questions import anisotropic, directed, near_pose, oriented, random_pose, touched, with_prior, with_shared
+from core.questions import (
+    anisotropic,
+    directed,
+    furnished,
+    near_pose,
+    oriented,
+    random_pose,
+    touched,
+    with_prior,
+    with_shared,
+)
 from core.test_oracle import KINDS, posed
 from tanteo import _core
 
@@ -56,6 +66,9 @@ EXACT = {
     "shared": lambda q, normals, rng: with_shared(q, 3, rng),
     "labels": lambda q, normals, rng: replace(q, groups=rng.integers(-1, 3, len(q.points)).astype(np.int32)),
     "normals": lambda q, normals, rng: oriented(q, normals, rng),
+    "furniture": lambda q, normals, rng: furnished(
+        replace(q, groups=rng.integers(-1, 3, len(q.points)).astype(np.int32)), rng
+    ),
     "scale": lambda q, normals, rng: replace(q, scale_sd=0.4),
     "scale and tolerance": lambda q, normals, rng: replace(q, scale_sd=0.4, extra=np.full(len(q.points), 5e-7)),
 }

@@ -42,7 +42,7 @@ double Likelihood::combine() {
         double product = 1, log = 0;
         for (int j = 0; j < n; ++j) {
             if (left_out(j) || (labels && problem.points[j].group >= 0)) continue;
-            product *= (1 - rate) * seen[j].density + rate;
+            product *= (1 - rate) * seen[j].density + rate + problem.points[j].furniture;
             if (product < 1e-200 || product > 1e200) {
                 log += std::log(product);
                 product = 1;
@@ -60,7 +60,7 @@ double Likelihood::combine() {
         if ((labels && problem.points[j].group >= 0) || !s.count) continue;
         for (int k = 0; k < nodes; ++k) {
             const double on = (1 - problem.rates[k]) * s.density;
-            s.belongs += node_log[k] / sum * on / (on + problem.rates[k]);
+            s.belongs += node_log[k] / sum * on / (on + problem.rates[k] + problem.points[j].furniture);
         }
         for (int k = s.first; k < s.first + s.count; ++k) hit_share[k] = s.belongs * hits[k].weight / s.density;
     }
@@ -123,7 +123,7 @@ double Likelihood::log_group(size_t g, bool anywhere) {
     for (size_t f = 0; f <= F; ++f) {
         double log = f < F ? view.log_prior[f] : 0;
         for (size_t r = 0; r < rows.size(); ++r)
-            log += std::log(labelled_density(view, r, f, seen[rows[r]].density));
+            log += std::log(labelled_density(view, r, f, rows[r]));
         view.logs[f] = log + std::log1p(-rare);
         top = std::max(top, view.logs[f]);
     }
@@ -136,10 +136,10 @@ double Likelihood::log_group(size_t g, bool anywhere) {
 
 // Density of a labelled point over that of an outlier if the label's face is this one; beyond the last: if it means
 // nothing.
-double Likelihood::labelled_density(const GroupView& view, size_t r, size_t f, double density) const {
-    const double rare = problem.mean_rate;
+double Likelihood::labelled_density(const GroupView& view, size_t r, size_t f, int row) const {
+    const double rare = problem.mean_rate, density = seen[row].density;
     const double on = f < view.faces.size() ? (1 - rare) * view.on_face[r * view.faces.size() + f] : 0.0;
-    return (1 - rare) * (on + rare * density) + rare;
+    return (1 - rare) * (on + rare * density) + rare + problem.points[row].furniture;
 }
 
 // How much each point counts by face, then whatever the face; after log_group.
@@ -151,7 +151,7 @@ void Likelihood::share_group(size_t g) {
     view.weights.assign(rows.size() * (F + 1), 0.0);
     for (size_t r = 0; r < rows.size(); ++r)
         for (size_t f = 0; f <= F; ++f) {
-            const double share = view.logs[f] * (1 - rare) / labelled_density(view, r, f, seen[rows[r]].density);
+            const double share = view.logs[f] * (1 - rare) / labelled_density(view, r, f, rows[r]);
             if (f < F) view.weights[r * F + f] += share * (1 - rare);
             view.weights[rows.size() * F + r] += share * rare;
         }

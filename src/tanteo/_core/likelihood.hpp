@@ -100,7 +100,7 @@ class Likelihood {
     double combine();
     void view_group(size_t g);
     double log_group(size_t g, bool anywhere = true);
-    double labelled_density(const GroupView& view, size_t r, size_t f, double density) const;
+    double labelled_density(const GroupView& view, size_t r, size_t f, int row) const;
     void share_group(size_t g);
     void share_hits(size_t g);
     void add_points(const State& state);

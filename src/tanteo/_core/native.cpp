@@ -112,7 +112,7 @@ Mat3 covariance(const double* values, double extra) {
 }
 
 std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
-                                      Doubles sides, Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier,
+                                      Doubles sides, Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier, Doubles furniture,
                                       Ints kinds, Ints groups, Doubles log_elsewhere, Doubles shared_jacobian, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
@@ -120,7 +120,7 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
     auto problem = std::make_unique<Problem>();
     const size_t n = expect(at, "points", {ANY, 3}), D = shared_jacobian.ndim() == 3 ? shared_jacobian.shape(2) : 0;
     for (const auto& [column, name] : {std::pair{&extra, "extra"}, {&radii, "radii"}, {&normal_sds, "normal_sds"},
-                                       {&reach, "reach"}, {&log_outlier, "log_outlier"}})
+                                       {&reach, "reach"}, {&log_outlier, "log_outlier"}, {&furniture, "furniture"}})
         expect(*column, name, {n});
     expect(covs, "covs", {n, 3, 3});
     expect(directions, "directions", {n, 3});
@@ -146,6 +146,7 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
         p.normal_sd = expect(normal_sds.data()[k], "normal_sds", p.oriented ? 1e-12 : -1e300, 1e300);
         p.reach = reach.data()[k];
         p.log_outlier = log_outlier.data()[k];
+        p.furniture = expect(furniture.data()[k], "furniture", 0, 1e300);
         p.kind = static_cast<Kind>(kind[k]);
         p.group = group[k];
         const double v = p.cov(0, 0);
@@ -533,7 +534,7 @@ NB_MODULE(native, m) {
           "corners"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
     m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "sides"_a,
-          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
+          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "furniture"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
           "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a,
           "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

@@ -57,6 +57,7 @@ def make_problem(
     normal_sds: FloatArray,
     reach: FloatArray,
     log_outlier: FloatArray,
+    furniture: FloatArray,
     kinds: AnyInts,
     groups: AnyInts,
     log_elsewhere: FloatArray,

@@ -19,6 +19,7 @@ struct Point {
     double normal_sd = 1;
     double reach = 0;       // free-space ray before the point along its direction
     double log_outlier = 0; // density if it is an outlier
+    double furniture = 0;   // density on what is known to stand around, over that, times the odds of being there
     Kind kind = Kind::FACE;
     int group = -1;  // of rows that share one face
     bool directed = false, sided = false, oriented = false, isotropic = false;

@@ -157,15 +157,18 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
 // Whether a point is one of so many that lie far apart; empty if there are no more. They are of twice as many that come
 // at even steps: of all points, outliers would be the farthest.
 static std::vector<char> far_apart(const std::vector<Point>& points, size_t count) {
+    std::vector<size_t> rows;  // those that what stands around does not explain
+    for (size_t j = 0; j < points.size(); ++j)
+        if (points[j].furniture < 1) rows.push_back(j);
     if (points.size() <= count) return {};
     std::vector<char> chosen(points.size(), 0);
-    const size_t some = std::min(2 * count, points.size());
+    const size_t some = std::min(2 * count, rows.size());
     std::vector<double> nearest(some, 1e300);
-    for (size_t next = 0, k = 0; k < count; ++k) {
-        const size_t row = next * points.size() / some;
+    for (size_t next = 0, k = 0; k < std::min(count, some); ++k) {
+        const size_t row = rows[next * rows.size() / some];
         chosen[row] = 1;
         for (size_t j = 0; j < some; ++j)
-            nearest[j] = std::min(nearest[j], norm(points[j * points.size() / some].at - points[row].at));
+            nearest[j] = std::min(nearest[j], norm(points[rows[j * rows.size() / some]].at - points[row].at));
         next = std::max_element(nearest.begin(), nearest.end()) - nearest.begin();
     }
     return chosen;

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.active.start import Start
-from tanteo.inference import Mode, Posterior, PreparedPart, Problem, on_part, outlier_log_density, update_posterior
+from tanteo.inference import Mode, Posterior, PreparedPart, Problem, on_part, update_posterior
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
@@ -134,7 +134,7 @@ def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> Sens
     priors, shares = start.priors, start.shares()
     some = np.flatnonzero(shares > 0)
     problem = Problem(touches, free, priors, mixtures=start.mixtures())
-    anywhere = np.log(priors.unknown) + outlier_log_density(touches, priors).sum()
+    anywhere = np.log(priors.unknown) + problem.log_not_on_part.sum()
     anywhere += len(free) * np.log1p(-priors.outlier_rate)
     rng = np.random.default_rng((1991, len(touches), len(free)))  # the same belief of the same readings every time
     parts, log_priors = [start.targets[k] for k in some], np.log(shares[some]) + np.log1p(-priors.unknown)

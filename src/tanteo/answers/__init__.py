@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
+    from tanteo.answers.furniture import Furniture
     from tanteo.answers.hypothesis import hypothesis_at
     from tanteo.answers.misfit import Misfit
     from tanteo.answers.part_motions import (
@@ -31,6 +32,7 @@ __all__ = [
     "Answer",
     "Clock",
     "Finding",
+    "Furniture",
     "Hypothesis",
     "Misfit",
     "PosePrior",
@@ -64,6 +66,7 @@ __dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {
+        "furniture": "Furniture",
         "hypothesis": "hypothesis_at",
         "misfit": "Misfit",
         "status": "CONFIDENCE doubt verdict",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ at best, or a preset's, which is of the data sheet. With the first the 95 % regi
 while the true noise is from half to twice the stated one (``benchmarks/honesty.py``)."""
 
 _MOST = 100.0
+
+if TYPE_CHECKING:
+    from tanteo.answers.furniture import Furniture
 
 OFTEN = 0.99
 """More features than this cannot be said to be outliers: nothing would be left of the part."""
@@ -36,6 +40,7 @@ class Priors:
         noise_factor: how well the noise is known: the true standard deviation of the readings is as often within this
             factor of the stated one as a normal draw is within one standard deviation; 1 if it is as stated. None: by
             where it comes from, see :data:`STATED`.
+        furniture: what stands around and may be sensed instead of the part, beside the table that ``pose`` names.
         pose: what is known of the pose.
 
     Raises:
@@ -55,6 +60,7 @@ class Priors:
     right_angled: float = 0.8
     near_variant: float = 0.5
     noise_factor: float | None = None
+    furniture: tuple[Furniture, ...] = ()
     pose: PosePrior | None = None
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
@@ -165,7 +165,7 @@ def _priors(options: RunOptions, pose: PosePrior | None) -> Priors | None:
     from tanteo.answers import Priors
 
     said = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
-    given = {name: value for name, value in said.items() if value is not None}
+    given: dict[str, Any] = {name: value for name, value in said.items() if value is not None}
     return None if pose is None and not given else Priors(pose=pose, **given)
 
 

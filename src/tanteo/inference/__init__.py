@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
+    from tanteo.inference.around import outlier_log_density
     from tanteo.inference.diagnostics import face_elsewhere
     from tanteo.inference.features import identify_features
     from tanteo.inference.findings import (
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
-    from tanteo.inference.problem import PoseMixture, Problem, outlier_log_density
+    from tanteo.inference.problem import PoseMixture, Problem
     from tanteo.inference.recognition import identify_points
     from tanteo.inference.result import (
         GoodnessOfFit,
@@ -89,7 +90,8 @@ __getattr__, __dir__ = lazy(
         "posterior": "NEGLIGIBLE Posterior infer",
         "prepared": "PreparedPart prepare prepare_all",
         "prior_check": "p_of_prior",
-        "problem": "PoseMixture Problem outlier_log_density",
+        "around": "outlier_log_density",
+        "problem": "PoseMixture Problem",
         "recognition": "identify_points",
         "result": "GoodnessOfFit as_hypothesis goodness_of_fit face_names information_by_point worst_reading",
         "settling": "settle",

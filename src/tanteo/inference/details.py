@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
+from tanteo.inference.around import outlier_log_density
 from tanteo.inference.peaks import Objective, Peaks
-from tanteo.inference.problem import outlier_log_density
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 
@@ -17,8 +17,8 @@ class Details:
     """``n`` points at ``S`` poses.
 
     Attributes:
-        log_hit: log density on the part ``(S, n)``.
-        log_outlier: as an outlier ``(S, n)``.
+        log_hit: log density on the part, or on what stands around ``(S, n)``.
+        log_outlier: as an outlier, or on what stands around ``(S, n)``.
         places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
         groups: number of the label of each ``(n,)``; -1 without.
         log_groups: log density of the points of each label on the part ``(S, G)``.
@@ -64,12 +64,14 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     )
     outlier = outlier_log_density(points, objective.problem.priors)
     with np.errstate(divide="ignore"):
-        hit, there = np.log(table[..., 0]) + outlier, np.log(table[..., 5]) + outlier
+        around = outlier + np.log(objective.problem.around.over_outlier)
+        hit = np.logaddexp(np.log(table[..., 0]) + outlier, around)
+        there = np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
     groups = objective.problem.groups
     of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[1])])
     return Details(
-        hit, np.broadcast_to(outlier, hit.shape), points.places, groups, log_groups + of_groups,
+        hit, np.broadcast_to(np.logaddexp(outlier, around), hit.shape), points.places, groups, log_groups + of_groups,
         objective.problem.elsewhere.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),

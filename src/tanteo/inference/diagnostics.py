@@ -38,7 +38,7 @@ def against_labels(one: GoodnessOfFit, priors: Priors) -> str:
 
     A sensor may make more outliers than is stated, and then the rate is found out; but labels come from a person.
     """
-    off, n = int(np.sum(~one.belongs & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
+    off, n = int(np.sum(one.outliers & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
     if not off or binomial_cdf(off - 1, n, np.array([priors.outlier_rate]))[0] < 1 - _CONTRADICTED:
         return ""
     name = one.mode.prepared.part.name

@@ -83,7 +83,7 @@ def check_prior(
 
 def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
-    outliers, n = int(np.sum(~one.belongs)), len(one.belongs)
+    outliers, n = int(np.sum(one.outliers)), len(one.outliers)
     if so_many(outliers, n, rate) <= _OUTLIERS:
         return False
     return one.misfit().p_value > _PLAUSIBLE

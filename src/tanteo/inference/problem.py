@@ -9,6 +9,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.answers import PosePrior, Priors, log_density_within
 from tanteo.features import label_kind
+from tanteo.inference.around import Around, around, outlier_log_density
 from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
@@ -41,6 +42,7 @@ class Problem:
         rays: free-space rays.
         priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
         mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
+        around: points that may be of what stands around.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
         elsewhere: what labels say of surfaces that are not the part's.
     """
@@ -49,12 +51,14 @@ class Problem:
     rays: FreeRays
     priors: Priors
     mixtures: dict[int, PoseMixture] = field(default_factory=dict)
+    around: Around = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     elsewhere: Elsewhere = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
         object.__setattr__(self, "groups", groups)
+        object.__setattr__(self, "around", around(self.points, self.priors))
         object.__setattr__(self, "elsewhere", elsewhere(self.points, groups, self.priors.radius))
 
     @property
@@ -66,6 +70,11 @@ class Problem:
     def states(self) -> int:
         """Shared errors and noise scale beside the pose."""
         return self.points.shared_jacobian.shape[2] + (self.scale_sd > 0)
+
+    @property
+    def log_not_on_part(self) -> FloatArray:
+        """Log density of each point if it is not of the part: anywhere, or on what stands around ``(n,)``."""
+        return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.around.over_outlier))
 
     def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
         """What is known of the pose of a part, as normal densities; None if nothing is."""
@@ -93,6 +102,7 @@ class Problem:
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
         extra = np.full(len(t), t.tolerance**2)
+        rays = rays.join(self.around.paths) if len(self.around.paths) else rays
         table = self.priors.pose.table if self.priors.pose is not None else None
         lines = np.column_stack(
             [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
@@ -101,6 +111,7 @@ class Problem:
         return _core.make_problem(
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
+            _c(self.around.over_outlier),
             np.array([label_kind(kind).faces - 1 for kind in t.kinds], dtype=np.int32), self.groups,
             _c(self.elsewhere.log_odds), _c(t.shared_jacobian), float(self.scale_sd), _c(rates), _c(weights),
             self.priors.outlier_rate, _c(lines), _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots),
@@ -127,13 +138,6 @@ class Problem:
 def unplaced(pose: PosePrior) -> PosePrior:
     """What is known of the pose but for its normal density."""
     return replace(pose, T_world_part=None, covariance=None)
-
-
-def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:
-    """Log density of each point if it is an outlier, or of an unknown object: anywhere in the workspace ``(n,)``."""
-    ball = np.log(4 / 3 * np.pi * priors.radius**3)
-    log = np.where(points.directed, -np.log(2 * priors.radius), -ball)
-    return np.asarray(log - np.where(points.oriented, np.log(4 * np.pi), 0.0))
 
 
 def _c(values: FloatArray) -> FloatArray:

@@ -65,14 +65,13 @@ def identify_points(
         InputError: without parts, or for an ``significance`` outside (0, 1).
     """
     parts = check_question(parts, significance, top, seed, priors)
-    named = priors is not None and priors.pose is not None
-    if message := _too_little(points, named=named):
-        return Answer("insufficient", message, (), 1.0, {}, seed)
     clock = Clock()
     prepared = [prepare(part) for part in parts]
     priors = sized(priors, max(part.part.radius for part in prepared))
     clock.lap("prepare")
     problem = Problem(points, rays, priors)
+    if message := _too_little(problem):
+        return Answer("insufficient", message, (), 1.0, clock.laps(), seed)
     posterior = _answer(problem, prepared, seed)
     clock.lap("search")
     found = [goodness_of_fit(mode) for mode in posterior.modes]
@@ -98,7 +97,7 @@ def identify_points(
     )  # fmt: skip
     if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
         message = not_on_it(hypotheses[0], unknown)
-    if status == "recognized" and _close_together(points, found[0], priors):
+    if status == "recognized" and _close_together(found[0]):
         status, message = "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
     if status == "recognized" and (doubt := against_labels(found[0], priors)):
         status, message = "ambiguous", doubt
@@ -112,7 +111,8 @@ def identify_points(
 
 def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Posterior:
     """The posterior of the parts that are large enough."""
-    fitting = [part for part in parts if _large_enough(problem.points, part.part)]
+    of_part = problem.points.take(problem.around.others)
+    fitting = [part for part in parts if _large_enough(of_part, part.part)]
     centroid = np.mean([part.part.centroid for part in parts], axis=0)
     return infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
 
@@ -123,15 +123,21 @@ def _of_its_shape(part: Part, parts: Sequence[PreparedPart]) -> list[str]:
     return [p.part.name for p in parts if np.allclose((p.part.area, p.part.volume), size, rtol=_EQUAL, atol=0.0)]
 
 
-def _close_together(points: ContactPoints, best: GoodnessOfFit, priors: Priors) -> bool:
+def _close_together(best: GoodnessOfFit) -> bool:
     """Whether the points are of a small patch, which many a part has twice, and nothing else says where it is."""
-    placed = priors.pose is not None and priors.pose.T_world_part is not None
+    problem = best.mode.objective.problem
+    placed = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
+    points = problem.points.take(problem.around.others)
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
     return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.mode.prepared.part.diagonal
 
 
-def _too_little(points: ContactPoints, *, named: bool) -> str:
+def _too_little(problem: Problem) -> str:
     """What to do if nothing tells the points from those of a line, or from one point; empty if there is enough."""
+    points, named = problem.points.take(problem.around.others), problem.priors.pose is not None
+    if not len(points) and len(problem.points):
+        of = problem.around.names[problem.around.which[0]]
+        return f"All {len(problem.points)} readings are on the {of}: sense the part, on several sides."
     if not len(points):
         return f"No reading met anything: sense {LEAST} places or more, better eight, on several sides."
     if len(points) < LEAST:

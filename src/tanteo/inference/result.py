@@ -73,6 +73,17 @@ class GoodnessOfFit:
         return np.asarray(self.at.belongs[0] > 0.5)
 
     @property
+    def on_furniture(self) -> np.ndarray:
+        """Which points are of what stands around ``(n,)``: not on the part, and no outliers."""
+        problem = self.mode.objective.problem
+        return np.asarray(~self.belongs & (problem.around.over_outlier > problem.priors.outlier_rate))
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Which points nothing explains ``(n,)``."""
+        return np.asarray(~self.belongs & ~self.on_furniture)
+
+    @property
     def log_noise_sd(self) -> float:
         """How well the noise was known: standard deviation of the log of its scale."""
         return self.mode.objective.problem.scale_sd
@@ -135,9 +146,9 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
         probability=mode.probability,
         misfit=misfit,
         rms=float(np.sqrt(np.mean(distances[belongs] ** 2))) if belongs.any() else 0.0,
-        outliers=tuple(name for name, ok in zip(points.ids, belongs, strict=True) if not ok),
-        pairings=tuple((i, f) for i, f, ok in zip(points.ids, names, belongs, strict=True) if ok),
-        outlier_distances=tuple(float(d) for d, ok in zip(distances, belongs, strict=True) if not ok),
+        outliers=tuple(name for name, off in zip(points.ids, one.outliers, strict=True) if off),
+        pairings=tuple((i, f) for i, f, off in zip(points.ids, names, one.outliers, strict=True) if not off),
+        outlier_distances=tuple(float(d) for d, off in zip(distances, one.outliers, strict=True) if off),
         covariance_relative=None if given is None else given + common_given,
         shared=_shared_given(mode),
     )
@@ -146,11 +157,12 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
 def face_names(one: GoodnessOfFit) -> list[str]:
     """What each point is nearest to, in words."""
     part = one.mode.prepared.part
-    edges = len(part.edges)
-    return [
+    edges, around, furniture = len(part.edges), one.mode.objective.problem.around, one.on_furniture
+    names = [
         part.faces[f].name if f >= 0 else (f"edge {-2 - f}" if -2 - f < edges else f"vertex {-2 - f - edges}")
         for f in one.at.faces[0]
     ]
+    return [around.names[around.which[k]] if furniture[k] else name for k, name in enumerate(names)]
 
 
 def information_by_point(mode: Mode) -> FloatArray:

@@ -137,10 +137,10 @@ class PartSearch:
 
     def _take_other_points(self) -> None:
         """Propose from other points, settle on them."""
-        points = self.objective.problem.points
-        if len(points) <= FEW:
+        points, others = self.objective.problem.points, self.objective.problem.around.others
+        if len(others) <= FEW:
             return
-        rows = np.sort(self.rng.choice(len(points), FEW, replace=False)).astype(np.int32)
+        rows = np.sort(self.rng.choice(others, FEW, replace=False)).astype(np.int32)
         self.objective, self.pairs = replace(self.objective, rows=rows), far_pairs(points, rows, _PAIRS)
 
     def _of_labels(self, count: int) -> Transforms:
@@ -172,11 +172,11 @@ class PartSearch:
         self.peaks = self.objective.merged(self.peaks, found, _MOST)
 
     def on_the_part(self) -> BoolArray:
-        """Which points the best maximum has on the part ``(n,)``; none without a maximum."""
-        count = len(self.objective.problem.points)
-        if not count or not len(self.peaks):
-            return np.zeros(count, dtype=bool)
-        return np.asarray(belongs_at(self.objective, self.peaks, 1)[0] > 0.5)
+        """Which points the best maximum has on the part ``(m,)``, those on furniture aside; none without a maximum."""
+        others = self.objective.problem.around.others
+        if not len(others) or not len(self.peaks):
+            return np.zeros(len(others), dtype=bool)
+        return np.asarray(belongs_at(self.objective, self.peaks, 1)[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
         """Whether the best maximum has nine of ten points on the part, or there is nothing to explain."""
@@ -192,11 +192,17 @@ class PartSearch:
 
 def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:
     """Before the first round."""
-    rows = spread_rows(problem.points, FEW)
+    rows = _spread(problem, FEW)
     scales = scales_for(problem, prepared)
     objective = Objective(prepared, problem.compiled(prepared), problem, scales, rows)
     pairs = far_pairs(problem.points, rows, _PAIRS)
     return PartSearch(objective, pairs, rng, Peaks.none(problem.states), labelled_planes(problem.points))
+
+
+def _spread(problem: Problem, count: int) -> Indices:
+    """Rows of points far from each other, which are not of furniture."""
+    others = problem.around.others
+    return others[spread_rows(problem.points.take(others), count)].astype(np.int32)
 
 
 def race(
@@ -242,7 +248,7 @@ def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
     The unknown object is no rival yet: a glance misses the pose of the right part often.
     """
     problem = searches[0].objective.problem
-    rows = spread_rows(problem.points, _GLANCED)
+    rows = _spread(problem, _GLANCED)
     glances = list(searches)
     if len(rows) < len(problem.points):
         few = replace(problem, points=problem.points.take(rows.astype(np.int64)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.answers import Priors
 from tanteo.inference.labels import log_of_one_object
-from tanteo.inference.problem import Problem, outlier_log_density
+from tanteo.inference.problem import Problem
 from tanteo.inference.unknown_place import log_place_of_unknown
 from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Vectors
@@ -85,12 +85,12 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
         centroid: of the parts, in their frames ``(3,)`` [m].
     """
     points, priors, labels = problem.points, problem.priors, problem.elsewhere
-    where = whereabouts(points.points, priors.radius)
+    where = whereabouts(points.points[problem.around.others], priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
     shapes = labels.log_odds.sum() + log_of_one_object(labels.facets, priors.right_angled, priors.radius)
-    return float(outlier_log_density(points, priors).sum() + place + share + shapes)
+    return float(problem.log_not_on_part.sum() + place + share + shapes)
 
 
 def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) -> float:

@@ -18,7 +18,7 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.prior_samples import RIDGE, along_ridge
-from tanteo.inference.problem import Problem, outlier_log_density
+from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import Effort
 from tanteo.inference.search import PartSearch, start_search
 from tanteo.typing import BoolArray, FloatArray, Transforms
@@ -195,7 +195,7 @@ def _in_doubt(before: Posterior, after: Posterior) -> bool:
 
 def _surprising(before: Posterior, after: Posterior) -> bool:
     old, new = before.problem.points, after.problem.points
-    as_outliers = float(outlier_log_density(new, after.problem.priors)[len(old) :].sum())
+    as_outliers = float(after.problem.log_not_on_part[len(old) :].sum())
     told = after.log_evidence - before.log_evidence
     return len(new) > len(old) and told < as_outliers + _EXPECTED * (len(new) - len(old))
 

@@ -79,6 +79,13 @@ class FreeRays:
         along /= np.linalg.norm(along, axis=2, keepdims=True)
         return self.origins + shifts.reshape(len(z), len(self), 3), along
 
+    def join(self, other: FreeRays) -> FreeRays:
+        """Both; of the same shared errors."""
+        if not len(self) or not len(other):
+            return self if len(self) else other
+        names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
+        return FreeRays(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+
     @classmethod
     def none(cls) -> FreeRays:
         """No such path."""

@@ -1,0 +1,83 @@
+"""Measurements that may be of what stands around the part: the table, a vise, a fixture (decision 64)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.answers import Furniture, Priors
+from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.typing import BoolArray, FloatArray, IntArray
+
+_SIGMAS = 4.0
+"""Before what a beam met it was free but for so many standard deviations."""
+
+_JEFFREYS = 0.5
+"""Measurements on either side that the share of those on furniture starts with."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Around:
+    """Which of ``n`` points may be of furniture.
+
+    Attributes:
+        names: of the furniture.
+        which: which of it each is of, if of any ``(n,)``.
+        over_outlier: density there over that of an outlier, times the odds of being there at all ``(n,)``; 0 without.
+        paths: free-space rays to those that are on it.
+    """
+
+    names: tuple[str, ...]
+    which: IntArray
+    over_outlier: FloatArray
+    paths: FreeRays
+
+    @property
+    def on_it(self) -> BoolArray:
+        """Points that are better explained by furniture than as outliers ``(n,)``."""
+        return np.asarray(self.over_outlier >= 1)
+
+    @property
+    def others(self) -> IntArray:
+        """Rows of all other points."""
+        return np.flatnonzero(~self.on_it)
+
+
+def around(points: ContactPoints, priors: Priors) -> Around:
+    """Weigh what stands around, the table included, for every point.
+
+    The share of points on furniture is taken from how many are denser there than anywhere. Labelled points, and those
+    of edges and vertices, may be of it like all others.
+    """
+    n, log_outlier = len(points), outlier_log_density(points, priors)
+    furniture = list(priors.furniture)
+    table = priors.pose.table if priors.pose is not None else None
+    if table is not None and n:
+        furniture.append(Furniture.of_table(table, np.median(points.points, axis=0), priors.radius))
+    if not furniture or not n:
+        return Around((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
+    log = np.stack([f.log_density(points.points, points.covs, points.radii, points.directions) for f in furniture])
+    over = log.max(axis=0) - log_outlier - np.where(points.oriented, np.log(4 * np.pi), 0.0)
+    count = int(np.sum(over > 0))
+    odds = np.log(count + _JEFFREYS) - np.log(n - count + _JEFFREYS)
+    weighed = np.exp(np.minimum(over + odds, 600.0))
+    return Around(tuple(f.name for f in furniture), log.argmax(axis=0), weighed, _paths(points, weighed >= 1))
+
+
+def _paths(points: ContactPoints, on_it: BoolArray) -> FreeRays:
+    """Where beams went before they met furniture, nothing was."""
+    rows = np.flatnonzero(on_it & points.directed & (points.reach > 0))
+    some = points.take(rows)
+    margin = np.minimum(_SIGMAS * some.sd, some.reach)
+    return FreeRays(
+        some.points - some.reach[:, None] * some.directions, some.directions, some.reach, margin,
+        shared_jacobian=some.shared_jacobian, turns=np.zeros_like(some.shared_jacobian),
+    )  # fmt: skip
+
+
+def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:
+    """Log density of each point if it is an outlier, or of an unknown object: anywhere in the workspace ``(n,)``."""
+    ball = np.log(4 / 3 * np.pi * priors.radius**3)
+    log = np.where(points.directed, -np.log(2 * priors.radius), -ball)
+    return np.asarray(log - np.where(points.oriented, np.log(4 * np.pi), 0.0))
