@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import numpy.typing as npt
 
-from tanteo.answers import Answer, Priors, check_question, with_elapsed
+from tanteo.answers import STATED, Answer, Priors, check_question, with_elapsed
 from tanteo.errors import InputError
-from tanteo.inference import about_frames, about_readings, identify_points, prepare_all, scale_of
+from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, prepare_all, scale_of
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
@@ -43,12 +44,14 @@ def identify(
     tolerance: float = 0.0,
     robot: RobotPreset | str | None = None,
     tip_sd: npt.ArrayLike | None = None,
+    bias_sd: float | None = None,
     rig: Rig | None = None,
     significance: float = 0.01,
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
     seed: int = 0,
+    conventions: bool = True,
 ) -> Answer:
     """Which of the parts was sensed, and where it is.
 
@@ -63,12 +66,15 @@ def identify(
         tolerance: sd of the made part's surface against its CAD [m].
         robot: preset of robot errors; its absolute error is shared by all readings.
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run.
+        bias_sd: sd of an error along the approach that all readings share [m]: of the ball's radius, the trigger point.
         rig: where range sensors sit on the hand.
         significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
         seed: of the search.
+        conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
+            radius) are undone one by one and asked again; a finding names the one that fits. Each takes a search.
 
     Returns:
         The answer with its status; an unkind world is not an exception.
@@ -85,7 +91,8 @@ def identify(
     start = time.perf_counter()
     check_length("tolerance", tolerance)
     parts = check_question(parts, significance, top, seed, priors)
-    measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, rig=rig)
+    measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig)
+    priors = _with_noise_factor(priors, readings, sensor, sd)
     placed = priors is not None and priors.pose is not None
     if as_published:
         return _as_published(measured, parts, tolerance, significance, top, seed, start, placed=placed)
@@ -100,7 +107,29 @@ def identify(
     frames = about_frames(
         answer, scale_of(measured.points, [one.part for one in prepare_all("parts", parts)]), measured
     )
-    return replace(answer, findings=found if frames is None else (*found, frames))
+    answer = replace(answer, findings=found if frames is None else (*found, frames))
+    if not conventions or frames is not None:
+        return answer
+
+    def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
+        return identify(
+            readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
+            rig=rig, significance=significance, top=1, priors=priors, seed=seed, conventions=False,
+        )  # fmt: skip
+
+    meant = about_conventions(answer, readings, parts, ask, placed=placed)
+    return answer if meant is None else replace(answer, findings=(*answer.findings, meant))
+
+
+def _with_noise_factor(
+    priors: Priors | None, readings: Readings, sensor: SensorPreset | str | None, sd: float | None
+) -> Priors:
+    """The priors with how well the noise is known, by where it comes from, unless it was said."""
+    priors = priors or Priors()
+    if priors.noise_factor is not None:
+        return priors
+    typed = sd is not None or bool(np.isfinite(readings.sds).any()) or sensor is None
+    return replace(priors, noise_factor=STATED["typed" if typed else "preset"])
 
 
 def _as_published(
@@ -154,12 +183,14 @@ def locate(
     tolerance: float = 0.0,
     robot: RobotPreset | str | None = None,
     tip_sd: npt.ArrayLike | None = None,
+    bias_sd: float | None = None,
     rig: Rig | None = None,
     significance: float = 0.01,
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
     seed: int = 0,
+    conventions: bool = True,
 ) -> Answer:
     """Where the part is, given that it is this one (or none).
 
@@ -171,12 +202,14 @@ def locate(
         tolerance: sd of the made part's surface [m].
         robot: preset of robot errors.
         tip_sd: sds of the tip's offset [m].
+        bias_sd: sd of an offset along the approach [m].
         rig: where range sensors sit on the hand.
         significance: least p-value of an answer.
         top: number of poses to report.
         as_published: by the paper's constraints and tests.
         priors: what is assumed beforehand.
         seed: of the search.
+        conventions: whether usual mistakes are tried where it does not fit.
 
     Raises:
         InputError: as :func:`identify`; or several parts.
@@ -189,7 +222,8 @@ def locate(
     """
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
-        rig=rig, significance=significance, top=top, as_published=as_published, priors=priors, seed=seed,
+        bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
+        seed=seed, conventions=conventions,
     )  # fmt: skip
 
 

@@ -22,13 +22,14 @@ if TYPE_CHECKING:
         without_spins,
     )
     from tanteo.answers.pose_prior import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
-    from tanteo.answers.priors import Priors, sized
+    from tanteo.answers.priors import STATED, Priors, sized
     from tanteo.answers.question import Clock, check_question, with_elapsed
     from tanteo.answers.results import Answer, Finding, Hypothesis, Status
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
 
 __all__ = [
     "CONFIDENCE",
+    "STATED",
     "Answer",
     "Clock",
     "Finding",
@@ -76,7 +77,7 @@ __getattr__, __dir__ = lazy(
         ),
         "question": "Clock check_question with_elapsed",
         "pose_prior": "PosePrior Table in_box log_density_within prior_residuals prior_rows",
-        "priors": "Priors sized",
+        "priors": "STATED Priors sized",
         "results": "Answer Finding Hypothesis Status",
     },
 )

@@ -11,7 +11,9 @@ from tanteo.typing import Covariances, FloatArray, Transforms
 
 Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
 
-FindingKind = Literal["units", "spread", "directions", "normals", "mirror", "free_space", "repeated", "stuck"]
+FindingKind = Literal[
+    "units", "spread", "directions", "normals", "mirror", "hand", "offset", "free_space", "repeated", "stuck"
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +84,8 @@ class Finding:
     """Something odd about the input, beside the answer.
 
     Attributes:
-        kind: ``units``, ``spread``, ``directions``, ``normals``, ``mirror``, ``free_space``, ``repeated`` or ``stuck``.
+        kind: ``units``, ``spread``, ``directions``, ``normals``, ``mirror``, ``hand`` (its poses), ``offset`` (of all
+            readings), ``free_space``, ``repeated`` or ``stuck``.
         message: what was found, and what may have been meant.
     """
 

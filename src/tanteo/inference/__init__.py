@@ -20,8 +20,8 @@ if TYPE_CHECKING:
         scale_of,
     )
     from tanteo.inference.free_space import gone_through
-    from tanteo.inference.mirror import Ask, about_mirror
     from tanteo.inference.modes import Mode
+    from tanteo.inference.otherwise import Ask, about_conventions
     from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
@@ -48,9 +48,9 @@ __all__ = [
     "PreparedPart",
     "Problem",
     "Scale",
+    "about_conventions",
     "about_directions",
     "about_frames",
-    "about_mirror",
     "about_readings",
     "about_size",
     "about_spread",
@@ -85,7 +85,7 @@ __getattr__, __dir__ = lazy(
         "features": "identify_features",
         "findings": ("Scale about_directions about_frames about_readings about_size about_spread about_units scale_of"),
         "free_space": "gone_through",
-        "mirror": "Ask about_mirror",
+        "otherwise": "Ask about_conventions",
         "modes": "Mode",
         "posterior": "NEGLIGIBLE Posterior infer",
         "prepared": "PreparedPart prepare prepare_all",

@@ -16,14 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError, check_kind
-from tanteo.limits import LARGEST, LEAST_SD, check_number
+from tanteo.limits import LARGEST, LEAST_SD, check_length, check_number
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings, check_readings_kind
 from tanteo.sensors.rig import Rig
-from tanteo.sensors.shared import Common, aims_of, base, of_devices, tip
+from tanteo.sensors.shared import Common, aims_of, base, of_devices, offset, tip
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 _ACROSS_FLOOR = 1e-2
@@ -37,6 +37,7 @@ def measure(
     robot: RobotPreset | str | None = None,
     sd: float | None = None,
     tip_sd: npt.ArrayLike | None = None,
+    bias_sd: float | None = None,
     rig: Rig | None = None,
     beam_half_angle: float = math.nan,
 ) -> PointMeasurements:
@@ -51,6 +52,8 @@ def measure(
         robot: Preset (or its name) of the robot's errors; none are assumed without it.
         sd: One standard deviation along the beam or normal [m], for rows that have none of their own.
         tip_sd: Standard deviations ``(3,)`` of the tip's offset in the hand's frame [m], one draw for the run.
+        bias_sd: Standard deviation of an error along the approach that all readings share [m]: of the ball's radius,
+            the trigger point or the zero, beside what presets and rigs say.
         rig: Where the range sensors sit on the hand.
         beam_half_angle: Of the beams of readings with a range whose sensor says none [rad]; if NaN, such readings are
             as uncertain across as along, as a touch is.
@@ -65,6 +68,8 @@ def measure(
         check_number("sd", sd, "m")
     if sd is not None and not LEAST_SD <= sd <= LARGEST:
         raise InputError(f"sd: expected one standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}.")
+    if bias_sd is not None:
+        check_length("bias_sd", bias_sd, LEAST_SD)
     devices, numbers = find_devices(readings, sensor, rig)
     placed = place(readings, devices, numbers)
     free = readings.is_free
@@ -83,6 +88,9 @@ def measure(
     aims = aims_of(readings, placed)
     covs = covs + _unaimed_bias(aims, devices, numbers)
     shared += of_devices(placed, aims, devices, numbers, free)
+    if bias_sd is not None:
+        covs = covs + np.where(np.isnan(aims[:, 0]), bias_sd**2, 0.0)[:, None, None] * np.eye(3)
+        shared.append(offset(aims, hit, bias_sd))
     return PointMeasurements(
         ids=tuple(np.array(readings.ids, dtype=object)[hit]),
         points=points[hit],

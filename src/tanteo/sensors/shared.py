@@ -72,6 +72,12 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> Common:
     return Common(error, J, np.zeros_like(J))
 
 
+def offset(aims: Vectors, rows: BoolArray, bias_sd: float) -> Common:
+    """One error along all approach directions: a ball's radius, a trigger point, the zero of a sensor."""
+    J = np.where((rows & ~np.isnan(aims[:, 0]))[:, None], aims, 0.0)[..., None]
+    return _one("offset of all readings", bias_sd, "along the approach [m]", J)
+
+
 def aims_of(readings: Readings, placed: Placed) -> Vectors:
     """The direction in which a device's bias acts: the beam or touch, else against the normal, else NaN."""
     return np.where(np.isnan(placed.directions), -readings.normals, placed.directions)

@@ -1,0 +1,281 @@
+"""Were the readings meant otherwise? Where they fit no part, usual mistakes are undone one by one and asked again.
+
+A mistake of convention moves everything by far, and only one way of reading the numbers makes them fit. What fits is
+named, never applied: only the person who made the file knows what it means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from tanteo.answers import Answer, Finding, FindingKind
+from tanteo.errors import TanteoError
+from tanteo.lie import SE3, SO3
+from tanteo.parts import Part, mirror_part
+from tanteo.sensors import Readings
+from tanteo.typing import Rotations, Transforms
+
+_HANDED = "Are two of the columns x, y, z exchanged, or is one reversed? tanteo takes right-handed frames."
+
+_SURE = 0.95
+"""Probability from which another way to read the numbers makes a question."""
+
+_STRAYS = 0.1
+"""Share of the readings that may be left aside then."""
+
+_BADLY = 2.0
+"""Readings that surely scatter so many times as much as stated are read wrong more often than they are noisy."""
+
+_MIRROR = np.array([1.0, 1.0, -1.0])
+"""One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""
+
+_OFFSET = 0.03
+"""Standard deviation of a common offset that nobody stated, over the size of the largest part: a ball's radius."""
+
+_FELT = 4.0
+"""Standard deviations that such an offset has to be from none."""
+
+
+class Ask(Protocol):
+    """Which of the parts readings are of; ``bias_sd``: of an error along all approach directions [m]."""
+
+    def __call__(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
+        """The answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Another way to read the numbers.
+
+    Attributes:
+        kind: of the finding.
+        words: what would have been meant, after "if".
+        advice: what to do.
+        undo: the readings as they would have been meant; None where it says nothing of them.
+    """
+
+    kind: FindingKind
+    words: str
+    advice: str
+    undo: Callable[[Readings], Readings | None]
+
+
+def about_conventions(
+    answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask, *, placed: bool = False
+) -> Finding | None:
+    """Which usual mistake explains readings that fit no part, or fit badly.
+
+    Args:
+        answer: what the readings are of as they were read.
+        readings: the readings.
+        parts: the candidates.
+        ask: to ask again, as the answer was asked for.
+        placed: whether something is known of the place, which a mirror does not leave as it is.
+    """
+    if not is_bad(answer):
+        return None if placed else _about_image(answer, readings, parts, ask)
+    for way in WAYS:
+        meant = None if placed and way.kind in ("mirror", "units") else way.undo(readings)
+        if meant is None:
+            continue
+        if way.kind == "directions" and (offset := _about_offset(answer, readings, parts, ask)):
+            return offset
+        found = _asked(ask, meant, parts)
+        if found is not None and fits(found):
+            return Finding(way.kind, f"{_how_many(found)} if {way.words}. {way.advice}")
+    return None
+
+
+def is_bad(answer: Answer) -> bool:
+    """Whether no part explains the readings, or one does but leaves many aside or far off."""
+    best = answer.best or (answer.hypotheses[0] if answer.hypotheses else None)
+    if answer.status == "unknown" or best is None:
+        return answer.status == "unknown"
+    return best.noise_scale[1] > _BADLY or len(best.outliers) > _STRAYS * (len(best.outliers) + len(best.pairings))
+
+
+def fits(answer: Answer) -> bool:
+    """Whether a part explains the readings as well as can be expected."""
+    if answer.status not in ("recognized", "ambiguous", "insufficient") or not answer.hypotheses:
+        return False
+    best = answer.hypotheses[0]
+    return answer.unknown_probability < 1 - _SURE and not is_bad(answer) and len(best.pairings) > 0
+
+
+def _asked(ask: Ask, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
+    """The answer; None for a question that cannot be asked, which takes nothing from the first answer."""
+    try:
+        return ask(readings, parts) if bias_sd is None else ask(readings, parts, bias_sd=bias_sd)
+    except TanteoError:
+        return None
+
+
+def _how_many(answer: Answer) -> str:
+    best = answer.hypotheses[0]
+    n, off = len(best.pairings) + len(best.outliers), len(best.outliers)
+    return f"{'All' if not off else n - off} {n if not off else f'of {n}'} readings fit {best.part}"
+
+
+def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
+    """Readings, some of which do not fit a part, that all fit its mirror image."""
+    if np.isfinite(readings.Ts_world_hand).any() or answer.best is None or not answer.best.outliers:
+        return None
+    part = next((part for part in parts if part.name == answer.best.part), None)
+    if part is None:
+        return None
+    image = mirror_part(part)
+    found = _asked(ask, readings, [part, image])
+    best = found.best if found is not None else None
+    if best is None or best.part != image.name or best.outliers or best.probability < _SURE:
+        return None
+    message = f"The mirror image of {part.name} fits better (P = {best.probability:.3f}), with no reading left aside."
+    return Finding("mirror", f"{message} {_HANDED}")
+
+
+def _about_offset(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
+    """Readings that all fit if the surface is nearer to the sensor, or farther from it, by the same."""
+    aimed = _aimed(answer, readings, parts)
+    sd = _OFFSET * max(part.diagonal for part in parts)
+    found = _asked(ask, aimed, parts, sd)
+    if found is None or not fits(found):
+        return None
+    shared = found.hypotheses[0].shared
+    if shared is None or not len(shared.mean):
+        return None
+    off, spread = sd * float(shared.mean[-1]), sd * float(np.sqrt(shared.covariance[-1, -1]))
+    if abs(off) < _FELT * spread:
+        return None
+    where = "farther from" if off > 0 else "nearer to"
+    touched = bool(np.any(np.isfinite(readings.points)))
+    check = "check radius_mm (a radius, not a diameter) and the trigger point" if touched else "check its zero"
+    return Finding(
+        "offset",
+        f"{_how_many(found)} if the surface is {1e3 * abs(off):.2g} mm {where} the {'tip' if touched else 'sensor'} "
+        f"than it was read: {check}, or state the offset as an error that all readings share (--bias-sd).",
+    )
+
+
+def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
+    """Touches without a direction, as if they had come along the normal of the best answer's part."""
+    bare = np.isnan(readings.directions).any(axis=1) & np.isfinite(readings.points).all(axis=1)
+    if not answer.hypotheses or not bare.any() or np.isfinite(readings.normals).any():
+        return readings
+    from tanteo.inference.prepared import prepare  # loads what the answer has loaded already
+
+    best = answer.hypotheses[0]
+    part = next(part for part in parts if part.name == best.part)
+    surface, T = prepare(part).surface, best.T_world_part
+    found = surface.closest(SE3.apply(SE3.inverse(T), readings.points[bare]))
+    directions = np.array(readings.directions)
+    directions[bare] = -surface.normals[found.triangles] @ T[:3, :3].T
+    return replace(readings, directions=directions)
+
+
+def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Readings | None]:
+    """Readings whose hands have another attitude."""
+
+    def undo(readings: Readings) -> Readings | None:
+        def turned(Ts: Transforms) -> Transforms:
+            out = np.array(Ts)
+            out[:, :3, :3] = change(Ts[:, :3, :3])
+            return out
+
+        return _with_hands(readings, turned)
+
+    return undo
+
+
+def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) -> Readings | None:
+    """Readings with other poses of the hand; None where no range depends on them."""
+    known = np.isfinite(readings.Ts_world_hand).all(axis=(1, 2)) & np.isfinite(readings.ranges)
+    if not known.any():
+        return None
+    Ts = np.array(readings.Ts_world_hand)
+    Ts[known] = change(Ts[known])
+    return replace(readings, Ts_world_hand=Ts)
+
+
+def _reversed(name: str) -> Callable[[Readings], Readings | None]:
+    """Readings with the opposite of a direction; None where none has one."""
+
+    def undo(readings: Readings) -> Readings | None:
+        values = getattr(readings, name)
+        return replace(readings, **{name: -values}) if np.isfinite(values).any() else None
+
+    return undo
+
+
+def _mirrored(readings: Readings) -> Readings | None:
+    if np.isfinite(readings.Ts_world_hand).any():
+        return None
+    return replace(
+        readings, **{name: getattr(readings, name) * _MIRROR for name in ("points", "directions", "normals")}
+    )
+
+
+def _longer(factor: float) -> Callable[[Readings], Readings | None]:
+    """Readings with all lengths in another unit."""
+
+    def undo(readings: Readings) -> Readings | None:
+        Ts = np.array(readings.Ts_world_hand)
+        Ts[:, :3, 3] *= factor
+        names = "points", "ranges", "max_ranges", "radii"
+        return replace(readings, Ts_world_hand=Ts, **{name: factor * getattr(readings, name) for name in names})
+
+    return undo
+
+
+def _order(rows: tuple[int, int, int, int]) -> Callable[[Rotations], Rotations]:
+    """Rotations of quaternions whose numbers stood in another order; rows of ``w, x, y, z`` as they were read."""
+    return lambda R: SO3.from_quaternion(SO3.as_quaternion(R)[..., list(rows)])
+
+
+def _of_vector(R: Rotations) -> Rotations:
+    """Rotations by vectors whose numbers were read as roll, pitch and yaw; of both solutions the one below a turn."""
+    pitch = np.arcsin(np.clip(-R[:, 2, 0], -1, 1))
+    roll, yaw = np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    one = np.stack([roll, pitch, yaw], axis=-1)
+    half = np.pi * np.array([1.0, 1.0, 1.0])
+    other = np.stack([roll, -pitch, yaw], axis=-1) + half
+    other = (other + np.pi) % (2 * np.pi) - np.pi
+    long = np.linalg.norm(one, axis=1) > np.pi
+    return SO3.exp(np.where((long & (np.linalg.norm(other, axis=1) <= np.pi))[:, None], other, one))
+
+
+def _of_angles(R: Rotations) -> Rotations:
+    """Rotations by roll, pitch and yaw whose numbers were read as a rotation vector."""
+    roll, pitch, yaw = np.moveaxis(SO3.log(R), -1, 0)
+    return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
+
+
+def _of_degrees(R: Rotations) -> Rotations:
+    """Rotations by vectors in radians that were read as degrees."""
+    return SO3.exp(np.degrees(SO3.log(R)))
+
+
+_HANDS = "Check the columns of the hand's pose."
+
+WAYS = (
+    Way("hand", "the hand's quaternions are in the order x y z w", _HANDS, _turned(_order((3, 0, 1, 2)))),
+    Way("hand", "the hand's quaternions are in the order w x y z", _HANDS, _turned(_order((1, 2, 3, 0)))),
+    Way("hand", "the hand's poses are inverted (they are meant to take hand to world)", _HANDS,
+        lambda readings: _with_hands(readings, SE3.inverse)),
+    Way("hand", "the hand's rotations are transposed", _HANDS, _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Way("hand", "the hand's angles are a rotation vector, not roll, pitch and yaw", _HANDS, _turned(_of_vector)),
+    Way("hand", "the hand's angles are roll, pitch and yaw, not a rotation vector", _HANDS, _turned(_of_angles)),
+    Way("hand", "the hand's angles are in radians, not degrees", _HANDS, _turned(_of_degrees)),
+    Way("directions", "the directions (dx, dy, dz) are reversed", "They are meant to point into the material, as the "
+        "sensor looks or the tip moves.", _reversed("directions")),
+    Way("normals", "the normals (nx, ny, nz) are reversed", "They are meant to point out of the material.",
+        _reversed("normals")),
+    Way("units", "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer(25.4)),
+    Way("units", "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer(1 / 25.4)),
+    Way("units", "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer(1e-3)),
+    Way("units", "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer(1e3)),
+    Way("mirror", "they are seen in a mirror", _HANDED, _mirrored),
+)  # fmt: skip
+"""The usual mistakes, the cheapest to refuse first: most of them throw the readings farther apart than a part is."""
