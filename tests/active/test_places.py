@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
+from sensing_scenes import LASER, as_rows, drawn_truth, new_session, of_plan, rough, sense
 from tanteo.active import Probe, Stop, at_pose, begin, chance_within, check_feature, draw, places_of, plan
-from tanteo.active.design import design_of
 from tanteo.answers import corner_moves, corner_sd
 from tanteo.errors import InputError
 from tanteo.inference import prepare
@@ -120,11 +119,9 @@ def test_a_plan_for_a_feature_needs_fewer_readings(wedge, feature):
     assert found.reached
     assert len(found.readings) < len(plan(start, TOUCH, tolerance, 0.9).readings)
     assert f"{feature} of wedge within 0.8 mm" in found.message
-    design, last = design_of(start, TOUCH, 0, feature), found.readings[-1]
-    rows = [int(np.argmin(np.linalg.norm(design.points - r.point, axis=1))) for r in found.readings]
-    G, R, rng = design.rows[rows], design.variances[rows], np.random.default_rng(1)
+    (G, R), last, rng = as_rows(wedge, *of_plan(found), TOUCH), found.readings[-1], np.random.default_rng(1)
     xi = rng.normal(size=(4000, 6)) @ np.linalg.cholesky(C).T
-    y = xi @ G.T + np.sqrt(R) * rng.normal(size=(4000, len(rows)))
+    y = xi @ G.T + np.sqrt(R) * rng.normal(size=(4000, len(R)))
     left = xi - y @ (C @ G.T @ np.linalg.inv(G @ C @ G.T + np.diag(R))).T
     off = np.linalg.norm(np.einsum("cij,sj->sci", places_of(wedge.part, feature).moves, left), axis=-1)
     assert np.mean(off.max(axis=1) <= tolerance) == pytest.approx(last.within_if_met, abs=0.02)
