@@ -33,8 +33,7 @@ from tanteo.vision.choices import EdgeErrors
 from tanteo.vision.evidence import STRETCH, Weights, log_weight
 from tanteo.vision.lying import settle_lying
 from tanteo.vision.posterior import UNKNOWN, Mode, distinct_poses
-from vision import told_table
-from vision_scenes import random_shot
+from vision_scenes import random_shot, told_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21
 """Seeds of the parts and of the scenes, and the first scene; no test or benchmark uses them."""
@@ -74,7 +73,7 @@ def scene(k):
     known, others = catalogues()[k % 2], catalogues()[1 - k % 2]
     stranger = others[int(rng.integers(len(others)))] if rng.uniform() < STRANGERS else None
     shot = random_shot(known, rng, float(rng.choice(HIDDEN)), stranger)
-    return known, shot, stranger, told_table(shot, stranger or shot.model, rng)
+    return known, shot, stranger, told_table(shot, (stranger or shot.model).part, rng)
 
 
 def near(model, T, truth):
