@@ -29,7 +29,7 @@ C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
 def test_a_prior_too_wide_for_any_plan_is_named(bracket):
     """10 mm and 5 degrees: touches of its narrow faces may miss, and the others say nothing of one direction."""
     rough, fine = np.diag(np.repeat([0.01, np.radians(5)], 3)) ** 2, replace(TOUCH, law=NoiseLaw.of(1e-5))
-    found = plan(at_pose(bracket, np.eye(4), rough), fine, 0.5e-3)
+    found = plan(at_pose(bracket, np.eye(4), rough), fine, 0.5e-3, max_measurements=8)
     assert not found.reached
     assert "with a start so rough" in found.message
     assert "session" in found.message
@@ -48,6 +48,12 @@ def bracket():
     return prepare(read_part(PARTS / "bracket_left.step"))
 
 
+@pytest.fixture(scope="module")
+def planned(bracket):
+    """A plan that brings all corners within 1.2 mm at 90 %."""
+    return plan(at_pose(bracket, np.eye(4), C), FARTHER, 1.2e-3, 0.9)
+
+
 def test_six_planned_touches_of_a_block(block):
     found = plan(at_pose(block, np.eye(4), C), FARTHER, 1e-5, max_measurements=6)
     assert not found.reached
@@ -55,11 +61,9 @@ def test_six_planned_touches_of_a_block(block):
     assert found.readings[-1].corner_sd <= 0.65e-3
 
 
-def test_a_plan_promises_what_least_squares_gives(bracket):
+def test_a_plan_promises_what_least_squares_gives(bracket, planned):
     """Simulated readings of the plan, estimated about the expected pose: corner errors against the promised chance."""
-    tolerance = 0.9e-3
-    start = at_pose(bracket, np.eye(4), C)
-    found = plan(start, FARTHER, tolerance, 0.9)
+    found, tolerance = planned, 1.2e-3
     assert found.reached
     assert 0.9 <= found.readings[-1].within <= found.readings[-1].within_if_met < 0.99
     within = [r.within_if_met for r in found.readings]
@@ -83,7 +87,9 @@ def test_two_readings_fewer_would_not_do(block):
     assert not any(other.reached for other in fewer)
 
 
-@pytest.mark.parametrize(("name", "n"), [("housing", 6), ("housing", 5), ("wedge", 5)])
+@pytest.mark.parametrize(
+    ("name", "n"), [("housing", 6), ("wedge", 5), pytest.param("housing", 5, marks=pytest.mark.slow)]
+)
 def test_the_worst_corner_is_as_good_as_in_best_of_many_plans(name, n):
     """Thousands of sets drawn at random, the best of them improved by single exchanges."""
     target = prepare(read_part(PARTS / f"{name}.step"))
@@ -319,9 +325,8 @@ def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
     assert binom.cdf(kept, 40, promised) > 0.005
 
 
-def test_the_share_of_placements_where_all_meet_is_as_counted(bracket):
-    start = at_pose(bracket, np.eye(4), C)
-    found, rng = plan(start, FARTHER, 0.9e-3, 0.9), np.random.default_rng(5)
+def test_the_share_of_placements_where_all_meet_is_as_counted(bracket, planned):
+    found, rng = planned, np.random.default_rng(5)
     Ts = SE3.exp(rng.normal(size=(3000, 6)) @ np.linalg.cholesky(C).T)
     origins, directions = of_plan(found)
     _, cosines, faces, _ = met_by_beams(bracket, Ts, origins, directions)
