@@ -204,8 +204,9 @@ def test_scenes_at_random(kind, n):
 
 @pytest.mark.parametrize(
     ("seed", "k", "what"),
-    [(20261201, 622, "a first look"), pytest.param(20261204, 333, "a way down", marks=pytest.mark.slow)],
+    [(20261201, 622, "a first look"), (20261204, 333, "a way down")],
 )
+@pytest.mark.slow
 def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
     """Two scenes of ``benchmarks/motions.py`` in which it came nearer than half the stand-off, or touched."""
     rng = np.random.default_rng((seed, 1, k))
@@ -219,6 +220,7 @@ def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
     assert least > 0.5 * task.standoff, what
 
 
+@pytest.mark.slow
 def test_three_places_on_one_line_of_three_edges_are_no_edge():
     """A scene of ``benchmarks/motions.py`` in which they were stated as one, half a radian askew."""
     rng = np.random.default_rng((20261206, 1, 918))

@@ -139,16 +139,16 @@ def test_a_session_ends_when_the_feature_is_placed_and_says_so(wedge):
     _, T = drawn_truth(start, np.random.default_rng(7))
     counts = {}
     for feature in (None, "face 3"):
-        session = new_session(start, LASER, tolerance=0.5e-3, feature=feature, probability=None)
+        session = new_session(start, LASER, tolerance=0.8e-3, feature=feature, probability=None)
         end = sense(session, wedge, T, np.random.default_rng(8))
         assert end.reached, end.why
         counts[feature] = session.count
         assert session.steps[-1].within >= 0.95
-    assert "face 3 of wedge is within 0.5 mm of where it is said to be" in end.why
+    assert "face 3 of wedge is within 0.8 mm of where it is said to be" in end.why
     assert counts["face 3"] < counts[None]
     places, gap = places_of(wedge.part, "face 3"), SE3.inverse(session.state.poses[0]) @ T
     moved = SE3.apply(gap, places.points) - places.points
-    assert np.abs(np.einsum("kij,kj->ki", places.across, moved)).max() < 0.5e-3
+    assert np.abs(np.einsum("kij,kj->ki", places.across, moved)).max() < 0.8e-3
 
 
 @pytest.mark.parametrize(
