@@ -16,8 +16,8 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 def pytest_collection_modifyitems(items):
-    """Slow tests first, so that none is left to one worker while the others wait."""
-    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+    """The site and slow tests first, so that none is left to one worker while the others wait."""
+    items.sort(key=lambda item: not item.name.startswith("test_the_site") and item.get_closest_marker("slow") is None)
 
 
 @pytest.fixture(scope="session", autouse=True)
