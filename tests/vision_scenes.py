@@ -10,8 +10,17 @@ import numpy as np
 from rendered import slab_thing, table_camera
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import TableErrors, find_edges, map_edges, on_plane, prepare_vision
-from tanteo.vision.rendering import Look, Stage, render, thing
+from tanteo.vision import (
+    Look,
+    Stage,
+    TableErrors,
+    find_edges,
+    map_edges,
+    on_plane,
+    prepare_vision,
+    render,
+    thing,
+)  # fmt: skip
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 
