@@ -1,7 +1,7 @@
 """Fingertip touches of real and simulated objects, without correspondences: what the data allow, and what is said.
 
 There is no truth of the poses; the published index is the mean distance of the points to the surface. The least that
-any pose reaches is in ``benchmarks/fingertip_limit.py``.
+any pose reaches is in ``benchmarks/fingertips.py``.
 """
 
 from pathlib import Path
