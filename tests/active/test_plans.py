@@ -175,6 +175,11 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     )  # that more readings would do is what is said
     assert not fewer.reached
     assert "Allow more readings" in fewer.message
+
+
+@pytest.mark.slow
+def test_a_robot_that_is_off_limits_a_high_confidence_too(bracket):
+    off = replace(TOUCH, base_sds=(1e-3, 1e-3))
     assert "robot's own error" in plan(at_pose(bracket, np.eye(4), C), off, 2e-3, 0.999).message
 
 

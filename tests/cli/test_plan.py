@@ -61,6 +61,7 @@ def test_a_tolerance_out_of_reach_exits_with_3(run):
     assert "4 readings do not bring" in got.out
 
 
+@pytest.mark.slow
 def test_a_start_too_close_for_a_prior_pose_is_said_and_no_plan(run):
     got = run(
         "plan", "--part", str(PARTS / "step_12mm.step"), "--sensor", "ball_tip_on_cobot", "--standoff", "8mm",
