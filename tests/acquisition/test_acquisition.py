@@ -111,6 +111,7 @@ def test_poses_survive_a_quaternion():
     np.testing.assert_allclose(exact, T, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_one_seed_one_answer(felt):
     first, second = felt["plane"][0], sense_plane(robot_on(seed=3), FACE, standoff=0.02, rules=RULES)
     np.testing.assert_array_equal(first.feature.T_world_feature, second.feature.T_world_feature)
@@ -129,6 +130,7 @@ def test_a_face_that_is_too_narrow_is_not_felt():
     assert got.feature is None
 
 
+@pytest.mark.slow
 def test_no_room_is_a_limit():
     walls = [([0.045, -0.1], [0.06, 0.1]), ([-0.06, -0.1], [-0.045, 0.1])]
     walls += [([-0.1, 0.035], [0.1, 0.05]), ([-0.1, -0.05], [0.1, -0.035])]

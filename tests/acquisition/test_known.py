@@ -77,7 +77,8 @@ def test_after_a_look_there_is_room_to_move_in_but_not_beyond():
 
 
 @pytest.mark.parametrize(
-    ("away", "turn"), [(0.04, 1.2), (0.05, 0.5), *(pytest.param(d, 2.0, marks=pytest.mark.slow) for d in (0.04, 0.05))]
+    ("away", "turn"),
+    [(0.05, 0.5), *(pytest.param(*at, marks=pytest.mark.slow) for at in ((0.04, 1.2), (0.04, 2.0), (0.05, 2.0)))],
 )
 def test_a_post_that_no_beam_has_met_is_not_run_into(away, turn):
     """A post of 10 mm beside the place, higher than the hand's tips come: each of these was run at before."""

@@ -224,6 +224,7 @@ def anywhere(two, models):
     return see_anywhere(image, camera, models[:1])
 
 
+@pytest.mark.slow
 def test_poses_are_in_the_camera_frame_without_its_place(two, models, anywhere):
     image, camera, _, _ = two
     assert see_table(image, camera, models[:1]).frame == "world"
