@@ -72,6 +72,7 @@ def test_a_start_too_close_for_a_prior_pose_is_said_and_no_plan(run):
     assert "within 4 mm of the part, or in it" in " ".join(got.out.split())
 
 
+@pytest.mark.slow
 def test_a_sensor_that_needs_less_room_is_told_how_much(run):
     got = run("plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--tolerance", "1mm")
     assert got.code == 3
