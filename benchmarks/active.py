@@ -31,7 +31,7 @@ from common import Table
 
 import tanteo
 from cli.conftest import prism, stl
-from sensing_scenes import LASER, drawn_truth, new_session, true_range
+from sensing_scenes import LASER, drawn_truth, located, new_session, true_range
 from tanteo.active import (
     POLICIES,
     Probe,
@@ -47,7 +47,6 @@ from tanteo.active import (
     propose,
     update,
 )
-from tanteo.active.discrimination import located
 from tanteo.answers import Priors, corner_sd
 from tanteo.inference import prepare
 from tanteo.lie import SE3

@@ -15,9 +15,19 @@ from campaign import run_cases
 from common import Table
 
 import tanteo
-from sensing_scenes import FLIGHT, LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range
+from sensing_scenes import (
+    FLIGHT,
+    LASER,
+    drawn_truth,
+    met_by_beams,
+    new_session,
+    off,
+    rough,
+    sense,
+    tell_anything,
+    true_range,
+)
 from tanteo.active import Choice, draw, predict
-from tanteo.active.samples import beams
 from tanteo.answers import Priors
 from tanteo.inference import prepare
 from tanteo.session import Action
@@ -120,7 +130,7 @@ class Clairvoyant:
         s, c, priors = context, context.candidates, context.state.start.priors
         samples = draw(s.state, 600)
         p = predict(samples, c.origins, c.directions)
-        true = beams(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
+        true = met_by_beams(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
         answers, met = p.met & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
         own = s.probe.variance(np.where(answers, p.ranges, 1.0), np.where(answers, p.cosines, 1.0)) + p.variances
         gaps = np.where(answers, p.ranges, 0.0) - np.where(met, true, 0.0)

@@ -12,9 +12,8 @@ from common import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from sensing_scenes import LASER, true_range
+from sensing_scenes import LASER, located, true_range
 from tanteo.active import Candidates, Start, Stop, begin, propose
-from tanteo.active.discrimination import located
 from tanteo.answers import Priors
 from tanteo.inference import PreparedPart, prepare
 from tanteo.lie import SE3

@@ -31,8 +31,8 @@ from common import Table
 from random_parts import random_part
 from tanteo.catalogue import read_parts
 from tanteo.lie import SE3
-from tanteo.vision import TableErrors, prepare_vision, see_table, silhouette
-from vision_scenes import random_shot
+from tanteo.vision import prepare_vision, see_table, silhouette
+from vision_scenes import in_camera, random_shot, told_table
 
 SEED = 1991
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
@@ -82,27 +82,13 @@ def pose_errors(model, best, truth):
     return float(e @ np.linalg.solve(J @ best.covariance @ J.T, e)), 1e3 * float(np.linalg.norm(move[:2]))
 
 
-def in_camera(shot):
-    """Pose of the part in the camera's frame."""
-    return SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
-
-
-def told_table(shot, model, rng):
-    """The table as it is told: too high and tilted about the part by errors as stated."""
-    errors = TableErrors()
-    about = SE3.apply(shot.T_world_part, model.part.centroid) * [1, 1, 0]
-    place = SE3.from_parts(np.eye(3), about)
-    step = np.r_[0, 0, rng.normal(0, errors.height), rng.normal(0, errors.tilt, 2), 0]
-    return place @ SE3.exp(step) @ SE3.inverse(place)
-
-
 def look(count, k, image, hidden, seed):
     """One image: rank of the true part, what was claimed and whether it was right, pose error, time."""
     models, strangers = models_of(count)
     rng = np.random.default_rng([seed, k, image])
     stranger = strangers[int(rng.integers(len(strangers)))] if rng.uniform() < STRANGERS else None
     shot = random_shot([models[k]], rng, hidden, stranger)
-    T_world_table = told_table(shot, stranger or models[k], rng)
+    T_world_table = told_table(shot, (stranger or models[k]).part, rng)
     start = time.process_time()
     sight = see_table(shot.image, shot.camera, models, T_world_table=T_world_table, top=20)
     spent = time.process_time() - start

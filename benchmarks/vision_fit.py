@@ -32,9 +32,8 @@ from tanteo.vision.candidates import candidates_in
 from tanteo.vision.choices import EdgeErrors
 from tanteo.vision.evidence import STRETCH, Weights, log_weight
 from tanteo.vision.lying import settle_lying
-from tanteo.vision.posterior import UNKNOWN, Mode, distinct_poses
-from vision import told_table
-from vision_scenes import random_shot
+from tanteo.vision.posterior import UNKNOWN, ImageMode, distinct_poses
+from vision_scenes import random_shot, told_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21
 """Seeds of the parts and of the scenes, and the first scene; no test or benchmark uses them."""
@@ -74,7 +73,7 @@ def scene(k):
     known, others = catalogues()[k % 2], catalogues()[1 - k % 2]
     stranger = others[int(rng.integers(len(others)))] if rng.uniform() < STRANGERS else None
     shot = random_shot(known, rng, float(rng.choice(HIDDEN)), stranger)
-    return known, shot, stranger, told_table(shot, stranger or shot.model, rng)
+    return known, shot, stranger, told_table(shot, (stranger or shot.model).part, rng)
 
 
 def near(model, T, truth):
@@ -118,7 +117,7 @@ def pose_scores(k):
     truth, edges, region = looked_at(shot, shot.model)
     if region is None:
         return None
-    mode = Mode(shot.model, shot.rest, truth, 0.0, 1.0)
+    mode = ImageMode(shot.model, shot.rest, truth, 0.0, 1.0)
     T_camera_table = SE3.inverse(shot.camera.T_world_camera) @ T_world_table
     out = []
     for values in ERRORS:

@@ -21,9 +21,9 @@ from tanteo.vision import USUAL, TableErrors, find_edges, find_regions, map_edge
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.evidence import Weights
 from tanteo.vision.lying import settle_lying
-from tanteo.vision.posterior import Mode
-from vision import in_camera, models_of, pose_errors, told_table
-from vision_scenes import random_shot
+from tanteo.vision.posterior import ImageMode
+from vision import models_of, pose_errors
+from vision_scenes import in_camera, random_shot, told_table
 
 SEED = 2024
 WAYS = {
@@ -65,9 +65,9 @@ def pose(image, hidden, noise, wrong, said):
     camera, points = replace(shot.camera, edge_sd=said), find_edges(shot.image)
     if wrong:
         camera = told_camera(camera, wrong, np.random.default_rng([SEED, image, 2]))
-    table = told_table(shot, model, np.random.default_rng([SEED, image, 1]))
+    table = told_table(shot, model.part, np.random.default_rng([SEED, image, 1]))
     T_camera_table = SE3.inverse(camera.T_world_camera) @ table
-    mode = Mode(model, shot.rest, in_camera(shot), 0.0, 1.0)
+    mode = ImageMode(model, shot.rest, in_camera(shot), 0.0, 1.0)
     there = silhouette(model.frame.surface, camera, mode.T_camera_part)
     region = max(find_regions(shot.image, points), key=lambda region: (region.mask & there).sum())
     settled = settle_lying(mode, camera, map_edges(points), region, T_camera_table, TableErrors(), Weights())

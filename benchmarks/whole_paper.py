@@ -32,8 +32,7 @@ from tanteo.execution import HYPOTHESES, part_seen, seen_start, sense_part
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.simulator import Scene
-from tanteo.vision import prepare_vision, see_table, silhouette
-from tanteo.vision.rendering import Stage, Thing, render, thing
+from tanteo.vision import Stage, Thing, prepare_vision, render, see_table, silhouette, thing
 from unknown_scenes import off, unknown_scene, unknown_session
 from vision_scenes import random_look
 

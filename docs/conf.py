@@ -22,7 +22,16 @@ author = copyright = "The tanteo authors"
 version = release = tanteo.__version__
 root_doc = "docs/index"
 include_patterns = ["docs/**", "build/notebooks/*.rst", "*.md", "LICENSE"]
-exclude_patterns = ["docs/pictures/*.py", "docs/notebooks/**", "docs/conf.py"]
+exclude_patterns = [
+    "docs/pictures/*.py",
+    "docs/notebooks/**",
+    "docs/conf.py",
+    ".*",
+    "build/docs",
+    "src",
+    "tests",
+    "benchmarks",
+]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery"]
 
 sphinx_gallery_conf = {

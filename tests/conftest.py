@@ -16,8 +16,18 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 def pytest_collection_modifyitems(items):
-    """Slow tests first, so that none is left to one worker while the others wait."""
-    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+    """The site and slow tests first, so that none is left to one worker while the others wait."""
+    items.sort(key=lambda item: not item.name.startswith("test_the_site") and item.get_closest_marker("slow") is None)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory):
+    """Where all tests and the processes they start keep what was read of CAD files: entries are named by content."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "cache"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TANTEO_CACHE", str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="session")

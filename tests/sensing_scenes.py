@@ -9,6 +9,7 @@ import pytest
 
 from tanteo import _core
 from tanteo.active import Probe, SensingState, Stop, around, corner_distances, policy_named
+from tanteo.answers import corner_moves
 from tanteo.errors import InputError
 from tanteo.inference import Posterior, Problem
 from tanteo.inference.details import details_at
@@ -69,6 +70,40 @@ def true_range(target, T, action):
     to_part = SE3.inverse(T)
     origin, along = SE3.apply(to_part, action.origin), to_part[:3, :3] @ action.direction
     return float(target.surface.cast(origin[None], along[None]).distances[0])
+
+
+def met_by_beams(target, Ts, origins, directions):
+    """What beams meet on a part at poses, by its surface: ranges, cosines, faces ``(C, S)``, derivatives ``(C, S, 6)``.
+
+    A miss is infinite, 0, -1 and 0. The derivatives are those to a face that is a plane where the beam meets it.
+    """
+    R = np.swapaxes(Ts[:, :3, :3], 1, 2)
+    starts = np.einsum("sij,csj->csi", R, origins[:, None] - Ts[None, :, :3, 3])
+    along = np.einsum("sij,cj->csi", R, directions)
+    hits = target.surface.cast(starts, along)
+    met, reached = np.isfinite(hits.distances), np.where(np.isfinite(hits.distances), hits.distances, 0.0)
+    n = np.where(met[..., None], target.surface.normals[hits.triangles], 0.0)
+    cosine = np.einsum("csi,csi->cs", n, along)
+    moved = np.concatenate([n, np.cross(starts + reached[..., None] * along, n)], axis=-1)
+    faces = np.where(met, target.part.triangle_face[hits.triangles], -1)
+    return hits.distances, np.abs(cosine), faces, moved / np.where(met, cosine, 1.0)[..., None]
+
+
+def as_rows(target, origins, directions, probe):
+    """How readings move with a part at the world's origin ``(N, 6)``, and the variances of what is new ``(N,)``."""
+    ranges, cosines, _, g = met_by_beams(target, np.eye(4)[None], origins, directions)
+    return g[:, 0], probe.own_variance(ranges, cosines)[:, 0]
+
+
+def of_plan(found):
+    """Origins and directions of the readings of a plan."""
+    return (np.array([getattr(r, name) for r in found.readings]) for name in ("origin", "direction"))
+
+
+def located(target, sd):
+    """A covariance of the pose with about that standard deviation at the corners of the part's box ``(6, 6)``."""
+    J = corner_moves(target.part)
+    return sd**2 / 2 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
 
 
 def sense(session, target, T, rng, sd=None, each=None):

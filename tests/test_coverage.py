@@ -20,8 +20,10 @@ from tanteo.inference import identify_features, identify_points, prepare
 from tanteo.lie import SE3
 from tanteo.measurements import FreeRays
 from tanteo.sensors import measure
+from tanteo.vision import prepare_vision, see_table
+from vision_scenes import random_shot, told_table
 
-SD, SCENES = 3e-4, 24
+SD, SCENES, SEEN = 3e-4, 24, 12
 TOUCH, LASER = Sensing("touch", SD, False, ()), Sensing("laser", SD, True, ())
 BRACKET = Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step"
 
@@ -94,16 +96,26 @@ def sensed_planes(target, rng):
     return T, identify_features(fit_labelled(measure(readings)).features, [target.part])
 
 
-@pytest.mark.parametrize(
-    "kind", [contact_points, beams, beams_with_a_shared_bias, normals, labelled_points, sensed_planes]
-)
-def test_the_region_holds_the_truth(target, kind):
+def images(target, rng):
+    """A table as it is told, with errors as they are stated, too."""
+    pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
+    model = prepare_vision(target.part)
+    shot = random_shot([model], rng)
+    (seen,) = see_table(shot.image, shot.camera, [model], T_world_table=told_table(shot, target.part, rng)).objects
+    return shot.T_world_part, seen.answer
+
+
+KINDS = contact_points, beams, beams_with_a_shared_bias, normals, labelled_points, sensed_planes
+
+
+@pytest.mark.parametrize(("kind", "scenes"), [*((kind, SCENES) for kind in KINDS), (images, SEEN)])
+def test_the_region_holds_the_truth(target, kind, scenes):
     values = []
-    for seed in range(SCENES):
+    for seed in range(scenes):
         T, answer = kind(target, np.random.default_rng((2026, seed)))
         if answer.status == "recognized":
             values.append(nees(target.part, answer.pose, answer.covariance, T)[0])
-    assert len(values) >= 0.8 * SCENES
+    assert len(values) >= 0.8 * scenes
     held = int(np.sum(np.array(values) <= chi2.ppf(0.95, 6)))
     assert held >= binom.ppf(1e-3, len(values), 0.95)
     low, high = chi2.ppf([5e-4, 1 - 5e-4], 6 * len(values))

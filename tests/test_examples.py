@@ -40,14 +40,9 @@ SAYS = {
 }
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-def run(script, cache, *arguments):
+def run(script, *arguments):
     code = [sys.executable, "-W", "error", str(script), *map(str, arguments)]
-    environment = {**os.environ, "TANTEO_CACHE": str(cache), "PYTHONIOENCODING": "utf-8"}
+    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
     done = subprocess.run(code, env=environment, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
     return done
@@ -57,13 +52,13 @@ def run(script, cache, *arguments):
     "script",
     [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem in LONG else []) for s in NUMBERED],
 )
-def test_an_example_runs_and_is_a_page(script, cache):
+def test_an_example_runs_and_is_a_page(script):
     text = script.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 60
     page = ast.get_docstring(ast.parse(text))
     assert page is not None
     assert f"python examples/{script.name}" in page
-    done = run(script, cache)
+    done = run(script)
     assert not done.stderr
     for words in SAYS[script.stem]:
         assert words in done.stdout
@@ -73,17 +68,17 @@ def test_every_example_is_expected_to_say_something():
     assert sorted(SAYS) == [script.stem for script in NUMBERED]
 
 
-def test_the_readings_are_those_of_the_script(tmp_path, cache):
-    run(EXAMPLES / "make_readings.py", cache, tmp_path)
+def test_the_readings_are_those_of_the_script(tmp_path):
+    run(EXAMPLES / "make_readings.py", tmp_path)
     made = {file.name: file.read_text(encoding="utf-8") for file in tmp_path.iterdir()}
     kept = {file.name: file.read_text(encoding="utf-8") for file in (EXAMPLES / "readings").glob("*.csv")}
     assert made == kept
 
 
-def test_the_images_are_those_of_the_script(tmp_path, cache):
+def test_the_images_are_those_of_the_script(tmp_path):
     from tanteo.io import read_image
 
-    run(EXAMPLES / "make_images.py", cache, tmp_path)
+    run(EXAMPLES / "make_images.py", tmp_path)
     for kept in (EXAMPLES / "images").iterdir():
         if kept.suffix == ".png":
             # rays in single precision and OpenCV's filters may differ by a level here and there
@@ -92,8 +87,8 @@ def test_the_images_are_those_of_the_script(tmp_path, cache):
             assert (tmp_path / kept.name).read_text(encoding="utf-8") == kept.read_text(encoding="utf-8")
 
 
-def test_the_picture_can_be_drawn(tmp_path, cache):
-    run(ROOT / "docs" / "pictures" / "make_pictures.py", cache, tmp_path)
+def test_the_picture_can_be_drawn(tmp_path):
+    run(ROOT / "docs" / "pictures" / "make_pictures.py", tmp_path)
     assert (tmp_path / "from_readings_to_answer.svg").stat().st_size > 10_000
 
 
@@ -110,7 +105,7 @@ TRUTH = {  # part, position [mm] and turn about the vertical [deg], as the comme
 
 @pytest.fixture(scope="module")
 def parts():
-    return tanteo.read_parts(EXAMPLES / "parts", cache=False).parts
+    return [tanteo.read_part(file) for file in sorted((EXAMPLES / "parts").glob("*.step"))]
 
 
 @pytest.mark.parametrize("name", TRUTH)

@@ -50,10 +50,10 @@ def alike(shown, real):
     return all(abs(float(a) - float(b)) <= max(0.02 * abs(float(a)), 0.011) for a, b in pairs)
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
+@pytest.fixture
+def cache(cache):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
-    return tmp_path_factory.mktemp("cache")
+    return cache
 
 
 @pytest.mark.parametrize("block", SHOWN, ids=lambda block: block.split("\n")[0].removeprefix("$ tanteo ")[:30])

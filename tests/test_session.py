@@ -29,20 +29,19 @@ def targets():
     return [prepare(read_part(PARTS / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
 
 
-def test_a_session_names_and_places_the_part(targets):
-    start = rough(targets)
-    for seed in range(2):
-        rng = np.random.default_rng((2, seed))
-        k, T = drawn_truth(start, rng)
-        session = new_session(start, seed=seed, tolerance=2e-3)
-        end = sense(session, targets[k], T, rng, each=valid)
-        assert end.reached
-        assert targets[k].part.name in end.why
-        answer = session.answer()
-        assert off(session, k, T) < 4 * answer.hypotheses[0].corner_sd
-        assert answer.status == "recognized"
-        assert answer.hypotheses[0].part == targets[k].part.name
-        assert session.count <= 15
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_session_names_and_places_the_part(targets, seed):
+    start, rng = rough(targets), np.random.default_rng((2, seed))
+    k, T = drawn_truth(start, rng)
+    session = new_session(start, seed=seed, tolerance=2e-3)
+    end = sense(session, targets[k], T, rng, each=valid)
+    assert end.reached
+    assert targets[k].part.name in end.why
+    answer = session.answer()
+    assert off(session, k, T) < 4 * answer.hypotheses[0].corner_sd
+    assert answer.status == "recognized"
+    assert answer.hypotheses[0].part == targets[k].part.name
+    assert session.count <= 15
 
 
 def test_a_part_like_others_is_confirmed_face_by_face(targets):
@@ -72,7 +71,7 @@ def test_the_same_seed_gives_the_same_questions_and_answers(targets):
     for _ in range(2):
         rng = np.random.default_rng(5)
         k, T = drawn_truth(start, rng)
-        session = new_session(start, max_measurements=4)
+        session = new_session(start, max_measurements=2)
         sense(session, targets[k], T, rng)
         runs.append(session)
     first, second = runs
@@ -331,7 +330,7 @@ def test_what_cannot_be_a_reading_changes_nothing(targets):
     assert session.ask() is action
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     """Contradictory, repeated, late, from nowhere near the part, and on the way free of everything."""
     rng = np.random.default_rng((3, seed))

@@ -10,8 +10,17 @@ import numpy as np
 from rendered import slab_thing, table_camera
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import find_edges, map_edges, on_plane, prepare_vision
-from tanteo.vision.rendering import Look, Stage, render, thing
+from tanteo.vision import (
+    Look,
+    Stage,
+    TableErrors,
+    find_edges,
+    map_edges,
+    on_plane,
+    prepare_vision,
+    render,
+    thing,
+)  # fmt: skip
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 
@@ -105,3 +114,17 @@ def random_shot(models, rng, hidden=0.0, stranger=None, noise=1.0):
         before = (alone.shade(pixels.astype(float))[2] == 0).sum()
         covered = 1 - (whose == 0).sum() / max(before, 1)
     return Shot(image, camera, model if stranger is None else None, rest, T, float(covered))
+
+
+def in_camera(shot):
+    """Pose of the part in the camera's frame."""
+    return SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
+
+
+def told_table(shot, part, rng):
+    """The table as it is told: too high and tilted about the part by errors as stated."""
+    errors = TableErrors()
+    about = SE3.apply(shot.T_world_part, part.centroid) * [1, 1, 0]
+    place = SE3.from_parts(np.eye(3), about)
+    step = np.r_[0, 0, rng.normal(0, errors.height), rng.normal(0, errors.tilt, 2), 0]
+    return place @ SE3.exp(step) @ SE3.inverse(place)

@@ -111,6 +111,7 @@ def test_poses_survive_a_quaternion():
     np.testing.assert_allclose(exact, T, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_one_seed_one_answer(felt):
     first, second = felt["plane"][0], sense_plane(robot_on(seed=3), FACE, standoff=0.02, rules=RULES)
     np.testing.assert_array_equal(first.feature.T_world_feature, second.feature.T_world_feature)
@@ -129,6 +130,7 @@ def test_a_face_that_is_too_narrow_is_not_felt():
     assert got.feature is None
 
 
+@pytest.mark.slow
 def test_no_room_is_a_limit():
     walls = [([0.045, -0.1], [0.06, 0.1]), ([-0.06, -0.1], [-0.045, 0.1])]
     walls += [([-0.1, 0.035], [0.1, 0.05]), ([-0.1, -0.05], [0.1, -0.035])]
@@ -204,8 +206,9 @@ def test_scenes_at_random(kind, n):
 
 @pytest.mark.parametrize(
     ("seed", "k", "what"),
-    [(20261201, 622, "a first look"), pytest.param(20261204, 333, "a way down", marks=pytest.mark.slow)],
+    [(20261201, 622, "a first look"), (20261204, 333, "a way down")],
 )
+@pytest.mark.slow
 def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
     """Two scenes of ``benchmarks/motions.py`` in which it came nearer than half the stand-off, or touched."""
     rng = np.random.default_rng((seed, 1, k))
@@ -219,6 +222,7 @@ def test_what_is_beside_its_beams_is_not_run_into(seed, k, what):
     assert least > 0.5 * task.standoff, what
 
 
+@pytest.mark.slow
 def test_three_places_on_one_line_of_three_edges_are_no_edge():
     """A scene of ``benchmarks/motions.py`` in which they were stated as one, half a radian askew."""
     rng = np.random.default_rng((20261206, 1, 918))

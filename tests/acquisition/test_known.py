@@ -76,7 +76,10 @@ def test_after_a_look_there_is_room_to_move_in_but_not_beyond():
     assert not known.holds(gripper().body, np.stack([near[0], over(x=0.06)]), 0.0)
 
 
-@pytest.mark.parametrize(("away", "turn"), [(0.04, 1.2), (0.04, 2.0), (0.05, 0.5), (0.05, 2.0)])
+@pytest.mark.parametrize(
+    ("away", "turn"),
+    [(0.05, 0.5), *(pytest.param(*at, marks=pytest.mark.slow) for at in ((0.04, 1.2), (0.04, 2.0), (0.05, 2.0)))],
+)
 def test_a_post_that_no_beam_has_met_is_not_run_into(away, turn):
     """A post of 10 mm beside the place, higher than the hand's tips come: each of these was run at before."""
     foot = np.array([0.06, 0.04]) + away * np.array([np.cos(turn), np.sin(turn)])

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, rough
+from sensing_scenes import LASER, met_by_beams, rough
 from tanteo.active import Candidates, at_pose, begin, has_room, probe_of, propose, within_cone
-from tanteo.active.samples import beams
 from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
@@ -158,7 +157,7 @@ def test_readings_nearer_than_the_least_range_are_improbable():
     Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)
     for least in (0.065, 0.0):
         c = propose(state, replace(LASER, min_range=least), 300)
-        share.append(np.mean(beams(target, Ts, c.origins, c.directions)[0] < 0.065))
+        share.append(np.mean(met_by_beams(target, Ts, c.origins, c.directions)[0] < 0.065))
         assert len(c) > 30
     assert share[0] < 0.015
     assert share[1] > 2 * share[0]

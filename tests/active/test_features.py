@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense
-from tanteo.active import DecisionContext, at_pose, begin, draw, features, predict, propose
-from tanteo.active.features import joint_information
-from tanteo.active.samples import beams
+from sensing_scenes import LASER, drawn_truth, met_by_beams, new_session, off, rough, sense
+from tanteo.active import POLICIES, DecisionContext, at_pose, begin, features, propose
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
@@ -49,16 +47,18 @@ def test_readings_of_a_feature_lie_on_its_faces_and_near_it(context):
 
 def test_what_a_feature_tells_is_the_ratio_of_determinants(context):
     """One pose, so well known that all is linear: against the determinant of the covariance after the readings."""
-    s = context
-    found, samples = features(s.state, s.candidates), draw(s.state, 1)
-    predicted = predict(samples, s.candidates.origins, s.candidates.directions)
-    got = joint_information(found, samples, predicted, s)
-    C, T = s.state.covariances[0], s.state.poses
-    for f, gain in zip(found, got, strict=True):
-        d, cosine, _, g = beams(s.state.target(0), T, s.candidates.origins[f.rows], s.candidates.directions[f.rows])
+    state, rng, kinds = context.state, np.random.default_rng(1), set()
+    C, T = state.covariances[0], state.poses
+    for _ in range(12):
+        c = context.candidates.take(np.sort(rng.choice(len(context.candidates), 30, replace=False)))
+        choice = POLICIES["features"].choose(DecisionContext(state, c, LASER, None, None, 0, 0))
+        (f,) = (f for f in features(state, c) if f"{len(f.rows) - 1} more of {f.name} it is" in choice.why)
+        d, cosine, _, g = met_by_beams(state.target(0), T, c.origins[f.rows], c.directions[f.rows])
         G, R = g[:, 0], LASER.variance(d, cosine)[:, 0]
         after = np.linalg.inv(np.linalg.inv(C) + G.T @ (G / R[:, None]))
-        assert gain == pytest.approx(0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1]), rel=1e-6)
+        assert choice.gain == pytest.approx(0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1]), rel=1e-6)
+        kinds.add(f.kind)
+    assert len(kinds) > 1
 
 
 @pytest.mark.slow

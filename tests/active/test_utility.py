@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, new_session, rough, sense
+from sensing_scenes import LASER, met_by_beams, new_session, rough, sense
 from tanteo.active import (
     Probe,
     Start,
@@ -23,7 +23,6 @@ from tanteo.active import (
     probe_of,
     propose,
 )  # fmt: skip
-from tanteo.active.samples import beams
 from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
@@ -47,12 +46,19 @@ def at(target, sds, T=None):
 def test_derivatives_of_ranges_against_differences(bracket):
     start = at(bracket, (1e-3, 1e-2), SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.1, -0.2])))
     c = propose(begin(start), LASER, 60)
-    ranges, _, faces, g = beams(bracket, start.Ts, c.origins, c.directions)
+    samples = draw(begin(start), 1)
+    p = predict(samples, c.origins, c.directions)
+    moved = np.zeros((len(c), 6))
     for k, e in enumerate(1e-6 * np.eye(6)):
-        plus, minus = (beams(bracket, start.Ts @ SE3.exp(s * e), c.origins, c.directions)[0] for s in (1, -1))
-        np.testing.assert_allclose(g[..., k], (plus - minus) / 2e-6, atol=1e-4)
-    assert np.isfinite(ranges).all()
-    assert (faces[:, 0] == c.face).all()
+        ends = (replace(samples, Ts=start.Ts @ SE3.exp(s * e)) for s in (1, -1))
+        plus, minus = (predict(end, c.origins, c.directions).ranges[:, 0] for end in ends)
+        moved[:, k] = (plus - minus) / 2e-6
+    along = predict(replace(samples, whole=np.eye(6)[None]), c.origins, c.directions).spreads[:, 0]
+    np.testing.assert_allclose(along, np.sum(moved**2, axis=1), rtol=2e-4)  # of a pose unknown by as much in all
+    L = np.linalg.cholesky(start.covariances[0])
+    np.testing.assert_allclose(p.spreads[:, 0], np.sum((moved @ L) ** 2, axis=1), rtol=2e-4)
+    assert np.isfinite(p.ranges).all()
+    assert (p.faces[:, 0] == c.face).all()
 
 
 def test_pose_information_is_half_a_log_ratio_of_determinants(bracket):
@@ -61,7 +67,7 @@ def test_pose_information_is_half_a_log_ratio_of_determinants(bracket):
     c = propose(begin(start), LASER, 40)
     samples = draw(begin(start), 1)
     got = expected_information(samples, predict(samples, c.origins, c.directions), LASER)
-    d, cosine, _, g = beams(bracket, start.Ts, c.origins, c.directions)
+    d, cosine, _, g = met_by_beams(bracket, start.Ts, c.origins, c.directions)
     R, C = LASER.variance(d, cosine)[:, 0], start.covariances[0]
     for k in range(len(c)):
         after = np.linalg.inv(np.linalg.inv(C) + np.outer(g[k, 0], g[k, 0]) / R[k])
@@ -116,7 +122,7 @@ def test_information_about_the_mode_against_simulation(bracket):
     c = propose(begin(start), LASER, 60)
     samples = draw(begin(start), 200)
     told = about_mode(samples, predict(samples, c.origins, c.directions), LASER)
-    d, cosine, _, g = beams(bracket, T, c.origins, c.directions)
+    d, cosine, _, g = met_by_beams(bracket, T, c.origins, c.directions)
     both = np.isfinite(d).all(axis=1)
     d, cosine, g = d[both], cosine[both], g[both]
     told, p = told[both], predict(samples, c.origins[both], c.directions[both])
@@ -171,7 +177,7 @@ def test_candidates_can_be_made(bracket):
         local = SE3.apply(SE3.inverse(start.Ts[0]), c.origins - back * c.directions)
         assert (bracket.surface.closest(local).distances >= probe.clearance - 1e-4).all()
         assert not bracket.surface.inside(local).any()
-    ranges, cosines, faces, _ = beams(bracket, start.Ts, c.origins, c.directions)
+    ranges, cosines, faces, _ = met_by_beams(bracket, start.Ts, c.origins, c.directions)
     np.testing.assert_allclose(ranges[:, 0], probe.standoff, rtol=1e-3)
     assert (faces[:, 0] == c.face).all()
     assert (cosines[:, 0] >= np.cos(probe.max_incidence)).all()
@@ -212,7 +218,7 @@ def random_rays(target, T, origin, direction, rng, n=3000):
     u, v = np.linalg.svd(direction[None])[2][1:]
     rays = direction + slope[:, None] * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)
     long = np.sqrt(1 + slope**2)
-    d, cosine, _, _ = beams(target, T[None], np.tile(origin, (n, 1)), rays / long[:, None])
+    d, cosine, _, _ = met_by_beams(target, T[None], np.tile(origin, (n, 1)), rays / long[:, None])
     return CONE.answers(d[:, 0], cosine[:, 0]), d[:, 0] / long
 
 

@@ -16,17 +16,6 @@ class Run(NamedTuple):
     err: str
 
 
-@pytest.fixture(scope="session")
-def cache(tmp_path_factory):
-    """One for all commands: entries are named by the content of the files."""
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def _own_cache(cache, monkeypatch):
-    monkeypatch.setenv("TANTEO_CACHE", str(cache))
-
-
 @pytest.fixture
 def run(capsys):
     """Run the command line; gives exit code, standard output and standard error."""

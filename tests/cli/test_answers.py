@@ -103,8 +103,8 @@ def test_parts_that_are_not_listed_are_named_in_the_message(run):
     """Two parts fit equally; one hypothesis is asked for."""
     readings = str(EXAMPLES / "readings" / "step_not_felt.csv")
     words = ("identify", readings, "--parts", str(EXAMPLES / "parts"), "--sd", "0.3mm")
-    for top in ("1", "5"):
-        document = json.loads(run(*words, "--json", "--top", top).out)
+    for top in (1, 5):
+        document = json.loads(run(*words, "--json", "--top", str(top)).out)
         assert document["status"] == "ambiguous"
         assert "step_12mm or step_15mm" in document["message"]
-    assert len(json.loads(run(*words, "--json", "--top", "1").out)["hypotheses"]) == 1
+        assert (len(document["hypotheses"]) == 1) == (top == 1)

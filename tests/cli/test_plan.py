@@ -61,22 +61,22 @@ def test_a_tolerance_out_of_reach_exits_with_3(run):
     assert "4 readings do not bring" in got.out
 
 
+@pytest.mark.slow
 def test_a_start_too_close_for_a_prior_pose_is_said_and_no_plan(run):
     got = run(
         "plan", "--part", str(PARTS / "step_12mm.step"), "--sensor", "ball_tip_on_cobot", "--standoff", "8mm",
         "--clearance", "4mm", "--pose-prior", "0,0,0mm 0,0,0deg +- 5mm 3deg", "--tolerance", "0.7mm",
-        "--max-measurements", "10",
+        "--max-measurements", "5",
     )  # fmt: skip
     assert got.code == 3
     assert "within 4 mm of the part, or in it" in " ".join(got.out.split())
 
 
+@pytest.mark.slow
 def test_a_sensor_that_needs_less_room_is_told_how_much(run):
-    words = "plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--tolerance", "1mm"
-    got = run(*words)
+    got = run("plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--tolerance", "1mm")
     assert got.code == 3
-    assert "--clearance 3.2mm" in " ".join(got.out.split())
-    assert "reaches no place" not in run(*words, "--clearance", "3.2mm", "--max-measurements", "2").out
+    assert "--clearance 3.2mm" in " ".join(got.out.split())  # with which it works: tests/active/test_plans.py
 
 
 def test_two_parts_are_told_apart(run, tmp_path):

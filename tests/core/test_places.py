@@ -13,7 +13,7 @@ from core.questions import directed, near_pose, random_pose, touched, with_share
 from core.test_slopes import differences
 from tanteo import _core
 
-N = 32
+N = 20
 
 
 def meshed(body):

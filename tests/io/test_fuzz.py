@@ -12,7 +12,7 @@ from tanteo.io import parse_length, read_readings, read_rig
 from tanteo.io.columns import LENGTHS, PLAIN, TEXTS
 
 RELAXED = settings(
-    max_examples=300, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=100, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 COLUMNS = [*TEXTS, *PLAIN, *(f"{name}_mm" for name in LENGTHS), "normal_sd_deg", "x_m", "x", "sd", "bogus", ""]

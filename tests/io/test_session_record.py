@@ -29,7 +29,7 @@ from tanteo.session import Action, Sensing, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RELAXED = settings(
-    max_examples=200, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

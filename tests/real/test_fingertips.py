@@ -1,7 +1,7 @@
 """Fingertip touches of real and simulated objects, without correspondences: what the data allow, and what is said.
 
 There is no truth of the poses; the published index is the mean distance of the points to the surface. The least that
-any pose reaches is in ``benchmarks/fingertip_limit.py``.
+any pose reaches is in ``benchmarks/fingertips.py``.
 """
 
 from pathlib import Path
@@ -148,6 +148,7 @@ def test_which_of_these(targets, name, part):
     assert answer.unknown_probability < 0.9
 
 
+@pytest.mark.slow
 def test_the_robot_set_belongs_to_another_mesh_and_not_accepted(targets):
     """Not at the pose of the file, not 113 mm lower, not anywhere: no pose has the points on the mesh within 1 mm."""
     points, answer = located(targets, "measRobot_sim", "robot", 1e-3)

@@ -217,17 +217,24 @@ def test_a_camera_that_cannot_stand_there_is_refused(two, models, change, words)
         see_table(image, replace(camera, T_world_camera=change(camera.T_world_camera)), models[:1])
 
 
-def test_poses_are_in_the_camera_frame_without_its_place(two, models):
+@pytest.fixture(scope="module")
+def anywhere(two, models):
+    """The same image without the table."""
+    image, camera, _, _ = two
+    return see_anywhere(image, camera, models[:1])
+
+
+@pytest.mark.slow
+def test_poses_are_in_the_camera_frame_without_its_place(two, models, anywhere):
     image, camera, _, _ = two
     assert see_table(image, camera, models[:1]).frame == "world"
-    assert see_anywhere(image, camera, models[:1]).frame == "world"
+    assert anywhere.frame == "world"
     assert see_anywhere(image, Camera(camera.K, camera.size), models[:1]).frame == "camera"
 
 
 @pytest.mark.parametrize(("p_value", "said"), [(0.5, False), (1e-9, True)])
-def test_edges_that_fit_badly_are_said_to(two, models, p_value, said):
-    image, camera, _, _ = two
-    best = see_anywhere(image, camera, models[:1]).objects[0].answer.hypotheses[0]
+def test_edges_that_fit_badly_are_said_to(anywhere, p_value, said):
+    best = anywhere.objects[0].answer.hypotheses[0]
     message = judged([replace(best, p_value=p_value, probability=0.99)], ImagePosterior((), 0.01))[1]
     assert ("fit badly" in message) == said
 
