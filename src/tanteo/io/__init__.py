@@ -28,9 +28,7 @@ if TYPE_CHECKING:
     from tanteo.io.readings_write import write_readings
     from tanteo.io.result_json import document_json, executed_json, recognition_document, recognition_json
     from tanteo.io.rig_checks import suspect_metres
-    from tanteo.io.rig_json import rig_document
-    from tanteo.io.rig_toml import read_rig, shipped_rigs
-    from tanteo.io.rig_write import rig_text, write_rig
+    from tanteo.io.rig_file import read_rig, rig_document, rig_text, shipped_rigs, write_rig
     from tanteo.io.same_answer import differences
     from tanteo.io.scene_toml import SceneFile, read_scene
     from tanteo.io.sensed_file import sensed_document, sensed_json
@@ -100,7 +98,6 @@ __getattr__, __dir__ = lazy(
         "part_document": "part_json",
         "rig_checks": "suspect_metres",
         "calibration_json": "calibration_document",
-        "rig_json": "rig_document",
         "session_record": "SessionRecord load_record read_record resumed write_record",
         "part_files": "parts_of",
         "camera_file": "read_camera",
@@ -112,8 +109,7 @@ __getattr__, __dir__ = lazy(
         "readings_csv": "read_readings",
         "readings_write": "write_readings",
         "result_json": "document_json executed_json recognition_document recognition_json",
-        "rig_toml": "read_rig shipped_rigs",
-        "rig_write": "rig_text write_rig",
+        "rig_file": "read_rig rig_document rig_text shipped_rigs write_rig",
         "scene_toml": "SceneFile read_scene",
         "sensed_file": "sensed_document sensed_json",
         "sight_file": "EMPTY sight_document sight_json",

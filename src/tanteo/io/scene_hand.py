@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.hand import Hand, gripper_body
-from tanteo.io.rig_toml import read_rig
+from tanteo.io.rig_file import read_rig
 from tanteo.io.toml_keys import Keys
 from tanteo.lie import SE3
 from tanteo.sensors import robot_preset

@@ -1,0 +1,417 @@
+"""Documents as classes: the annotations of a table say its keys, units, ranges and defaults; one reader checks them.
+
+A table that people write is a :class:`Table`; what a record keeps are frozen data classes as they are. Each message names
+file, table, key and value, and the line of a TOML file.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+import types
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+from msgspec import NODEFAULT, Meta
+
+from tanteo.errors import InputError, UnitError, did_you_mean
+from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
+from tanteo.typing import FloatArray
+
+T = TypeVar("T")
+
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    "length": LENGTH_UNITS, "angle": ANGLE_UNITS, "time": {"ms": 1e-3, "s": 1.0}, "rate": {"hz": 1.0},
+    "speed": {f"{unit}_s": factor for unit, factor in LENGTH_UNITS.items()},
+    "turn": {f"{unit}_s": factor for unit, factor in ANGLE_UNITS.items()}, "plain": {"": 1.0},
+}  # fmt: skip
+_NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
+_HEAD, _KEY = re.compile(r"\s*\[+([^\[\],]+)\]+\s*(#.*)?$"), re.compile(r"\s*([\w-]+)\s*=")
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """What the numbers of a key are; they have to be finite.
+
+    Attributes:
+        of: length, angle, time, speed, turn, rate (the key ends in a unit) or plain.
+        shapes: that an array may have.
+        rule: makes the value of an array of such a shape, None if it is none.
+        words: what is expected of an array, besides its shape.
+        digits: with which they are written.
+    """
+
+    of: str = "plain"
+    shapes: tuple[tuple[int, ...], ...] = ((),)
+    rule: Callable[[FloatArray], FloatArray | None] | None = None
+    words: str = ""
+    digits: int = 6
+
+    @property
+    def units(self) -> dict[str, float]:
+        """Factors to SI by the end of the key."""
+        return {f"_{unit}" if unit else "": factor for unit, factor in _UNITS[self.of].items()}
+
+
+def _direction(d: FloatArray) -> FloatArray | None:
+    length = np.linalg.norm(d)
+    return None if length < 1e-9 else np.asarray(d / length)
+
+
+Number, Length = Annotated[float, Numbers()], Annotated[float, Numbers("length")]
+Point = Annotated[FloatArray, Numbers("length", ((3,),), digits=10)]
+Angles = Annotated[FloatArray, Numbers("angle", ((3,),))]
+Direction = Annotated[FloatArray, Numbers("plain", ((3,),), _direction, "a direction that is not zero", 17)]
+Quaternion = Annotated[
+    FloatArray,
+    Numbers("plain", ((4,),), lambda q: q if abs(np.linalg.norm(q) - 1) < 1e-3 else None, "unit length", 12),
+]
+Covariance = Annotated[FloatArray, Numbers("plain", ((6, 6), (36,)), lambda C: C.reshape(6, 6), digits=17)]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a table stands, and how its keys are written there.
+
+    Attributes:
+        file: the file.
+        advice: what to do about anything wrong, if it is not to correct it.
+        text: of a TOML file, to find lines in.
+        tables: names of the table, outermost first.
+        shown: the same for messages.
+        table: as read.
+        written: the key of each field that was given.
+    """
+
+    file: str
+    advice: str = ""
+    text: str = ""
+    tables: tuple[str, ...] = ()
+    shown: str = ""
+    table: Mapping[str, Any] = field(default_factory=dict)
+    written: Mapping[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.file}, {self.shown}" if self.shown else self.file
+
+    def inside(self, name: str, title: str = "") -> Place:
+        """The place of a table of this one."""
+        shown = title or (f"{self.shown}.{name}" if self.shown else name)
+        return replace(self, tables=(*self.tables, name), shown=shown, table={}, written={})
+
+    def has(self, *names: str) -> list[str]:
+        """Which of the fields are given."""
+        return [name for name in names if name in self.written]
+
+    def refused(self, name: str, expected: str, advice: str = "Correct it.", got: str = "") -> InputError:
+        """What is wrong with a field, by its key and value as they are written."""
+        key = self.written.get(name, name)
+        got = got or show(repr(self.table.get(key)))
+        return InputError(f"{self}, {key}: expected {expected}, got {got}. {self.advice or advice}{self._line(key)}")
+
+    def error(self, message: str, key: str = "", kind: type[InputError] = InputError) -> InputError:
+        """An error of the table as a whole, or of a key of it."""
+        return kind(f"{self}{f', {key}' if key in self.table else ''}: {message}{self._line(key)}")
+
+    def _line(self, key: str) -> str:
+        """`` See line 7.``, if the key or the table of this name is found in the text."""
+        inside = ""
+        for number, line in enumerate(self.text.splitlines(), 1):
+            if head := _HEAD.match(line):
+                inside = head[1].replace('"', "").strip()
+            pair = _KEY.match(line) if inside == ".".join(self.tables) else None
+            if (pair and pair[1] == key) or (head and key and inside == ".".join((*self.tables, key))):
+                return f" See line {number}."
+        return ""
+
+
+class Table(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A table that people write; its fields are the keys, without units.
+
+    Attributes:
+        at: where it stands in its file.
+    """
+
+    at: Place
+
+
+def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> T:
+    """The document of a TOML file; ``text`` is read in its stead.
+
+    Raises:
+        InputError: It cannot be read, is not TOML, or says something else than its class.
+    """
+    try:
+        text = path.read_bytes().decode() if text is None else text
+        raw = tomllib.loads(text)
+    except OSError as error:
+        raise InputError(f"{path}: expected a {what}, got: {error.strerror or error}. Check the path.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: expected TOML, got: {error}. Correct the file.") from None
+    return table(kind, raw, Place(str(path), text=text))
+
+
+def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = types.MappingProxyType({})) -> T:
+    """The :class:`Table` or data class of a table.
+
+    Args:
+        kind: of its fields.
+        raw: as read.
+        place: where it stands.
+        blank: values of fields that may be missing.
+
+    Raises:
+        InputError: no table, a key that is unknown, missing or given twice, or a value that is none of its field.
+        UnitError: a unit is missing or unknown.
+    """
+    if not isinstance(raw, dict):
+        advice = place.advice or "Write [name] and its keys below."
+        expected = f"a table [{'.'.join(place.tables)}]" if place.text else "a table"
+        raise InputError(f"{place}: expected {expected}, got {show(raw)}. {advice}")
+    known = _fields(kind)
+    written: dict[str, str] = {}
+    factors: dict[str, float] = {}
+    place = replace(place, table=raw, written=written)
+    for key in raw:
+        name, factors[key] = _field(key, known, place)
+        if name in written:
+            raise place.error(f"expected '{name}' once, got it in two units. Keep one.", key, UnitError)
+        written[name] = key
+    values: dict[str, Any] = {}
+    for name, (hint, default) in known.items():
+        if name in written:
+            key = written[name]
+            values[name] = value(hint, raw[key], place, name, factors[key])
+        elif default is NODEFAULT and name not in blank:
+            raise place.error(f"expected {_wanted(name, hint)}, got nothing. {place.advice or 'Add it.'}")
+    if issubclass(kind, Table):
+        values["at"] = place
+    return made(kind, {**blank, **values}, str(place))
+
+
+def made(kind: Callable[..., T], values: Mapping[str, Any], place: str) -> T:
+    """What a function makes of these values; where it refuses them, the message begins with the place."""
+    try:
+        return kind(**values)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
+
+
+def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> Any:
+    """The value of an annotation: a table, some of them by name, a sequence, an array, or what msgspec makes of it."""
+    hint, numbers, meta = _unwrapped(hint)
+    origin, kinds = get_origin(hint), get_args(hint)
+    if hint is object:
+        return raw
+    if origin in (Union, types.UnionType):
+        return _one_of(kinds, raw, place, name, factor)
+    if is_table(hint):
+        return table(hint, raw, place.inside(name))
+    if origin is dict:
+        if not isinstance(raw, dict) or not raw:
+            raise place.refused(name, _words(hint, meta, name), "Write one for each.")
+        title = (meta and meta.title) or ""
+        inner = place.inside(name)
+        return {k: table(kinds[1], v, inner.inside(k, title and f"{title} '{k}'")) for k, v in raw.items()}
+    if origin is np.ndarray:
+        dtype = get_args(kinds[1])[0]
+        return _array(raw, dtype, place, name) if numbers is None else _numbers(raw, numbers, place, name, factor)
+    if origin in (tuple, Sequence):
+        return _sequence(kinds, raw, place, name)
+    if numbers is not None:
+        raw = _finite(raw, place, name) * factor if not isinstance(raw, list) else raw
+    elif hint is float and isinstance(raw, str) and raw in _NOT_FINITE:
+        return _NOT_FINITE[raw]
+    try:
+        return msgspec.convert(raw, Annotated[hint, meta] if meta else hint)
+    except msgspec.ValidationError:
+        advice = "Write it in quotes." if hint is str else "Correct it."
+        raise place.refused(name, _words(hint, meta, name), advice) from None
+
+
+def is_table(kind: Any) -> bool:
+    """Whether its values are tables of a document."""
+    return isinstance(kind, type) and (issubclass(kind, Table) or is_dataclass(kind))
+
+
+def as_plain(value: Any) -> Any:
+    """Dictionaries, lists, texts and numbers of a value, for :func:`value` to read: no digit is lost."""
+    if is_dataclass(value):
+        return {f.name: as_plain(getattr(value, f.name)) for f in fields(value) if f.init}
+    if isinstance(value, np.ndarray | np.generic):
+        return as_plain(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [as_plain(item) for item in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def toml_lines(one: Table) -> list[str]:
+    """The lines of a table: what is not None, in the order of its class, with the first unit of each."""
+    lines = []
+    for name, (hint, _) in _fields(type(one)).items():
+        got = getattr(one, name)
+        if isinstance(got, str):
+            lines.append(f"{name} = {msgspec.json.encode(got).decode()}")
+        elif got is not None:
+            numbers = next(n for h in (hint, *get_args(hint)) if (n := _unwrapped(h)[1]) is not None)
+            unit, factor = next(iter(numbers.units.items()))
+            lines.append(f"{name}{unit} = {_written(np.asarray(got) / factor, numbers.digits)}")
+    return lines
+
+
+def _written(values: FloatArray, digits: int) -> str:
+    if values.ndim == 2:
+        return "[\n" + "".join(f"  {_written(row, digits)},\n" for row in values) + "]"
+    if values.ndim == 1:
+        return f"[{', '.join(_written(v, digits) for v in values)}]"
+    return f"{float(values):.{digits}g}" if values else "0"
+
+
+@cache
+def _fields(kind: type) -> dict[str, tuple[Any, Any]]:
+    """Annotation and default of each field; those of data classes all have to be there."""
+    hints = get_type_hints(kind, include_extras=True)
+    if issubclass(kind, Table):
+        return {f.name: (hints[f.name], f.default) for f in msgspec.structs.fields(kind) if f.name != "at"}
+    return {f.name: (hints[f.name], NODEFAULT) for f in fields(cast(Any, kind)) if f.init}
+
+
+def _unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
+    """Type, numbers and constraints of an annotation."""
+    numbers, meta = None, None
+    if get_origin(hint) is Annotated:
+        hint, *more = get_args(hint)
+        numbers = next((m for m in more if isinstance(m, Numbers)), None)
+        meta = next((m for m in more if isinstance(m, Meta)), None)
+    # NumPy's NDArray is an alias of the type statement from 2.5 on
+    alias = getattr(get_origin(hint), "__value__", None)
+    return hint if alias is None else alias[get_args(hint)], numbers, meta
+
+
+def _units(hint: Any) -> dict[str, float]:
+    hints = [_unwrapped(h) for h in (hint, *get_args(hint))]
+    return next((numbers.units for _, numbers, _ in hints if numbers is not None), {"": 1.0})
+
+
+def _field(key: str, known: Mapping[str, tuple[Any, Any]], place: Place) -> tuple[str, float]:
+    """Field and factor of a key."""
+    units = {name: _units(hint) for name, (hint, _) in known.items()}
+    for name, ends in units.items():
+        if key.startswith(name) and key[len(name) :] in ends:
+            return name, ends[key[len(name) :]]
+    for name, ends in units.items():
+        if "" not in ends and (key == name or key.startswith(f"{name}_")):
+            listed = ", ".join(f"{name}{end}" for end in ends)
+            raise place.error(f"expected one of {listed}, got '{key}'. Say the unit in the name.", key, UnitError)
+    names = [name + next(iter(ends)) for name, ends in units.items()]
+    hint = did_you_mean(key, names) or " Correct the name."
+    message = f"expected one of {', '.join(names)}, got '{show(key)}'.{hint}"
+    raise InputError(f"{place}: {message}{place._line(key)}")
+
+
+def _wanted(name: str, hint: Any) -> str:
+    """A field that has to be there, in words."""
+    bare, numbers, meta = _unwrapped(hint)
+    key = f"'{name}{next(iter(_units(hint)))}'"
+    if is_table(bare) or get_origin(bare) is dict:
+        return _words(bare, meta, name)
+    return f"{key} ({numbers.shapes[0][0]} numbers)" if numbers is not None and numbers.shapes[0] else key
+
+
+def _words(hint: Any, meta: Meta | None, name: str = "") -> str:
+    """What is expected of a value."""
+    if meta is not None and meta.description:
+        return meta.description
+    if is_table(hint):
+        return f"'{name}'"
+    if get_origin(hint) is dict:
+        return f"tables [{name}.NAME]"
+    if hint is not float:
+        return {str: "a text", int: "a whole number", bool: "true or false"}[hint]
+    if meta is None:
+        return "one number"
+    if meta.gt is not None:
+        return "one positive number" if meta.gt == 0 else f"one number above {meta.gt:g}"
+    return f"one number of {'zero' if meta.ge == 0 else f'{meta.ge:g}'} or more"
+
+
+def show(value: Any) -> str:
+    """A value in a message: its beginning."""
+    text = value if isinstance(value, str) else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _one_of(kinds: Sequence[Any], raw: Any, place: Place, name: str, factor: float) -> Any:
+    if raw is None and type(None) in kinds:
+        return None
+    left = [kind for kind in kinds if kind is not type(None)]
+    others = [kind for kind in left if kind is not str]
+    return value(str if str in left and (isinstance(raw, str) or not others) else others[0], raw, place, name, factor)
+
+
+def _sequence(kinds: tuple[Any, ...], raw: Any, place: Place, name: str) -> tuple[Any, ...]:
+    if not isinstance(raw, list):
+        raise place.refused(name, "a list")
+    if len(kinds) == 1 or kinds[-1] is ...:
+        kinds = kinds[:1] * len(raw)
+    if len(raw) != len(kinds):
+        raise place.refused(name, f"{len(kinds)} items")
+    items = {f"{name}[{k}]": item for k, item in enumerate(raw)}
+    inner = replace(place, table=items, written={})
+    return tuple(value(kind, item, inner, key) for kind, (key, item) in zip(kinds, items.items(), strict=True))
+
+
+def _finite(raw: Any, place: Place, name: str) -> float:
+    if isinstance(raw, bool) or not isinstance(raw, int | float) or not math.isfinite(raw):
+        raise place.refused(name, "finite numbers")
+    return float(raw)
+
+
+def _numbers(raw: Any, numbers: Numbers, place: Place, name: str, factor: float) -> FloatArray:
+    """Finite numbers of one of the shapes, in SI."""
+    flat: list[Any] = []
+    shape = _shape(raw, flat, place, name)
+    values = np.array([_finite(item, place, name) for item in flat]).reshape(shape) * factor
+    if shape not in numbers.shapes:
+        expected = " x ".join(map(str, numbers.shapes[0]))
+        raise place.refused(name, f"{expected} numbers" if expected else numbers.words, got=expected and str(len(flat)))
+    made = values if numbers.rule is None else numbers.rule(values)
+    if made is None:
+        raise place.refused(name, numbers.words)
+    return made
+
+
+def _array(raw: Any, dtype: type, place: Place, name: str) -> np.ndarray:
+    """An array as :func:`as_plain` writes it."""
+    flat: list[Any] = []
+    shape = _shape(raw, flat, place, name)
+    whole = bool if dtype is np.bool_ else int
+    if dtype is np.float64:
+        flat = [_NOT_FINITE.get(item, item) if isinstance(item, str) else item for item in flat]
+    good = all(
+        isinstance(item, int | float) and not isinstance(item, bool) and (not math.isfinite(item) or abs(item) < 1e300)
+        if dtype is np.float64
+        else type(item) is whole and abs(item) <= 2**62
+        for item in flat
+    )
+    if not good:
+        words = {np.float64: "numbers", np.bool_: "true or false"}.get(dtype, "whole numbers")
+        raise place.refused(name, words)
+    return np.array(flat, dtype=dtype).reshape(shape)
+
+
+def _shape(raw: Any, flat: list[Any], place: Place, name: str) -> tuple[int, ...]:
+    """Shape of a nested list, whose items are appended to ``flat``."""
+    if not isinstance(raw, list):
+        flat.append(raw)
+        return ()
+    shapes = {_shape(item, flat, place, name) for item in raw}
+    if len(shapes) > 1:
+        raise place.refused(name, "rows of one length")
+    return (len(raw), *(shapes.pop() if shapes else ()))
