@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from tanteo.io.part_files import parts_of
     from tanteo.io.plan_out import distinction_json, plan_csv, plan_json
     from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
+    from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table
-    from tanteo.io.prior_toml import prior_brand, read_prior
     from tanteo.io.readings_csv import read_readings
     from tanteo.io.readings_write import write_readings
     from tanteo.io.result_json import document_json, executed_json, recognition_document, recognition_json
     from tanteo.io.rig_checks import suspect_metres
     from tanteo.io.rig_file import read_rig, rig_document, rig_text, shipped_rigs, write_rig
     from tanteo.io.same_answer import differences
-    from tanteo.io.scene_toml import SceneFile, read_scene
+    from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.sensed_file import sensed_document, sensed_json
     from tanteo.io.session_record import SessionRecord, load_record, read_record, resumed, write_record
     from tanteo.io.sight_file import EMPTY, sight_document, sight_json
@@ -105,12 +105,12 @@ __getattr__, __dir__ = lazy(
         "marks_csv": "read_marks",
         "poses": "BRANDS Brand pose_as_brand pose_from_brand",
         "prior_text": "parse_box parse_pose_prior parse_table",
-        "prior_toml": "prior_brand read_prior",
+        "prior_file": "prior_brand read_prior",
         "readings_csv": "read_readings",
         "readings_write": "write_readings",
         "result_json": "document_json executed_json recognition_document recognition_json",
         "rig_file": "read_rig rig_document rig_text shipped_rigs write_rig",
-        "scene_toml": "SceneFile read_scene",
+        "scene_file": "SceneFile read_scene",
         "sensed_file": "sensed_document sensed_json",
         "sight_file": "EMPTY sight_document sight_json",
         "units": "parse_angle parse_length parse_lengths",

@@ -1,17 +1,16 @@
-"""Documents as classes: the annotations of a table say its keys, units, ranges and defaults; one reader checks them.
+"""The reader of all documents: a table becomes the class whose annotations it has to match.
 
-A table that people write is a :class:`Table`; what a record keeps are frozen data classes as they are. Each message names
-file, table, key and value, and the line of a TOML file.
+What people write is a :class:`~tanteo.io.schema.Table`; what a record keeps are frozen data classes as they are. Each
+message names file, table, key and value, and the line of a TOML file.
 """
 
 from __future__ import annotations
 
 import math
-import re
 import tomllib
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -21,124 +20,12 @@ import numpy as np
 from msgspec import NODEFAULT, Meta
 
 from tanteo.errors import InputError, UnitError, did_you_mean
-from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
+from tanteo.io.schema import Numbers, Place, Table, show
 from tanteo.typing import FloatArray
 
 T = TypeVar("T")
 
-_UNITS: Mapping[str, Mapping[str, float]] = {
-    "length": LENGTH_UNITS, "angle": ANGLE_UNITS, "time": {"ms": 1e-3, "s": 1.0}, "rate": {"hz": 1.0},
-    "speed": {f"{unit}_s": factor for unit, factor in LENGTH_UNITS.items()},
-    "turn": {f"{unit}_s": factor for unit, factor in ANGLE_UNITS.items()}, "plain": {"": 1.0},
-}  # fmt: skip
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
-_HEAD, _KEY = re.compile(r"\s*\[+([^\[\],]+)\]+\s*(#.*)?$"), re.compile(r"\s*([\w-]+)\s*=")
-
-
-@dataclass(frozen=True, slots=True)
-class Numbers:
-    """What the numbers of a key are; they have to be finite.
-
-    Attributes:
-        of: length, angle, time, speed, turn, rate (the key ends in a unit) or plain.
-        shapes: that an array may have.
-        rule: makes the value of an array of such a shape, None if it is none.
-        words: what is expected of an array, besides its shape.
-        digits: with which they are written.
-    """
-
-    of: str = "plain"
-    shapes: tuple[tuple[int, ...], ...] = ((),)
-    rule: Callable[[FloatArray], FloatArray | None] | None = None
-    words: str = ""
-    digits: int = 6
-
-    @property
-    def units(self) -> dict[str, float]:
-        """Factors to SI by the end of the key."""
-        return {f"_{unit}" if unit else "": factor for unit, factor in _UNITS[self.of].items()}
-
-
-def _direction(d: FloatArray) -> FloatArray | None:
-    length = np.linalg.norm(d)
-    return None if length < 1e-9 else np.asarray(d / length)
-
-
-Number, Length = Annotated[float, Numbers()], Annotated[float, Numbers("length")]
-Point = Annotated[FloatArray, Numbers("length", ((3,),), digits=10)]
-Angles = Annotated[FloatArray, Numbers("angle", ((3,),))]
-Direction = Annotated[FloatArray, Numbers("plain", ((3,),), _direction, "a direction that is not zero", 17)]
-Quaternion = Annotated[
-    FloatArray,
-    Numbers("plain", ((4,),), lambda q: q if abs(np.linalg.norm(q) - 1) < 1e-3 else None, "unit length", 12),
-]
-Covariance = Annotated[FloatArray, Numbers("plain", ((6, 6), (36,)), lambda C: C.reshape(6, 6), digits=17)]
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a table stands, and how its keys are written there.
-
-    Attributes:
-        file: the file.
-        advice: what to do about anything wrong, if it is not to correct it.
-        text: of a TOML file, to find lines in.
-        tables: names of the table, outermost first.
-        shown: the same for messages.
-        table: as read.
-        written: the key of each field that was given.
-    """
-
-    file: str
-    advice: str = ""
-    text: str = ""
-    tables: tuple[str, ...] = ()
-    shown: str = ""
-    table: Mapping[str, Any] = field(default_factory=dict)
-    written: Mapping[str, str] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        return f"{self.file}, {self.shown}" if self.shown else self.file
-
-    def inside(self, name: str, title: str = "") -> Place:
-        """The place of a table of this one."""
-        shown = title or (f"{self.shown}.{name}" if self.shown else name)
-        return replace(self, tables=(*self.tables, name), shown=shown, table={}, written={})
-
-    def has(self, *names: str) -> list[str]:
-        """Which of the fields are given."""
-        return [name for name in names if name in self.written]
-
-    def refused(self, name: str, expected: str, advice: str = "Correct it.", got: str = "") -> InputError:
-        """What is wrong with a field, by its key and value as they are written."""
-        key = self.written.get(name, name)
-        got = got or show(repr(self.table.get(key)))
-        return InputError(f"{self}, {key}: expected {expected}, got {got}. {self.advice or advice}{self._line(key)}")
-
-    def error(self, message: str, key: str = "", kind: type[InputError] = InputError) -> InputError:
-        """An error of the table as a whole, or of a key of it."""
-        return kind(f"{self}{f', {key}' if key in self.table else ''}: {message}{self._line(key)}")
-
-    def _line(self, key: str) -> str:
-        """`` See line 7.``, if the key or the table of this name is found in the text."""
-        inside = ""
-        for number, line in enumerate(self.text.splitlines(), 1):
-            if head := _HEAD.match(line):
-                inside = head[1].replace('"', "").strip()
-            pair = _KEY.match(line) if inside == ".".join(self.tables) else None
-            if (pair and pair[1] == key) or (head and key and inside == ".".join((*self.tables, key))):
-                return f" See line {number}."
-        return ""
-
-
-class Table(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """A table that people write; its fields are the keys, without units.
-
-    Attributes:
-        at: where it stands in its file.
-    """
-
-    at: Place
 
 
 def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> T:
@@ -155,6 +42,26 @@ def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> 
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected TOML, got: {error}. Correct the file.") from None
     return table(kind, raw, Place(str(path), text=text))
+
+
+def load_json(path: Path, what: str, kind: type[T], schema: str, advice: str) -> T:
+    """The document of a JSON file of a schema.
+
+    Raises:
+        InputError: It cannot be read, is not the JSON of this schema, or says something else than its class.
+    """
+    try:
+        raw = msgspec.json.decode(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: expected a record, got: {error.strerror or error}. Check the path.") from None
+    except (ValueError, RecursionError) as error:  # what is not UTF-8 is a ValueError too
+        raise InputError(
+            f"{path}: expected the JSON of a whole {what}, got: {show(str(error))}. If the file is cut, take a copy."
+        ) from None
+    got = raw.get("schema", "none") if isinstance(raw, dict) else schema
+    if got != schema:
+        raise InputError(f"{path}, schema: expected {schema}, got {show(got)}. Give the record of a {what}.")
+    return table(kind, raw, Place(str(path), advice))
 
 
 def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = types.MappingProxyType({})) -> T:
@@ -174,7 +81,7 @@ def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = type
         advice = place.advice or "Write [name] and its keys below."
         expected = f"a table [{'.'.join(place.tables)}]" if place.text else "a table"
         raise InputError(f"{place}: expected {expected}, got {show(raw)}. {advice}")
-    known = _fields(kind)
+    known = _fields(cast(Any, kind))
     written: dict[str, str] = {}
     factors: dict[str, float] = {}
     place = replace(place, table=raw, written=written)
@@ -213,7 +120,7 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
         return _one_of(kinds, raw, place, name, factor)
     if is_table(hint):
         return table(hint, raw, place.inside(name))
-    if origin is dict:
+    if origin is Mapping:
         if not isinstance(raw, dict) or not raw:
             raise place.refused(name, _words(hint, meta, name), "Write one for each.")
         title = (meta and meta.title) or ""
@@ -242,12 +149,14 @@ def is_table(kind: Any) -> bool:
 
 def as_plain(value: Any) -> Any:
     """Dictionaries, lists, texts and numbers of a value, for :func:`value` to read: no digit is lost."""
-    if is_dataclass(value):
-        return {f.name: as_plain(getattr(value, f.name)) for f in fields(value) if f.init}
+    if is_dataclass(value) or isinstance(value, Table):
+        return {name: as_plain(getattr(value, name)) for name in _fields(cast(Any, type(value)))}
     if isinstance(value, np.ndarray | np.generic):
         return as_plain(value.tolist())
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [as_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {key: as_plain(item) for key, item in value.items()}
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -305,7 +214,7 @@ def _field(key: str, known: Mapping[str, tuple[Any, Any]], place: Place) -> tupl
     for name, ends in units.items():
         if key.startswith(name) and key[len(name) :] in ends:
             return name, ends[key[len(name) :]]
-    for name, ends in units.items():
+    for name, ends in sorted(units.items(), reverse=True):
         if "" not in ends and (key == name or key.startswith(f"{name}_")):
             listed = ", ".join(f"{name}{end}" for end in ends)
             raise place.error(f"expected one of {listed}, got '{key}'. Say the unit in the name.", key, UnitError)
@@ -319,7 +228,7 @@ def _wanted(name: str, hint: Any) -> str:
     """A field that has to be there, in words."""
     bare, numbers, meta = _unwrapped(hint)
     key = f"'{name}{next(iter(_units(hint)))}'"
-    if is_table(bare) or get_origin(bare) is dict:
+    if is_table(bare) or get_origin(bare) is Mapping:
         return _words(bare, meta, name)
     return f"{key} ({numbers.shapes[0][0]} numbers)" if numbers is not None and numbers.shapes[0] else key
 
@@ -330,21 +239,14 @@ def _words(hint: Any, meta: Meta | None, name: str = "") -> str:
         return meta.description
     if is_table(hint):
         return f"'{name}'"
-    if get_origin(hint) is dict:
+    if get_origin(hint) is Mapping:
         return f"tables [{name}.NAME]"
-    if hint is not float:
-        return {str: "a text", int: "a whole number", bool: "true or false"}[hint]
-    if meta is None:
-        return "one number"
+    kind = {float: "one number", str: "a text", int: "a whole number", bool: "true or false"}[hint]
+    if meta is None or meta.gt is meta.ge:
+        return kind
     if meta.gt is not None:
-        return "one positive number" if meta.gt == 0 else f"one number above {meta.gt:g}"
-    return f"one number of {'zero' if meta.ge == 0 else f'{meta.ge:g}'} or more"
-
-
-def show(value: Any) -> str:
-    """A value in a message: its beginning."""
-    text = value if isinstance(value, str) else repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+        return "one positive number" if meta.gt == 0 else f"{kind} above {meta.gt:g}"
+    return f"{kind} of {'zero' if meta.ge == 0 else f'{meta.ge:g}'} or more"
 
 
 def _one_of(kinds: Sequence[Any], raw: Any, place: Place, name: str, factor: float) -> Any:

@@ -17,21 +17,9 @@ from msgspec import Meta
 
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import check_covariance
-from tanteo.io.document import (
-    Covariance,
-    Direction,
-    Length,
-    Number,
-    Numbers,
-    Place,
-    Point,
-    Quaternion,
-    Table,
-    load_toml,
-    made,
-    toml_lines,
-)
+from tanteo.io.document import load_toml, made, toml_lines
 from tanteo.io.rig_checks import check_beam, check_twins
+from tanteo.io.schema import Covariance, Direction, Length, Number, Numbers, Place, Point, Quaternion, Table
 from tanteo.lie import SE3, SO3
 from tanteo.replaced import replaced
 from tanteo.sensors import Device, Rig, RigSensor, SensorPreset, sensor_preset
@@ -162,8 +150,8 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
             raise self.at.refused("field", _FIELD_WORDS, "Add it.")
         if self.axis is not None or self.unit is not None or self.quaternion_wxyz is None:
             raise self.at.error(
-                "expected quaternion_wxyz beside zones (which way are the rows?), and neither axis nor unit, which zones "
-                "imply. Correct the keys."
+                "expected quaternion_wxyz beside zones (which way are the rows?), and neither axis nor unit, which "
+                "zones imply. Correct the keys."
             )
         perpendicular = device.preset is not None and device.preset.range_kind == "perpendicular"
         (rows, columns), (height, width) = self.zones, np.broadcast_to(self.field, 2).tolist()
@@ -171,7 +159,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         for r, c in np.ndindex(rows, columns):
             across = np.tan([width * ((c + 0.5) / columns - 0.5), height * ((r + 0.5) / rows - 0.5)])
             turned = SO3.frame_from_axis(np.append(across, 1.0), 2)
-            zone = {
+            zone: dict[str, Any] = {
                 "name": f"{device.name}.{r + 1}.{c + 1}",
                 "T_hand_sensor": device.T_hand_sensor @ SE3.from_parts(turned, np.zeros(3)),
                 "axis_cosine": float(turned[2, 2]) if perpendicular else 1.0,
@@ -211,7 +199,9 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
 class RigTable(Table, frozen=True, kw_only=True, eq=False):
     """A rig file."""
 
-    sensors: Annotated[dict[str, SensorTable], Meta(title="sensor", description="tables [sensors.NAME], one a sensor")]
+    sensors: Annotated[
+        Mapping[str, SensorTable], Meta(title="sensor", description="tables [sensors.NAME], one a sensor")
+    ]
 
 
 def read_rig(path: str | Path) -> Rig:
