@@ -81,24 +81,18 @@ def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = type
         advice = place.advice or "Write [name] and its keys below."
         expected = f"a table [{'.'.join(place.tables)}]" if place.text else "a table"
         raise InputError(f"{place}: expected {expected}, got {show(raw)}. {advice}")
-    known = _fields(cast(Any, kind))
     written: dict[str, str] = {}
-    factors: dict[str, float] = {}
     place = replace(place, table=raw, written=written)
-    for key in raw:
-        name, factors[key] = _field(key, known, place)
+    values: dict[str, Any] = {"at": place} if issubclass(kind, Table) else {}
+    for key, item in raw.items():
+        name, factor = _field(cast(Any, kind), key, place)
         if name in written:
             raise place.error(f"expected '{name}' once, got it in two units. Keep one.", key, UnitError)
         written[name] = key
-    values: dict[str, Any] = {}
-    for name, (hint, default) in known.items():
-        if name in written:
-            key = written[name]
-            values[name] = value(hint, raw[key], place, name, factors[key])
-        elif default is NODEFAULT and name not in blank:
+        values[name] = value(_fields(cast(Any, kind))[name][0], item, place, name, factor)
+    for name, (hint, default) in _fields(cast(Any, kind)).items():
+        if default is NODEFAULT and name not in values and name not in blank:
             raise place.error(f"expected {_wanted(name, hint)}, got nothing. {place.advice or 'Add it.'}")
-    if issubclass(kind, Table):
-        values["at"] = place
     return made(kind, {**blank, **values}, str(place))
 
 
@@ -127,19 +121,25 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
         inner = place.inside(name)
         return {k: table(kinds[1], v, inner.inside(k, title and f"{title} '{k}'")) for k, v in raw.items()}
     if origin is np.ndarray:
-        dtype = get_args(kinds[1])[0]
-        return _array(raw, dtype, place, name) if numbers is None else _numbers(raw, numbers, place, name, factor)
+        return _array(raw, get_args(kinds[1])[0], numbers, place, name, factor)
     if origin in (tuple, Sequence):
         return _sequence(kinds, raw, place, name)
-    if numbers is not None:
-        raw = _finite(raw, place, name) * factor if not isinstance(raw, list) else raw
-    elif hint is float and isinstance(raw, str) and raw in _NOT_FINITE:
-        return _NOT_FINITE[raw]
+    if numbers is not None and not isinstance(raw, list):
+        if not _is_number(raw):
+            raise place.refused(name, "finite numbers")
+        raw = raw * factor
+    elif hint is float and isinstance(raw, str):
+        raw = _NOT_FINITE.get(raw, raw)
     try:
         return msgspec.convert(raw, Annotated[hint, meta] if meta else hint)
     except msgspec.ValidationError:
         advice = "Write it in quotes." if hint is str else "Correct it."
         raise place.refused(name, _words(hint, meta, name), advice) from None
+
+
+def names_of(kind: type[Table]) -> dict[str, str]:
+    """The field of each key that a table may have."""
+    return {key: name for key, (name, _) in _keys(kind).items()}
 
 
 def is_table(kind: Any) -> bool:
@@ -168,9 +168,9 @@ def toml_lines(one: Table) -> list[str]:
         if isinstance(got, str):
             lines.append(f"{name} = {msgspec.json.encode(got).decode()}")
         elif got is not None:
-            numbers = next(n for h in (hint, *get_args(hint)) if (n := _unwrapped(h)[1]) is not None)
-            unit, factor = next(iter(numbers.units.items()))
-            lines.append(f"{name}{unit} = {_written(np.asarray(got) / factor, numbers.digits)}")
+            numbers = _numbers_of(hint)
+            key, factor = next(iter(numbers.keys(name).items()))
+            lines.append(f"{key} = {_written(np.asarray(got) / factor, numbers.digits)}")
     return lines
 
 
@@ -203,33 +203,39 @@ def _unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
     return hint if alias is None else alias[get_args(hint)], numbers, meta
 
 
-def _units(hint: Any) -> dict[str, float]:
-    hints = [_unwrapped(h) for h in (hint, *get_args(hint))]
-    return next((numbers.units for _, numbers, _ in hints if numbers is not None), {"": 1.0})
+def _numbers_of(hint: Any) -> Numbers:
+    """The numbers of an annotation, or of what it may be besides None."""
+    return next((n for h in (hint, *get_args(hint)) if (n := _unwrapped(h)[1]) is not None), Numbers())
 
 
-def _field(key: str, known: Mapping[str, tuple[Any, Any]], place: Place) -> tuple[str, float]:
+@cache
+def _keys(kind: type) -> dict[str, tuple[str, float]]:
+    """Field and factor of each key that a table may have."""
+    numbers = {name: _numbers_of(hint) for name, (hint, _) in _fields(kind).items()}
+    return {key: (name, factor) for name, one in numbers.items() for key, factor in one.keys(name).items()}
+
+
+def _field(kind: type, key: str, place: Place) -> tuple[str, float]:
     """Field and factor of a key."""
-    units = {name: _units(hint) for name, (hint, _) in known.items()}
-    for name, ends in units.items():
-        if key.startswith(name) and key[len(name) :] in ends:
-            return name, ends[key[len(name) :]]
-    for name, ends in sorted(units.items(), reverse=True):
-        if "" not in ends and (key == name or key.startswith(f"{name}_")):
-            listed = ", ".join(f"{name}{end}" for end in ends)
-            raise place.error(f"expected one of {listed}, got '{key}'. Say the unit in the name.", key, UnitError)
-    names = [name + next(iter(ends)) for name, ends in units.items()]
-    hint = did_you_mean(key, names) or " Correct the name."
-    message = f"expected one of {', '.join(names)}, got '{show(key)}'.{hint}"
-    raise InputError(f"{place}: {message}{place._line(key)}")
+    if key in _keys(kind):
+        return _keys(kind)[key]
+    keys = {name: list(_numbers_of(hint).keys(name)) for name, (hint, _) in _fields(kind).items()}
+    for name, own in sorted(keys.items(), reverse=True):
+        if name not in own and (key == name or key.startswith(f"{name}_")):
+            raise place.error(
+                f"expected one of {', '.join(own)}, got '{key}'. Say the unit in the name.", key, UnitError
+            )
+    known = [own[0] for own in keys.values()]
+    hint = did_you_mean(key, known) or " Correct the name."
+    raise InputError(f"{place}: expected one of {', '.join(known)}, got '{show(key)}'.{hint}{place.line(key)}")
 
 
 def _wanted(name: str, hint: Any) -> str:
     """A field that has to be there, in words."""
     bare, numbers, meta = _unwrapped(hint)
-    key = f"'{name}{next(iter(_units(hint)))}'"
     if is_table(bare) or get_origin(bare) is Mapping:
         return _words(bare, meta, name)
+    key = f"'{next(iter(_numbers_of(hint).keys(name)))}'"
     return f"{key} ({numbers.shapes[0][0]} numbers)" if numbers is not None and numbers.shapes[0] else key
 
 
@@ -269,51 +275,34 @@ def _sequence(kinds: tuple[Any, ...], raw: Any, place: Place, name: str) -> tupl
     return tuple(value(kind, item, inner, key) for kind, (key, item) in zip(kinds, items.items(), strict=True))
 
 
-def _finite(raw: Any, place: Place, name: str) -> float:
-    if isinstance(raw, bool) or not isinstance(raw, int | float) or not math.isfinite(raw):
-        raise place.refused(name, "finite numbers")
-    return float(raw)
+def _is_number(cell: Any) -> bool:
+    return isinstance(cell, int | float) and not isinstance(cell, bool) and abs(cell) < 1e300
 
 
-def _numbers(raw: Any, numbers: Numbers, place: Place, name: str, factor: float) -> FloatArray:
-    """Finite numbers of one of the shapes, in SI."""
-    flat: list[Any] = []
-    shape = _shape(raw, flat, place, name)
-    values = np.array([_finite(item, place, name) for item in flat]).reshape(shape) * factor
-    if shape not in numbers.shapes:
+def _array(raw: Any, dtype: type, numbers: Numbers | None, place: Place, name: str, factor: float) -> np.ndarray:
+    """An array: finite numbers of one of the shapes, in SI, or what :func:`as_plain` writes of any other."""
+    cells = np.array(raw, dtype=object)
+    flat = cells.ravel().tolist()
+    if dtype is np.float64:
+        written = {} if numbers is not None else _NOT_FINITE
+        good = all(_is_number(c) or (isinstance(c, str) and c in written) for c in flat)
+        flat = [written.get(c, c) for c in flat] if good else flat
+    else:
+        whole = bool if dtype is np.bool_ else int
+        good = all(type(c) is whole and abs(c) <= 2**62 for c in flat)
+    if not good:
+        words = {np.float64: "finite numbers" if numbers else "numbers", np.bool_: "true or false"}
+        raise place.refused(name, words.get(dtype, "whole numbers"))
+    values: np.ndarray = np.array(flat, dtype=dtype).reshape(cells.shape)
+    return values if numbers is None else _checked(values * factor, numbers, place, name)
+
+
+def _checked(values: FloatArray, numbers: Numbers, place: Place, name: str) -> FloatArray:
+    if numbers.shapes and values.shape not in numbers.shapes:
         expected = " x ".join(map(str, numbers.shapes[0]))
-        raise place.refused(name, f"{expected} numbers" if expected else numbers.words, got=expected and str(len(flat)))
+        got = str(values.size) if expected else ""
+        raise place.refused(name, f"{expected} numbers" if expected else numbers.words, got=got)
     made = values if numbers.rule is None else numbers.rule(values)
     if made is None:
         raise place.refused(name, numbers.words)
     return made
-
-
-def _array(raw: Any, dtype: type, place: Place, name: str) -> np.ndarray:
-    """An array as :func:`as_plain` writes it."""
-    flat: list[Any] = []
-    shape = _shape(raw, flat, place, name)
-    whole = bool if dtype is np.bool_ else int
-    if dtype is np.float64:
-        flat = [_NOT_FINITE.get(item, item) if isinstance(item, str) else item for item in flat]
-    good = all(
-        isinstance(item, int | float) and not isinstance(item, bool) and (not math.isfinite(item) or abs(item) < 1e300)
-        if dtype is np.float64
-        else type(item) is whole and abs(item) <= 2**62
-        for item in flat
-    )
-    if not good:
-        words = {np.float64: "numbers", np.bool_: "true or false"}.get(dtype, "whole numbers")
-        raise place.refused(name, words)
-    return np.array(flat, dtype=dtype).reshape(shape)
-
-
-def _shape(raw: Any, flat: list[Any], place: Place, name: str) -> tuple[int, ...]:
-    """Shape of a nested list, whose items are appended to ``flat``."""
-    if not isinstance(raw, list):
-        flat.append(raw)
-        return ()
-    shapes = {_shape(item, flat, place, name) for item in raw}
-    if len(shapes) > 1:
-        raise place.refused(name, "rows of one length")
-    return (len(raw), *(shapes.pop() if shapes else ()))

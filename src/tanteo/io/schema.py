@@ -29,10 +29,11 @@ class Numbers:
 
     Attributes:
         of: length, angle, time, speed, turn, rate (the key ends in a unit) or plain.
-        shapes: that an array may have.
+        shapes: that an array may have; any without one.
         rule: makes the value of an array of such a shape, None if it is none.
         words: what is expected of an array, besides its shape.
         digits: with which they are written.
+        others: more keys of the same field, without a unit.
     """
 
     of: str = "plain"
@@ -40,11 +41,12 @@ class Numbers:
     rule: Callable[[FloatArray], FloatArray | None] | None = None
     words: str = ""
     digits: int = 6
+    others: tuple[str, ...] = ()
 
-    @property
-    def units(self) -> dict[str, float]:
-        """Factors to SI by the end of the key."""
-        return {f"_{unit}" if unit else "": factor for unit, factor in _UNITS[self.of].items()}
+    def keys(self, name: str) -> dict[str, float]:
+        """Factors to SI by the keys of a field."""
+        ends = {f"{name}_{unit}" if unit else name: factor for unit, factor in _UNITS[self.of].items()}
+        return {**ends, **dict.fromkeys(self.others, 1.0)}
 
 
 def _direction(d: FloatArray) -> FloatArray | None:
@@ -102,13 +104,13 @@ class Place:
         """What is wrong with a field, by its key and value as they are written."""
         key = self.written.get(name, name)
         got = got or show(repr(self.table.get(key)))
-        return InputError(f"{self}, {key}: expected {expected}, got {got}. {self.advice or advice}{self._line(key)}")
+        return InputError(f"{self}, {key}: expected {expected}, got {got}. {self.advice or advice}{self.line(key)}")
 
     def error(self, message: str, key: str = "", kind: type[InputError] = InputError) -> InputError:
         """An error of the table as a whole, or of a key of it."""
-        return kind(f"{self}{f', {key}' if key in self.table else ''}: {message}{self._line(key)}")
+        return kind(f"{self}{f', {key}' if key in self.table else ''}: {message}{self.line(key)}")
 
-    def _line(self, key: str) -> str:
+    def line(self, key: str) -> str:
         """`` See line 7.``, if the key or the table of this name is found in the text."""
         inside = ""
         for number, line in enumerate(self.text.splitlines(), 1):
