@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from tanteo.errors import InputError
 from tanteo.io import read_readings
-from tanteo.io.session_record import read_record
+from tanteo.io import read_record
 from tanteo.lie import SE3, SO3
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

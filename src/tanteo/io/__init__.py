@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from tanteo.io.camera_file import read_camera
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
-    from tanteo.io.part_files import parts_of
+    from tanteo.io.part_files import part_file, parts_of
     from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table
     from tanteo.io.readings_csv import read_readings, write_readings
+    from tanteo.io.record_tables import SessionRecord
     from tanteo.io.result_json import (
         EMPTY,
         differences,
@@ -33,20 +34,28 @@ if TYPE_CHECKING:
         sight_json,
     )
     from tanteo.io.rig_checks import suspect_metres
-    from tanteo.io.rig_file import read_rig, rig_document, rig_text, shipped_rigs, write_rig
+    from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
     from tanteo.io.scene_file import SceneFile, read_scene
-    from tanteo.io.session_record import SessionRecord, load_record, read_record, resumed, write_record
+    from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
-    from tanteo.io.work_json import calibration_document, distinction_json, part_json, plan_csv, plan_json, sensed_json
+    from tanteo.io.work_json import (
+        calibration_document,
+        distinction_json,
+        part_json,
+        plan_csv,
+        plan_json,
+        rig_document,
+        sensed_json,
+    )
 
 __all__ = [
     "BRANDS", "EMPTY", "Brand", "SceneFile", "SessionRecord", "calibration_document", "differences", "distinction_json",
     "document_json", "executed_json", "explanation_document", "load_record", "parse_angle", "parse_box", "parse_length",
-    "parse_lengths", "parse_pose_prior", "parse_table", "part_json", "parts_of", "plan_csv", "plan_json",
+    "parse_lengths", "parse_pose_prior", "parse_table", "part_file", "part_json", "parts_of", "plan_csv", "plan_json",
     "pose_as_brand", "pose_from_brand", "prior_brand", "read_camera", "read_image", "read_marks", "read_prior",
     "read_readings", "read_record", "read_rig", "read_scene", "recognition_document", "recognition_json", "resumed",
-    "rig_document", "rig_text", "sensed_json", "shipped_rigs", "sight_json", "suspect_metres", "write_image",
-    "write_readings", "write_record", "write_rig",
+    "rig_document", "rig_text", "sensed_json", "session_document", "shipped_rigs", "sight_json", "suspect_metres",
+    "write_image", "write_readings", "write_record", "write_rig",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -57,7 +66,7 @@ __getattr__, __dir__ = lazy(
         "camera_file": "read_camera",
         "images": "read_image write_image",
         "marks_csv": "read_marks",
-        "part_files": "parts_of",
+        "part_files": "part_file parts_of",
         "poses": "BRANDS Brand pose_as_brand pose_from_brand",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table",
@@ -65,10 +74,11 @@ __getattr__, __dir__ = lazy(
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
         "rig_checks": "suspect_metres",
-        "rig_file": "read_rig rig_document rig_text shipped_rigs write_rig",
+        "rig_file": "read_rig rig_text shipped_rigs write_rig",
         "scene_file": "SceneFile read_scene",
-        "session_record": "SessionRecord load_record read_record resumed write_record",
+        "record_tables": "SessionRecord",
+        "session_record": "load_record read_record resumed session_document write_record",
         "units": "parse_angle parse_length parse_lengths",
-        "work_json": "calibration_document distinction_json part_json plan_csv plan_json sensed_json",
+        "work_json": "calibration_document distinction_json part_json plan_csv plan_json rig_document sensed_json",
     },
 )

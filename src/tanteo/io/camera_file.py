@@ -14,8 +14,8 @@ import numpy as np
 from msgspec import Meta
 
 from tanteo.errors import InputError, MissingExtraError
-from tanteo.io.document import made, names_of, table
-from tanteo.io.schema import Numbers, Place, Table
+from tanteo.io.document import made, table
+from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.typing import FloatArray
 from tanteo.vision import COEFFICIENTS, USUAL, Camera
 
@@ -94,7 +94,7 @@ def read_camera(path: str | Path) -> Camera:
 def _known(document: Mapping[str, Any]) -> dict[str, Any]:
     """The keys that a camera needs, each once, with their numbers in one row."""
     known: dict[str, tuple[str, Any]] = {}
-    for key, name in names_of(CameraTable).items():
+    for key, (name, _) in keys_of(CameraTable).items():
         if key in document and name not in known:
             value = document[key]
             value = value.get("data") if isinstance(value, Mapping) else value

@@ -10,17 +10,26 @@ import math
 import tomllib
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
-from functools import cache
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
 from msgspec import NODEFAULT, Meta
 
 from tanteo.errors import InputError, UnitError, did_you_mean
-from tanteo.io.schema import Numbers, Place, Table, show
+from tanteo.io.schema import (
+    Numbers,
+    Place,
+    Table,
+    fields_of,
+    is_table,
+    keys_of,
+    numbers_of,
+    show,
+    unwrapped,
+)
 from tanteo.typing import FloatArray
 
 T = TypeVar("T")
@@ -89,8 +98,8 @@ def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = type
         if name in written:
             raise place.error(f"expected '{name}' once, got it in two units. Keep one.", key, UnitError)
         written[name] = key
-        values[name] = value(_fields(cast(Any, kind))[name][0], item, place, name, factor)
-    for name, (hint, default) in _fields(cast(Any, kind)).items():
+        values[name] = value(fields_of(cast(Any, kind))[name][0], item, place, name, factor)
+    for name, (hint, default) in fields_of(cast(Any, kind)).items():
         if default is NODEFAULT and name not in values and name not in blank:
             raise place.error(f"expected {_wanted(name, hint)}, got nothing. {place.advice or 'Add it.'}")
     return made(kind, {**blank, **values}, str(place))
@@ -106,7 +115,7 @@ def made(kind: Callable[..., T], values: Mapping[str, Any], place: str) -> T:
 
 def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> Any:
     """The value of an annotation: a table, some of them by name, a sequence, an array, or what msgspec makes of it."""
-    hint, numbers, meta = _unwrapped(hint)
+    hint, numbers, meta = unwrapped(hint)
     origin, kinds = get_origin(hint), get_args(hint)
     if hint is object:
         return raw
@@ -137,89 +146,11 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
         raise place.refused(name, _words(hint, meta, name), advice) from None
 
 
-def names_of(kind: type[Table]) -> dict[str, str]:
-    """The field of each key that a table may have."""
-    return {key: name for key, (name, _) in _keys(kind).items()}
-
-
-def is_table(kind: Any) -> bool:
-    """Whether its values are tables of a document."""
-    return isinstance(kind, type) and (issubclass(kind, Table) or is_dataclass(kind))
-
-
-def as_plain(value: Any) -> Any:
-    """Dictionaries, lists, texts and numbers of a value, for :func:`value` to read: no digit is lost."""
-    if is_dataclass(value) or isinstance(value, Table):
-        return {name: as_plain(getattr(value, name)) for name in _fields(cast(Any, type(value)))}
-    if isinstance(value, np.ndarray | np.generic):
-        return as_plain(value.tolist())
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [as_plain(item) for item in value]
-    if isinstance(value, Mapping):
-        return {key: as_plain(item) for key, item in value.items()}
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def toml_lines(one: Table) -> list[str]:
-    """The lines of a table: what is not None, in the order of its class, with the first unit of each."""
-    lines = []
-    for name, (hint, _) in _fields(type(one)).items():
-        got = getattr(one, name)
-        if isinstance(got, str):
-            lines.append(f"{name} = {msgspec.json.encode(got).decode()}")
-        elif got is not None:
-            numbers = _numbers_of(hint)
-            key, factor = next(iter(numbers.keys(name).items()))
-            lines.append(f"{key} = {_written(np.asarray(got) / factor, numbers.digits)}")
-    return lines
-
-
-def _written(values: FloatArray, digits: int) -> str:
-    if values.ndim == 2:
-        return "[\n" + "".join(f"  {_written(row, digits)},\n" for row in values) + "]"
-    if values.ndim == 1:
-        return f"[{', '.join(_written(v, digits) for v in values)}]"
-    return f"{float(values):.{digits}g}" if values else "0"
-
-
-@cache
-def _fields(kind: type) -> dict[str, tuple[Any, Any]]:
-    """Annotation and default of each field; those of data classes all have to be there."""
-    hints = get_type_hints(kind, include_extras=True)
-    if issubclass(kind, Table):
-        return {f.name: (hints[f.name], f.default) for f in msgspec.structs.fields(kind) if f.name != "at"}
-    return {f.name: (hints[f.name], NODEFAULT) for f in fields(cast(Any, kind)) if f.init}
-
-
-def _unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
-    """Type, numbers and constraints of an annotation."""
-    numbers, meta = None, None
-    if get_origin(hint) is Annotated:
-        hint, *more = get_args(hint)
-        numbers = next((m for m in more if isinstance(m, Numbers)), None)
-        meta = next((m for m in more if isinstance(m, Meta)), None)
-    # NumPy's NDArray is an alias of the type statement from 2.5 on
-    alias = getattr(get_origin(hint), "__value__", None)
-    return hint if alias is None else alias[get_args(hint)], numbers, meta
-
-
-def _numbers_of(hint: Any) -> Numbers:
-    """The numbers of an annotation, or of what it may be besides None."""
-    return next((n for h in (hint, *get_args(hint)) if (n := _unwrapped(h)[1]) is not None), Numbers())
-
-
-@cache
-def _keys(kind: type) -> dict[str, tuple[str, float]]:
-    """Field and factor of each key that a table may have."""
-    numbers = {name: _numbers_of(hint) for name, (hint, _) in _fields(kind).items()}
-    return {key: (name, factor) for name, one in numbers.items() for key, factor in one.keys(name).items()}
-
-
 def _field(kind: type, key: str, place: Place) -> tuple[str, float]:
     """Field and factor of a key."""
-    if key in _keys(kind):
-        return _keys(kind)[key]
-    keys = {name: list(_numbers_of(hint).keys(name)) for name, (hint, _) in _fields(kind).items()}
+    if key in keys_of(kind):
+        return keys_of(kind)[key]
+    keys = {name: list(numbers_of(hint).keys(name)) for name, (hint, _) in fields_of(kind).items()}
     for name, own in sorted(keys.items(), reverse=True):
         if name not in own and (key == name or key.startswith(f"{name}_")):
             raise place.error(
@@ -232,10 +163,10 @@ def _field(kind: type, key: str, place: Place) -> tuple[str, float]:
 
 def _wanted(name: str, hint: Any) -> str:
     """A field that has to be there, in words."""
-    bare, numbers, meta = _unwrapped(hint)
+    bare, numbers, meta = unwrapped(hint)
     if is_table(bare) or get_origin(bare) is Mapping:
         return _words(bare, meta, name)
-    key = f"'{next(iter(_numbers_of(hint).keys(name)))}'"
+    key = f"'{next(iter(numbers_of(hint).keys(name)))}'"
     return f"{key} ({numbers.shapes[0][0]} numbers)" if numbers is not None and numbers.shapes[0] else key
 
 

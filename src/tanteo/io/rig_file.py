@@ -17,16 +17,33 @@ from msgspec import Meta
 
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import check_covariance
-from tanteo.io.document import load_toml, made, toml_lines
+from tanteo.io.document import load_toml, made
 from tanteo.io.rig_checks import check_beam, check_twins
-from tanteo.io.schema import Covariance, Direction, Length, Number, Numbers, Place, Point, Quaternion, Table
+from tanteo.io.schema import (
+    Covariance,
+    Direction,
+    Length,
+    Number,
+    Numbers,
+    Place,
+    Point,
+    Quaternion,
+    Table,
+    toml_lines,
+)
 from tanteo.lie import SE3, SO3
 from tanteo.replaced import replaced
-from tanteo.sensors import Device, Rig, RigSensor, SensorPreset, sensor_preset
+from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
 from tanteo.typing import Covariances, FloatArray, Rotations, Transforms
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _MOST_ZONES = 4096
+_SAME = {
+    "sd": "sd", "sd_per_range": "sd_prop", "beam_half_angle": "beam_half_angle", "max": "max_range",
+    "bias_sd": "bias_sd", "bias": "bias", "scale": "scale", "scale_sd": "scale_sd",
+    "scale_covariance_m_rad": "cov_scale",
+}  # fmt: skip
+"""Keys of a table and the fields of a sensor that they are."""
 
 
 def _per_axis(sds: FloatArray) -> FloatArray | None:
@@ -73,21 +90,12 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         if preset is None and (self.sd is None or self.beam_half_angle is None):
             raise self.at.error("expected a preset, or sd_mm and beam_half_angle_deg, got neither. Add them.")
         R, T_hand_unit = self._rotation(), self._unit()
-        values = {
-            "unit": self.unit,
-            "T_hand_unit": T_hand_unit,
-            "sd": self.sd,
-            "beam_half_angle": self.beam_half_angle,
-            "max_range": self.max,
-            "bias_sd": self.bias_sd,
-            "sd_prop": self.sd_per_range,
-            "bias": self.bias,
-            "scale": self.scale,
-            "scale_sd": self.scale_sd,
-            "cov_scale": self.scale_covariance_m_rad,
+        given = {theirs: got for ours, theirs in _SAME.items() if (got := getattr(self, ours)) is not None}
+        if self.axis is not None:
             # some devices report the distance along the optical axis
-            "axis_cosine": None if self.axis is None else min(1.0, float(self.axis @ R[:, 2])),
-        }
+            given["axis_cosine"] = min(1.0, float(self.axis @ R[:, 2]))
+        if T_hand_unit is not None:
+            given |= {"unit": self.unit, "T_hand_unit": T_hand_unit}
         usual = {
             "sd": math.nan,
             "beam_half_angle": preset.beam_half_angle if preset else 0.0,
@@ -95,7 +103,6 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
             "bias_sd": preset.bias_std if preset else 0.0,
         }
         own = {"name": name, "T_hand_sensor": SE3.from_parts(R, self.position), "cov_mount": self._mount()}
-        given = {key: value for key, value in values.items() if value is not None}
         sensor = made(RigSensor, {**usual, **given, **own, "preset": preset}, str(self.at))
         check_beam(sensor, str(self.at))
         return (sensor,) if self.zones is None and self.field is None else self._zones(sensor)
@@ -171,29 +178,27 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
     def of(cls, sensor: RigSensor) -> SensorTable:
         """The table of a sensor."""
         T, U, c = sensor.T_hand_sensor, sensor.T_hand_unit, sensor.axis_cosine
-        own = sensor.sd > 0
-        # an optical axis at the right angle to the beam; on which side does not matter
-        axis = c * T[:3, 2] + math.sqrt(1 - c * c) * T[:3, 0]
-        return cls(
-            at=Place("rig"),
-            preset=None if sensor.preset is None else sensor.preset.name,
-            position=T[:3, 3],
-            quaternion_wxyz=SO3.as_quaternion(T[:3, :3]),
-            unit=sensor.unit or None,
-            unit_position=U[:3, 3] if sensor.unit else None,
-            unit_quaternion_wxyz=SO3.as_quaternion(U[:3, :3]) if sensor.unit else None,
-            sd=sensor.sd if own else None,
-            sd_per_range=sensor.sd_prop if own else None,
-            axis=axis if c < 1 else None,
-            beam_half_angle=sensor.beam_half_angle,
-            max=None if math.isnan(sensor.max_range) else sensor.max_range,
-            bias_sd=sensor.bias_sd,
-            bias=sensor.bias or None,
-            scale=sensor.scale or None,
-            scale_sd=None if math.isnan(sensor.scale_sd) else sensor.scale_sd,
-            mount_covariance_m_rad=sensor.cov_mount if sensor.cov_mount.any() else None,
-            scale_covariance_m_rad=sensor.cov_scale if sensor.cov_scale.any() else None,
-        )
+        values: dict[str, Any] = {
+            ours: got for ours, theirs in _SAME.items() if not np.isnan(got := getattr(sensor, theirs)).any()
+        }
+        values |= {"mount_covariance_m_rad": sensor.cov_mount}
+        needless = [
+            name
+            for name in ("bias", "scale", "scale_covariance_m_rad", "mount_covariance_m_rad")
+            if not np.any(values[name])
+        ]
+        for name in [*needless, *(["sd_per_range"] if "sd" not in values else [])]:
+            del values[name]
+        if sensor.unit:
+            values |= {"unit": sensor.unit, "unit_position": U[:3, 3]}
+            values["unit_quaternion_wxyz"] = SO3.as_quaternion(U[:3, :3])
+        if sensor.preset is not None:
+            values["preset"] = sensor.preset.name
+        if c < 1:
+            # an optical axis at the right angle to the beam; on which side does not matter
+            values["axis"] = c * T[:3, 2] + math.sqrt(1 - c * c) * T[:3, 0]
+        pose: dict[str, Any] = {"position": T[:3, 3], "quaternion_wxyz": SO3.as_quaternion(T[:3, :3])}
+        return cls(at=Place("rig"), **pose, **values)
 
 
 class RigTable(Table, frozen=True, kw_only=True, eq=False):
@@ -260,25 +265,3 @@ def rig_text(rig: Rig, *, comment: str = "") -> str:
         name = sensor.name if _BARE.fullmatch(sensor.name) else json.dumps(sensor.name, ensure_ascii=False)
         blocks.append("\n".join([f"[sensors.{name}]", *toml_lines(SensorTable.of(sensor))]))
     return "\n\n".join(blocks) + "\n"
-
-
-def rig_document(rig: Rig) -> dict[str, Any]:
-    """A rig as a JSON document ``tanteo.rig/1``, in metres and radians; NaN where nothing is known."""
-    return {"schema": "tanteo.rig/1", "frame": "hand", "sensors": [_sensor(s) for s in rig.sensors]}
-
-
-def _sensor(sensor: RigSensor) -> dict[str, Any]:
-    device = Device(sensor.name, sensor.preset, sensor)
-    return {
-        "name": sensor.name,
-        "preset": None if sensor.preset is None else sensor.preset.name,
-        "matrix": sensor.T_hand_sensor.tolist(),
-        "noise": {name: float(getattr(device.law, name)) for name in ("const", "prop", "quad", "exp_d0", "exp_k")},
-        "beam_half_angle_rad": sensor.beam_half_angle,
-        "range_m": [device.min_range, device.max_range],
-        "axis_cosine": sensor.axis_cosine,
-        "bias_m": sensor.bias,
-        "bias_sd_m": device.bias_sd,
-        "scale": sensor.scale,
-        "covariance": {"order": "x y z rx ry rz scale", "frame": "sensor", "matrix": device.cov_unit.tolist()},
-    }

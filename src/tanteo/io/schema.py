@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
+from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
+from msgspec import NODEFAULT, Meta
 
 from tanteo.errors import InputError
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
@@ -159,3 +162,76 @@ def show(value: Any) -> str:
     """A value in a message: its beginning."""
     text = value if isinstance(value, str) else repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+@cache
+def fields_of(kind: type) -> dict[str, tuple[Any, Any]]:
+    """Annotation and default of each field; those of data classes all have to be there."""
+    hints = get_type_hints(kind, include_extras=True)
+    if issubclass(kind, Table):
+        return {f.name: (hints[f.name], f.default) for f in msgspec.structs.fields(kind) if f.name != "at"}
+    return {f.name: (hints[f.name], NODEFAULT) for f in fields(cast(Any, kind)) if f.init}
+
+
+def unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
+    """Type, numbers and constraints of an annotation."""
+    numbers, meta = None, None
+    if get_origin(hint) is Annotated:
+        hint, *more = get_args(hint)
+        numbers = next((m for m in more if isinstance(m, Numbers)), None)
+        meta = next((m for m in more if isinstance(m, Meta)), None)
+    # NumPy's NDArray is an alias of the type statement from 2.5 on
+    alias = getattr(get_origin(hint), "__value__", None)
+    return hint if alias is None else alias[get_args(hint)], numbers, meta
+
+
+def numbers_of(hint: Any) -> Numbers:
+    """The numbers of an annotation, or of what it may be besides None."""
+    return next((n for h in (hint, *get_args(hint)) if (n := unwrapped(h)[1]) is not None), Numbers())
+
+
+@cache
+def keys_of(kind: type) -> dict[str, tuple[str, float]]:
+    """Field and factor of each key that a table may have."""
+    numbers = {name: numbers_of(hint) for name, (hint, _) in fields_of(kind).items()}
+    return {key: (name, factor) for name, one in numbers.items() for key, factor in one.keys(name).items()}
+
+
+def is_table(kind: Any) -> bool:
+    """Whether its values are tables of a document."""
+    return isinstance(kind, type) and (issubclass(kind, Table) or is_dataclass(kind))
+
+
+def as_plain(value: Any) -> Any:
+    """Dictionaries, lists, texts and numbers of a value, for :func:`value` to read: no digit is lost."""
+    if is_dataclass(value) or isinstance(value, Table):
+        return {name: as_plain(getattr(value, name)) for name in fields_of(cast(Any, type(value)))}
+    if isinstance(value, np.ndarray | np.generic):
+        return as_plain(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [as_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {key: as_plain(item) for key, item in value.items()}
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def toml_lines(one: Table) -> list[str]:
+    """The lines of a table: what is not None, in the order of its class, with the first unit of each."""
+    lines = []
+    for name, (hint, _) in fields_of(type(one)).items():
+        got = getattr(one, name)
+        if isinstance(got, str):
+            lines.append(f"{name} = {msgspec.json.encode(got).decode()}")
+        elif got is not None:
+            numbers = numbers_of(hint)
+            key, factor = next(iter(numbers.keys(name).items()))
+            lines.append(f"{key} = {_written(np.asarray(got) / factor, numbers.digits)}")
+    return lines
+
+
+def _written(values: FloatArray, digits: int) -> str:
+    if values.ndim == 2:
+        return "[\n" + "".join(f"  {_written(row, digits)},\n" for row in values) + "]"
+    if values.ndim == 1:
+        return f"[{', '.join(_written(v, digits) for v in values)}]"
+    return f"{float(values):.{digits}g}" if values else "0"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tanteo.calibration import BeamFit, Calibration
     from tanteo.features import Feature
     from tanteo.parts import Part
+    from tanteo.sensors import Rig, RigSensor
 
 
 def part_json(part: Part) -> str:
@@ -187,3 +188,27 @@ def _beam(beam: BeamFit) -> dict[str, Any]:
         },
         "undetermined": beam.undetermined,
     }  # fmt: skip
+
+
+def rig_document(rig: Rig) -> dict[str, Any]:
+    """A rig as a JSON document ``tanteo.rig/1``, in metres and radians; NaN where nothing is known."""
+    return {"schema": "tanteo.rig/1", "frame": "hand", "sensors": [_rig_sensor(s) for s in rig.sensors]}
+
+
+def _rig_sensor(sensor: RigSensor) -> dict[str, Any]:
+    from tanteo.sensors import Device
+
+    device = Device(sensor.name, sensor.preset, sensor)
+    return {
+        "name": sensor.name,
+        "preset": None if sensor.preset is None else sensor.preset.name,
+        "matrix": sensor.T_hand_sensor.tolist(),
+        "noise": {name: float(getattr(device.law, name)) for name in ("const", "prop", "quad", "exp_d0", "exp_k")},
+        "beam_half_angle_rad": sensor.beam_half_angle,
+        "range_m": [device.min_range, device.max_range],
+        "axis_cosine": sensor.axis_cosine,
+        "bias_m": sensor.bias,
+        "bias_sd_m": device.bias_sd,
+        "scale": sensor.scale,
+        "covariance": {"order": "x y z rx ry rz scale", "frame": "sensor", "matrix": device.cov_unit.tolist()},
+    }
