@@ -106,7 +106,7 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, line, error, message):
 def test_what_is_missing_is_named(tmp_path):
     with pytest.raises(InputError, match=r"pins.toml, pin: expected 'tip_mm' \(3 numbers\), got nothing. Add it."):
         read(tmp_path, "[pin]\n")
-    with pytest.raises(InputError, match=r"pins.toml: expected 'pin', got nothing. Add it."):
+    with pytest.raises(InputError, match=r"pins.toml: expected a table \[pin\], got nothing. Add it."):
         read(tmp_path, "")
     with pytest.raises(
         InputError, match=r"pins.toml, pin: expected a table \[pin\], got 3. Write \[name\] and its keys"

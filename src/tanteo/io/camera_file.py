@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.io.document import made, table
@@ -20,6 +19,7 @@ from tanteo.typing import FloatArray
 from tanteo.vision import COEFFICIENTS, USUAL, Camera
 
 _FISHEYE, _RECTIFY = re.compile("fisheye|equidistant|kannala"), "Rectify the image first."
+_MODELS = ("plumb_bob", "rational_polynomial", "")
 _ALIKE = 0.85
 _OURS = ("T_world_camera", "edge_sd_px")
 
@@ -33,9 +33,7 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
     distortion_coefficients: Annotated[
         FloatArray, Numbers("plain", (), others=("distCoeffs", "dist_coeffs", "D", "d", "D1"))
     ] = np.zeros(0)
-    distortion_model: Annotated[
-        str, Meta(pattern="^(plumb_bob|rational_polynomial|)$", description="plumb_bob or rational_polynomial")
-    ] = ""
+    distortion_model: str = ""
     image_width: Annotated[float, Numbers(others=("width", "imageWidth"))] | None = None
     image_height: Annotated[float, Numbers(others=("height", "imageHeight"))] | None = None
     image_size: Annotated[FloatArray, Numbers("plain", ((2,),))] | None = None
@@ -46,7 +44,11 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         """The camera."""
         if self.camera_matrix is None:
             raise self.at.error("expected a key camera_matrix (OpenCV, ROS) or k, got none. Give a calibration file.")
-        size = (self.image_width, self.image_height) if self.image_size is None else tuple(self.image_size.tolist())
+        if self.distortion_model not in _MODELS:
+            raise self.at.refused("distortion_model", "plumb_bob or rational_polynomial", _RECTIFY)
+        size = (self.image_width, self.image_height)
+        if self.image_width is None and self.image_size is not None:
+            size = (float(self.image_size[0]), float(self.image_size[1]))
         if None in size:
             raise self.at.error(
                 f"expected image_width and image_height in pixels, got {size[0]!r} and {size[1]!r}. Add them."
@@ -55,7 +57,11 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         if more.any():
             raise self.at.error(f"expected no thin prism and no tilt (k9 to k14), got {more.tolist()}. {_RECTIFY}")
         pose = None if self.T_world_camera is None else self.T_world_camera.reshape(4, 4)
-        values = {"K": self.camera_matrix.reshape(3, 3), "size": tuple(map(int, size)), "T_world_camera": pose}
+        values = {
+            "K": self.camera_matrix.reshape(3, 3),
+            "size": tuple(int(v) for v in size if v is not None),
+            "T_world_camera": pose,
+        }
         more_values = {"distortion": k if k.any() else np.zeros(0), "edge_sd": self.edge_sd_px}
         return made(Camera, values | more_values, str(self.at))
 

@@ -124,7 +124,7 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
     if is_table(hint):
         return table(hint, raw, place.inside(name))
     if origin is Mapping:
-        if not isinstance(raw, dict) or not raw:
+        if not isinstance(raw, dict) or (not raw and meta is not None and meta.min_length):
             raise place.refused(name, _words(hint, meta, name), "Write one for each.")
         title = (meta and meta.title) or ""
         inner = place.inside(name)
@@ -175,7 +175,7 @@ def _words(hint: Any, meta: Meta | None, name: str = "") -> str:
     if meta is not None and meta.description:
         return meta.description
     if is_table(hint):
-        return f"'{name}'"
+        return f"a table [{name}]"
     if get_origin(hint) is Mapping:
         return f"tables [{name}.NAME]"
     kind = {float: "one number", str: "a text", int: "a whole number", bool: "true or false"}[hint]

@@ -205,7 +205,7 @@ class RigTable(Table, frozen=True, kw_only=True, eq=False):
     """A rig file."""
 
     sensors: Annotated[
-        Mapping[str, SensorTable], Meta(title="sensor", description="tables [sensors.NAME], one a sensor")
+        Mapping[str, SensorTable], Meta(title="sensor", min_length=1, description="tables [sensors.NAME], one a sensor")
     ]
 
 

@@ -179,7 +179,9 @@ class Document(Table, frozen=True, kw_only=True, eq=False):
 
     seed: Annotated[int, Meta(ge=0)] = 0
     table: TopTable | None = None
-    parts: Annotated[Mapping[str, PartTable], Meta(title="part", description="at least one table [parts.NAME]")]
+    parts: Annotated[
+        Mapping[str, PartTable], Meta(title="part", min_length=1, description="at least one table [parts.NAME]")
+    ]
     occluders: Annotated[Mapping[str, BoxTable], Meta(title="occluder")] = _NONE
     hand: HandTable
     workspace: SpaceTable | None = None
