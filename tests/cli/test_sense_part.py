@@ -8,8 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError
-from tanteo.io import read_readings
-from tanteo.io import read_record
+from tanteo.io import read_readings, read_record
 from tanteo.lie import SE3, SO3
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
