@@ -11,7 +11,7 @@ import pytest
 
 import tanteo
 
-HEAVY = ["OCP", "trimesh", "scipy.stats", "typer", "rich", "matplotlib", "cv2", "networkx", "scipy.spatial"]
+HEAVY = ["OCP", "trimesh", "scipy.stats", "typer", "rich", "matplotlib", "cv2", "networkx", "scipy.spatial", "msgspec"]
 
 
 @pytest.mark.parametrize("name", tanteo.__all__)

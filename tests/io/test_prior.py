@@ -193,7 +193,7 @@ NEAR = "[pose_prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
             "pose_prior, ros: quaternion: expected",
         ),
         (NEAR + "sd_mm = 1\nturn_sd = 1\n", "expected one of turn_sd_deg, turn_sd_rad"),
-        (NEAR + "covariance_m_rad = [1, 2]\n", "expected 36 numbers, got 2"),
+        (NEAR + "covariance_m_rad = [1, 2]\n", "expected 6 x 6 numbers, got 2"),
         (NEAR + f"covariance_m_rad = {np.zeros((6, 6)).tolist()}\n", "expected a positive variance"),
         (NEAR + f"covariance_m_rad = {(-np.eye(6)).tolist()}\n", "pose_prior, covariance_m_rad"),
         (NEAR + f"ros_covariance_m_rad = {np.eye(6).tolist()}\nturn_sd_deg = 3\n", "got sd_mm and turn_sd_deg and ros"),

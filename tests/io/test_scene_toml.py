@@ -117,7 +117,7 @@ def test_the_least_there_must_be(tmp_path):
         (("looks = [0, 0.0, -1]", "looks = [0, 0, 0]"), "looks: expected a direction that is not zero"),
         (("pair = [0, 1, 0]", "pair = [0, 0, 1]"), "pair: expected a direction across looks"),
         (("rate_hz = 50", "rate_hz = true"), "rate_hz: expected finite numbers"),
-        (("latency_ms = 20", "latency_ms = -5"), "latency_ms: expected one number of 0 or more, got -5"),
+        (("latency_ms = 20", "latency_ms = -5"), "latency_ms: expected one number of zero or more, got -5"),
         (('robot = "calibrated_small"', 'robot = "r2d2"'), "robot: expected one of"),
         (("point_mm = [-40, 40, 110]\n", ""), "sense.plane: expected 'point_mm'"),
         (("arriving = [1, 0, 0]", "arriving = [0, 1, 0]"), "leaving: expected an edge that meets"),
@@ -168,8 +168,8 @@ def test_a_rough_place_and_the_furniture(tmp_path):
     [
         ("position_mm = [1, 2, 3]\nturn_sd_deg = 8", "expected 'sd_mm'"),
         ("sd_mm = 3\nturn_sd_deg = 80", "attitude known to 60 degrees"),
-        ("sd_mm = [3, 4]\nturn_sd_deg = 8", "expected one number"),
-        ("sd_mm = -3\nturn_sd_deg = 8", "positive standard deviations"),
+        ("sd_mm = [3, 4]\nturn_sd_deg = 8", "expected one positive number or three"),
+        ("sd_mm = -3\nturn_sd_deg = 8", "expected one positive number or three"),
     ],
 )
 def test_a_rough_place_that_is_none(tmp_path, table, message):

@@ -3,26 +3,67 @@
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
+from tanteo.io.document import made, table
+from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.typing import FloatArray
 from tanteo.vision import COEFFICIENTS, USUAL, Camera
 
-_MATRIX = ("camera_matrix", "cameraMatrix", "K", "k", "M1")
-_DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "d", "D1")
-_WIDTH, _HEIGHT = ("image_width", "width", "imageWidth"), ("image_height", "height", "imageHeight")
-_MODELS = ("plumb_bob", "rational_polynomial", "")
 _FISHEYE, _RECTIFY = re.compile("fisheye|equidistant|kannala"), "Rectify the image first."
+_MODELS = ("plumb_bob", "rational_polynomial", "")
 _ALIKE = 0.85
-_POSE, _EXACT = "T_world_camera", "edge_sd_px"
+_OURS = ("T_world_camera", "edge_sd_px")
+
+
+class CameraTable(Table, frozen=True, kw_only=True, eq=False):
+    """What a camera needs of a calibration file, under the names that OpenCV and ROS give it."""
+
+    camera_matrix: Annotated[FloatArray, Numbers("plain", ((9,),), others=("cameraMatrix", "K", "k", "M1"))] | None = (
+        None
+    )
+    distortion_coefficients: Annotated[
+        FloatArray, Numbers("plain", (), others=("distCoeffs", "dist_coeffs", "D", "d", "D1"))
+    ] = np.zeros(0)
+    distortion_model: str = ""
+    image_width: Annotated[float, Numbers(others=("width", "imageWidth"))] | None = None
+    image_height: Annotated[float, Numbers(others=("height", "imageHeight"))] | None = None
+    image_size: Annotated[FloatArray, Numbers("plain", ((2,),))] | None = None
+    T_world_camera: Annotated[FloatArray, Numbers("plain", ((16,),))] | None = None
+    edge_sd_px: Annotated[float, Numbers()] = USUAL
+
+    def camera(self) -> Camera:
+        """The camera."""
+        if self.camera_matrix is None:
+            raise self.at.error("expected a key camera_matrix (OpenCV, ROS) or k, got none. Give a calibration file.")
+        if self.distortion_model not in _MODELS:
+            raise self.at.refused("distortion_model", "plumb_bob or rational_polynomial", _RECTIFY)
+        size = (self.image_width, self.image_height)
+        if self.image_width is None and self.image_size is not None:
+            size = (float(self.image_size[0]), float(self.image_size[1]))
+        if None in size:
+            raise self.at.error(
+                f"expected image_width and image_height in pixels, got {size[0]!r} and {size[1]!r}. Add them."
+            )
+        k, more = np.split(self.distortion_coefficients, [max(COEFFICIENTS)])
+        if more.any():
+            raise self.at.error(f"expected no thin prism and no tilt (k9 to k14), got {more.tolist()}. {_RECTIFY}")
+        pose = None if self.T_world_camera is None else self.T_world_camera.reshape(4, 4)
+        values = {
+            "K": self.camera_matrix.reshape(3, 3),
+            "size": tuple(int(v) for v in size if v is not None),
+            "T_world_camera": pose,
+        }
+        more_values = {"distortion": k if k.any() else np.zeros(0), "edge_sd": self.edge_sd_px}
+        return made(Camera, values | more_values, str(self.at))
 
 
 def read_camera(path: str | Path) -> Camera:
@@ -53,24 +94,25 @@ def read_camera(path: str | Path) -> Camera:
         raise InputError(f"{path}: expected a calibration file, got: {why}. Check the path.") from None
     document = _parse(text, path)
     _check_keys(document, path)
-    K = _array(document, _MATRIX, path, 9)
-    if K is None:
-        raise InputError(f"{path}: expected a key camera_matrix (OpenCV, ROS) or k, got none. Give a calibration file.")
-    distortion = _distortion(document, path)
-    pose = _array(document, (_POSE,), path, 16)
-    T = None if pose is None else pose.reshape(4, 4)
-    said, size = _array(document, (_EXACT,), path, 1), _size(document, path)
-    try:
-        return Camera(K.reshape(3, 3), size, distortion, T, edge_sd=USUAL if said is None else float(said[0]))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return table(CameraTable, _known(document), Place(str(path))).camera()
+
+
+def _known(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys that a camera needs, each once, with their numbers in one row."""
+    known: dict[str, tuple[str, Any]] = {}
+    for key, (name, _) in keys_of(CameraTable).items():
+        if key in document and name not in known:
+            value = document[key]
+            value = value.get("data") if isinstance(value, Mapping) else value
+            known[name] = key, np.array(value, dtype=object).ravel().tolist() if isinstance(value, list) else value
+    return dict(known.values())
 
 
 def _check_keys(document: Mapping[str, Any], path: Path) -> None:
     """Other programs' keys are theirs; one that is nearly ours was meant to be, and a fisheye's says so by its own."""
     for key, value in document.items():
         name = str(key)
-        meant = next((k for k in (_POSE, _EXACT) if name != k and _near(name, k)), None)
+        meant = next((k for k in _OURS if name != k and _near(name, k)), None)
         if meant is not None:
             raise InputError(f"{path}: expected a key {meant}, got '{name}'. Correct its name.")
         kind = f"{name} {value}".lower() if "model" in name.lower() else ""
@@ -88,8 +130,8 @@ def _near(name: str, key: str) -> bool:
 def _parse(text: str, path: Path) -> Mapping[str, Any]:
     if text.lstrip().startswith("{"):
         try:
-            document = json.loads(text)
-        except json.JSONDecodeError as error:
+            document = msgspec.json.decode(text)
+        except msgspec.DecodeError as error:
             raise InputError(f"{path}: expected JSON, got: {error}. Correct the file.") from None
     else:
         yaml = _yaml()
@@ -122,51 +164,3 @@ def _loader(yaml: Any) -> Any:
 
     Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", lambda loader, node: loader.construct_mapping(node, True))
     return Loader
-
-
-def _array(document: Mapping[str, Any], names: tuple[str, ...], path: Path, size: int | None) -> FloatArray | None:
-    """Numbers under the first of the names that is there, flat; None without."""
-    name = next((n for n in names if n in document), None)
-    if name is None:
-        return None
-    value = document[name]
-    if isinstance(value, Mapping):
-        value = value.get("data")
-    try:
-        out = np.array(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
-        raise InputError(f"{path}, {name}: expected numbers, got {value!r}. Correct the file.") from None
-    if size is not None and len(out) != size:
-        raise InputError(f"{path}, {name}: expected {size} numbers, got {len(out)}. Correct the file.")
-    if not np.all(np.isfinite(out)):
-        raise InputError(f"{path}, {name}: expected finite numbers, got {out.tolist()}. Correct the file.")
-    return out
-
-
-def _distortion(document: Mapping[str, Any], path: Path) -> FloatArray:
-    model = str(document.get("distortion_model", ""))
-    if model not in _MODELS:
-        raise InputError(
-            f"{path}, distortion_model: expected plumb_bob or rational_polynomial, got {model!r}. {_RECTIFY}"
-        )
-    found = _array(document, _DISTORTION, path, None)
-    k = np.zeros(0) if found is None else found
-    k, more = k[: max(COEFFICIENTS)], k[max(COEFFICIENTS) :]
-    if more.any():
-        raise InputError(f"{path}: expected no thin prism and no tilt (k9 to k14), got {more.tolist()}. {_RECTIFY}")
-    return k if k.any() else np.zeros(0)
-
-
-def _size(document: Mapping[str, Any], path: Path) -> tuple[int, int]:
-    width = next((document[n] for n in _WIDTH if n in document), None)
-    height = next((document[n] for n in _HEIGHT if n in document), None)
-    if width is None and "image_size" in document:
-        both = _array(document, ("image_size",), path, 2)
-        assert both is not None
-        width, height = both
-    try:
-        return int(width), int(height)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{path}: expected image_width and image_height in pixels, got {width!r} and {height!r}. Add them."
-        ) from None

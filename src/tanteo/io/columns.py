@@ -1,9 +1,10 @@
-"""The columns of a readings file: names, units in the names, groups that come together."""
+"""The columns of a readings file: names, units in the names, groups that come together; and its lines that count."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TextIO
 
 from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
@@ -120,3 +121,17 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+class Lines:
+    """The lines of a file without comments and blank ones; knows the number of the last."""
+
+    def __init__(self, text: TextIO) -> None:
+        self._text = text
+        self.number = 0
+
+    def __iter__(self) -> Iterator[str]:
+        for self.number, line in enumerate(self._text, start=1):  # noqa: B020
+            # letters, digits and signs come after '#': most lines need no second look
+            if line[0] > "#" or ((bare := line.lstrip()) and bare[0] != "#"):
+                yield line

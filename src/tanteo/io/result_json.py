@@ -1,46 +1,61 @@
-"""The result document ``tanteo.recognition/1``: strict JSON, one document (``docs/formats.md``)."""
+"""Results as strict JSON (``docs/formats.md``): ``tanteo.recognition/1``, what stands beside it, explanations."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tanteo import __version__
+from tanteo.answers import Answer
 from tanteo.lie import SO3
 from tanteo.typing import FloatArray
 
 if TYPE_CHECKING:
-    from tanteo.answers import Answer, Hypothesis
+    from tanteo.active import Explanation
+    from tanteo.answers import Hypothesis
     from tanteo.execution import Executed, Visit
+    from tanteo.vision import Question, Sight, Sighting
 
-SCHEMA = "tanteo.recognition/1"
+EMPTY = Answer("unknown", "Nothing was seen that could be a part: check light, focus and camera file.", (), 1.0)
+"""The answer of an image that shows nothing."""
+
+
+def strict(value: Any) -> Any:
+    """Dictionaries, lists, texts and numbers; what is not finite becomes ``None``: JSON has no infinity."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {key: strict(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [strict(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def document_json(document: dict[str, Any], warnings: Sequence[str] = (), indent: int = 2) -> str:
+    """A document, with warnings if there are any, as strict JSON, indented, ending in a newline."""
+    more = {"warnings": list(warnings)} if warnings else {}
+    return json.dumps(strict(document | more), indent=indent, allow_nan=False) + "\n"
 
 
 def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]:
-    """The result as plain dictionaries, lists, strings and numbers.
-
-    JSON has no infinity: a number that is not finite (a direction that nothing observes) becomes ``null``.
+    """The result as plain dictionaries, lists, strings and numbers; a number that is not finite becomes ``null``.
 
     Args:
         answer: the answer.
         frame: name of the frame that its poses are in.
     """
-    found = [{"kind": one.kind, "message": one.message} for one in answer.findings]
-    return {
-        "schema": SCHEMA,
-        "version": __version__,
-        "seed": int(answer.seed),
-        "status": answer.status,
-        "message": answer.message,
-        "hypotheses": [_hypothesis(h, frame) for h in answer.hypotheses],
-        "unknown_probability": _number(answer.unknown_probability),
-        "elapsed_s": {stage: _number(seconds) for stage, seconds in answer.elapsed.items()},
-        **({"findings": found} if found else {}),
-    }
+    document = {
+        "schema": "tanteo.recognition/1", "version": __version__, "seed": int(answer.seed), "status": answer.status,
+        "message": answer.message, "hypotheses": [_hypothesis(h, frame) for h in answer.hypotheses],
+        "unknown_probability": float(answer.unknown_probability), "elapsed_s": answer.elapsed,
+    }  # fmt: skip
+    if answer.findings:
+        document["findings"] = [{"kind": one.kind, "message": one.message} for one in answer.findings]
+    return dict(strict(document))
 
 
 def recognition_json(answer: Answer, warnings: Sequence[str] = ()) -> str:
@@ -53,10 +68,32 @@ def recognition_json(answer: Answer, warnings: Sequence[str] = ()) -> str:
     return document_json(recognition_document(answer), warnings)
 
 
-def document_json(document: dict[str, Any], warnings: Sequence[str] = ()) -> str:
-    """A document, with warnings if there are any, as strict JSON, indented, ending in a newline."""
-    more = {"warnings": list(warnings)} if warnings else {}
-    return json.dumps(document | more, indent=2, allow_nan=False) + "\n"
+def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
+    T, axis, relative = np.asarray(h.T_world_part), h.symmetry_axis, h.covariance_relative
+    axis_document = None if axis is None else {"frame": frame, "point_m": axis[0], "direction": axis[1]}
+    q = SO3.as_quaternion(T[:3, :3])
+    return {
+        "part": h.part, "file": h.file, "probability": float(h.probability),
+        "pose": {"frame": frame, "position_m": T[:3, 3], "quaternion_wxyz": q, "matrix": T},
+        "covariance": covariance_document(h.covariance),
+        "corner_sd_m": float(h.corner_sd), "unobserved": h.unobserved,
+        "symmetry": {
+            "order": int(h.symmetry_order),
+            "poses": [{"matrix": pose} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
+            "axis": axis_document,
+        },
+        "fit": {"chi2": float(h.chi2), "dof": int(h.dof), "p_value": float(h.p_value), "rms_m": float(h.rms)},
+        "outliers": h.outliers,
+        "pairings": [{"reading": reading, "feature": feature} for reading, feature in h.pairings],
+        "outlier_distances_m": np.array(h.outlier_distances, dtype=np.float64),
+        "covariance_relative": None if relative is None else covariance_document(relative),
+    }  # fmt: skip
+
+
+def covariance_document(matrix: FloatArray) -> dict[str, Any]:
+    """A pose's covariance with its conventions beside it."""
+    conventions = {"order": "x y z rx ry rz", "frame": "part", "perturbation": "right", "units": "m rad"}
+    return {**conventions, "matrix": np.asarray(matrix)}
 
 
 def executed_json(
@@ -72,89 +109,104 @@ def executed_json(
         warnings: as for :func:`recognition_json`.
     """
     sensing = {
-        "reached": done.end.reached,
-        "why": done.end.why,
-        "readings": readings,
-        "seconds": _number(done.seconds),
-        "travel_m": _number(done.travel),
-        "least_clearance_m": _number(clearance),
-        "visits": [_visit(visit) for visit in done.visits],
-    }
+        "reached": done.end.reached, "why": done.end.why, "readings": readings, "seconds": done.seconds,
+        "travel_m": done.travel, "least_clearance_m": clearance, "visits": [_visit(visit) for visit in done.visits],
+    }  # fmt: skip
     return document_json(recognition_document(answer) | {"sensing": sensing}, warnings)
 
 
 def _visit(visit: Visit) -> dict[str, Any]:
     action, step = visit.action, visit.step
     return {
-        "number": action.number,
-        "origin_m": numbers(action.origin),
-        "direction": numbers(action.direction),
+        "number": action.number, "origin_m": action.origin, "direction": action.direction,
         "aimed_at": {"part": action.part, "face": action.face},
-        "readings": [] if step is None else list(step.ids),
-        "leader": visit.leader,
-        "probability": None if step is None else _number(float(step.probabilities.max())),
-        "corner_sd_m": None if step is None else _number(step.corner_sd),
-        "note": visit.note,
-        "seconds": _number(visit.seconds),
-        "travel_m": _number(visit.travel),
-    }
+        "readings": [] if step is None else step.ids, "leader": visit.leader,
+        "probability": None if step is None else step.probabilities.max(),
+        "corner_sd_m": None if step is None else step.corner_sd,
+        "note": visit.note, "seconds": visit.seconds, "travel_m": visit.travel,
+    }  # fmt: skip
 
 
-def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
-    T = np.asarray(h.T_world_part)
-    return {
-        "part": h.part,
-        "file": h.file,
-        "probability": _number(h.probability),
-        "pose": {
-            "frame": frame,
-            "position_m": numbers(T[:3, 3]),
-            "quaternion_wxyz": numbers(SO3.as_quaternion(T[:3, :3])),
-            "matrix": numbers(T),
-        },
-        "covariance": covariance_document(h.covariance),
-        "corner_sd_m": _number(h.corner_sd),
-        "unobserved": list(h.unobserved),
-        "symmetry": {
-            "order": int(h.symmetry_order),
-            "poses": [{"matrix": numbers(pose)} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
-            "axis": None if h.symmetry_axis is None else _axis(h.symmetry_axis, frame),
-        },
-        "fit": {
-            "chi2": _number(h.chi2),
-            "dof": int(h.dof),
-            "p_value": _number(h.p_value),
-            "rms_m": _number(h.rms),
-        },
-        "outliers": list(h.outliers),
-        "pairings": [{"reading": reading, "feature": feature} for reading, feature in h.pairings],
-        "outlier_distances_m": numbers(np.array(h.outlier_distances)),
-        "covariance_relative": None if h.covariance_relative is None else covariance_document(h.covariance_relative),
-    }
+def sight_json(sight: Sight, warnings: Sequence[str] = ()) -> str:
+    """The document ``tanteo.recognition/1`` of the largest object, with ``objects`` for every one, itself included."""
+    first = sight.objects[0].answer if sight.objects else EMPTY
+    objects = {"objects": [_object(seen, sight.frame) for seen in sight.objects]}
+    return document_json(recognition_document(first, sight.frame) | objects, warnings)
 
 
-def covariance_document(matrix: FloatArray) -> dict[str, Any]:
-    """A pose's covariance with its conventions beside it."""
-    return {
-        "order": "x y z rx ry rz",
-        "frame": "part",
-        "perturbation": "right",
-        "units": "m rad",
-        "matrix": numbers(matrix),
-    }
+def _object(seen: Sighting, frame: str) -> dict[str, Any]:
+    from tanteo.vision import NAMES
+
+    answer = recognition_document(seen.answer, frame)
+    kept = {key: answer[key] for key in ("status", "message", "hypotheses", "unknown_probability")}
+    region, outline = None, seen.outline
+    if seen.region is not None:
+        x0, x1, y0, y1 = seen.region.box
+        drawn = outline and {name: {"value": outline[name], "sd": outline.sd(name)} for name in NAMES}
+        region = {"box_px": [x0, y0, x1, y1], "leaves_the_image": seen.region.cut, "outline": drawn}
+    return {**kept, "region": region, "question": None if seen.question is None else _question(seen.question)}
 
 
-def _axis(axis: FloatArray, frame: str) -> dict[str, Any]:
-    return {"frame": frame, "point_m": numbers(axis[0]), "direction": numbers(axis[1])}
+def _question(question: Question) -> dict[str, Any]:
+    answers = zip(question.answers, question.heights, strict=True)
+    parts = [{"part": name, "height_m": float(height)} for name, height in answers]
+    return {"point_m": [float(v) for v in question.point], "answers": parts, "words": question.words}
 
 
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+def explanation_document(explanation: Explanation) -> dict[str, Any]:
+    """A document ``tanteo.explanation/1``: what each reading added and what the answer rests on; metres and nats."""
+    added = [
+        {
+            "readings": a.ids, "met": a.met, "part": a.part, "probability": a.probability,
+            "about_part_nats": a.about_part, "about_pose_nats": a.about_pose, "motion": a.motion,
+            "narrowed": a.narrowed, "corner_sd_before_m": a.corner_sd_before, "corner_sd_m": a.corner_sd,
+        }
+        for a in explanation.added
+    ]  # fmt: skip
+    directions = [
+        {"motion": d.motion, "corners_move_m": d.moves, "shares": dict(d.shares), "prior": d.prior}
+        for d in explanation.directions
+    ]
+    head = {"schema": "tanteo.explanation/1", "part": explanation.part}
+    return dict(strict({**head, "added": added, "directions": directions}))
 
 
-def numbers(array: FloatArray) -> Any:
-    """Nested lists; what is not finite becomes ``None``."""
-    array = np.asarray(array, dtype=np.float64)
-    if array.ndim == 0:
-        return _number(float(array))
-    return [numbers(row) for row in array]
+_ROUNDING = 1e-6, 1e-9
+"""Numbers that differ by less, relative or absolute, differ by how a processor rounds."""
+
+_ELSEWHERE = ("version", "elapsed_s", "file")
+"""What may differ between two runs."""
+
+
+def differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[tuple[str, ...], bool]:
+    """What differs between two documents ``tanteo.recognition/1`` beyond rounding, and whether anything at all does.
+
+    Args:
+        then: the recorded one.
+        now: that of today.
+
+    Returns:
+        A line for each value that differs, and whether the documents are the same to the last bit.
+    """
+    pairs = list(_pairs("", then, now))
+    return tuple(f"{key}: {a!r} then, {b!r} now" for key, a, b in pairs if not _close(a, b)), not pairs
+
+
+def _pairs(key: str, a: Any, b: Any) -> Iterator[tuple[str, Any, Any]]:
+    """The values that are not equal, with their places."""
+    if isinstance(a, Mapping) and isinstance(b, Mapping) and a.keys() == b.keys():
+        for name in a:
+            if name not in _ELSEWHERE:
+                yield from _pairs(f"{key}.{name}" if key else name, a[name], b[name])
+    elif isinstance(a, Sequence) and isinstance(b, Sequence) and not isinstance(a, str) and len(a) == len(b):
+        for k, (one, other) in enumerate(zip(a, b, strict=True)):
+            yield from _pairs(f"{key}[{k}]", one, other)
+    elif a != b:
+        yield key, a, b
+
+
+def _close(a: Any, b: Any) -> bool:
+    if any(isinstance(x, bool) or not isinstance(x, int | float) for x in (a, b)):
+        return False
+    relative, absolute = _ROUNDING
+    return bool(abs(a - b) <= max(relative * max(abs(a), abs(b)), absolute))

@@ -4,82 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tanteo import __version__
-from tanteo.active import Candidates, Policy, Probe, SensingState, Start, Stop
-from tanteo.answers import Priors
+from tanteo.active import POLICIES, Candidates, Policy, SensingState, Start
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart, prepare_all
-from tanteo.io.part_files import PartFile, part_file, parts_of
-from tanteo.io.plain_values import as_plain, made, refused, shown, table
-from tanteo.io.record_values import (
-    observation_of,
-    policy_document,
-    policy_of,
-    readings_document,
-    sensing_document,
-    sensing_of,
-)
+from tanteo.io.document import load_json, made, table
+from tanteo.io.part_files import part_file, parts_of
+from tanteo.io.record_tables import HERE, ObservationTable, PosePriors, SensingTable, SessionRecord
 from tanteo.io.result_json import recognition_document
+from tanteo.io.schema import as_plain
 from tanteo.parts import Part
 from tanteo.replaced import replaced
-from tanteo.session import Action, Observation, Sensing, Session
-from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
+from tanteo.session import Observation, Sensing, Session
+from tanteo.typing import BoolArray
 
 SCHEMA = "tanteo.session/1"
 
-_AS_THEY_ARE = "version", "parts", "start", "probe", "stop", "seed", "asked", "refused", "questions", "answer"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PosePriors:
-    """A :class:`~tanteo.active.Start` without its parts; the same fields."""
-
-    part: IntArray
-    Ts: Transforms
-    covariances: Covariances
-    weights: FloatArray
-    priors: Priors
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SessionRecord:
-    """All that a session needs to be what it was.
-
-    Attributes:
-        source: the file.
-        version: of tanteo that wrote it.
-        parts: their files.
-        start: what was assumed beforehand.
-        probe: what senses.
-        sensing: how readings are made into measurements.
-        policy: which reading is chosen.
-        stop: when to end.
-        seed: of everything that draws.
-        observations: what was observed, in order.
-        asked: the question that waited for its answer.
-        refused: the questions that could not be answered.
-        questions: the largest number of a question until then.
-        answer: the answer then, a document ``tanteo.recognition/1``.
-    """
-
-    source: str
-    version: str
-    parts: tuple[PartFile, ...]
-    start: PosePriors
-    probe: Probe
-    sensing: Sensing
-    policy: Policy
-    stop: Stop
-    seed: int
-    observations: tuple[Observation, ...]
-    asked: Action | None
-    refused: tuple[Action, ...]
-    questions: int
-    answer: dict[str, Any]
+_POLICIES: dict[str, Any] = {type(policy).__name__: type(policy) for policy in POLICIES.values()}
 
 
 def write_record(session: Session, path: str | Path) -> None:
@@ -96,27 +40,28 @@ def write_record(session: Session, path: str | Path) -> None:
 
 def session_document(session: Session) -> dict[str, Any]:
     """All of a session as plain dictionaries, lists, texts and numbers."""
-    start = session.start
-    rough = PosePriors(start.part, start.Ts, start.covariances, start.weights, start.priors)
-    return {
-        "schema": SCHEMA,
-        "version": __version__,
-        "parts": [as_plain(part_file(target.part)) for target in start.targets],
-        "start": as_plain(rough),
-        "probe": as_plain(session.probe),
-        "sensing": sensing_document(session.sensing),
-        "policy": policy_document(session.policy),
-        "stop": as_plain(session.stop),
-        "seed": int(session.seed),
-        "observations": [
-            {"asked": as_plain(t.action), "readings": readings_document(t.readings), "note": t.note}
-            for t in session.observations
-        ],
-        "asked": as_plain(session.asked),
-        "refused": [as_plain(action) for action in session.refused],
-        "questions": int(session.questions),
-        "answer": recognition_document(session.answer()),
-    }
+    start, policy = session.start, session.policy
+    kind = type(policy).__name__
+    if type(policy) is not _POLICIES.get(kind):
+        raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got {kind}. A record can hold only these.")
+    record = SessionRecord(
+        at=HERE,
+        schema=SCHEMA,
+        version=__version__,
+        parts=tuple(part_file(target.part) for target in start.targets),
+        start=PosePriors(start.part, start.Ts, start.covariances, start.weights, start.priors),
+        probe=session.probe,
+        sensing=SensingTable.of(session.sensing),
+        policy={"kind": kind, **as_plain(policy)},
+        stop=session.stop,
+        seed=int(session.seed),
+        observations=tuple(map(ObservationTable.of, session.observations)),
+        asked=session.asked,
+        refused=tuple(session.refused),
+        questions=int(session.questions),
+        answer=recognition_document(session.answer()),
+    )
+    return dict(as_plain(record))
 
 
 def load_record(path: str | Path) -> SessionRecord:
@@ -125,38 +70,25 @@ def load_record(path: str | Path) -> SessionRecord:
     Raises:
         InputError: the file cannot be read, or is not a whole record; the message names file and key.
     """
-    file = Path(path)
-    document = _document(file)
-    if document.get("schema") != SCHEMA:
-        got = shown(document.get("schema", "none"))
-        raise InputError(f"{file}, schema: expected {SCHEMA}, got {got}. Give the record of a session.")
-    kinds: dict[str, Any] = {
-        "schema": str, "version": str, "parts": tuple[PartFile, ...], "start": PosePriors, "probe": Probe,
-        "sensing": object, "policy": object, "stop": Stop, "seed": int, "observations": tuple[object, ...],
-        "asked": Action | None, "refused": tuple[Action, ...], "questions": int,
-        "answer": object,
-    }  # fmt: skip
-    values = table(document, kinds, str(file))
-    if not isinstance(values["answer"], dict):
-        raise refused(f"{file}, answer", "a table", values["answer"])
-    if values["seed"] < 0:
-        raise InputError(f"{file}, seed: expected 0 or more, got {values['seed']}. Correct it.")
-    observations = tuple(observation_of(t, f"{file}, observations[{k}]") for k, t in enumerate(values["observations"]))
-    numbered = [
-        action.number for action in (*(t.action for t in observations), values["asked"], *values["refused"]) if action
-    ]
-    if values["questions"] < (least := max(numbered, default=0)):
-        raise InputError(
-            f"{file}, questions: expected {least} or more, the largest number of a question, got "
-            f"{values['questions']}. Correct it."
-        )
-    return SessionRecord(
-        source=str(file),
-        sensing=sensing_of(values["sensing"], f"{file}, sensing"),
-        policy=policy_of(values["policy"], f"{file}, policy"),
-        observations=observations,
-        **{key: values[key] for key in _AS_THEY_ARE},
-    )
+    record = load_json(Path(path), "session", SessionRecord, SCHEMA, "Take the record as it was written.")
+    _policy(record)
+    observations = [one.observation() for one in record.observations]
+    actions = [*(one.action for one in observations), record.asked, *record.refused]
+    least = max((action.number for action in actions if action), default=0)
+    if record.questions < least:
+        raise record.at.refused("questions", f"{least} or more, the largest number of a question", "Correct it.")
+    return record
+
+
+def _policy(record: SessionRecord) -> Policy:
+    """Which reading is chosen."""
+    raw = record.policy
+    kind = _POLICIES.get(str(raw.get("kind"))) if isinstance(raw, dict) else None
+    if not isinstance(raw, dict) or kind is None:
+        raise record.at.refused("policy", f"'kind' to be one of {', '.join(_POLICIES)}")
+    options = {name: option for name, option in raw.items() if name != "kind"}
+    policy: Policy = table(kind, options, record.at.inside("policy"))
+    return policy
 
 
 def resumed(
@@ -181,13 +113,14 @@ def resumed(
     values = {name: getattr(rough, name) for name in PosePriors.__slots__}
     targets = prepare_all("parts", parts)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
-    session = Session(start, record.probe, record.sensing, record.policy, record.stop, record.seed, able)
+    sensing = Sensing(**record.sensing.values())
+    session = Session(start, record.probe, sensing, _policy(record), record.stop, record.seed, able)
 
     def observations() -> Iterator[Observation]:
         for k, one in enumerate(record.observations):
             if progress is not None:
                 progress(k, len(record.observations))
-            yield one
+            yield one.observation()
 
     try:
         session.resume(observations(), record.asked, record.refused, record.questions)
@@ -213,21 +146,3 @@ def read_record(
     """
     record = load_record(path)
     return resumed(record, parts_of(record.parts, record.source, parts), able=able)
-
-
-def _document(file: Path) -> dict[str, Any]:
-    try:
-        document = json.loads(file.read_bytes().decode("utf-8-sig"), parse_constant=_no_constant)
-    except OSError as error:
-        raise InputError(f"{file}: expected a record, got: {error.strerror or error}. Check the path.") from None
-    except (ValueError, RecursionError) as error:  # what is not UTF-8 is a ValueError too
-        raise InputError(
-            f"{file}: expected the JSON of a whole session, got: {shown(str(error))}. If the file is cut, take a copy."
-        ) from None
-    if not isinstance(document, dict):
-        raise refused(str(file), "a session", document)
-    return document
-
-
-def _no_constant(name: str) -> None:
-    raise ValueError(f"{name}, which JSON does not have")

@@ -12,8 +12,7 @@ from typing import NoReturn
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.io.columns import DIRECTION, GROUPS, HAND, NORMAL, POINT, Column
-from tanteo.io.lines import Lines
+from tanteo.io.columns import DIRECTION, GROUPS, HAND, NORMAL, POINT, Column, Lines
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings, check_features, reading_kinds
 from tanteo.typing import BoolArray, FloatArray

@@ -1,0 +1,163 @@
+"""What is known of a part's pose, as a file (TOML, ``docs/formats.md``): a table, a box, a prior pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from tanteo.answers import PosePrior, Table
+from tanteo.errors import CovarianceError, InputError
+from tanteo.frames import UncertainFrame, from_ros_covariance
+from tanteo.io.document import load_toml
+from tanteo.io.poses import BRANDS, Brand, pose_from_brand
+from tanteo.io.prior_text import check_pose_prior, spread_pose
+from tanteo.io.schema import Covariance, Direction, Length, Numbers, Point, Posed
+from tanteo.io.schema import Table as FileTable
+from tanteo.typing import FloatArray, Transforms
+
+_COVARIANCES = ("covariance_m_rad", "ros_covariance_m_rad")
+_SDS = (
+    ((), (3,)),
+    lambda sds: np.atleast_1d(sds) if (sds > 0).all() else None,
+    "one positive number or three",
+)
+LengthSds = Annotated[FloatArray, Numbers("length", *_SDS)]
+AngleSds = Annotated[FloatArray, Numbers("angle", *_SDS)]
+
+
+class TableTable(FileTable, frozen=True, kw_only=True, eq=False):
+    """What the part rests on: level at a height, or any plane."""
+
+    top: Length | None = None
+    point: Point | None = None
+    normal: Direction | None = None
+    sd: Annotated[Length, Meta(gt=0, description="a positive length")]
+
+    def to_table(self) -> Table:
+        """The plane and how well it is known."""
+        if (self.top is None) == (self.point is None):
+            raise self.at.error("expected top_mm or point_mm with normal, got both or none. Give one.")
+        point = np.array([0.0, 0.0, self.top]) if self.point is None else self.point
+        return Table(point, np.array([0.0, 0.0, 1.0]) if self.normal is None else self.normal, self.sd)
+
+
+class BoxTable(FileTable, frozen=True, kw_only=True, eq=False):
+    """Where the part lies within."""
+
+    low: Point
+    high: Point
+
+    def to_box(self) -> FloatArray:
+        """Its corners ``(2, 3)``."""
+        if not np.all(self.high > self.low):
+            raise self.at.refused("high", "low below high in x, y and z")
+        return np.stack([self.low, self.high])
+
+
+class _PoseTable(Posed, frozen=True, kw_only=True, eq=False):
+    """A pose, in our convention or under the name of a brand, and how well it is known."""
+
+    sd: LengthSds | None = None
+    turn_sd: AngleSds | None = None
+    covariance_m_rad: Covariance | None = None
+    ros_covariance_m_rad: Covariance | None = None
+
+    def to_frame(self) -> UncertainFrame:
+        """The pose with its covariance."""
+        T, place = self._pose(), str(self.at)
+        covariances = self.at.has(*_COVARIANCES)
+        given = ["sd_mm and turn_sd_deg"] * bool(self.at.has("sd", "turn_sd")) + covariances
+        if len(given) != 1:
+            raise self.at.error(
+                "expected how well it is known once, as sd_mm and turn_sd_deg or as one of "
+                f"{', '.join(_COVARIANCES)}, got {' and '.join(given) or 'nothing'}. Give one of them."
+            )
+        if not covariances:
+            if self.sd is None or self.turn_sd is None:
+                missing = "sd_mm" if self.sd is None else "turn_sd_deg"
+                raise self.at.error(f"expected '{missing}', got nothing. Add it.")
+            return spread_pose(T, self.sd, self.turn_sd, place)
+        C = getattr(self, given[0])
+        try:
+            frame = UncertainFrame(T, C) if given == ["covariance_m_rad"] else from_ros_covariance(T, C.ravel())
+        except CovarianceError as error:
+            raise InputError(f"{place}, {given[0]}: {error} Copy it as it was written.") from None
+        return check_pose_prior(frame, f"{place}, {given[0]}")
+
+    def _pose(self) -> Transforms:
+        brands = self.at.has(*BRANDS)
+        own = bool(self.at.has("position", "turn", "quaternion_wxyz"))
+        if len(brands) + own != 1:
+            raise self.at.error(
+                "expected one pose, as position_mm with turn_deg or quaternion_wxyz, or by the name of a brand "
+                f"({', '.join(BRANDS)}), got {len(brands) + own}. Give one."
+            )
+        if not own:
+            try:
+                return pose_from_brand(brands[0], getattr(self, brands[0]))
+            except InputError as error:
+                raise InputError(f"{self.at}, {brands[0]}: {error}") from None
+        if self.position is None or (self.turn is None and self.quaternion_wxyz is None):
+            raise self.at.error("expected a position and an attitude, got one of them. Give both.")
+        return self.pose()
+
+
+if TYPE_CHECKING:
+    PosePriorTable = _PoseTable
+else:
+    _FIELDS = [
+        (b.name, Annotated[FloatArray, Numbers("plain", ((len(b.fields),),))] | None, None) for b in BRANDS.values()
+    ]
+    PosePriorTable = msgspec.defstruct(
+        "PosePriorTable", _FIELDS, bases=(_PoseTable,), kw_only=True, frozen=True, eq=False
+    )
+
+
+class PriorFile(FileTable, frozen=True, kw_only=True, eq=False):
+    """A file with one or more of its tables."""
+
+    table: TableTable | None = None
+    box: BoxTable | None = None
+    pose_prior: PosePriorTable | None = None
+
+
+def read_prior(path: str | Path) -> PosePrior:
+    """Read a file with what is known of the pose.
+
+    Args:
+        path: The file, with one or more of the tables ``[table]``, ``[box]`` and ``[pose_prior]``.
+
+    Raises:
+        InputError: The file cannot be read, is not TOML, or says something that no prior can say; the message names
+            file, table, key and value.
+        UnitError: A unit in a key is missing or unknown.
+
+    Example:
+        >>> prior = tanteo.read_prior("scenes/feeder.toml")
+        >>> prior.T_world_part.shape
+        (4, 4)
+    """
+    file = _load(path)
+    if not file.at.written:
+        raise file.at.error("expected a table [table], [box] or [pose_prior], got an empty file. Add one.")
+    prior = None if file.pose_prior is None else file.pose_prior.to_frame()
+    return PosePrior(
+        T_world_part=None if prior is None else prior.T,
+        covariance=None if prior is None else prior.C,
+        box=None if file.box is None else file.box.to_box(),
+        table=None if file.table is None else file.table.to_table(),
+    )
+
+
+def prior_brand(path: str | Path) -> Brand | None:
+    """In whose convention the prior pose of a file is written that :func:`read_prior` can read; None for our own."""
+    prior = _load(path).pose_prior
+    return next((BRANDS[name] for name in ([] if prior is None else prior.at.has(*BRANDS))), None)
+
+
+def _load(path: str | Path) -> PriorFile:
+    return load_toml(Path(path), "file with the prior pose", PriorFile)

@@ -1,0 +1,191 @@
+"""The tables of a scene file and what is made of each (``docs/formats.md``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import numpy as np
+from msgspec import Meta
+
+from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
+from tanteo.hand import Hand, gripper_body
+from tanteo.io.document import made
+from tanteo.io.prior_file import AngleSds, LengthSds
+from tanteo.io.rig_file import read_rig
+from tanteo.io.schema import Direction, Length, Numbers, Point, Posed, Table
+from tanteo.lie import SE3
+from tanteo.sensors import robot_preset
+from tanteo.simulator import Cell, Solid, box
+from tanteo.typing import FloatArray, Transforms
+
+AHEAD = 0.06
+"""Without an idea of a face, it is looked for so far ahead of the hand [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPaths:
+    """Files of a camera that looks at the scene.
+
+    Attributes:
+        file: Calibration.
+        marks: Known points of the table, to place the camera; None where the calibration says where it stands.
+    """
+
+    file: str
+    marks: str | None
+
+
+_NONE: Mapping[str, Any] = MappingProxyType({})
+
+
+class TopTable(Table, frozen=True, kw_only=True, eq=False):
+    """The table that parts stand on."""
+
+    top: Length = 0.0
+    size: (
+        Annotated[
+            FloatArray, Numbers("length", ((2,),), lambda s: s if (s > 0).all() else None, "two positive lengths")
+        ]
+        | None
+    ) = None
+
+    def solid(self) -> Solid:
+        """A plate below its top."""
+        x, y = (1.0, 1.0) if self.size is None else self.size
+        return box("table", [-x / 2, -y / 2, self.top - 0.05], [x / 2, y / 2, self.top])
+
+
+class PartTable(Posed, frozen=True, kw_only=True, eq=False):
+    """A part by its CAD file."""
+
+    file: str
+    units: str | None = None
+
+
+class BoxTable(Posed, frozen=True, kw_only=True, eq=False):
+    """A box."""
+
+    low: Point
+    high: Point
+
+
+class HandTable(Table, frozen=True, kw_only=True, eq=False):
+    """The hand's rig, where it starts and which way it looks, how the robot moves it."""
+
+    rig: str = "paper-gripper"
+    robot: str | None = None
+    front: Point
+    looks: Direction | None = None
+    pair: Direction | None = None
+    rate: Annotated[float, Numbers("rate"), Meta(ge=1.0)] = 100.0
+    latency: Annotated[float, Numbers("time"), Meta(ge=0.0)] = 0.03
+    speed: Annotated[float, Numbers("speed"), Meta(ge=1e-3)] = 0.25
+    turn: Annotated[float, Numbers("turn"), Meta(ge=1e-2)] = 1.5
+    cone_rays: Annotated[int, Meta(ge=0)] = 0
+
+    def hand(self, folder: Path) -> tuple[Hand, Transforms]:
+        """The hand, and where it starts ``(4, 4)``."""
+        rig = read_rig(folder / self.rig if (folder / self.rig).exists() else self.rig)
+        hand = Hand(rig, gripper_body(rig))
+        z = np.array([0.0, 0.0, -1.0]) if self.looks is None else self.looks
+        helper = np.eye(3)[int(np.argmin(np.abs(z)))]
+        across = np.cross(z, helper - (helper @ z) * z if self.pair is None else self.pair)
+        if self.pair is not None and np.linalg.norm(across) < 0.1:
+            raise self.at.refused("pair", "a direction across looks", "Turn it.", "one along it")
+        y = across / np.linalg.norm(across)
+        own = np.stack([hand.pair, np.cross([0.0, 0.0, 1.0], hand.pair), [0.0, 0.0, 1.0]], axis=1)
+        R = np.stack([np.cross(y, z), y, z], axis=1) @ own.T
+        return hand, SE3.from_parts(R, self.front - R @ hand.front)
+
+    def cell(self) -> Cell:
+        """How the robot behaves."""
+        robot = None if self.robot is None else robot_preset(self.robot)
+        return Cell(1 / self.rate, self.latency, self.speed, self.turn, robot=robot, cone=self.cone_rays)
+
+
+class SpaceTable(Table, frozen=True, kw_only=True, eq=False):
+    """Where the hand may be."""
+
+    low: Point | None = None
+    high: Point | None = None
+
+
+class FaceTable(Table, frozen=True, kw_only=True, eq=False):
+    """A rough idea of a face."""
+
+    point: Point
+    normal: Direction
+
+
+class EdgeTable(FaceTable, frozen=True, kw_only=True, eq=False):
+    """A rough idea of an edge."""
+
+    direction: Direction
+
+
+class VertexTable(FaceTable, frozen=True, kw_only=True, eq=False):
+    """A rough idea of a vertex."""
+
+    arriving: Direction
+    leaving: Direction
+
+
+class SenseTable(Table, frozen=True, kw_only=True, eq=False):
+    """How and what to sense."""
+
+    standoff: Annotated[Length, Meta(ge=1e-3)] = 0.02
+    clearance: Annotated[Length, Meta(ge=1e-4)] | None = None
+    plane: FaceTable | None = None
+    edge: EdgeTable | None = None
+    vertex: VertexTable | None = None
+
+    def guesses(self, T: Transforms, hand: Hand) -> dict[str, FaceGuess | EdgeGuess | VertexGuess]:
+        """The rough ideas; without one, a face is looked for ahead of the hand."""
+        out: dict[str, FaceGuess | EdgeGuess | VertexGuess] = {
+            "plane": FaceGuess(SE3.apply(T, hand.front + np.array([0.0, 0.0, AHEAD])), -T[:3, 2])
+        }
+        kinds: dict[str, Any] = {"plane": FaceGuess, "edge": EdgeGuess, "vertex": VertexGuess}
+        for name, kind in kinds.items():
+            given: FaceTable | None = getattr(self, name)
+            if given is not None:
+                out[name] = made(kind, given.values(), str(given.at))
+        return out
+
+
+class PriorTable(Posed, frozen=True, kw_only=True, eq=False):
+    """Where the middle of a part roughly is."""
+
+    sd: LengthSds
+    turn_sd: AngleSds
+
+
+class CameraTable(Table, frozen=True, kw_only=True, eq=False):
+    """Files of a camera."""
+
+    file: str
+    marks: str | None = None
+
+    def paths(self, folder: Path) -> CameraPaths:
+        """The files, which are named relative to the scene."""
+        return CameraPaths(str(folder / self.file), None if self.marks is None else str(folder / self.marks))
+
+
+class Document(Table, frozen=True, kw_only=True, eq=False):
+    """A scene file."""
+
+    seed: Annotated[int, Meta(ge=0)] = 0
+    table: TopTable | None = None
+    parts: Annotated[
+        Mapping[str, PartTable], Meta(title="part", min_length=1, description="at least one table [parts.NAME]")
+    ]
+    occluders: Annotated[Mapping[str, BoxTable], Meta(title="occluder")] = _NONE
+    hand: HandTable
+    workspace: SpaceTable | None = None
+    forbidden: Annotated[Mapping[str, BoxTable], Meta(title="forbidden box")] = _NONE
+    sense: SenseTable | None = None
+    prior: PriorTable | None = None
+    camera: CameraTable | None = None

@@ -1,0 +1,214 @@
+"""What was read, planned, sensed and calibrated, as JSON documents (``docs/formats.md``); metres and radians."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tanteo import __version__
+from tanteo.io.result_json import covariance_document, document_json, strict
+
+if TYPE_CHECKING:
+    from tanteo.acquisition import Acquired, Predicted
+    from tanteo.active import Discrimination, Plan
+    from tanteo.calibration import BeamFit, Calibration
+    from tanteo.features import Feature
+    from tanteo.parts import Part
+    from tanteo.sensors import Rig, RigSensor
+
+
+def part_json(part: Part) -> str:
+    """A document ``tanteo.part/1``: what was read from a CAD file, in the part's own frame."""
+    edges, planes, symmetry = part.edges, part.planes, part.symmetry
+    faces = zip(planes.faces, planes.areas, planes.normals, planes.centroids, strict=True)
+    sides = zip(edges.lengths, edges.ends, edges.dihedrals, strict=True)
+    return document_json({
+        "schema": "tanteo.part/1", "version": __version__, "part": part.name, "file": part.source,
+        "unit_of_file": part.unit, "box_m": part.box, "volume_m3": part.volume, "area_m2": part.area,
+        "centroid_m": part.centroid, "triangles": len(part.triangles),
+        "symmetry": {
+            "order": symmetry.order, "axis": symmetry.axis, "spherical": symmetry.spherical, "motions": symmetry.Ts,
+        },
+        "planes": [
+            {"name": f"face {face}", "area_m2": area, "normal": normal, "centroid_m": centroid}
+            for face, area, normal, centroid in faces
+        ],
+        "edges": [
+            {"name": f"edge {i}", "length_m": length, "ends_m": ends, "interior_angle_rad": angle}
+            for i, (length, ends, angle) in enumerate(sides)
+        ],
+        "vertices": [{"name": f"vertex {i}", "point_m": p} for i, p in enumerate(part.corners.points)],
+        "curved_faces": [
+            {"name": f.name, "surface": f.surface, "area_m2": f.area, "radius_m": f.radius, "convex": f.convex}
+            for f in part.faces
+            if f.surface != "plane"
+        ],
+        "repairs": part.repairs,
+    })  # fmt: skip
+
+
+def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
+    """A document ``tanteo.plan/1``; world frame, covariances in the part frame."""
+    last = plan.readings[-1] if plan.readings else None
+    own = {} if plan.feature is None else {"feature_sd_m"}
+    rows = [
+        {
+            "number": n, "origin_m": r.origin, "direction": r.direction, "expected_point_m": r.point, "face": r.face,
+            "corner_sd_m": float(r.corner_sd), **{name: float(r.feature_sd) for name in own},
+            "within_tolerance": float(r.within), "within_tolerance_if_met": float(r.within_if_met),
+            "meets_face": float(r.meets),
+        }
+        for n, r in enumerate(plan.readings, 1)
+    ]  # fmt: skip
+    return document_json({
+        "schema": "tanteo.plan/1", "version": __version__, "part": plan.part, "reached": plan.reached,
+        "message": plan.message, "tolerance_m": tolerance, "confidence": confidence,
+        "pose": {"frame": "world", "matrix": plan.T_world_part}, "feature": plan.feature,
+        "feature_sd_before_m" if own else "corner_sd_before_m": float(plan.before), "readings": rows,
+        "within_tolerance": None if last is None else float(last.within), "all_meet": float(plan.all_meet),
+        "room": float(plan.room), "covariance": None if last is None else covariance_document(last.covariance),
+    }, indent=1)  # fmt: skip
+
+
+def plan_csv(plan: Plan) -> str:
+    """The planned readings: where to start, which way, what to expect; world frame, millimetres.
+
+    It is no readings file, so that nobody takes for measured what is only expected.
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    out.write(f"# {plan.message}\n# x y z: expected surface point; start: from where; world frame\n")
+    own = [] if plan.feature is None else ["feature_sd_mm"]
+    writer.writerow([
+        "number", "start_x_mm", "start_y_mm", "start_z_mm", "dx", "dy", "dz", "x_mm", "y_mm", "z_mm", "face",
+        "corner_sd_mm", *own, "within_tolerance", "within_tolerance_if_met", "meets_face",
+    ])  # fmt: skip
+    for n, r in enumerate(plan.readings, 1):
+        mm = [f"{1e3 * v:.4f}" for v in (*r.origin, *r.point)]
+        d = [f"{v:.6f}" for v in r.direction]
+        sds = [f"{1e3 * v:.4f}" for v in (r.corner_sd, r.feature_sd)[: 1 + len(own)]]
+        met = [f"{v:.4f}" for v in (r.within, r.within_if_met, r.meets)]
+        writer.writerow([n, *mm[:3], *d, *mm[3:], r.face, *sds, *met])
+    return out.getvalue()
+
+
+def distinction_json(found: Discrimination) -> str:
+    """A document ``tanteo.discrimination/1``; frame of the first part, null where nothing is met."""
+    return document_json({
+        "schema": "tanteo.discrimination/1", "version": __version__, "parts": found.parts, "message": found.message,
+        "frame": found.parts[0], "T_first_second": found.T_first_second, "origin_m": found.origin,
+        "direction": found.direction, "expected_range_m": np.asarray(found.ranges),
+        "expected_range_sd_m": np.asarray(found.sds), "information_nats": float(found.information),
+    }, indent=1)  # fmt: skip
+
+
+def sensed_json(got: Acquired, *, seed: int, clearance: float, expected: Predicted | None = None) -> str:
+    """A document ``tanteo.sensed/1``: what an acquisition gave, in the world.
+
+    Args:
+        got: What was acquired.
+        seed: Of the simulation.
+        clearance: Least true distance of the hand from everything [m].
+        expected: What an image said of it; left out without one.
+    """
+    motions = [{"name": m.name, "status": m.status, "message": m.message, "seconds": m.seconds} for m in got.motions]
+    return document_json({
+        "schema": "tanteo.sensed/1", "version": __version__, "seed": seed, "kind": got.kind, "status": got.status,
+        "message": got.message, "feature": None if got.feature is None else _feature(got.feature),
+        "others": [_feature(f) for f in got.others], **({} if expected is None else {"expected": _expected(expected)}),
+        "readings": 0 if got.readings is None else len(got.readings), "seconds": got.seconds,
+        "least_clearance_m": clearance, "motions": motions,
+    })  # fmt: skip
+
+
+def _expected(expected: Predicted) -> dict[str, Any]:
+    guess, plain = expected.guess, ("sd", "turn_sd")
+    places = {name: getattr(guess, name) for name in type(guess).__slots__ if name not in plain}
+    return {"name": expected.name, **places, "sd_m": guess.sd, "turn_sd_rad": guess.turn_sd}
+
+
+def _feature(feature: Feature) -> dict[str, Any]:
+    from tanteo.features import feature_covariance
+
+    kind, C = feature.kind, covariance_document(feature_covariance(feature))
+    covariance = C | {"frame": "feature", "matrix_same_sensors": kind.B.T @ feature.P @ kind.B}
+    return {
+        "label": feature.label, "kind": kind.name, "frame": kind.frame, "T_world_feature": feature.T_world_feature,
+        "covariance": covariance, "readings": feature.readings,
+    }  # fmt: skip
+
+
+def calibration_document(found: Calibration) -> dict[str, Any]:
+    """A document ``tanteo.calibration/1``: beams, noise, planes, coverage and outliers."""
+    log = found.log
+    places = [
+        {
+            "sensor": log.beams[log.beam[i]], "plane": log.planes[log.plane[i]], "range_m": found.ranges[i],
+            "incidence_rad": found.incidences[i], "readings": log.counts[i], "residual_m": found.residuals[i],
+            "sd_m": found.sds[i], "used": found.good[i],
+        }
+        for i in range(len(log))
+    ]  # fmt: skip
+    planes = [
+        {
+            "plane": plane.name, "frame": "world", "matrix": plane.T_world_plane,
+            "covariance": {"order": "rx ry z", "frame": "plane", "matrix": plane.cov},
+            "rms_m": plane.rms, "places": plane.stations,
+        }
+        for plane in found.planes
+    ]  # fmt: skip
+    outliers = [
+        {
+            "readings": s.ids, "sensor": s.sensor, "plane": s.plane, "reason": s.reason, "range_m": s.reading,
+            "expected_m": s.expected,
+        }
+        for s in found.outliers
+    ]  # fmt: skip
+    return dict(strict({
+        "schema": "tanteo.calibration/1", "status": found.status, "message": found.message,
+        "beams": [_beam(b) for b in found.beams], "planes": planes, "places": places, "outliers": outliers,
+    }))  # fmt: skip
+
+
+def _beam(beam: BeamFit) -> dict[str, Any]:
+    law, (const, prop, across) = beam.repeats.law, beam.place_sds
+    return {
+        "sensor": beam.name, "frame": "hand", "matrix": beam.T_hand_beam, "scale": beam.scale, "slant": beam.slant,
+        "covariance": {"order": "x y z rx ry scale slant", "frame": "beam", "matrix": beam.cov},
+        "noise_of_repeats": {
+            "const_m": float(law.const), "per_range": float(law.prop), "degrees_of_freedom": beam.repeats.dof,
+            "covariance_of_squares": beam.repeats.cov,
+        },
+        "noise_of_places": {
+            "const_m": float(const), "per_range": float(prop), "across_rad": float(across),
+            "covariance_of_squares": beam.place_cov,
+        },
+        "undetermined": beam.undetermined,
+    }  # fmt: skip
+
+
+def rig_document(rig: Rig) -> dict[str, Any]:
+    """A rig as a JSON document ``tanteo.rig/1``, in metres and radians; NaN where nothing is known."""
+    return {"schema": "tanteo.rig/1", "frame": "hand", "sensors": [_rig_sensor(s) for s in rig.sensors]}
+
+
+def _rig_sensor(sensor: RigSensor) -> dict[str, Any]:
+    from tanteo.sensors import Device
+
+    device = Device(sensor.name, sensor.preset, sensor)
+    return {
+        "name": sensor.name,
+        "preset": None if sensor.preset is None else sensor.preset.name,
+        "matrix": sensor.T_hand_sensor.tolist(),
+        "noise": {name: float(getattr(device.law, name)) for name in ("const", "prop", "quad", "exp_d0", "exp_k")},
+        "beam_half_angle_rad": sensor.beam_half_angle,
+        "range_m": [device.min_range, device.max_range],
+        "axis_cosine": sensor.axis_cosine,
+        "bias_m": sensor.bias,
+        "bias_sd_m": device.bias_sd,
+        "scale": sensor.scale,
+        "covariance": {"order": "x y z rx ry rz scale", "frame": "sensor", "matrix": device.cov_unit.tolist()},
+    }
