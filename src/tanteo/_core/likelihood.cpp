@@ -6,6 +6,8 @@
 
 namespace tanteo {
 
+constexpr double LEAST_CURVED = 0.25;  // of what is expected: steps of the noise scale are no longer then
+
 double Likelihood::at(const State& state, bool with_slope) {
     const int n = static_cast<int>(problem.points.size()), K = problem.size();
     hits.clear();
@@ -20,7 +22,10 @@ double Likelihood::at(const State& state, bool with_slope) {
         information.assign(static_cast<size_t>(K) * K, 0.0);
     }
     double log = log_points = combine();
-    if (with_slope) add_points(state);
+    if (with_slope) {
+        add_points(state);
+        if (problem.scale_sd > 0 && blur == 0) of_points = information;
+    }
     log += add_rays(state);
     log += add_priors(state, with_slope);
     return log;
@@ -180,7 +185,7 @@ namespace {
 struct PointSlope {
     Vec3 p, w;
     Mat3 pp, pw, ww;
-    double by_scale = 0, of_scale = 0;
+    double by_scale = 0, of_scale = 0, expected = 0, scaled = 0;
 
     void add(const PointSlope& other) {
         p += other.p;
@@ -188,6 +193,8 @@ struct PointSlope {
         for (int i = 0; i < 9; ++i) pp.m[i] += other.pp.m[i], pw.m[i] += other.pw.m[i], ww.m[i] += other.ww.m[i];
         by_scale += other.by_scale;
         of_scale += other.of_scale;
+        expected += other.expected;
+        scaled += other.scaled;
     }
 };
 
@@ -203,8 +210,10 @@ inline void add_hit(PointSlope& sum, const Hit& h, const Point& point, double we
     for (int i = 0; i < 9; ++i) sum.pp.m[i] += weight * stiff.m[i];
     const double scaled = 1 - unscaled * h.per_sd * h.per_sd;  // share of the variance that the noise scale scales
     const double across = face ? 1 : point.kind == Kind::EDGE ? 2 : 3;
+    sum.scaled += weight * scaled;
     sum.by_scale += weight * scaled * (r * r - across + h.spread);
-    sum.of_scale += weight * scaled * scaled * (r * r + across);  // its mean is the expected information, far out its step holds
+    sum.of_scale += 2 * weight * scaled * scaled * r * r;
+    sum.expected += 2 * weight * scaled * scaled * across;
     if (!h.tilted) return;
     for (int i = 0; i < 2; ++i) {
         const Vec3 by_p = (-h.bend[i] * h.along * h.per_tilt[i]) * h.e[i];
@@ -291,6 +300,7 @@ void add_states(const PointSlope& s, const Vec3& y, const Mat3& R, const Problem
 
 // Gradient and information of all points: of each hit by the point and its normal, then by the states.
 void Likelihood::add_points(const State& state) {
+    double scaled = 0, weight = 0, of_scale = 0, expected = 0;
     for (size_t j = 0; j < problem.points.size(); ++j) {
         const Seen& s = seen[j];
         if (!s.count) continue;
@@ -303,10 +313,17 @@ void Likelihood::add_points(const State& state) {
         add_states(sum, s.in_part - shape.centre, state.pose.R, problem, static_cast<int>(j), gradient.data(),
                    information.data());
         if (problem.scale_sd > 0 && blur == 0) {  // blurred, the noise is no one's
+            scaled += sum.scaled;
+            weight += s.belongs;
             gradient.back() += problem.scale_sd * sum.by_scale;
-            information.back() += problem.scale_sd * problem.scale_sd * sum.of_scale;
+            of_scale += sum.of_scale;
+            expected += sum.expected;
         }
     }
+    // the curvature by the log of the scale, which is next to none where the scale is far too large
+    if (problem.scale_sd > 0 && blur == 0)
+        information.back() += problem.scale_sd * problem.scale_sd * std::max(of_scale, LEAST_CURVED * expected);
+    scaled_share = weight > 0 ? scaled / weight : 0;
 }
 
 }  // namespace tanteo

@@ -72,6 +72,8 @@ class Likelihood {
     double blur = 0, blur_turn = 0;  // added to the noise of points [m] and normals [rad]: coarse to fine
     std::vector<double> gradient, information;
     double log_points = 0;  // of the points alone
+    std::vector<double> of_points;  // their share of the information, where the noise scale is a state
+    double scaled_share = 0;        // of their variance, which the scale scales
     std::vector<Seen> seen;
     std::vector<Hit> hits;
     std::vector<BallSees> ball_sees, faces_near;  // of one ball: by hit, and all flats

@@ -115,6 +115,27 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
     return all;
 }
 
+// How many of the other states the points tell, of those that the noise scale scales: the integral over them is in
+// proportion to so many powers of the scale. Their joint maximum has it too small, and of few points at nothing.
+static double told_by_points(const Likelihood& likelihood, const Shape& shape, const Problem& problem) {
+    if (!(problem.scale_sd > 0) || likelihood.blur > 0) return 0;
+    const int K = problem.size(), P = K - 1;
+    std::vector<double> L(static_cast<size_t>(P) * P), column(P);
+    for (int i = 0; i < P; ++i) {
+        for (int j = 0; j <= i; ++j) L[i * P + j] = likelihood.information[i * K + j];
+        const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
+        L[i * P + i] += soft * soft + 1e-12 * L[i * P + i];
+    }
+    if (!cholesky(L.data(), P)) return 0;
+    double told = 0;
+    for (int j = 0; j < P; ++j) {
+        for (int i = 0; i < P; ++i) column[i] = likelihood.of_points[i >= j ? i * K + j : j * K + i];
+        solve_cholesky(L.data(), P, column.data());
+        told += column[j];
+    }
+    return likelihood.scaled_share * std::min(std::max(told, 0.0), static_cast<double>(P));
+}
+
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum) {
     const int K = problem.size();
@@ -123,7 +144,8 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
     maximum.log = likelihood.at(maximum.state, true);
     maximum.gradient = likelihood.gradient;
     maximum.information = likelihood.information;
-    std::vector<double> L(static_cast<size_t>(K) * K), step(K);
+    double told = problem.scale_sd * told_by_points(likelihood, shape, problem);
+    std::vector<double> L(static_cast<size_t>(K) * K), step(K), slope(K);
     double damping = 1e-3;
     for (int k = 0; k < steps; ++k) {
         L = maximum.information;
@@ -131,18 +153,22 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
             const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
             L[i * K + i] += damping * L[i * K + i] + soft * soft;
         }
-        step = maximum.gradient;
+        slope = maximum.gradient;
+        if (problem.scale_sd > 0) slope.back() += told;
+        step = slope;
         double gain = -1;
         if (cholesky(L.data(), K)) {
             solve_cholesky(L.data(), K, step.data());
             double most = 0;  // what the step may gain at most, if the density is as its curvature says
-            for (int i = 0; i < K; ++i) most += step[i] * maximum.gradient[i];
+            for (int i = 0; i < K; ++i) most += step[i] * slope[i];
             if (most < enough) break;
             shorten(step.data(), K, LARGEST_TURN, 0.25 * shape.diagonal);
             const State next = stepped(maximum.state, step.data(), shape.centre);
             const double there = likelihood.at(next, true);
             gain = there - maximum.log;
+            if (problem.scale_sd > 0) gain += told * (next.z.back() - maximum.state.z.back());
             if (gain > 0) {
+                if (problem.scale_sd > 0) told = problem.scale_sd * told_by_points(likelihood, shape, problem);
                 maximum.state = next;
                 maximum.log = there;
                 std::swap(maximum.gradient, likelihood.gradient);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from tanteo.lie import SE3
 from tanteo.limits import LEAST_SD, check_length
 from tanteo.parts import Part
 from tanteo.shapes import Surface
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 
 _ASPREAD = 4.0
 """A table reaches so many radii of the workspace to each side."""
@@ -25,11 +25,13 @@ class Furniture:
 
     Attributes:
         name: in answers.
-        surface: in the world [m].
-        sd: of it, along its normal [m].
+        vertices: of its triangles, in the world ``(V, 3)`` [m].
+        triangles: rows of these ``(T, 3)``.
+        sd: of its surface, along the normal [m].
+        surface: the same, to be asked.
 
     Raises:
-        InputError: an sd that is no length.
+        InputError: an sd that is no length, or no mesh.
 
     Example:
         >>> T = np.eye(4)
@@ -39,11 +41,14 @@ class Furniture:
     """
 
     name: str
-    surface: Surface
+    vertices: Vectors
+    triangles: IntArray
     sd: float
+    surface: Surface = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_length("furniture, sd", self.sd, LEAST_SD)
+        object.__setattr__(self, "surface", Surface(np.asarray(self.vertices), np.asarray(self.triangles)))
 
     @classmethod
     def of_part(cls, shape: Part, T_world_shape: Transforms, sd: float, name: str = "") -> Furniture:
@@ -55,7 +60,7 @@ class Furniture:
         T = check_transforms("furniture, T_world_shape", np.asarray(T_world_shape))
         if T.shape != (4, 4):
             raise InputError(f"furniture, T_world_shape: expected one pose (4, 4), got {T.shape}.")
-        return cls(name or shape.name, Surface(SE3.apply(T, shape.vertices), shape.triangles), sd)
+        return cls(name or shape.name, SE3.apply(T, shape.vertices), shape.triangles, sd)
 
     @classmethod
     def of_table(cls, table: Table, middle: Vectors, radius: float) -> Furniture:
@@ -66,7 +71,7 @@ class Furniture:
         u /= np.linalg.norm(u)
         v, reach = np.cross(n, u), _ASPREAD * radius
         corners = np.array([foot + reach * (a * u + b * v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-        return cls("table", Surface(corners, np.array([[0, 1, 2], [0, 2, 3]])), table.sd)
+        return cls("table", corners, np.array([[0, 1, 2], [0, 2, 3]]), table.sd)
 
     def log_density(self, points: Vectors, covs: Covariances, radii: FloatArray, directions: Vectors) -> FloatArray:
         """Log density of readings that end on it ``(n,)``: over the way along their direction, or over space.

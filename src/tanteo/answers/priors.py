@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tanteo.answers.furniture import Furniture
 from tanteo.answers.pose_prior import PosePrior
 from tanteo.errors import InputError
 from tanteo.limits import check_length, check_number
@@ -17,9 +17,6 @@ at best, or a preset's, which is of the data sheet. With the first the 95 % regi
 while the true noise is from half to twice the stated one (``benchmarks/honesty.py``)."""
 
 _MOST = 100.0
-
-if TYPE_CHECKING:
-    from tanteo.answers.furniture import Furniture
 
 OFTEN = 0.99
 """More features than this cannot be said to be outliers: nothing would be left of the part."""

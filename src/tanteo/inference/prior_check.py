@@ -137,6 +137,9 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
     apart = alone.maximize(mode.T_peak[None], mode.z[None], fine=True)
     left = weak_motions(pose_information(apart.information[0]), part_scale(part))
     best = float(apart.logs[0])
+    zs = np.array(mode.z)
+    if alone.problem.scale_sd > 0:
+        zs[-1] = apart.zs[0, -1]  # the noise that the measurements have by themselves: a wrong prior is no noise
 
     def off(Ts: Transforms, zs: FloatArray) -> FloatArray:
         from tanteo import _core
@@ -147,7 +150,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
 
     heavy = np.argsort(-mode.weights, kind="stable")[:_DRAWS]
     Ts = np.concatenate([mode.T_peak[None], mode.Ts[heavy]])
-    least = off(Ts, np.repeat(mode.z[None], len(Ts), axis=0)).min()
+    least = off(Ts, np.repeat(zs[None], len(Ts), axis=0)).min()
     return min(share, chi2_survival(least, max(known - len(left), 1)))
 
 
