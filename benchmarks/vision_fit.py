@@ -31,8 +31,7 @@ from tanteo.vision import TableErrors, find_edges, find_regions, map_edges, prep
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.choices import EdgeErrors
 from tanteo.vision.evidence import STRETCH, Weights, log_weight
-from tanteo.vision.lying import settle_lying
-from tanteo.vision.posterior import UNKNOWN, ImageMode, distinct_poses
+from tanteo.vision.posterior import UNKNOWN, ImageMode, distinct_poses, settle_lying
 from vision_scenes import random_shot, told_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21

@@ -17,11 +17,10 @@ from common import Table
 from scipy.stats import chi2
 
 from tanteo.lie import SE3
-from tanteo.vision import USUAL, TableErrors, find_edges, find_regions, map_edges, project, silhouette
+from tanteo.vision import USUAL_EDGE_SD, TableErrors, find_edges, find_regions, map_edges, project, silhouette
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.evidence import Weights
-from tanteo.vision.lying import settle_lying
-from tanteo.vision.posterior import ImageMode
+from tanteo.vision.posterior import ImageMode, settle_lying
 from vision import models_of, pose_errors
 from vision_scenes import in_camera, random_shot, told_table
 
@@ -30,9 +29,9 @@ WAYS = {
     "30 % hidden": (0.3, 1.0, 0.0, 0.0),
     "nothing hidden": (0.0, 1.0, 0.0, 0.0),
     "nothing hidden, no noise": (0.0, 0.0, 0.0, 0.0),
-    "30 % hidden, nothing is said of the lens": (0.3, 1.0, 0.0, USUAL),
-    "lens wrong by 0.1 px, nothing is said": (0.3, 1.0, 0.1, USUAL),
-    "lens wrong by 0.3 px, nothing is said": (0.3, 1.0, 0.3, USUAL),
+    "30 % hidden, nothing is said of the lens": (0.3, 1.0, 0.0, USUAL_EDGE_SD),
+    "lens wrong by 0.1 px, nothing is said": (0.3, 1.0, 0.1, USUAL_EDGE_SD),
+    "lens wrong by 0.3 px, nothing is said": (0.3, 1.0, 0.3, USUAL_EDGE_SD),
     "lens wrong by 0.3 px, and that is said": (0.3, 1.0, 0.3, 0.3),
     "lens wrong by 0.1 px, said to be exact": (0.3, 1.0, 0.1, 0.0),
 }

@@ -18,8 +18,7 @@ from tanteo.parts import read_part
 from tanteo.report import headline
 from tanteo.sensors import NoiseLaw, Readings, concatenate
 from tanteo.session import Action, Done, Sensing, Session
-from tanteo.session.answer import answered
-from tanteo.session.moved import moved
+from tanteo.session.answer import answered, moved
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 

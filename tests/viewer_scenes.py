@@ -14,7 +14,7 @@ from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.session import Session
 from tanteo.simulator import Scene, Solid, box
-from tanteo.viewer import bare_show, laser, simulated
+from tanteo.viewer import laser, probe_show, simulated
 from tanteo.viewer.player import HELP
 
 PARTS = Path(tanteo.demo.__file__).parent / "parts"
@@ -39,7 +39,7 @@ def maker(targets, **stop):
         probe, sensing = laser(Workspace.above(0.0))
         ends = Stop(**({"probability": 0.99, "max_measurements": 15} | stop))
         session = Session(start, probe, sensing, policy_named(policy), ends, seed)
-        return bare_show(session, simulated(*surfaces, seed), (truth,), (TABLE,))
+        return probe_show(session, simulated(*surfaces, seed), (truth,), (TABLE,))
 
     return make
 

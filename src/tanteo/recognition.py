@@ -16,14 +16,7 @@ from tanteo.inference import about_conventions, about_frames, about_readings, id
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
-from tanteo.sensors import (
-    PointMeasurements,
-    Readings,
-    Rig,
-    RobotPreset,
-    SensorPreset,
-    measure,
-)
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
 
 if TYPE_CHECKING:
     from tanteo.fitting import LabelledFeatures
@@ -148,7 +141,7 @@ def _as_published(
     from tanteo.paper import identify_as_published
 
     sensed = fit_labelled(measured, tolerance)
-    _require_labels_alone(bare=bool(len(sensed.bare)), placed=placed)
+    _require_labels_alone(unlabelled=bool(len(sensed.unlabelled)), placed=placed)
     elapsed = time.perf_counter() - start
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
@@ -163,11 +156,11 @@ def _said(answer: Answer, *notes: str, placed: bool) -> Answer:
     return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *notes])))
 
 
-def _require_labels_alone(*, bare: bool, placed: bool) -> None:
+def _require_labels_alone(*, unlabelled: bool, placed: bool) -> None:
     """The paper compares features that were sensed, and nothing else."""
     if placed:
         raise InputError("as_published: expected nothing known of the pose, got priors.pose. Leave it out.")
-    if bare:
+    if unlabelled:
         raise InputError(
             "as_published: expected every reading to have a feature label, got some without. The paper compares "
             "sensed features; give rows taken on one face the same label."

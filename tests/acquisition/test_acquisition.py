@@ -15,11 +15,11 @@ from tanteo.acquisition import (
     sense_plane,
     sense_vertex,
 )
-from tanteo.acquisition.cloud import cloud_of, over, room
 from tanteo.acquisition.patch import find_patches, stands
 from tanteo.acquisition.record import exact_poses
+from tanteo.acquisition.run import SensingRun
 from tanteo.acquisition.scan import scan
-from tanteo.acquisition.session import Session
+from tanteo.acquisition.seen import cloud_of, over, room
 from tanteo.acquisition.ways import facing
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
@@ -90,7 +90,7 @@ def test_the_published_plane_holds_what_it_states():
     """Four readings of the record instead of all: a greater covariance, and an honest one."""
     total, n = 0.0, 12
     for seed in range(n):
-        session = Session(robot_on(T=start(height=0.07, tilt=(0.0, 0.05, 0.2)), seed=seed), 0.02, RULES, None)
+        session = SensingRun(robot_on(T=start(height=0.07, tilt=(0.0, 0.05, 0.2)), seed=seed), 0.02, RULES, None)
         _, _, plane = scan(session, "plane", 0.015)
         published = plane_as_published(session.readings[0], gripper().rig, "plane")
         total += nees(BLOCK, published)[0]

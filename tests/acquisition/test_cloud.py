@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.acquisition.cloud import Cloud, beside, cloud_of, over, room
+from tanteo.acquisition.seen import Cloud, beside, cloud_of, over, room
 from tanteo.hand import Body
 from tanteo.lie import SE3
 from tanteo.motion import Rules, look

@@ -5,8 +5,8 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.acquisition import FaceGuess
-from tanteo.acquisition.coming import come_near
-from tanteo.acquisition.session import Session
+from tanteo.acquisition.run import SensingRun
+from tanteo.acquisition.ways import come_near
 from tanteo.lie import SE3
 from tanteo.motion import Rules
 from tanteo.simulator import Scene, SimulatedHand, box
@@ -28,7 +28,7 @@ def test_it_comes_nearer_where_that_shows_more(height, standoff, comes_to):
     R = np.diag([1.0, -1.0, -1.0])
     T = SE3.from_parts(R, np.array([0.0, 0.0, height]) - R @ gripper().front)
     robot = SimulatedHand(TABLE, gripper(), T, rng=np.random.default_rng(0))
-    session = Session(robot, standoff, Rules(clearance=0.6 * standoff), None)
+    session = SensingRun(robot, standoff, Rules(clearance=0.6 * standoff), None)
     motion = come_near(session, FaceGuess([0.0, 0.0, 0.0], [0, 0, 1]))
     if comes_to is None:
         assert motion is None

@@ -1,4 +1,4 @@
-"""Edges at which the surface only bends: where the planes of both faces meet."""
+"""Edges at which the surface only creases: where the planes of both faces meet."""
 
 import math
 
@@ -8,12 +8,12 @@ from scipy.stats import chi2
 
 from felt_scenes import bevelled, gripper, nees, roof
 from tanteo.acquisition import EdgeGuess, features_of, sense_edge
-from tanteo.acquisition.edge_bend import acquire_bend
+from tanteo.acquisition.edge import acquire_crease
+from tanteo.acquisition.run import SensingRun
 from tanteo.acquisition.scan import scan
-from tanteo.acquisition.session import Session
 from tanteo.fitting import edge_from_planes
 from tanteo.lie import SE3, SO3
-from tanteo.motion import Bend, Rules
+from tanteo.motion import Crease, Rules
 from tanteo.simulator import SimulatedHand, clearances
 
 
@@ -57,10 +57,10 @@ def test_planes_that_meet_elsewhere_are_of_another_edge():
     """The bend is said to be 10 mm beside where it is."""
     scene = roof(math.radians(45))
     robot = SimulatedHand(scene, gripper(), over(-0.03, 0.02), rng=np.random.default_rng(0))
-    session = Session(robot, 0.02, Rules(clearance=0.012), None)
+    session = SensingRun(robot, 0.02, Rules(clearance=0.012), None)
     _, _, face = scan(session, "face", 0.015)
-    bend = Bend(0, over(0.01, 0.02), 0.02, math.radians(45))
-    status, message, edge = acquire_bend(session, face, np.array([0.0, 1.0, 0.0]), [bend], "edge")
+    bend = Crease(0, over(0.01, 0.02), 0.02, math.radians(45))
+    status, message, edge = acquire_crease(session, face, np.array([0.0, 1.0, 0.0]), [bend], "edge")
     assert (status, edge) == ("unclear", None), message
     assert "mm beside where the surface bends" in message
 

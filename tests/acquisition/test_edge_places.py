@@ -3,10 +3,10 @@
 import numpy as np
 
 from felt_scenes import gripper
-from tanteo.acquisition import edge_places
-from tanteo.acquisition.edge_places import Search, cross_at, known_way, look_over, pose_over
+from tanteo.acquisition import crossings
+from tanteo.acquisition.crossings import Search, cross_at, known_way, look_over, pose_over
+from tanteo.acquisition.run import SensingRun
 from tanteo.acquisition.scan import scan
-from tanteo.acquisition.session import Session
 from tanteo.acquisition.ways import nearly_known
 from tanteo.lie import SE3
 from tanteo.motion import Rules, look
@@ -30,7 +30,7 @@ def beside_the_edge(*solids):
     robot = SimulatedHand(
         Scene.of([BLOCK, *solids]), gripper(), over(0.06, 0.022, STANDOFF), rng=np.random.default_rng(0)
     )
-    session = Session(robot, STANDOFF, Rules(clearance=0.6 * STANDOFF), None)
+    session = SensingRun(robot, STANDOFF, Rules(clearance=0.6 * STANDOFF), None)
     status, message, face = scan(session, "face", 0.0075)
     assert status == "acquired", message
     return session, face
@@ -65,6 +65,6 @@ def test_looks_end_when_all_is_known_and_are_two_at_most(monkeypatch):
     assert nearly_known(session, needed)
     looks = [m for m in session.motions if m.name == "look"]
     assert len(looks) == 1 + 1
-    monkeypatch.setattr(edge_places, "nearly_known", lambda *_: False)
+    monkeypatch.setattr(crossings, "nearly_known", lambda *_: False)
     look_over(session, face, needed)
     assert len([m for m in session.motions if m.name == "look"]) == 1 + 3

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.acquisition.edge_sides import against
+from tanteo.acquisition.edge_events import against
 from tanteo.features import EDGE, PLANE, Feature
-from tanteo.hand import FREE, LOST, MET, Sensed
+from tanteo.hand import FREE, LOST, MET, HandReading
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Motion
 
@@ -29,7 +29,7 @@ def crossing(x, border, name="cross edge", below=None):
         if on or below is not None:
             ranges[first], states[first] = STANDOFF + (0.0 if on else below), MET
         foot = np.array([x, y, STANDOFF]) - R @ hand.origins[first]
-        log.append(Sensed(0.01 * k, SE3.from_parts(R, foot), ranges, states))
+        log.append(HandReading(0.01 * k, SE3.from_parts(R, foot), ranges, states))
     return Motion(name, "reached", "", tuple(log))
 
 
@@ -71,13 +71,13 @@ def test_only_crossings_count():
 
 def missed(s):
     nothing = np.full(s.ranges.shape, np.nan)
-    return Sensed(s.time, s.T_world_hand, nothing, np.where(s.states == MET, FREE, s.states))
+    return HandReading(s.time, s.T_world_hand, nothing, np.where(s.states == MET, FREE, s.states))
 
 
 def test_the_pose_of_the_hand_may_be_any():
     T = SE3.from_parts(SO3.exp(np.array([0.4, -0.3, 1.0])), np.array([0.3, -0.2, 0.5]))
     motion = crossing(-0.01, 0.008)
-    log = tuple(Sensed(s.time, T @ s.T_world_hand, s.ranges, s.states) for s in motion.log)
+    log = tuple(HandReading(s.time, T @ s.T_world_hand, s.ranges, s.states) for s in motion.log)
     session = SimpleNamespace(hand=gripper(), standoff=STANDOFF, motions=[Motion("cross edge", "reached", "", log)])
     face, edge = (Feature(f.kind, T, f.P, f.label) for f in (FACE, EDGE_))
     assert "goes on" in against(session, face, edge, SE3.apply(T, PLACES), T[:3, :3] @ OUT)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.acquisition.events import agreeing, distance_from, doubt, line_through, on_line, place_of
+from tanteo.acquisition.edge_events import agreeing, distance_from, doubt, line_through, on_line, place_of
 from tanteo.lie import SE3
 from tanteo.motion import EdgeEvent
 

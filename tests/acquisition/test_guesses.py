@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
-from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.patch import find_patches
 from tanteo.acquisition.plane import as_guessed
+from tanteo.acquisition.seen import Cloud
 from tanteo.errors import InputError
 from tanteo.features import PLANE, Feature
 from tanteo.lie import SE3

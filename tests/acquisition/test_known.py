@@ -5,7 +5,7 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.acquisition import FaceGuess, sense_plane
-from tanteo.acquisition.known import _CELL, GAP, Known, _cells, _middles
+from tanteo.acquisition.seen import _CELL, GAP, Known, _cells, _middles
 from tanteo.hand import Workspace
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, look

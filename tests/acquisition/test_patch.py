@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.acquisition import FaceGuess
-from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.patch import find_patches, stands
+from tanteo.acquisition.seen import Cloud
 from tanteo.lie import SO3
 
 UP = np.array([0.0, 0.0, 1.0])

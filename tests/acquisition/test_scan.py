@@ -7,8 +7,8 @@ import pytest
 
 from felt_scenes import gripper, nees, roof
 from tanteo.acquisition import FaceGuess, sense_plane
+from tanteo.acquisition.run import SensingRun
 from tanteo.acquisition.scan import WIDTHS, scan
-from tanteo.acquisition.session import Session
 from tanteo.hand import Workspace
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, go_to, look, retreat
@@ -31,7 +31,7 @@ def test_two_lines_along_a_bend_are_no_plane(degrees):
     for seed in range(2):
         T = over(0.001, math.pi / 2, -0.5 * bend)
         robot = SimulatedHand(roof(bend), gripper(), T, rng=np.random.default_rng(seed))
-        session = Session(robot, STANDOFF, RULES, None)
+        session = SensingRun(robot, STANDOFF, RULES, None)
         status, message, feature = scan(session, "plane", WIDTHS[0])
         assert (status, feature, session.readings) == ("unclear", None, [])
         assert "is not one plane" in message
@@ -40,7 +40,7 @@ def test_two_lines_along_a_bend_are_no_plane(degrees):
 def test_beside_a_bend_the_plane_is_that_of_its_own_side():
     scene = roof(math.radians(22))
     robot = SimulatedHand(scene, gripper(), over(-0.025, 0.0), rng=np.random.default_rng(0))
-    session = Session(robot, STANDOFF, RULES, None)
+    session = SensingRun(robot, STANDOFF, RULES, None)
     status, _, feature = scan(session, "plane", WIDTHS[0])
     assert status == "acquired"
     assert nees(scene, feature)[0] < 20
@@ -66,7 +66,7 @@ def test_the_hand_turns_square_where_it_knows_that_it_has_room():
     scene = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
     T = over(0.0, 0.0, height=0.03) @ SE3.exp([0, 0, 0, 0, math.radians(10), 0])
     robot = SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(0))
-    session = Session(robot, STANDOFF, RULES, None)
+    session = SensingRun(robot, STANDOFF, RULES, None)
     status, message, _ = scan(session, "plane", WIDTHS[0])
     assert (status, session.motions) == ("limit", [])
     assert "no known room to turn" in message

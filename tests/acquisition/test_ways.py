@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.acquisition.session import Session
+from tanteo.acquisition.run import SensingRun
 from tanteo.acquisition.ways import ROOM, look_around
 from tanteo.hand import Workspace
 from tanteo.lie import SE3
@@ -21,7 +21,7 @@ TABLE = box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])
 def session_on(*solids):
     scene = Scene.of([TABLE, *solids])
     robot = SimulatedHand(scene, gripper(), OVER, rng=np.random.default_rng(0))
-    session = Session(robot, STANDOFF, Rules(clearance=0.012, workspace=Workspace.above(0.0)), None)
+    session = SensingRun(robot, STANDOFF, Rules(clearance=0.012, workspace=Workspace.above(0.0)), None)
     return session, scene
 
 

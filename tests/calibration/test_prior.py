@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.calibration.geometry import Setup
-from tanteo.calibration.outliers import mixture_log_likelihood
-from tanteo.calibration.prior import make_prior
+from tanteo.calibration.geometry import Setup, make_prior
+from tanteo.calibration.log import mixture_log_likelihood
 from tanteo.lie import SE3
 from tanteo.sensors import Rig, RigSensor
 

@@ -178,7 +178,7 @@ def test_the_cache_folder_follows_the_platform(monkeypatch):
 
 WORSE = """
 import sys, os, json, time
-from tanteo.catalogue import worker
+from tanteo.catalogue import pool as worker
 real = worker.read_part
 def read(path, **rest):
     name = os.path.basename(path)

@@ -10,7 +10,7 @@ from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.localization import motion_scale
 from tanteo.vision.camera import Camera, project, project_linearized
-from tanteo.vision.edge_map import CHANNELS, cell_of, channel_of
+from tanteo.vision.edges import CHANNELS, cell_of, channel_of
 
 SIZE = 96, 64
 DIAGONAL, MIDDLE, SLACK = 0.1, np.array([0.01, -0.02, 0.005]), 2e-5
@@ -85,7 +85,7 @@ def crossed(corners, start, way, reach):
 
 
 @dataclass
-class Met:
+class EdgeMatches:
     """What samples at poses meet."""
 
     pixels: np.ndarray
@@ -115,7 +115,7 @@ def meet(s, Ts, shown, reach):
     by = np.einsum("bni,bnij->bnj", normals, J)
     jacobian = np.concatenate([by, np.cross(s.points, by)], axis=-1)
     which = np.where(hits, point, -1)
-    return Met(
+    return EdgeMatches(
         at, normals, np.where(within, scale * s.lengths, 0), within, hits, which, np.where(hits, off, 0),
         np.where(hits, s.sds[which], 1), jacobian,
     )  # fmt: skip

@@ -10,9 +10,8 @@ import pytest
 from felt_scenes import gripper
 from tanteo.active import at_pose, begin
 from tanteo.execution import Furniture, Possible
-from tanteo.execution.furniture import beyond_furniture
-from tanteo.execution.resting import as_readings, of_parts
-from tanteo.hand import FREE, LOST, MET, Sensed
+from tanteo.execution.resting import as_readings, beyond_furniture, of_parts
+from tanteo.hand import FREE, LOST, MET, HandReading
 from tanteo.lie import SE3
 from tanteo.sensors import error_model, measure
 from tanteo.simulator import Scene, box
@@ -31,7 +30,7 @@ def log(first, second, T=ABOVE):
         for i, value in ((FIRST, a), (SECOND, b)):
             states[i] = FREE if np.isnan(value) else LOST if value < 0 else MET
             ranges[i] = value if value > 0 else np.nan
-        out.append(Sensed(0.0, T, ranges, states))
+        out.append(HandReading(0.0, T, ranges, states))
     return out
 
 
@@ -82,7 +81,7 @@ def test_side_beams_are_told_where_part_may_be_and_nowhere_else(targets):
     names = [sensor.name for sensor in HAND.rig.sensors]
     for name, value in (("side_left", 0.05), ("side_right", 0.06)):
         states[names.index(name)], ranges[names.index(name)] = MET, value
-    readings = as_readings(HAND, [Sensed(0.0, ABOVE, ranges, states)] * 10, "1")
+    readings = as_readings(HAND, [HandReading(0.0, ABOVE, ranges, states)] * 10, "1")
     assert set(readings.sensors) == set(names)
     box = targets[0].part.box
     tip = ABOVE @ HAND.rig.sensors[names.index("side_right")].T_hand_sensor
@@ -95,7 +94,7 @@ def test_side_beams_are_told_where_part_may_be_and_nowhere_else(targets):
         assert {"front_left", "front_right"} <= set(kept.sensors)
         assert "side_left" not in kept.sensors
     states[list(HAND.frontal)] = LOST
-    sides = Sensed(0.0, ABOVE, ranges, states)
+    sides = HandReading(0.0, ABOVE, ranges, states)
     assert of_parts(HAND, as_readings(HAND, [sides], "2"), possible) is None
 
 

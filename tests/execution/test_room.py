@@ -9,8 +9,7 @@ from felt_scenes import gripper
 from tanteo.active import around, begin, propose
 from tanteo.errors import InputError
 from tanteo.execution import Possible, Room, approach_poses, hand_probe, reachable
-from tanteo.execution.approach_poses import back
-from tanteo.execution.routes import route, way
+from tanteo.execution.approach import back, route, way
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.lie import SE3
 from tanteo.motion import Rules

@@ -36,7 +36,7 @@ def test_each_label_becomes_one_feature_with_its_readings():
     found = fit(points, ("a",) * 5 + ("b",) * 4, directions=down(9))
     assert [f.label for f in found.features] == ["a", "b"]
     assert found.features[1].readings == ("6", "7", "8", "9")
-    assert not len(found.bare)
+    assert not len(found.unlabelled)
     assert found.notes == ()
     assert found.features[0].T_world_feature[2, 2] > 0.99  # outward: against the direction of approach
 
@@ -146,7 +146,7 @@ def test_the_robots_error_moves_a_plane_as_a_rigid_world_would(single):
 def test_points_without_label_or_normal_are_bare():
     rng = np.random.default_rng(7)
     found = fit(plane_points(7, rng), ("a",) * 4 + ("",) * 3, directions=down(7))
-    assert found.bare.tolist() == [4, 5, 6]
+    assert found.unlabelled.tolist() == [4, 5, 6]
     assert len(found.features) == 1
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.io import read_camera, read_image, read_marks, write_image
-from tanteo.vision import USUAL
+from tanteo.vision import USUAL_EDGE_SD
 
 OPENCV_YAML = """%YAML:1.0
 ---
@@ -108,7 +108,7 @@ def test_the_camera_s_place_is_read_in_metres(tmp_path):
     assert read_camera(path).T_world_camera[:3, 3] == pytest.approx([0.1, 0.2, 0.7])
 
 
-@pytest.mark.parametrize(("line", "sd"), [("", USUAL), ("edge_sd_px: 0\n", 0.0), ("edge_sd_px: 0.15\n", 0.15)])
+@pytest.mark.parametrize(("line", "sd"), [("", USUAL_EDGE_SD), ("edge_sd_px: 0\n", 0.0), ("edge_sd_px: 0.15\n", 0.15)])
 def test_how_exact_the_camera_is_may_be_said(tmp_path, line, sd):
     path = tmp_path / "camera.yaml"
     path.write_text(ROS_YAML + line)

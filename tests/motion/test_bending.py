@@ -8,8 +8,7 @@ import pytest
 from felt_scenes import gripper, roof
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, cross_edge
-from tanteo.motion.bending import STEEP
-from tanteo.motion.track import Track
+from tanteo.motion.track import STEEP, Track
 from tanteo.simulator import Scene, SimulatedHand, box
 
 
@@ -33,17 +32,17 @@ def test_a_bend_is_no_edge(degrees, standoff):
     got = crossing(roof(math.radians(degrees)), standoff)
     assert (got.motion.status, got.events) == ("nothing", ())
     assert "bends away by about" in got.motion.message
-    assert math.degrees(np.median([b.angle for b in got.bends])) == pytest.approx(degrees, abs=8)
-    assert abs(np.median([across(b) for b in got.bends])) < 0.1 * standoff + 0.002
-    assert {b.sensor for b in got.bends} <= set(gripper().frontal)
+    assert math.degrees(np.median([b.angle for b in got.creases])) == pytest.approx(degrees, abs=8)
+    assert abs(np.median([across(b) for b in got.creases])) < 0.1 * standoff + 0.002
+    assert {b.sensor for b in got.creases} <= set(gripper().frontal)
 
 
 def test_a_bend_that_gives_no_ranges_is_steep():
     got = crossing(roof(math.radians(78)))
     assert (got.motion.status, got.events) == ("nothing", ())
     assert "too steeply" in got.motion.message
-    assert {b.angle for b in got.bends} == {STEEP}
-    assert max(abs(across(b)) for b in got.bends) < 0.002
+    assert {b.angle for b in got.creases} == {STEEP}
+    assert max(abs(across(b)) for b in got.creases) < 0.002
 
 
 @pytest.mark.parametrize("step", [0.005, 0.03])
@@ -52,7 +51,7 @@ def test_a_step_is_an_edge(step):
     low = box("low", [-0.1, -0.01, -0.05], [0.1, 0.1, -step])
     got = crossing(Scene.of([box("high", [-0.1, -0.1, -0.05], [0.1, 0.0, 0.0]), low]))
     assert got.motion.reached
-    assert got.bends == ()
+    assert got.creases == ()
     assert max(abs(across(e)) for e in got.events) < 0.002
 
 

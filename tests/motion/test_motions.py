@@ -8,11 +8,10 @@ from scipy.stats import chi2
 
 from felt_scenes import gripper
 from tanteo.errors import InputError
-from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.hand import ForbiddenBox, Workspace, advance, turn
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, approach, cross_edge, follow, go_to, look, retreat, settle, settled
 from tanteo.motion.crossing import crossing_sd
-from tanteo.motion.travelling import spun
 from tanteo.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
 
 STANDOFF = 0.02
@@ -149,7 +148,7 @@ def test_following_a_flat_face_ends_where_it_bends_away(bend):
     plates = [box("flat", [-0.1, -0.1, -0.02], [0, 0.1, 0]), box("slope", [0, -0.1, -0.02], [0.2, 0.1, 0], slope)]
     scene = Scene.of(plates)
     robot = robot_on(scene, over(x=-0.05, height=STANDOFF))
-    motion = follow(robot, [1, 0, 0], 0.13, STANDOFF, RULES, most=math.radians(6))
+    motion = follow(robot, [1, 0, 0], 0.13, STANDOFF, RULES, max_tilt=math.radians(6))
     assert motion.status == "lost"
     assert "bent away after" in motion.message
     assert least(scene, robot) > 0.65 * STANDOFF
@@ -161,7 +160,7 @@ def test_settling_does_not_turn_into_a_step():
     solids = [box("floor", [-0.2, -0.2, -0.09], [0.2, 0.2, -0.05]), box("block", [-0.1, -0.1, -0.05], [0.005, 0.1, 0])]
     scene = Scene.of(solids)
     robot = robot_on(scene, over(height=STANDOFF))
-    motion = settle(robot, STANDOFF, RULES, most=math.radians(25))
+    motion = settle(robot, STANDOFF, RULES, max_tilt=math.radians(25))
     assert motion.status == "lost"
     assert "not over one surface" in motion.message
     assert least(scene, robot) > 0.9 * STANDOFF
@@ -249,7 +248,8 @@ def test_back_along_the_axis():
 
 def test_to_a_pose():
     robot = robot_on(PLATE, over())
-    target = spun(over(x=0.05, y=-0.03, height=0.05, tilt=(0.2, -0.1, 0)), gripper().front, 1.2)
+    begin = over(x=0.05, y=-0.03, height=0.05, tilt=(0.2, -0.1, 0))
+    target = advance(begin, turn(np.array([0.0, 0.0, 1.2]), gripper().front), 1.0)
     assert go_to(robot, target, RULES).reached
     off = SE3.log(SE3.inverse(robot.sensed.T_world_hand) @ target)
     assert np.linalg.norm(off[3:]) < 4e-3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, Sensed, Workspace, advance
+from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, HandReading, Workspace, advance
 from tanteo.motion import Rules, Steering, approach
 from tanteo.motion.following import seen_surface
 from tanteo.typing import Tangents
@@ -24,7 +24,7 @@ class Observation:
         k = len(self.hand.rig.sensors)
         states, ranges = np.full(k, FREE), np.full(k, np.nan)
         states[list(self.hand.frontal)], ranges[list(self.hand.frontal)] = state, distance
-        self.sensed = Sensed(0.0, np.eye(4), ranges, states)
+        self.sensed = HandReading(0.0, np.eye(4), ranges, states)
 
     def step(self, twist):
         self.commands.append(twist)
@@ -69,7 +69,7 @@ class Blinking(Observation):
         pair = list(self.hand.frontal)
         echo = self.count % self.every == 0
         states[pair], ranges[pair] = (MET, self.distance - T[2, 3]) if echo else (FREE, np.nan)
-        self.sensed = Sensed(self.sensed.time + self.period, T, ranges, states)
+        self.sensed = HandReading(self.sensed.time + self.period, T, ranges, states)
         return self.sensed
 
 

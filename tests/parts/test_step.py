@@ -11,7 +11,7 @@ import pytest
 
 from tanteo.errors import MissingExtraError, PartError
 from tanteo.parts import mirror_part, read_part
-from tanteo.parts.analytic import surface_offsets
+from tanteo.parts.surfaces import surface_offsets
 from tanteo.parts.topology import edge_counts
 
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
@@ -226,6 +226,8 @@ def test_a_file_that_contradicts_itself_is_refused(tmp_path):
 
 
 def test_without_the_kernel_the_pip_command_is_named(monkeypatch):
+    for module in ("tanteo.parts.step", "tanteo.parts.brep"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "OCP.STEPControl", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'tanteo\[step\]'"):
         read_part(EXAMPLES / "block.step")

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tanteo.report.html import data, element, escape
+from tanteo.report.page import data, element, escape
 
 
 class Reader(HTMLParser):

@@ -14,7 +14,7 @@ from report_scenes import ROUGH, TOUCH, TRUTH
 from tanteo.active import at_pose, discriminate, plan
 from tanteo.inference import prepare
 from tanteo.report import Run, distinction_page, percent, plan_page
-from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
+from tanteo.report.charts import SHARES, Curve, curve_chart, lengths_scale
 
 RUN = Run("tanteo plan --part wedge.stl")
 

@@ -21,7 +21,6 @@ from tanteo.sensors import (
     emit_touches,
     error_model,
     measure,
-    preset_sigma,
     reported_poses,
     robot_preset,
     robot_presets,
@@ -55,7 +54,7 @@ def test_variance_of_readings_is_the_model_s(preset, share):
     units = draw_units(rng, open_model, (n_units,))
     r, status = emit(rng, open_model, units, np.full((n, n_units, 1), d))
     assert (status == Status.OK).all()
-    sigma2 = preset_sigma(preset, d) ** 2
+    sigma2 = preset.law.sigma(d) ** 2
     means = r.mean(axis=0)
     assert inside(np.sum((r - means) ** 2) / sigma2, (n - 1) * n_units)
     shared = preset.bias_std**2 + (preset.bias_prop_std * d) ** 2
@@ -148,7 +147,7 @@ def test_a_cone_on_a_flat_surface_spreads_as_the_model_says(preset):
     d, units = 0.5 * (preset.min_range + preset.max_range), draw_units(rng, model)
     calm = type(units)(0 * units.bias, 0 * units.scale, units.T_hand_sensors)
     aims = draw_aims(rng, model.beam_half_angle, (n,))
-    sigma = float(preset_sigma(preset, d))
+    sigma = float(preset.law.sigma(d))
     r, _ = emit(rng, model, calm, d / aims[..., 2], 0.0, aims)
     assert inside(np.nansum((r - d) ** 2) / sigma**2, np.isfinite(r).sum())
     beta = np.deg2rad(10)

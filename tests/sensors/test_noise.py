@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
-from tanteo.sensors import preset_sigma, range_variance, sensed_point, sensor_error_cov, sensor_preset
+from tanteo.sensors import range_variance, sensed_point, sensor_error_cov, sensor_preset
 from tanteo.sensors.noise import beam_cov, body_jacobian
 
 VECTORS = json.loads(Path(__file__).with_name("vectors.json").read_text())["vectors"]
@@ -126,13 +126,13 @@ def test_beam_cov_has_the_two_variances():
 def test_exponential_law_is_the_firmware_s():
     """Crazyflie zranger.c: 2.5 mm (1 + exp(k (d - 1))) with k from 0.2 m at 1.3 m."""
     preset = sensor_preset("vl53l0x")
-    assert preset_sigma(preset, 1.0) == pytest.approx(0.005)
-    assert preset_sigma(preset, 1.3) == pytest.approx(0.2 + 0.0025, rel=0.01)
-    assert preset_sigma(preset, 0.2) == pytest.approx(0.0025, rel=1e-4)
+    assert preset.law.sigma(1.0) == pytest.approx(0.005)
+    assert preset.law.sigma(1.3) == pytest.approx(0.2 + 0.0025, rel=0.01)
+    assert preset.law.sigma(0.2) == pytest.approx(0.0025, rel=1e-4)
 
 
 def test_quadratic_and_proportional_laws_add_in_quadrature():
     sharp, st = sensor_preset("sharp_gp2y0a41sk0f"), sensor_preset("vl53l4cd")
-    assert preset_sigma(sharp, 0.2) == pytest.approx(np.hypot(0.0003, 0.096 * 0.04))
-    np.testing.assert_allclose(preset_sigma(st, np.array([0.1, 1.0])), np.hypot(0.0015, [0.0003, 0.003]))
-    assert preset_sigma(sensor_preset("touch_probe_hobby"), np.nan) == 8e-6
+    assert sharp.law.sigma(0.2) == pytest.approx(np.hypot(0.0003, 0.096 * 0.04))
+    np.testing.assert_allclose(st.law.sigma(np.array([0.1, 1.0])), np.hypot(0.0015, [0.0003, 0.003]))
+    assert sensor_preset("touch_probe_hobby").law.sigma(np.nan) == 8e-6

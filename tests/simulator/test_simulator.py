@@ -12,7 +12,7 @@ from tanteo.errors import InputError
 from tanteo.hand import FREE, LOST, MET, NEAR, shift
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings, error_model, measure, robot_preset
-from tanteo.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances, nearest_solids
+from tanteo.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
 
 DOWN = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.15]))
 """The hand's front 50 mm over the table."""
@@ -127,7 +127,6 @@ def test_clearance_of_the_whole_hand(table):
     np.testing.assert_allclose(clearances(table, hand.body, poses), [0.05, 0.05 - hand.body.radii.max()], atol=1e-12)
     wall = Scene.of([box("table", [-0.5, -0.5, -0.05], [0.5, 0.5, 0]), box("wall", [0.04, -1, 0], [0.1, 1, 1])])
     assert clearances(wall, hand.body, DOWN) == pytest.approx(0.01)
-    assert list(nearest_solids(wall, np.array([[0, 0, 0.01], [0.05, 0, 0.5]]))) == [0, 1]
 
 
 def test_scenes():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.hand import FREE, LOST, MET, Sensed
+from tanteo.hand import FREE, LOST, MET, HandReading
 from tanteo.lie import SE3, SO3
 from tanteo.session import Action
 from tanteo.viewer import Snapshot, colors, drawing
@@ -122,7 +122,7 @@ def test_the_hand_is_where_it_says_and_beams_end_where_they_met():
     T = SE3.from_parts(SO3.exp(np.array([3.0, 0.2, -0.4])), [0.1, 0.2, 0.3])
     states = np.array([MET, FREE, LOST] * 4)[: len(hand.origins)]
     ranges = np.where(states == MET, 0.07, np.nan)
-    body, seen, free = drawing.hand_primitives(hand, Sensed(0.0, T, ranges, states))
+    body, seen, free = drawing.hand_primitives(hand, HandReading(0.0, T, ranges, states))
     np.testing.assert_array_equal(body.T, T)
     met = np.flatnonzero(states == MET)
     ends = SE3.apply(T, hand.origins[met] + 0.07 * hand.axes[met])

@@ -15,9 +15,9 @@ from tanteo.lie import SE3
 from tanteo.sensors import Readings, measure
 from tanteo.session import Action
 from tanteo.simulator import Scene, Solid, box
-from tanteo.viewer import Snapshot, bare_show
-from tanteo.viewer.picking import picked
-from tanteo.viewer.simulation import NOISE, simulated
+from tanteo.viewer import Snapshot, probe_show
+from tanteo.viewer.commands import picked
+from tanteo.viewer.shows import NOISE, simulated
 from viewer_scenes import TRUE, maker
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -127,7 +127,7 @@ def test_what_the_hand_cannot_do_is_said(session):
 
 
 def test_the_truth_is_measured_both_ways(session, targets):
-    from tanteo.viewer.ending import apart, compared
+    from tanteo.viewer.snapshot import apart, compared
 
     target, T = session.start.targets[0], session.state.poses[0]
     same = Solid.at("a", target.part.vertices, target.part.triangles, T)
@@ -162,5 +162,5 @@ def test_whatever_is_read_answers_what_was_asked(targets):
             assert session.asked is None
             told.append(session.steps[-1].action.number)
 
-    bare_show(session, bare, ()).run(Looks())
+    probe_show(session, bare, ()).run(Looks())
     assert told == [1, 2, 3]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.viewer.solids import ball, dashed, ellipsoids, hand_mesh, joined
+from tanteo.viewer.primitives import ball, dashed, ellipsoids, hand_mesh, joined
 
 
 def volume(vertices, triangles):
@@ -32,7 +32,7 @@ def test_ellipsoids_lie_at_so_many_standard_deviations():
     size = len(vertices) // 5
     for k in range(5):  # turned outward, whatever the axes: the volume is positive, and that of the ellipsoid
         own = volume(each[k], triangles[k * n : (k + 1) * n] - k * size)
-        assert own == pytest.approx(8 * np.sqrt(np.linalg.det(covariances[k])) * volume(*ball(4)), rel=1e-6)
+        assert own == pytest.approx(8 * np.sqrt(np.linalg.det(covariances[k])) * volume(*ball(1)), rel=1e-6)
 
 
 def test_a_reading_without_spread_across_is_drawn_all_the_same():

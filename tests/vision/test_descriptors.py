@@ -8,10 +8,10 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError
-from tanteo.vision.descriptors import NAMES, _gradient, describe, descriptor_values
+from tanteo.vision.descriptors import DESCRIPTOR_NAMES, _gradient, describe, descriptor_values
 
 L_SHAPE = np.array([[0, 0], [60, 0], [60, 20], [25, 20], [25, 50], [0, 50]], dtype=float) + np.array([100, 80])
-HU = [k for k, name in enumerate(NAMES) if name.startswith("hu")]
+HU = [k for k, name in enumerate(DESCRIPTOR_NAMES) if name.startswith("hu")]
 
 
 def normals_of(outline):
@@ -27,7 +27,7 @@ def dense(outline, step=4.0):
 
 
 def test_a_rectangle_is_as_in_the_book():
-    got = dict(zip(NAMES, descriptor_values(np.array([[0, 0], [8.0, 0], [8, 2], [0, 2]])), strict=True))
+    got = dict(zip(DESCRIPTOR_NAMES, descriptor_values(np.array([[0, 0], [8.0, 0], [8, 2], [0, 2]])), strict=True))
     assert got["area"] == pytest.approx(16)
     assert got["perimeter"] == pytest.approx(20)
     assert (got["x"], got["y"]) == pytest.approx((4, 1))
@@ -76,7 +76,11 @@ def test_the_covariance_is_honest(bias):
     outline = dense(L_SHAPE)
     normals, sds = normals_of(outline), rng.uniform(0.05, 0.3, len(outline))
     stated = describe(outline, normals, sds, bias)
-    used = [k for k, name in enumerate(NAMES) if name in ("area", "x", "y", "long_axis", "short_axis", "hu1", "hu2")]
+    used = [
+        k
+        for k, name in enumerate(DESCRIPTOR_NAMES)
+        if name in ("area", "x", "y", "long_axis", "short_axis", "hu1", "hu2")
+    ]
     errors = []
     for _ in range(runs):
         off = rng.normal(0, sds) + bias * rng.normal()

@@ -8,8 +8,7 @@ import pytest
 from scipy.special import ndtr
 
 from tanteo.errors import InputError
-from tanteo.vision.edge_map import CHANNELS, map_edges
-from tanteo.vision.edges import CORRELATION, find_edges, image_noise
+from tanteo.vision.edges import CHANNELS, CORRELATION, find_edges, image_noise, map_edges
 
 
 def step_image(angle, offset, rng=None, noise=0.0, contrast=80.0, blur=0.8, size=96):

@@ -12,7 +12,7 @@ from core.image_oracle import normal_equations
 from tanteo.lie import SE3
 from tanteo.vision import project
 from tanteo.vision.answers import hypothesis
-from tanteo.vision.candidates import Candidates
+from tanteo.vision.candidates import PoseCandidates
 from tanteo.vision.edges import CORRELATION
 from tanteo.vision.evidence import (
     CREASE_SEEN,
@@ -28,7 +28,7 @@ from tanteo.vision.evidence import (
     of_edges,
     weigh,
 )
-from tanteo.vision.fit import BIAS, Met, meet, refine
+from tanteo.vision.fit import BIAS, EdgeMatches, meet, refine
 from tanteo.vision.posterior import MISSED, UNKNOWN, ImageMode, infer
 from tanteo.vision.settle import settle
 from vision_scenes import bracket, seen_alone
@@ -36,7 +36,7 @@ from vision_scenes import bracket, seen_alone
 
 def met_of(**values):
     """What some samples met; what is not given is not looked at."""
-    return Met(**{field.name: values.get(field.name) for field in fields(Met)})
+    return EdgeMatches(**{field.name: values.get(field.name) for field in fields(EdgeMatches)})
 
 
 def edges_of(*groups):
@@ -108,7 +108,7 @@ def test_an_edge_of_the_image_is_explained_once():
     missed = replace(pair, hits=np.arange(80) >= 40)
     assert foremost(two, missed).tolist() == [False] * 40 + [True] * 40
     # each pose for itself
-    fields_of = {f.name: getattr(pair, f.name) for f in fields(Met)}
+    fields_of = {f.name: getattr(pair, f.name) for f in fields(EdgeMatches)}
     both = met_of(**{n: None if v is None else np.stack([v, getattr(missed, n)]) for n, v in fields_of.items()})
     assert foremost(two, both).tolist() == [foremost(two, pair).tolist(), foremost(two, missed).tolist()]
 
@@ -130,7 +130,7 @@ def test_probabilities_are_those_of_the_weighted_evidence(model):
     Ts = np.stack([np.eye(4), SE3.exp(np.array([0.1, 0, 0, 0, 0, 0]))])
     area = np.array([0.0, 288.0])
     evidence = Evidence(np.array([40.0, 30.0]), np.array([-3.0, -2.0]), area)
-    found = Candidates(model, Ts, np.array([0, 0]), np.log([0.5, 0.25]), evidence)
+    found = PoseCandidates(model, Ts, np.array([0, 0]), np.log([0.5, 0.25]), evidence)
     posterior = infer([found], 15.0, weights, 4)
     # that none of the poses holds is shared by what is strange and what was missed, as often as they are beforehand
     none = posterior.unknown * (1 + (1 - UNKNOWN) * MISSED / UNKNOWN)

@@ -10,11 +10,10 @@ from scipy.stats import chi2
 
 from tanteo.lie import SE3
 from tanteo.vision import TableErrors, find_regions, map_edges
-from tanteo.vision.candidates import Candidates, _with_best, evidence_at, own_edges, poses_beside
+from tanteo.vision.candidates import PoseCandidates, _with_best, evidence_at, own_edges, poses_beside
 from tanteo.vision.evidence import Evidence, Weights, chance_hits, log_weight
 from tanteo.vision.fit import beside, pixel_length, refine
-from tanteo.vision.lying import mixed, settle_lying
-from tanteo.vision.posterior import ImageMode
+from tanteo.vision.posterior import ImageMode, mixed, settle_lying
 from tanteo.vision.settle import Settled, settle
 from vision_scenes import bracket, seen_alone
 
@@ -90,7 +89,7 @@ def test_a_better_pose_beside_is_found(scene):
 @pytest.mark.parametrize(("hits", "taken"), [((4.0, 6.0), None), ((4.0, 9.0), 1)])
 def test_a_pose_beside_is_taken_only_if_it_weighs_more(scene, hits, taken):
     own = Evidence(np.array([1.0, 7.0]), np.zeros(2), np.zeros(2))
-    here = Candidates(scene[0], np.stack([np.eye(4)] * 2), np.zeros(2, dtype=np.int64), np.zeros(2), own)
+    here = PoseCandidates(scene[0], np.stack([np.eye(4)] * 2), np.zeros(2, dtype=np.int64), np.zeros(2), own)
     Ts = np.stack([SE3.exp(np.r_[x, np.zeros(5)]) for x in (0.1, 0.2)])
     found = _with_best(here, 1, Ts, Evidence(np.array(hits), np.zeros(2), np.zeros(2)), Weights())
     assert found.evidence.hits.tolist() == [1.0, 7.0 if taken is None else hits[taken]]

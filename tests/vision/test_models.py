@@ -13,8 +13,8 @@ from tanteo.catalogue import read_parts
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import Camera, like_outline, prepare_vision
-from tanteo.vision.resting import known_rests, lay, rests
-from tanteo.vision.silhouettes import silhouette, spilled
+from tanteo.vision.models import known_rests, lay, rests
+from tanteo.vision.regions import silhouette, spilled
 from tanteo.vision.wireframe import see_edges, wireframe
 
 CAMERA = Camera(np.array([[620.0, 0, 320.0], [0, 620.0, 240.0], [0, 0, 1]]), (640, 480))
@@ -145,7 +145,7 @@ def test_resting_poses_are_cached_and_found_anew_if_damaged(tmp_path, monkeypatc
     file = tmp_path / "block.off"
     first = known_rests(read_parts([file], unit="mm").parts[0])
     (kept,) = (tmp_path / "cache").rglob("*.rests1")
-    monkeypatch.setattr("tanteo.vision.resting.rests", lambda part: pytest.fail("it is in the cache"))
+    monkeypatch.setattr("tanteo.vision.models.rests", lambda part: pytest.fail("it is in the cache"))
     again = known_rests(read_parts([file], unit="mm").parts[0])
     assert [(r.probability, r.height) for r in again] == [(r.probability, r.height) for r in first]
     np.testing.assert_array_equal([r.T_table_part for r in again], [r.T_table_part for r in first])

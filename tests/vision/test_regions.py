@@ -7,7 +7,7 @@ import pytest
 
 from tanteo.lie import SE3, SO3
 from tanteo.vision import find_edges, find_regions
-from tanteo.vision.question import heights
+from tanteo.vision.answers import heights
 
 
 def test_the_outline_of_disc_is_circle_and_normals_look_outwards():

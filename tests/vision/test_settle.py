@@ -16,7 +16,7 @@ from tanteo.parts import read_part
 from tanteo.vision import map_edges, prepare_vision
 from tanteo.vision.choices import FAR, ROUGH, EdgeErrors, mixture, terms_of
 from tanteo.vision.edges import CORRELATION, FLOOR, find_edges
-from tanteo.vision.fit import Met, meet
+from tanteo.vision.fit import EdgeMatches, meet
 from tanteo.vision.rendering import Stage, render, thing
 from tanteo.vision.settle import clear_edges, settle
 from tanteo.vision.table import TableErrors, lying_information
@@ -28,7 +28,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 def met_of(**values):
     """What some samples met; what is not given is not looked at."""
-    return Met(**{field.name: values.get(field.name) for field in fields(Met)})
+    return EdgeMatches(**{field.name: values.get(field.name) for field in fields(EdgeMatches)})
 
 
 def drawn(rng, sizes):

@@ -23,10 +23,9 @@ from tanteo.vision import (
     see_anywhere,
     see_table,
 )
-from tanteo.vision.answers import judged
+from tanteo.vision.answers import ask, heights, judged
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.posterior import UNKNOWN, ImagePosterior, distinct_poses, one_pose
-from tanteo.vision.question import ask, heights
 from tanteo.vision.rendering import Look, Stage, render, thing
 from vision_scenes import random_shot
 

@@ -1,28 +1,96 @@
-"""An edge: its face first, then crossings of it, there and back, at several places; fit."""
+"""An edge: its face first, then crossings of it, there and back, at several places; fit.
+
+Where the surface only bends, the face beyond is sensed too, and the edge is where the two planes meet.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.acquisition.acquired import Acquired, Attempt, failed
-from tanteo.acquisition.edge_bend import acquire_bend
-from tanteo.acquisition.edge_places import Search, cross_at, look_over, pose_over
-from tanteo.acquisition.edge_search import Found, cross_beside, find_edge
-from tanteo.acquisition.edge_sides import against
-from tanteo.acquisition.events import Line, agreeing, count_places, line_through, on_line, place_of
-from tanteo.acquisition.guesses import EdgeGuess
-from tanteo.acquisition.plane import acquire_plane
+from tanteo.acquisition.crossings import (
+    FoundEdge,
+    Search,
+    cross_at,
+    cross_beside,
+    find_edge,
+    look_over,
+    pose_over,
+    rise,
+)
+from tanteo.acquisition.edge_events import Line, against, agreeing, count_places, line_through, on_line, place_of
+from tanteo.acquisition.guesses import EdgeGuess, FaceGuess
+from tanteo.acquisition.plane import HOVER, acquire_plane
 from tanteo.acquisition.record import edge_readings, fitted_feature
-from tanteo.acquisition.session import Session, finish
-from tanteo.acquisition.ways import nearly_known
+from tanteo.acquisition.run import Acquired, Attempt, SensingRun, failed, finish
+from tanteo.acquisition.ways import facing, fits, nearly_known
 from tanteo.constraints import relate_all
+from tanteo.errors import DegenerateError
 from tanteo.features import Feature
+from tanteo.fitting import edge_from_planes
 from tanteo.hand import Robot
-from tanteo.motion import EdgeEvent, Motion, Rules
+from tanteo.motion import Crease, EdgeEvent, Motion, Rules, crease_angle, go_to, path
 from tanteo.sensors import RobotPreset
 from tanteo.typing import FloatArray
+
+_OTHER_FACE = 0.02
+"""The other face is looked for so far beyond the bend [m]."""
+
+_BESIDE = 0.006
+"""The planes meet no farther from where the surface was seen to bend [m]; a bend is seen less sharply than a drop."""
+
+
+def acquire_crease(
+    run: SensingRun, face: Feature, outwards: FloatArray, creases: Sequence[Crease], label: str
+) -> Attempt:
+    """The edge of a face at which the surface bends away, as the line in which two sensed planes meet.
+
+    Of an edge that is rounded it is where its faces would meet.
+    """
+    normal = face.T_world_feature[:3, 2]
+    place = np.median([place_of(run.hand, c) for c in creases], axis=0)
+    angle = float(np.median([c.angle for c in creases]))
+    ahead, beyond = _turned(outwards, normal, angle)
+    above = _between(run, face, place, _turned(outwards, normal, 0.5 * angle)[1], np.cross(normal, outwards))
+    if not above.reached:
+        return failed(above)
+    status, message, other = acquire_plane(
+        run, FaceGuess(place + _OTHER_FACE * ahead, beyond), f"{label} other face", beside=face
+    )
+    if other is None:
+        return status, f"the surface bends away {crease_angle(creases)}, and of the face beyond it: {message}", None
+    run.others.append(other)
+    try:
+        edge = edge_from_planes(face, other, place, label)
+    except DegenerateError as error:
+        return "unclear", f"the surface bends away {crease_angle(creases)}, but {error}", None
+    away = place - edge.T_world_feature[:3, 3]
+    direction = edge.T_world_feature[:3, 0]
+    off = float(np.linalg.norm(away - (away @ direction) * direction))
+    if off > _BESIDE:
+        return "unclear", f"the planes of both faces meet {1e3 * off:.2g} mm beside where the surface bends", None
+    return "acquired", "the surface bends: the edge is where the planes of both faces meet", edge
+
+
+def _turned(outwards: FloatArray, normal: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
+    """The way out of a face and its normal, turned by a bend [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * outwards - s * normal, c * normal + s * outwards
+
+
+def _between(run: SensingRun, face: Feature, place: FloatArray, normal: FloatArray, along: FloatArray) -> Motion:
+    """The hand over the bend, turned half towards the other face, as far as there is room; it has to be seen."""
+    back = rise(run, face)
+    if not back.reached:
+        return back
+    hand, T = run.hand, run.robot.sensed.T_world_hand
+    target = facing(hand, place, normal, along, run.standoff + HOVER, T)
+    if not fits(run, run.seen(), path(T, target, hand.front, 12)):
+        return back
+    return run.does(go_to(run.robot, target, run.rules))
+
 
 INSET = 0.02
 """The face of an edge is looked for this far inside of where the edge should be [m]."""
@@ -70,75 +138,75 @@ def sense_edge(
     Raises:
         InputError: A stand-off too near to the clearance of the rules.
     """
-    session = Session(robot, standoff, rules, errors)
-    status, message, face = acquire_plane(session, guess.face(INSET), f"{label} face")
+    run = SensingRun(robot, standoff, rules, errors)
+    status, message, face = acquire_plane(run, guess.face(INSET), f"{label} face")
     if face is None:
-        return finish("edge", session, status, f"the face of the edge: {message}", None)
-    session.others.append(face)
-    status, message, feature = acquire_edge(session, face, guess, label)
-    return finish("edge", session, status, message, feature)
+        return finish("edge", run, status, f"the face of the edge: {message}", None)
+    run.others.append(face)
+    status, message, feature = acquire_edge(run, face, guess, label)
+    return finish("edge", run, status, message, feature)
 
 
-def acquire_edge(session: Session, face: Feature, guess: EdgeGuess, label: str) -> Attempt:
-    """The same within a session that stands over the face."""
+def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -> Attempt:
+    """The same within a run that stands over the face."""
     normal = face.T_world_feature[:3, 2]
     along = guess.direction - (guess.direction @ normal) * normal
     if np.linalg.norm(along) < 0.2:
         return "unclear", "the edge should run across the face that was found, not along it", None
-    found = find_edge(session, face, along / np.linalg.norm(along), guess.point)
+    found = find_edge(run, face, along / np.linalg.norm(along), guess.point)
     if isinstance(found, Motion):
         return failed(found)
     if not found.events:
-        return acquire_bend(session, face, found.outwards, found.bends, label)
+        return acquire_crease(run, face, found.outwards, found.creases, label)
     attempt: Attempt = ("unclear", "the sensors met the edge at one place only", None)
     # the two sensors may have met two edges: then each of them looks for its own beside the place
-    for sensors in (session.hand.frontal, *((i,) for i in session.hand.frontal)):
+    for sensors in (run.hand.frontal, *((i,) for i in run.hand.frontal)):
         mine = [e for e in found.events if e.sensor in sensors]
         if len(sensors) == 1 and mine:
-            mine += cross_beside(session, face, found, sensors[0])
-        line = line_through(session.hand, mine)
+            mine += cross_beside(run, face, found, sensors[0])
+        line = line_through(run.hand, mine)
         if line is not None:
-            attempt = _cross_again(session, face, line, found, mine, label)
+            attempt = _cross_again(run, face, line, found, mine, label)
             if attempt[0] != "unclear":
                 return attempt
     return attempt
 
 
 def _cross_again(
-    session: Session, face: Feature, line: Line, found: Found, events: list[EdgeEvent], label: str
+    run: SensingRun, face: Feature, line: Line, found: FoundEdge, events: list[EdgeEvent], label: str
 ) -> Attempt:
     """Crossings square to the line that is known by now, at several places along it; fit."""
     point, along, outwards = _squared(face, line, found.outwards)
     kept = list(events) if outwards @ found.outwards > math.cos(_MOST_ASKEW) else []
-    inset = session.standoff * 0.3 + 0.006
+    inset = run.standoff * 0.3 + 0.006
     search = Search(inset + _BEYOND, inset + 0.012, _BEYOND)
     middle = point + ((found.front - point) @ along) * along - inset * outwards
     places = [middle + offset * along for offset in OFFSETS]
-    needed = np.stack([pose_over(session, face, place, along) for place in places[:ENOUGH]])
-    if not nearly_known(session, needed):
-        look_over(session, face, needed)
+    needed = np.stack([pose_over(run, face, place, along) for place in places[:ENOUGH]])
+    if not nearly_known(run, needed):
+        look_over(run, face, needed)
     why, met = "", len(events)
     for number, place in enumerate(places):
-        known = number >= ENOUGH and count_places(session.hand, kept, along) >= MET
-        if known and not agreeing(session.hand, kept, along, outwards, met)[1]:
+        known = number >= ENOUGH and count_places(run.hand, kept, along) >= MET
+        if known and not agreeing(run.hand, kept, along, outwards, met)[1]:
             break
-        crossing = cross_at(session, face, place, along, outwards, search)
-        kept += on_line(session.hand, crossing.events, line)
+        crossing = cross_at(run, face, place, along, outwards, search)
+        kept += on_line(run.hand, crossing.events, line)
         met += len(crossing.events)
         why = "" if crossing.motion.reached else f": {crossing.motion.message}"
-    kept, doubts = agreeing(session.hand, kept, along, outwards, met)
+    kept, doubts = agreeing(run.hand, kept, along, outwards, met)
     if doubts:
         return "unclear", f"{doubts}{why}", None
-    readings = edge_readings(session.hand, kept, label)
-    feature, why = fitted_feature(readings, label, session.hand.rig, session.errors)
+    readings = edge_readings(run.hand, kept, label)
+    feature, why = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is not None and (off := _off_face(face, feature)):
         return "unclear", off, None
     if feature is None or why:
         return "unclear", f"what was crossed is not one edge: {why}", None
-    spots = np.array([place_of(session.hand, e) for e in kept])
-    if other := against(session, face, feature, spots, outwards):
+    spots = np.array([place_of(run.hand, e) for e in kept])
+    if other := against(run, face, feature, spots, outwards):
         return "unclear", other, None
-    session.readings.append(readings)
+    run.readings.append(readings)
     return "acquired", f"{len(kept)} crossings", feature
 
 

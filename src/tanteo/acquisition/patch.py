@@ -6,10 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from tanteo.acquisition.cloud import Cloud
 from tanteo.acquisition.guesses import FaceGuess
+from tanteo.acquisition.seen import Cloud
 from tanteo.features import Feature
+from tanteo.lie import SO3
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
 _SEEDS = 48
@@ -111,7 +113,7 @@ def find_patches(cloud: Cloud, guess: FaceGuess) -> list[Patch]:
     for one in sorted(found, key=lambda f: -f[0]):
         if len(kept) < _PATCHES and all((one[3] & k[3]).sum() < _SHARED * one[3].sum() for k in kept):
             kept.append(one)
-    return [Patch(p, n, points[agree], _border(cloud, p, n, agree)) for _, p, n, agree in kept]
+    return [Patch(p, n, points[agree], _seen_through(cloud, p, n, agree)) for _, p, n, agree in kept]
 
 
 def _plane(points: Vectors, beams: Vectors, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -146,68 +148,41 @@ def _near(guess: FaceGuess, point: FloatArray, normal: FloatArray) -> float:
     return math.exp(-0.5 * (off / sd) ** 2) * (along + 0.2)
 
 
-def _border(cloud: Cloud, point: FloatArray, normal: FloatArray, agree: BoolArray) -> Vectors:
-    """Where frontal beams went through the plane of the patch, or ended before it."""
-    places, known = _places(cloud, point, normal)
-    return np.asarray(places[known & ~agree])
-
-
-def _places(cloud: Cloud, point: FloatArray, normal: FloatArray) -> tuple[Vectors, BoolArray]:
-    """Where in a plane each beam went through it or ended before it, and which of the frontal ones did either."""
-    height = (cloud.starts - point) @ normal
-    closing = -(cloud.beams @ normal)
+def _seen_through(cloud: Cloud, point: FloatArray, normal: FloatArray, agree: BoolArray) -> Vectors:
+    """Where frontal beams that are not of a patch went through its plane, or ended before it."""
+    height, closing = (cloud.starts - point) @ normal, -(cloud.beams @ normal)
     steep = closing > 0.1
     to_plane = height / np.where(steep, closing, 1.0)
-    known = cloud.ahead & steep & (to_plane > 0) & (cloud.met | (cloud.ranges > to_plane))
-    ends = cloud.starts + np.minimum(cloud.ranges, to_plane)[:, None] * cloud.beams
-    return ends - ((ends - point) @ normal)[:, None] * normal, known
+    known = cloud.ahead & steep & (to_plane > 0) & (cloud.met | (cloud.ranges > to_plane)) & ~agree
+    ends = (cloud.starts + np.minimum(cloud.ranges, to_plane)[:, None] * cloud.beams)[known]
+    return np.asarray(ends - ((ends - point) @ normal)[:, None] * normal)
 
 
 def stands(patch: Patch, baseline: float, wanted: FloatArray) -> list[tuple[float, FloatArray, FloatArray]]:
-    """Where the hand may stand over a patch, with both its frontal sensors on it, best first.
-
-    Args:
-        patch: The patch.
-        baseline: Of the two frontal sensors [m].
-        wanted: Where it should rather be ``(3,)`` [m].
+    """Where the hand may stand over a patch, both its frontal sensors on it, best first, rather near the wanted place.
 
     Returns:
         Room to the border around both sensors [m], the point under the hand's front ``(3,)`` [m], and the direction
         from the first sensor to the second ``(3,)``.
     """
-    e = _across(patch.normal)
-    f = np.cross(patch.normal, e)
-    inside = (patch.inside - patch.point) @ np.stack([e, f], axis=1)
-    border = (patch.border - patch.point) @ np.stack([e, f], axis=1)
+    plane = SO3.frame_from_axis(patch.normal, 2)[:, :2]
+    inside, border = ((points - patch.point) @ plane for points in (patch.inside, patch.border))
     centres = inside[:: max(1, len(inside) // 60)]
     turns = np.arange(12) * math.pi / 12
     pair = 0.5 * baseline * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     spots = centres[:, None, None] + np.stack([-pair, pair], axis=1)
     # each stand needs support under both sensors and room around them
-    support = _nearest(spots, inside).max(axis=-1)
-    width = (
-        np.minimum(_nearest(spots, border).min(axis=-1), _WIDEST) if len(border) else np.full(support.shape, _WIDEST)
-    )
-    off = np.linalg.norm(centres - (wanted - patch.point) @ np.stack([e, f], axis=1), axis=-1)[:, None]
+    support = cKDTree(inside).query(spots)[0].max(axis=-1)
+    width = np.full(support.shape, _WIDEST)
+    if len(border):
+        width = np.minimum(cKDTree(border).query(spots)[0].min(axis=-1), _WIDEST)
+    off = np.linalg.norm(centres - (wanted - patch.point) @ plane, axis=-1)[:, None]
     score = np.where(support < _SUPPORT, width - 0.1 * off, -np.inf)
     out: list[tuple[float, FloatArray, FloatArray]] = []
     for k in np.argsort(-score, axis=None):
         i, j = np.unravel_index(k, score.shape)
         if not np.isfinite(score[i, j]) or len(out) >= _STANDS:
             break
-        place = patch.point + centres[i, 0] * e + centres[i, 1] * f
-        out.append((float(width[i, j]), place, math.cos(turns[j]) * e + math.sin(turns[j]) * f))
+        along = plane @ [math.cos(turns[j]), math.sin(turns[j])]
+        out.append((float(width[i, j]), patch.point + plane @ centres[i], along))
     return out
-
-
-def _nearest(spots: FloatArray, points: FloatArray) -> FloatArray:
-    """Distance of every spot ``(*batch, 2)`` to the nearest point ``(m, 2)``."""
-    flat = spots.reshape(-1, 2)
-    squared = np.sum(flat**2, axis=1)[:, None] + np.sum(points**2, axis=1) - 2 * flat @ points.T
-    return np.sqrt(np.maximum(squared.min(axis=1), 0.0)).reshape(spots.shape[:-1])
-
-
-def _across(normal: FloatArray) -> FloatArray:
-    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    e = np.cross(normal, helper)
-    return np.asarray(e / np.linalg.norm(e))

@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.acquisition.acquired import Acquired, Attempt, failed
-from tanteo.acquisition.cloud import beside, cloud_of, over
-from tanteo.acquisition.coming import come_near
 from tanteo.acquisition.guesses import FaceGuess
 from tanteo.acquisition.patch import Patch, find_patches, stands
+from tanteo.acquisition.run import Acquired, Attempt, SensingRun, back_off, failed, finish
 from tanteo.acquisition.scan import ALONG, WIDTHS, scan
-from tanteo.acquisition.session import Session, back_off, finish
-from tanteo.acquisition.ways import facing, fits, known, look_around, moved, path
+from tanteo.acquisition.seen import beside, cloud_of, over
+from tanteo.acquisition.ways import come_near, facing, fits, known, look_around, moved
 from tanteo.features import Feature
 from tanteo.hand import Robot
-from tanteo.motion import Motion, Rules, approach, go_to
+from tanteo.motion import Motion, Rules, approach, go_to, path
 from tanteo.sensors import RobotPreset, error_model
 from tanteo.typing import FloatArray
 
@@ -56,13 +54,7 @@ _OTHER = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """What could not be scanned, and what else there is.
-
-    Attributes:
-        patches: Where the face seemed to be.
-        places: Where the hand stood ``(3,)`` [m].
-        others: Patches that were seen and not taken.
-    """
+    """Patches that could not be scanned, where the hand stood ``(3,)`` [m], and other patches that were seen."""
 
     patches: list[Patch]
     places: list[FloatArray]
@@ -98,54 +90,54 @@ def sense_plane(
     Raises:
         InputError: A stand-off too near to the clearance of the rules.
     """
-    session = Session(robot, standoff, rules, errors)
-    status, message, feature = acquire_plane(session, guess, label)
-    return finish("plane", session, status, message, feature)
+    run = SensingRun(robot, standoff, rules, errors)
+    status, message, feature = acquire_plane(run, guess, label)
+    return finish("plane", run, status, message, feature)
 
 
-def acquire_plane(session: Session, guess: FaceGuess, label: str, *, beside: Feature | None = None) -> Attempt:
-    """The same within a session, for another face than ``beside``; the hand is left over the face, square to it.
+def acquire_plane(run: SensingRun, guess: FaceGuess, label: str, *, beside: Feature | None = None) -> Attempt:
+    """The same within a run, for another face than ``beside``; the hand is left over the face, square to it.
 
     What was seen obliquely from afar is seen better from above: the hand looks again from over the patch, until its
     idea of the face stays the same, and again if the face then is not where it should be, or not all was seen where the
     hand is to go. Where a patch could not be scanned at two places, the others that were seen come first.
     """
     attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
-    near = come_near(session, guess)
+    near = come_near(run, guess)
     if near is not None and not near.reached:
         return failed(near)
-    begin = len(session.motions)
+    begin = len(run.motions)
     wanted, first, tried = guess, begin, Tried([], [], [])
     for tilt, spacing in LOOKS:
-        looked = look_around(session, tilt, spacing)
+        looked = look_around(run, tilt, spacing)
         if looked.status == "timeout":
             return failed(looked)
-        patches = find_patches(cloud_of(session.hand, session.motions[first:]), wanted)
+        patches = find_patches(cloud_of(run.hand, run.motions[first:]), wanted)
         patches = [p for p in patches if beside is None or not p.is_on(beside)]
         if tried.patches:
             patches = sorted([*patches, *tried.others], key=tried.in_vain)
         if not patches:
             attempt = attempt if looked.reached or tried.places else failed(looked)
             continue
-        patch, width, ends = _over_one(session, patches, wanted, guess.point, tried.places)
+        patch, width, ends = _over_one(run, patches, wanted, guess.point, tried.places)
         if patch is None:
             attempt = attempt if tried.places else ends
             continue
         attempt = ends
         tried.others.extend(p for p in patches if not p.is_of(patch))
         # the next look is from here: what it shows replaces what was seen before
-        wanted, first = replace(guess, point=patch.point, normal=patch.normal), len(session.motions)
+        wanted, first = replace(guess, point=patch.point, normal=patch.normal), len(run.motions)
         if not width:
             continue
-        reach = HOVER + _BELOW * session.standoff
-        down = session.does(approach(session.robot, session.standoff, session.rules, reach=reach))
-        attempt = as_guessed(guess, scan(session, label, width)) if down.reached else failed(down)
+        reach = HOVER + _BELOW * run.standoff
+        down = run.does(approach(run.robot, run.standoff, run.rules, reach=reach))
+        attempt = as_guessed(guess, scan(run, label, width)) if down.reached else failed(down)
         if attempt[0] in ("acquired", "timeout"):
             return attempt
-        tried.places.append(session.places[-1])
+        tried.places.append(run.places[-1])
         tried.patches.append(patch)
         wanted, first = guess, begin
-        back = back_off(session, HOVER)
+        back = back_off(run, HOVER)
         if not back.reached:
             return attempt
     return attempt
@@ -172,7 +164,7 @@ def as_guessed(guess: FaceGuess, attempt: Attempt) -> Attempt:
 
 
 def _over_one(
-    session: Session, patches: list[Patch], wanted: FaceGuess, place: FloatArray, avoid: list[FloatArray]
+    run: SensingRun, patches: list[Patch], wanted: FaceGuess, place: FloatArray, avoid: list[FloatArray]
 ) -> tuple[Patch | None, float, Attempt]:
     """The hand over the first patch that has room for it.
 
@@ -183,61 +175,52 @@ def _over_one(
     why = list[Motion]()
     for patch in patches:
         if patch.turned(wanted.normal) > _ASTRAY:
-            above, _ = hover(session, patch, place, avoid, closely=False)
+            above, _ = hover(run, patch, place, avoid, closely=False)
             if above.reached:
                 return patch, 0.0, _UNSURE
         else:
-            close, width = hover(session, patch, place, avoid, closely=True)
+            close, width = hover(run, patch, place, avoid, closely=True)
             if close.reached:
                 return patch, width, _UNSURE
-            above, _ = hover(session, patch, place, avoid, closely=False)
+            above, _ = hover(run, patch, place, avoid, closely=False)
             if above.reached:
                 return patch, 0.0, failed(close)
         why.append(above)
     return None, 0.0, failed(why[0])
 
 
-def _higher(session: Session) -> float:
-    """How much higher than the stand-off the hand looks from, where it does not know yet what is beside it [m]."""
-    reach = float(error_model(session.hand.rig).max_range[list(session.hand.frontal)].min())
-    return max(HOVER, min(_HIGHER, _IN_REACH * reach - session.standoff))
-
-
 def hover(
-    session: Session, patch: Patch, wanted: FloatArray, avoid: list[FloatArray], *, closely: bool
+    run: SensingRun, patch: Patch, wanted: FloatArray, avoid: list[FloatArray], *, closely: bool
 ) -> tuple[Motion, float]:
     """Bring the hand over a patch, where what was seen leaves room for it there and below at the stand-off.
 
-    Args:
-        session: The acquisition.
-        patch: Where the face seems to be.
-        wanted: Where the hand should rather stand ``(3,)`` [m].
-        avoid: Places where the face could not be scanned.
-        closely: Only where all was seen free that the fingers will take, because it comes down next.
+    It stands rather near the wanted place, off those to avoid; closely, as it comes down next: only where all was seen
+    free that the fingers will take.
 
     Returns:
         How it ended, and the half width of the scan for which there is room [m].
     """
-    hand, cloud = session.hand, session.seen()
+    hand, cloud = run.hand, run.seen()
     raised, other = over(cloud, patch.point, patch.normal), beside(cloud, patch.point, patch.normal)
-    now, why = session.robot.sensed.T_world_hand, _NARROW
-    height = HOVER if closely else _higher(session)
+    now, why = run.robot.sensed.T_world_hand, _NARROW
+    reach = float(error_model(hand.rig).max_range[list(hand.frontal)].min())
+    height = HOVER if closely else max(HOVER, min(_HIGHER, _IN_REACH * reach - run.standoff))
     places = [(place, along) for width, place, along in stands(patch, hand.baseline, wanted) if width >= _WIDE]
     for width in WIDTHS:
         for place, along in places:
             if any(np.linalg.norm(place - tried) < _ELSEWHERE for tried in avoid):
                 continue
-            down = facing(hand, place, patch.normal, along, session.standoff, now)
+            down = facing(hand, place, patch.normal, along, run.standoff, now)
             up = moved(down, height * patch.normal)
             scanned = np.array([[0, 0], [width, 0], [-width, 0], [0, ALONG], [0, -ALONG]])
             low = moved(down, scanned @ [np.cross(patch.normal, along), along])
-            if not (fits(session, raised, low) and fits(session, other, path(now, up, hand.front, 24))):
+            if not (fits(run, raised, low) and fits(run, other, path(now, up, hand.front, 24))):
                 why = _UNSEEN if why == _UNSEEN else _NO_ROOM
-            elif closely and not known(session, np.concatenate([low, path(down, up, hand.front, 8)])):
+            elif closely and not known(run, np.concatenate([low, path(down, up, hand.front, 8)])):
                 why = _UNSEEN
             else:
-                session.places.append(place)
-                return session.does(go_to(session.robot, up, session.rules)), width
+                run.places.append(place)
+                return run.does(go_to(run.robot, up, run.rules)), width
         if why == _UNSEEN:  # rather look again than scan less
             break
     return Motion("hover", "nothing" if why == _NARROW else "limit", why, ()), 0.0

@@ -148,8 +148,8 @@ def _edges(look: _Look) -> _Found:
 
 def _corners(look: _Look) -> _Found:
     part = look.part
-    sides = list(_sides(look))
-    for point, edges in _corners_of(part):
+    sides, ends = list(_sides(look)), np.split(part.corners.edges, part.corners.edges_start[1:-1])
+    for point, edges in zip(part.corners.points, ends, strict=False):
         here = [side for side in sides if side[0] in edges]
         for k, plane, arriving in here:
             length = float(part.edges.lengths[k])
@@ -173,12 +173,6 @@ def _sides(look: _Look) -> Iterator[tuple[int, int, FloatArray]]:
             plane = row.get(int(face))
             if plane is not None and look.cosine(plane) >= _FACING:
                 yield int(k), plane, sign * part.edges.directions[k]
-
-
-def _corners_of(part: Part) -> Iterator[tuple[FloatArray, set[int]]]:
-    starts = part.corners.edges_start
-    for k, point in enumerate(part.corners.points):
-        yield point, {int(e) for e in part.corners.edges[starts[k] : starts[k + 1]]}
 
 
 def _first(part: Part, edge: int, plane: int) -> list[int]:

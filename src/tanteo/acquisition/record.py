@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.errors import DegenerateError
+from tanteo.errors import DegenerateError, InputError
 from tanteo.features import Feature
-from tanteo.fitting import fit_labelled
-from tanteo.hand import MET, Hand, Sensed
+from tanteo.fitting import fit_labelled, plane_from_two_directions
+from tanteo.hand import MET, Hand, HandReading
 from tanteo.lie import SO3
 from tanteo.motion import EdgeEvent
 from tanteo.sensors import Readings, Rig, RobotPreset, measure
-from tanteo.typing import Transforms
+from tanteo.typing import IntArray, Transforms
 
 _ATTEMPTS = 500
 """Poses are nudged by less than 1e-12 until they survive the way through a quaternion; half of them do at once."""
@@ -43,7 +43,7 @@ def features_of(
     return features, tuple(notes)
 
 
-def plane_readings(hand: Hand, log: Sequence[Sensed], label: str) -> Readings | None:
+def plane_readings(hand: Hand, log: Sequence[HandReading], label: str) -> Readings | None:
     """Readings of the frontal sensors at the instants of a scan; none if there are none."""
     rows = [(k, i) for k, s in enumerate(log) for i in hand.frontal if s.states[i] == MET]
     if not rows:
@@ -76,23 +76,6 @@ def edge_readings(hand: Hand, events: Sequence[EdgeEvent], label: str) -> Readin
     )
 
 
-def join(parts: Sequence[Readings]) -> Readings | None:
-    """Several records as one; none of none."""
-    if not parts:
-        return None
-    return Readings.from_columns(
-        ids=[x for p in parts for x in p.ids],
-        ranges=np.concatenate([p.ranges for p in parts]),
-        sds=np.concatenate([p.sds for p in parts]),
-        across_sds=np.concatenate([p.across_sds for p in parts]),
-        sensors=[x for p in parts for x in p.sensors],
-        Ts_world_hand=np.concatenate([p.Ts_world_hand for p in parts]),
-        features=[x for p in parts for x in p.features],
-        kinds=[x for p in parts for x in p.kinds],
-        source="acquisition",
-    )
-
-
 def exact_poses(Ts: Transforms) -> Transforms:
     """Poses that are the same to the last bit after a readings file has kept them as quaternions."""
     Ts = np.array(Ts, dtype=np.float64)
@@ -117,3 +100,58 @@ def fitted_feature(
     except DegenerateError as error:
         return None, str(error)
     return features.get(label), "; ".join(notes)
+
+
+def plane_as_published(readings: Readings, rig: Rig, label: str, robot: RobotPreset | str | None = None) -> Feature:
+    """The plane whose normal is across two directions, each through two readings of a scan.
+
+    The first direction joins readings of the two sensors near the middle of the scan, the second one the first
+    sensor's readings at both ends of it. The origin is the first of the four points. :func:`features_of` uses all
+    readings and is several times better (``math.md`` section 8).
+
+    Args:
+        readings: A record with the scan of a plane by two sensors.
+        rig: Where the sensors sit.
+        label: Of the scan.
+        robot: Errors of the robot; none are assumed without it.
+
+    Raises:
+        InputError: The label has not two sensors, or not four readings.
+    """
+    rows = np.flatnonzero(np.array(readings.features) == label)
+    four = _four(readings, rows, label)
+    measured = measure(readings.take(four), rig=rig, robot=robot)
+    (q1, q2, q3, q4), C = measured.points, np.zeros((12, 12))
+    for k in range(4):
+        C[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = measured.covs[k]
+    return plane_from_two_directions(
+        q1,
+        q2,
+        q3,
+        q4,
+        C,
+        outward=-measured.directions.mean(axis=0),
+        label=label,
+        readings=measured.ids,
+        shared=list(zip(measured.shared, measured.jacobians, strict=True)),
+    )
+
+
+def _four(readings: Readings, rows: IntArray, label: str) -> IntArray:
+    """The four rows, in the order of the construction."""
+    sensors = np.array(readings.sensors)[rows]
+    names = list(dict.fromkeys(sensors.tolist()))
+    if len(names) != 2 or len(rows) < 4:
+        raise InputError(
+            f"plane {label!r}: expected four readings or more of two sensors, got {len(rows)} of {len(names)}. Scan "
+            "the face with both frontal sensors."
+        )
+    places = readings.Ts_world_hand[rows, :3, 3]
+    away = places - places.mean(axis=0)
+    along = away @ np.linalg.svd(away, full_matrices=False)[2][0]
+    first, second = (np.flatnonzero(sensors == name) for name in names)
+    ends = first[np.argmax(along[first])], first[np.argmin(along[first])]
+    inner = [k for k in first if k not in ends] or list(first)
+    middle = min(inner, key=lambda k: abs(along[k]))
+    partner = second[np.argmin(np.abs(along[second] - along[middle]))]
+    return np.asarray(rows[[middle, partner, *ends]])

@@ -10,15 +10,14 @@ import math
 
 import numpy as np
 
-from tanteo.acquisition.acquired import Attempt, failed
-from tanteo.acquisition.cloud import over
 from tanteo.acquisition.record import fitted_feature, plane_readings
-from tanteo.acquisition.session import Session
-from tanteo.acquisition.ways import fits, nearly_known, path, squared
+from tanteo.acquisition.run import Attempt, SensingRun, failed
+from tanteo.acquisition.seen import over
+from tanteo.acquisition.ways import fits, nearly_known, squared
 from tanteo.features import Feature
-from tanteo.hand import Hand, Sensed
+from tanteo.hand import Hand, HandReading
 from tanteo.lie import SE3
-from tanteo.motion import Motion, follow, go_to, settle, settled
+from tanteo.motion import Motion, follow, go_to, path, settle, settled
 from tanteo.sensors import Readings
 from tanteo.typing import Transforms
 
@@ -51,24 +50,21 @@ _NO_TURN = Motion("turn", "limit", "there is no known room to turn the hand squa
 _NOT_ONE = "what was scanned is not one plane"
 
 
-def scan(session: Session, label: str, width: float) -> Attempt:
+def scan(run: SensingRun, label: str, width: float) -> Attempt:
     """Settle and scan, again and narrower where the hand was not square or the readings disagree with one plane.
 
-    Args:
-        session: The acquisition; the hand is at the stand-off over the face.
-        label: Of the readings and the feature.
-        width: To each side, at first [m].
+    The hand is at the stand-off over the face.
     """
     for again in range(3):
-        readings, attempt, doubt = _scan_once(session, width, label)
+        readings, attempt, doubt = _scan_once(run, width, label)
         if readings is None or attempt[2] is None or again == 2:
             break
         if doubt:
             width = min(width, WIDTHS[1])
-        if _askew(session, attempt[2]) > _SQUARE:
-            target = squared(session, attempt[2])
-            allowed = _may_turn(session, target)
-            turned = session.does(go_to(session.robot, target, session.rules)) if allowed else _NO_TURN
+        if _askew(run, attempt[2]) > _SQUARE:
+            target = squared(run, attempt[2])
+            allowed = _may_turn(run, target)
+            turned = run.does(go_to(run.robot, target, run.rules)) if allowed else _NO_TURN
             if not turned.reached:
                 return failed(turned)
         elif not doubt:
@@ -79,63 +75,63 @@ def scan(session: Session, label: str, width: float) -> Attempt:
         return "unclear", f"{_NOT_ONE}: {doubt}", None
     if float(np.sqrt(np.diag(attempt[2].P)[1:].max())) > _SURE:
         return "unclear", "the scan is too short for the tilt of the face", None
-    session.readings.append(readings)
+    run.readings.append(readings)
     return attempt
 
 
-def _scan_once(session: Session, width: float, label: str) -> tuple[Readings | None, Attempt, str]:
+def _scan_once(run: SensingRun, width: float, label: str) -> tuple[Readings | None, Attempt, str]:
     """Settle, go across the pair and along it to both sides, fit; and what speaks against one plane."""
-    hand, robot, standoff, rules = session.hand, session.robot, session.standoff, session.rules
-    square = _settle(session)
+    hand, robot, standoff, rules = run.hand, run.robot, run.standoff, run.rules
+    square = _settle(run)
     if not square.reached:
         return None, failed(square), ""
-    log, home = list[Sensed](), robot.sensed.T_world_hand
+    log, home = list[HandReading](), robot.sensed.T_world_hand
     for direction, distance in ((np.cross([0.0, 0.0, 1.0], hand.pair), width), (hand.pair, ALONG)):
-        line = list[Sensed]()
+        line = list[HandReading]()
         for way in (direction, -direction):
-            part = session.does(follow(robot, way, distance, standoff, rules, most=_FLAT))
+            part = run.does(follow(robot, way, distance, standoff, rules, max_tilt=_FLAT))
             if part.status in ("limit", "timeout"):
                 return None, failed(part), ""
             line += _on_surface(part.log, hand, standoff)
-            back = session.does(go_to(robot, home, rules))
+            back = run.does(go_to(robot, home, rules))
             if not back.reached:
                 return None, failed(back), ""
         log += [line[k] for k in np.unique(np.linspace(0, len(line) - 1, INSTANTS).round().astype(int))] if line else []
     readings = plane_readings(hand, log, label)
     if readings is None or len(readings) < 4:
         return None, ("lost", "the surface was not under the frontal sensors for long enough", None), ""
-    feature, why = fitted_feature(readings, label, hand.rig, session.errors)
+    feature, why = fitted_feature(readings, label, hand.rig, run.errors)
     if feature is None:
         return None, ("unclear", f"{_NOT_ONE}: {why}", None), ""
     return readings, ("acquired", f"{len(readings)} readings", feature), why
 
 
-def _settle(session: Session) -> Motion:
+def _settle(run: SensingRun) -> Motion:
     """Settle, where there is room for the turn."""
-    target = settled(session.hand, session.robot.sensed, session.standoff)
-    if target is not None and not _may_turn(session, target):
+    target = settled(run.hand, run.robot.sensed, run.standoff)
+    if target is not None and not _may_turn(run, target):
         return _NO_TURN
-    return session.does(settle(session.robot, session.standoff, session.rules, most=_MOST_ASKEW))
+    return run.does(settle(run.robot, run.standoff, run.rules, max_tilt=_MOST_ASKEW))
 
 
-def _may_turn(session: Session, target: Transforms) -> bool:
+def _may_turn(run: SensingRun, target: Transforms) -> bool:
     """Whether what was seen leaves room to turn over a face: far behind the sensors the fingers go far aside."""
-    hand, T = session.hand, session.robot.sensed.T_world_hand
+    hand, T = run.hand, run.robot.sensed.T_world_hand
     if T[:3, 2] @ target[:3, 2] > math.cos(_LITTLE):
         return True
     normal = -target[:3, 2]
-    foot = SE3.apply(target, hand.front) - session.standoff * normal
+    foot = SE3.apply(target, hand.front) - run.standoff * normal
     way = path(T, target, hand.front, 6)
-    return fits(session, over(session.seen(), foot, normal), way) and nearly_known(session, way)
+    return fits(run, over(run.seen(), foot, normal), way) and nearly_known(run, way)
 
 
-def _askew(session: Session, face: Feature) -> float:
+def _askew(run: SensingRun, face: Feature) -> float:
     """Angle between the hand's axis and the normal of a plane [rad]."""
-    cosine = -face.T_world_feature[:3, 2] @ session.robot.sensed.T_world_hand[:3, 2]
+    cosine = -face.T_world_feature[:3, 2] @ run.robot.sensed.T_world_hand[:3, 2]
     return float(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def _on_surface(log: tuple[Sensed, ...], hand: Hand, standoff: float) -> list[Sensed]:
+def _on_surface(log: tuple[HandReading, ...], hand: Hand, standoff: float) -> list[HandReading]:
     """Of a scan, the instants at which both frontal sensors read about the stand-off."""
     pair = list(hand.frontal)
     return [s for s in log if bool((np.abs(np.nan_to_num(s.ranges[pair]) - standoff) < 0.25 * standoff).all())]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.acquisition.acquired import Acquired
 from tanteo.acquisition.edge import INSET, acquire_edge
 from tanteo.acquisition.guesses import FaceGuess, VertexGuess
 from tanteo.acquisition.plane import acquire_plane
-from tanteo.acquisition.session import Session, finish
+from tanteo.acquisition.run import Acquired, SensingRun, finish
 from tanteo.constraints import relate_all
 from tanteo.errors import DegenerateError
 from tanteo.fitting import intersect_edges
@@ -46,27 +45,27 @@ def sense_vertex(
     Raises:
         InputError: A stand-off too near to the clearance of the rules.
     """
-    session = Session(robot, standoff, rules, errors)
+    run = SensingRun(robot, standoff, rules, errors)
     arriving, leaving = guess.edges(ALONG)
     middle = 0.5 * (arriving.face(INSET).point + leaving.face(INSET).point)
-    status, message, face = acquire_plane(session, FaceGuess(middle, guess.normal), f"{label} face")
+    status, message, face = acquire_plane(run, FaceGuess(middle, guess.normal), f"{label} face")
     if face is None:
-        return finish("vertex", session, status, f"the face of the corner: {message}", None)
-    session.others.append(face)
+        return finish("vertex", run, status, f"the face of the corner: {message}", None)
+    run.others.append(face)
     edges = []
     for number, edge_idea in enumerate((arriving, leaving), start=1):
-        status, message, edge = acquire_edge(session, face, edge_idea, f"{label} edge {number}")
+        status, message, edge = acquire_edge(run, face, edge_idea, f"{label} edge {number}")
         if edge is None:
-            return finish("vertex", session, status, f"edge {number} of the corner: {message}", None)
+            return finish("vertex", run, status, f"edge {number} of the corner: {message}", None)
         edges.append(edge)
-    session.others.extend(edges)
+    run.others.extend(edges)
     try:
         vertex, _ = intersect_edges(edges, label)
     except DegenerateError as error:
-        return finish("vertex", session, "unclear", str(error), None)
+        return finish("vertex", run, "unclear", str(error), None)
     gap = relate_all(edges).column("edge_gap")
     off, sd = float(gap.value[0, 0]), float(np.sqrt(gap.covariance[0, 0, 0]))
     if abs(off) > _GATE * sd:
         why = f"its edges pass each other at {1e3 * abs(off):.2g} mm, {abs(off) / sd:.1f} standard deviations"
-        return finish("vertex", session, "unclear", why, None)
-    return finish("vertex", session, "acquired", "two edges meet", vertex)
+        return finish("vertex", run, "unclear", why, None)
+    return finish("vertex", run, "acquired", "two edges meet", vertex)

@@ -1,16 +1,18 @@
-"""Poses of the hand over a plane, ways between them, and whether there is room for them."""
+"""Poses of the hand over a plane, ways between them and whether there is room for them; from afar to before a face."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tanteo.acquisition.cloud import Cloud, room
-from tanteo.acquisition.session import Session
+from tanteo.acquisition.guesses import FaceGuess
+from tanteo.acquisition.run import SensingRun
+from tanteo.acquisition.seen import Cloud, room
 from tanteo.features import Feature
-from tanteo.hand import Hand, advance, gap
+from tanteo.hand import Hand
 from tanteo.lie import SE3
-from tanteo.motion import Motion, look, looked
-from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+from tanteo.motion import Motion, go_to, look, looked
+from tanteo.sensors import error_model
+from tanteo.typing import BoolArray, Transforms, Vectors
 
 _SLACK = 2e-3
 """Beyond the clearance to the bounds of the workspace: nearer, the guard would slow the hand to a stop [m]."""
@@ -30,58 +32,58 @@ _LEAST_SWING = 0.08
 """A look with less tilt shows nothing new [rad]."""
 
 
-def look_around(session: Session, tilt: float, spacing: float) -> Motion:
+def look_around(run: SensingRun, tilt: float, spacing: float) -> Motion:
     """A look with as much tilt as there is room for; every second one goes between the turns of the one before.
 
     Until it has gone somewhere after a look, no part of it goes farther than the free space around its start allows.
     """
-    names = [motion.name for motion in session.motions]
+    names = [motion.name for motion in run.motions]
     led = "look" in names and set(names[names.index("look") :]) != {"look"}
     begin = np.pi * (names.count("look") % 2)
-    widest = swing(session, tilt, spacing, begin, np.inf if led else ROOM)
-    return session.does(look(session.robot, widest, session.rules, spacing=spacing, begin=begin))
+    widest = swing(run, tilt, spacing, begin, np.inf if led else ROOM)
+    return run.does(look(run.robot, widest, run.rules, spacing=spacing, begin=begin))
 
 
-def swing(session: Session, tilt: float, spacing: float, begin: float, most: float) -> float:
+def swing(run: SensingRun, tilt: float, spacing: float, begin: float, farthest: float) -> float:
     """The tilt of a look, less where the workspace or what was met leaves no room, or a finger would go too far [m]."""
-    hand, T = session.hand, session.robot.sensed.T_world_hand
-    cloud = session.seen() if session.motions else None
+    hand, T = run.hand, run.robot.sensed.T_world_hand
+    cloud = run.seen() if run.motions else None
     while tilt > _LEAST_SWING:
         way = looked(hand, T, tilt, spacing=spacing, begin=begin)
         gone = np.linalg.norm(hand.body.placed(way) - hand.body.placed(T), axis=-1).max()
-        free = _allowed(session, way).all() if cloud is None else fits(session, cloud, way)
-        if free and gone <= most:
+        free = _allowed(run, way).all() if cloud is None else fits(run, cloud, way)
+        if free and gone <= farthest:
             break
         tilt *= 0.85
     return tilt
 
 
-def _allowed(session: Session, way: Transforms) -> BoolArray:
+def _allowed(run: SensingRun, way: Transforms) -> BoolArray:
     """At which poses the workspace has room for the hand, or as much to every limit as where it is now."""
-    body, space = session.hand.body, session.rules.workspace
-    here = space.of_body(body, session.robot.sensed.T_world_hand)
-    least = np.minimum(session.rules.clearance + _SLACK, here - 1e-3)
+    body, space = run.hand.body, run.rules.workspace
+    here = space.of_body(body, run.robot.sensed.T_world_hand)
+    least = np.minimum(run.rules.clearance + _SLACK, here - 1e-3)
     return np.asarray((space.of_body(body, way) >= least).all(axis=-1))
 
 
-def fitting(session: Session, cloud: Cloud, way: Transforms) -> BoolArray:
+def fitting(run: SensingRun, cloud: Cloud, way: Transforms) -> BoolArray:
     """At which of some poses ``(m, 4, 4)`` the hand has room, as far as is known ``(m,)``."""
-    return _allowed(session, way) & (room(cloud, session.hand.body, way) >= session.rules.clearance + _BETWEEN)
+    return _allowed(run, way) & (room(cloud, run.hand.body, way) >= run.rules.clearance + _BETWEEN)
 
 
-def fits(session: Session, cloud: Cloud, way: Transforms) -> bool:
+def fits(run: SensingRun, cloud: Cloud, way: Transforms) -> bool:
     """Whether it has room at all of them."""
-    return bool(fitting(session, cloud, way).all())
+    return bool(fitting(run, cloud, way).all())
 
 
-def known(session: Session, way: Transforms) -> bool:
+def known(run: SensingRun, way: Transforms) -> bool:
     """Whether all that the fingers take at some poses was seen free or taken before."""
-    return session.known().holds(session.hand.body, way, 0.0)
+    return run.known().holds(run.hand.body, way, 0.0)
 
 
-def nearly_known(session: Session, way: Transforms) -> bool:
+def nearly_known(run: SensingRun, way: Transforms) -> bool:
     """The same, but for gaps between single beams: beside places that are known."""
-    return all(share >= _NEARLY for share in session.known().shares(session.hand.body, way, 0.0))
+    return all(share >= _NEARLY for share in run.known().shares(run.hand.body, way, 0.0))
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:
@@ -108,20 +110,45 @@ def facing(hand: Hand, place: Vectors, normal: Vectors, along: Vectors, height: 
     return SE3.from_parts(R, place + height * normal - R @ hand.front)
 
 
-def squared(session: Session, face: Feature) -> Transforms:
+def squared(run: SensingRun, face: Feature) -> Transforms:
     """The pose with the hand turned square to a plane about its front, as little as need be."""
-    hand, T, normal = session.hand, session.robot.sensed.T_world_hand, face.T_world_feature[:3, 2]
+    hand, T, normal = run.hand, run.robot.sensed.T_world_hand, face.T_world_feature[:3, 2]
     front = T[:3, :3] @ hand.front + T[:3, 3]
     along = T[:3, :3] @ hand.pair
     along = along - (along @ normal) * normal
     return facing(hand, front, normal, along / np.linalg.norm(along), 0.0, T)
 
 
-def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Transforms:
-    """Poses on the way of :func:`tanteo.motion.go_to` ``(n, 4, 4)``: the front goes straight."""
-    w = gap(T_from, T_to)[1]
-    shares = np.linspace(0, 1, n)
-    out = np.stack([advance(T_from, np.array([0.0, 0.0, 0.0, *w]), s) for s in shares])
-    a, b = (T[:3, :3] @ front + T[:3, 3] for T in (T_from, T_to))
-    out[:, :3, 3] = a + shares[:, None] * (b - a) - out[:, :3, :3] @ front
-    return out
+_FAR, _NEAR = 0.8, 0.5
+"""Shares of the frontal sensors' range: beyond the first the hand comes nearer, to the second."""
+
+_WORTH = 0.025
+"""Within range it stays where it begins, with free space around it, if it would win no more than this [m]."""
+
+
+def come_near(run: SensingRun, guess: FaceGuess) -> Motion | None:
+    """Bring the hand before a face that its frontal beams would hardly reach; None where they do.
+
+    It keeps its distance until it stands over the place, and comes straight down then.
+
+    Returns:
+        The last motion; one that did not reach its pose ends the way.
+    """
+    hand, T = run.hand, run.robot.sensed.T_world_hand
+    front = T[:3, :3] @ hand.front + T[:3, 3]
+    away = float(np.linalg.norm(guess.point - front))
+    reach = float(error_model(hand.rig).max_range[list(hand.frontal)].min())
+    least = max(_NEAR * reach, 2 * run.standoff)
+    if not np.isfinite(reach) or away < _FAR * reach or away < min(reach, least + _WORTH):
+        return None
+    along = T[:3, :3] @ hand.pair
+    along = along - (along @ guess.normal) * guess.normal
+    if np.linalg.norm(along) < 1e-6:
+        along = np.cross(guess.normal, T[:3, 2])
+    along = along / np.linalg.norm(along)
+    for height in (away, least):
+        pose = facing(hand, guess.point, guess.normal, along, height, T)
+        motion = run.does(go_to(run.robot, pose, run.rules))
+        if not motion.reached:
+            break
+    return motion

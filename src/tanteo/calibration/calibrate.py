@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
+from tanteo.calibration.diagnostics import is_lost, status_of, undetermined
 from tanteo.calibration.fit import Fit, beam_slice, best_fit
-from tanteo.calibration.geometry import BEAM, PLANE
+from tanteo.calibration.geometry import BEAM, PLANE, Prior, make_prior
+from tanteo.calibration.initial import starts
 from tanteo.calibration.log import PlaneLog, plane_log
 from tanteo.calibration.noise import law_cov, place_basis, with_noise_uncertain
-from tanteo.calibration.prior import Prior, make_prior
 from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, make_outliers, robot_tilt_cov
-from tanteo.calibration.start import starts
-from tanteo.calibration.words import is_lost, status_of, undetermined
 from tanteo.errors import ReadingsError
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.calibration.geometry import BEAM, Prediction, Setup, facing, predict
-from tanteo.calibration.log import PlaneLog
+from tanteo.calibration.geometry import BEAM, Prediction, Prior, Setup, facing, predict
+from tanteo.calibration.log import PlaneLog, mixture_log_likelihood, outlier_probabilities
 from tanteo.calibration.noise import PlaceLaw, first_law, improved, place_basis
-from tanteo.calibration.outliers import mixture_log_likelihood, outlier_probabilities
-from tanteo.calibration.prior import Prior
 from tanteo.typing import FloatArray
 
 _FIRST_PASSES, _PASSES = 25, 300
@@ -62,13 +60,7 @@ def refine(
 ) -> Fit:
     """Maximize from one start: weights of outliers, setup and noise in turns, until nothing moves.
 
-    Args:
-        setup: The start.
-        log: The stations.
-        prior: What is known of the beams.
-        share: Of the residuals that are trusted at the start (:func:`~tanteo.calibration.noise.first_law`).
-        law: Noise to start from instead.
-        passes: How many at most.
+    The noise begins as ``law``, or by the share of the residuals that is trusted (:func:`first_law`).
     """
     settled = False
     for _ in range(passes):

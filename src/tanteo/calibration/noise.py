@@ -54,13 +54,9 @@ def repeat_variances(log: PlaneLog) -> FloatArray:
 
 
 def first_law(log: PlaneLog, residuals: FloatArray, basis: FloatArray, share: float) -> PlaceLaw:
-    """A law to start from: what this share of the residuals suggests, in three equal terms.
+    """A law to start from: what the share of smallest residuals suggests, in three equal terms.
 
-    Args:
-        log: The stations.
-        residuals: At the start [m], ``(m,)``.
-        basis: Of :func:`place_basis`.
-        share: The smaller residuals up to this share are trusted; the less, the more stations begin as outliers.
+    The less of them is trusted, the more stations begin as outliers.
     """
     squares = np.empty((len(log.beams), len(TERMS)))
     for k in range(len(log.beams)):
@@ -76,13 +72,7 @@ def improved(
 ) -> PlaceLaw:
     """One step up the restricted likelihood, by multiplication: variances stay positive.
 
-    Args:
-        law: The law so far.
-        log: The stations.
-        residuals: At the fitted setup [m], ``(m,)``.
-        weights: How probably each station is no outlier, ``(m,)``.
-        basis: Of :func:`place_basis`.
-        hat: Variance of the fitted range of every station [m^2], ``(m,)``.
+    ``hat`` is the variance of the fitted range of every station [m^2], ``(m,)``.
     """
     v = law.variances(log, basis)
     pull = weights * residuals**2 / v**2
@@ -124,14 +114,6 @@ def with_noise_uncertain(
 
     The weights of the stations are as uncertain as the variances, and were chosen to suit these very residuals
     (Kenward and Roger, Biometrics 53, 1997; variances linear in their parameters).
-
-    Args:
-        law: The noise.
-        log: The stations.
-        weights: How probably each station is no outlier, ``(m,)``.
-        basis: Of :func:`place_basis`.
-        jacobian: Of the ranges over all parameters, ``(m, size)``.
-        cov: Of all parameters as if the noise were known.
     """
     v = law.variances(log, basis)
     W = law_cov(law, log, weights, basis, jacobian, cov)

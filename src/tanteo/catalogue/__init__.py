@@ -3,9 +3,4 @@
 from tanteo.catalogue.cache import cache_folder
 from tanteo.catalogue.reading import Failure, Parts, read_parts
 
-__all__ = [
-    "Failure",
-    "Parts",
-    "cache_folder",
-    "read_parts",
-]
+__all__ = ["Failure", "Parts", "cache_folder", "read_parts"]

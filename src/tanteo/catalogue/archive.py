@@ -25,10 +25,7 @@ _HEAD = struct.Struct("<8sIIIQ")
 """Magic, CRC-32 of all that follows, lengths of the first document, of the second, of everything."""
 
 _GROUPS: dict[str, tuple[type[Any], tuple[str, ...]]] = {
-    "planes": (
-        ModelPlanes,
-        ("Ts_part_feature", "faces", "areas", "gyration", "boundary", "boundary_start"),
-    ),
+    "planes": (ModelPlanes, ("Ts_part_feature", "faces", "areas", "gyration", "boundary", "boundary_start")),
     "edges": (ModelEdges, ("Ts_part_feature", "lengths", "ends", "faces", "dihedrals", "convex")),
     "corners": (ModelVertices, ("points", "edges", "edges_start")),
 }
@@ -70,12 +67,7 @@ def part_to_bytes(part: Part) -> bytes:
 
 
 def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None = None) -> Part:
-    """Open a part; it keeps the bytes.
-
-    Args:
-        data: as :func:`part_to_bytes` wrote it.
-        name: given to the part in place of the stored one.
-        source: given to the part in place of the stored one.
+    """Open a part of bytes, which it keeps, under a name and source of its own if they are given.
 
     Raises:
         InputError: the bytes are damaged or of another format version.

@@ -1,8 +1,9 @@
-"""Worker processes that may crash or hang without taking the program with them.
+"""Worker processes that may crash or hang without taking the program with them, as CAD kernels do.
 
 Each worker has a thread here that hands it one file at a time. A worker that dies or exceeds the time limit is
 replaced, and its file becomes a sentence. Workers are plain ``python -c`` processes and not ``multiprocessing``
-ones, so a script that calls this needs no ``if __name__ == "__main__"``.
+ones, so a script that calls this needs no ``if __name__ == "__main__"``. A request is one line of JSON; a reply is a
+letter (``P`` part, ``E`` error), eight bytes of length, and that many bytes.
 """
 
 from __future__ import annotations
@@ -17,11 +18,28 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from tanteo.catalogue.archive import part_from_bytes
-from tanteo.errors import InputError
-from tanteo.parts import Part
+from tanteo.catalogue.archive import part_from_bytes, part_to_bytes
+from tanteo.errors import InputError, TanteoError
+from tanteo.parts import Part, read_part
 
-_COMMAND = "from tanteo.catalogue.worker import main; main()"
+
+def main() -> None:
+    """Serve requests until standard input closes."""
+    # The kernel prints to standard output: give it standard error and keep the pipe for replies.
+    pipe = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    for line in sys.stdin.buffer:
+        request = json.loads(line)
+        try:
+            part = read_part(request["path"], unit=request["unit"], name=request["name"])
+            letter, reply = b"P", part_to_bytes(part)
+        except (TanteoError, RuntimeError, OSError, MemoryError) as error:
+            letter, reply = b"E", str(error).encode()
+        pipe.write(letter + len(reply).to_bytes(8, "big") + reply)
+        pipe.flush()
+
+
+_COMMAND = "from tanteo.catalogue.pool import main; main()"
 
 
 @dataclass(frozen=True, slots=True)

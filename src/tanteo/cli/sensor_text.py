@@ -135,7 +135,7 @@ def _span(preset: SensorPreset) -> str:
 
 
 def _noise(preset: SensorPreset) -> str:
-    if preset.is_contact or not preset.depends_on_range:
+    if preset.is_contact or not preset.law.depends_on_range:
         return _mm(preset.sigma_const)
     ends = np.array([max(preset.min_range, 0.01 * preset.max_range), preset.max_range])
     return "-".join(_mm(float(s)) for s in preset.law.sigma(ends))

@@ -130,7 +130,7 @@ def _example(
 def _maker(scene: SceneFile, start: Start, options: PartOptions, *, bare: bool) -> Callable[[int, str], Show]:
     def make(seed: int, policy: str) -> Show:
         now, chosen = replace(scene, seed=seed), replace(options, policy=policy)
-        return (_bare if bare else _handed)(now, start, chosen)
+        return (_by_probe if bare else _handed)(now, start, chosen)
 
     return make
 
@@ -147,17 +147,17 @@ def _handed(scene: SceneFile, start: Start, options: PartOptions) -> Show:
     return hand_show(session, robot, rules, truth, scene.furniture, known, scene.cell.robot)
 
 
-def _bare(scene: SceneFile, start: Start, options: PartOptions) -> Show:
+def _by_probe(scene: SceneFile, start: Start, options: PartOptions) -> Show:
     from tanteo.active import policy_named
     from tanteo.session import Session
     from tanteo.simulator import Scene
-    from tanteo.viewer import bare_show, laser, simulated
+    from tanteo.viewer import laser, probe_show, simulated
 
     probe, sensing = laser(scene.workspace)
     session = Session(start, probe, sensing, policy_named(options.policy), options.stop, scene.seed)
     truth = tuple(s for s in scene.scene.solids if s not in scene.furniture)
     furniture = Scene.of(scene.furniture).surface if scene.furniture else None
-    return bare_show(session, simulated(Scene.of(truth).surface, furniture, scene.seed), truth, scene.furniture)
+    return probe_show(session, simulated(Scene.of(truth).surface, furniture, scene.seed), truth, scene.furniture)
 
 
 def _ready(url: str, *, show: bool) -> None:

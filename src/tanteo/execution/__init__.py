@@ -4,24 +4,13 @@ The hand touches nothing: it keeps clear of every pose that the belief still all
 by its sensors, of what it meets on the way. This room knows no simulator.
 """
 
-from tanteo.execution.approach_poses import approach_poses
-from tanteo.execution.furniture import Furniture
+from tanteo.execution.approach import approach_poses
 from tanteo.execution.loop import Executed, Visit, reachable, sense_part
 from tanteo.execution.possible import Possible, Room
-from tanteo.execution.probes import hand_probe
-from tanteo.execution.seen import HYPOTHESES, part_seen, seen_start
+from tanteo.execution.resting import Furniture
+from tanteo.execution.start import HYPOTHESES, hand_probe, part_seen, seen_start
 
 __all__ = [
-    "HYPOTHESES",
-    "Executed",
-    "Furniture",
-    "Possible",
-    "Room",
-    "Visit",
-    "approach_poses",
-    "hand_probe",
-    "part_seen",
-    "reachable",
-    "seen_start",
-    "sense_part",
-]
+    "HYPOTHESES", "Executed", "Furniture", "Possible", "Room", "Visit", "approach_poses", "hand_probe", "part_seen",
+    "reachable", "seen_start", "sense_part",
+]  # fmt: skip

@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.active import Candidates, SensingState
-from tanteo.execution.approach_poses import approach_poses, feasible, ranked
-from tanteo.execution.furniture import Furniture, beyond_furniture
+from tanteo.execution.approach import approach_poses, feasible, ranked, route
 from tanteo.execution.possible import Possible, Room
-from tanteo.execution.probes import REPEATS
-from tanteo.execution.resting import as_readings, of_parts, rest
-from tanteo.execution.routes import route
+from tanteo.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
+from tanteo.execution.start import REPEATS
 from tanteo.hand import Hand, Robot
 from tanteo.lie import SE3
 from tanteo.motion import Motion, Rules, go_to
@@ -119,7 +117,9 @@ def sense_part(
     visits, in_vain, gone = list[Visit](), 0, 0.0
     while isinstance(action := session.ask(), Action):
         motions, step, note = run.answer(action)
-        gone += sum(_front_way(robot.hand, motion) for motion in motions)
+        for motion in motions:
+            fronts = SE3.apply(np.array([sensed.T_world_hand for sensed in motion.log]), robot.hand.front)
+            gone += float(np.linalg.norm(np.diff(fronts, axis=0), axis=1).sum())
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
         visits.append(Visit(action, motions, step, leader, note, robot.sensed.time - began, gone))
         watch(visits[-1])
@@ -189,9 +189,3 @@ class _Run:
         if readings.is_free.all():
             note = "; ".join(text for text in (note, "nothing met") if text)
         return self.session.tell(readings, action), note
-
-
-def _front_way(hand: Hand, motion: Motion) -> float:
-    """How far the hand's front went [m]."""
-    Ts = np.array([sensed.T_world_hand for sensed in motion.log])
-    return float(np.linalg.norm(np.diff(SE3.apply(Ts, hand.front), axis=0), axis=1).sum())

@@ -148,7 +148,7 @@ def _unless_bent(
         return feature, dropped, []
     ratio = bend.gain / bend.dof
     note = (
-        f"the readings of {label!r} are on a surface that bends: its covariance was widened by "
+        f"the readings of {label!r} are on a curved surface: its covariance was widened by "
         f"{_figure(np.sqrt(ratio))}; sense less of it, or give what is beyond the bend a label of its own"
     )
     return _widened(feature, ratio), dropped, [note]

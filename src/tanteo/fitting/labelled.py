@@ -20,14 +20,14 @@ class LabelledFeatures:
 
     Attributes:
         features: planes, edges and vertices; a pair where the outward side of a plane is unknown.
-        bare: rows of the measurements that belong to no feature: points without label and without normal.
+        unlabelled: rows of the measurements that belong to no feature: points without label and without normal.
         rejected: ids of readings that disagree with the others of their label.
         rejected_by: how far each of them is from the feature of the others [m].
         notes: what could not be used or had to be widened, one sentence each.
     """
 
     features: tuple[Sides, ...]
-    bare: IntArray
+    unlabelled: IntArray
     rejected: tuple[str, ...]
     rejected_by: tuple[float, ...]
     notes: tuple[str, ...]
@@ -48,7 +48,7 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
             ``SideError`` if the readings of no label agree about its outward side.
     """
     groups: dict[str, list[int]] = {}
-    bare, features, rejected, notes = [], list[Sides](), dict[str, float](), list[str]()
+    unlabelled, features, rejected, notes = [], list[Sides](), dict[str, float](), list[str]()
     for row, (label, kind) in enumerate(zip(measured.features, measured.kinds, strict=True)):
         if label:
             groups.setdefault(label, []).append(row)
@@ -57,7 +57,7 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
         elif np.isfinite(measured.normals[row]).all():
             features.append(_plane_at_point(measured, row, tolerance))
         else:
-            bare.append(row)
+            unlabelled.append(row)
     astray: SideError | None = None
     for label, rows in groups.items():
         try:
@@ -71,7 +71,7 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
         notes += note
     if astray is not None and not features:  # of all labels: columns are swapped
         raise astray
-    index = np.array(bare, dtype=np.int64)
+    index = np.array(unlabelled, dtype=np.int64)
     return LabelledFeatures(tuple(features), index, tuple(rejected), tuple(rejected.values()), tuple(notes))
 
 

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
-    from tanteo.frames.covariances import check_covariance, check_covariances, frozen_array, symmetrised, unit_diagonal
+    from tanteo.frames.covariances import (
+        check_covariance,
+        check_covariances,
+        freeze,
+        frozen_array,
+        symmetrised,
+        unit_diagonal,
+    )
     from tanteo.frames.fusion import Fusion, fuse
     from tanteo.frames.location import (
         compose_locations,
@@ -83,6 +90,7 @@ __all__ = [
     "convert_covariance",
     "differential_jacobian",
     "differential_jacobian_inverse",
+    "freeze",
     "from_gtsam_covariance",
     "from_ros_covariance",
     "frozen_array",
@@ -108,7 +116,7 @@ __dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {
-        "covariances": "check_covariance check_covariances frozen_array symmetrised unit_diagonal",
+        "covariances": "check_covariance check_covariances freeze frozen_array symmetrised unit_diagonal",
         "fusion": "Fusion fuse",
         "location": "compose_locations invert_location loc_to_matrix matrix_to_loc relate_locations",
         "location_jacobians": (

@@ -22,6 +22,12 @@ def frozen_array(value: FloatArray) -> FloatArray:
     return out
 
 
+def freeze(value: object, *names: str) -> None:
+    """Make read-only float64 copies of the named arrays of a frozen value."""
+    for name in names:
+        object.__setattr__(value, name, frozen_array(getattr(value, name)))
+
+
 def check_covariance(name: str, C: Covariances, size: int) -> Covariances:
     """A read-only, symmetrised copy of one covariance ``(size, size)``.
 

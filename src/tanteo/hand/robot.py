@@ -1,4 +1,4 @@
-"""What a motion needs of a robot, whether it is simulated or real."""
+"""The hand as sensors on a body of spheres, and what a motion needs of a robot that carries it, simulated or real."""
 
 from __future__ import annotations
 
@@ -9,16 +9,87 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.frames import frozen_array
-from tanteo.hand.body import FRONTAL_COSINE, Body
 from tanteo.sensors import Rig
-from tanteo.typing import FloatArray, IntArray, Tangents, Transforms, Vectors
+from tanteo.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms, Vectors
+
+FRONTAL_COSINE = 0.9
+"""A sensor whose beam is within 26 degrees of the hand's +z is a frontal one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """Spheres that cover the hand.
+
+    Attributes:
+        centres: ``(k, 3)`` in the hand's frame [m].
+        radii: ``(k,)`` [m].
+        blind: Spheres that no beam of the hand goes before or beside ``(k,)``; none if left out. Only the workspace
+            keeps them from what no beam has met.
+
+    Raises:
+        InputError: Shapes that do not fit, or a radius that is not positive.
+    """
+
+    centres: Vectors
+    radii: FloatArray
+    blind: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def __post_init__(self) -> None:
+        centres, radii = frozen_array(self.centres), frozen_array(self.radii)
+        if centres.ndim != 2 or centres.shape[1:] != (3,) or radii.shape != centres.shape[:1] or not len(radii):
+            raise InputError(
+                f"body: expected centres (k, 3) and radii (k,), got {centres.shape} and {radii.shape}. Pass one row "
+                "a sphere."
+            )
+        if not (np.isfinite(centres).all() and (radii > 0).all() and np.isfinite(radii).all()):
+            raise InputError("body: expected finite centres and positive radii [m], got others. Correct them.")
+        blind = np.zeros(len(radii), dtype=bool) if not len(self.blind) else np.array(self.blind, dtype=bool)
+        if blind.shape != radii.shape or blind.all():
+            raise InputError("body: expected one truth a sphere, and one sphere that is not blind. Correct blind.")
+        blind.setflags(write=False)
+        object.__setattr__(self, "blind", blind)
+        object.__setattr__(self, "centres", centres)
+        object.__setattr__(self, "radii", radii)
+
+    def placed(self, T_world_hand: Transforms) -> Vectors:
+        """Centres in the world ``(*batch, k, 3)`` with the hand at ``(*batch, 4, 4)``."""
+        R = T_world_hand[..., None, :3, :3]
+        return np.asarray((R @ self.centres[..., None])[..., 0] + T_world_hand[..., None, :3, 3])
+
+
+_FINGER, _PALM = (0.008, 0.060), (0.030, 0.100)
+"""Radius and length of a finger, from its front to the palm, and of the palm, rounded ends included [m]."""
+
+
+def gripper_body(rig: Rig) -> Body:
+    """A gripper: one round finger behind every frontal sensor, whose front the sensor is, and a round palm behind.
+
+    The palm's axis runs midway between the frontal sensors, along the hand's z.
+
+    Raises:
+        InputError: The rig has no frontal sensor.
+    """
+    (finger_radius, finger_length), (palm_radius, palm_length) = _FINGER, _PALM
+    fronts = np.array([s.T_hand_sensor[:3, 3] for s in rig.sensors if s.T_hand_sensor[2, 2] > FRONTAL_COSINE])
+    if not len(fronts):
+        raise InputError(f"{rig.source}: expected a sensor that looks along the hand's +z, got none. Add one.")
+    behind = np.linspace(finger_radius, finger_length, 1 + int(np.ceil(finger_length / finger_radius)))
+    fingers = fronts[:, None] - behind[:, None] * np.array([0.0, 0.0, 1.0])
+    back = fronts[:, 2].min() - finger_length
+    depth = np.linspace(palm_radius, max(palm_length - palm_radius, palm_radius), 3)
+    palm = np.array([*fronts.mean(axis=0)[:2], back]) - depth[:, None] * np.array([0.0, 0.0, 1.0])
+    fingers = fingers.reshape(-1, 3)
+    radii = np.concatenate([np.full(len(fingers), finger_radius), np.full(len(palm), palm_radius)])
+    blind = np.repeat([False, True], [len(fingers), len(palm)])
+    return Body(np.concatenate([fingers, palm]), radii, blind)
+
 
 MET, FREE, NEAR, LOST = 0, 1, 2, 3
 """States of a reading: a range; nothing within range; too near for a range; something there, but no range."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sensed:
+class HandReading:
     """What a robot knows at one instant.
 
     Attributes:
@@ -115,10 +186,10 @@ class Robot(Protocol):
         ...
 
     @property
-    def sensed(self) -> Sensed:
+    def sensed(self) -> HandReading:
         """What was sensed last."""
         ...
 
-    def step(self, twist: Tangents) -> Sensed:
+    def step(self, twist: Tangents) -> HandReading:
         """Command a velocity ``[v, w]`` of the hand in its own frame [m/s, rad/s] for one period, and sense."""
         ...

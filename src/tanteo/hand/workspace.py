@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.frames import frozen_array
-from tanteo.hand.body import Body
+from tanteo.hand.robot import Body
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 

@@ -16,7 +16,7 @@ from tanteo.errors import InputError, MissingExtraError
 from tanteo.io.document import made, table
 from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.typing import FloatArray
-from tanteo.vision import COEFFICIENTS, USUAL, Camera
+from tanteo.vision import DISTORTION_COUNTS, USUAL_EDGE_SD, Camera
 
 _FISHEYE, _RECTIFY = re.compile("fisheye|equidistant|kannala"), "Rectify the image first."
 _MODELS = ("plumb_bob", "rational_polynomial", "")
@@ -38,7 +38,7 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
     image_height: Annotated[float, Numbers(others=("height", "imageHeight"))] | None = None
     image_size: Annotated[FloatArray, Numbers("plain", ((2,),))] | None = None
     T_world_camera: Annotated[FloatArray, Numbers("plain", ((16,),))] | None = None
-    edge_sd_px: Annotated[float, Numbers()] = USUAL
+    edge_sd_px: Annotated[float, Numbers()] = USUAL_EDGE_SD
 
     def camera(self) -> Camera:
         """The camera."""
@@ -53,7 +53,7 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
             raise self.at.error(
                 f"expected image_width and image_height in pixels, got {size[0]!r} and {size[1]!r}. Add them."
             )
-        k, more = np.split(self.distortion_coefficients, [max(COEFFICIENTS)])
+        k, more = np.split(self.distortion_coefficients, [max(DISTORTION_COUNTS)])
         if more.any():
             raise self.at.error(f"expected no thin prism and no tilt (k9 to k14), got {more.tolist()}. {_RECTIFY}")
         pose = None if self.T_world_camera is None else self.T_world_camera.reshape(4, 4)

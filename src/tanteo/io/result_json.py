@@ -135,14 +135,14 @@ def sight_json(sight: Sight, warnings: Sequence[str] = ()) -> str:
 
 
 def _object(seen: Sighting, frame: str) -> dict[str, Any]:
-    from tanteo.vision import NAMES
+    from tanteo.vision import DESCRIPTOR_NAMES
 
     answer = recognition_document(seen.answer, frame)
     kept = {key: answer[key] for key in ("status", "message", "hypotheses", "unknown_probability")}
     region, outline = None, seen.outline
     if seen.region is not None:
         x0, x1, y0, y1 = seen.region.box
-        drawn = outline and {name: {"value": outline[name], "sd": outline.sd(name)} for name in NAMES}
+        drawn = outline and {name: {"value": outline[name], "sd": outline.sd(name)} for name in DESCRIPTOR_NAMES}
         region = {"box_px": [x0, y0, x1, y1], "leaves_the_image": seen.region.cut, "outline": drawn}
     return {**kept, "region": region, "question": None if seen.question is None else _question(seen.question)}
 

@@ -5,56 +5,13 @@ of all that was sensed. Before every command :class:`Steering` slows it so that 
 than the clearance, and no part of the hand to the bounds of its workspace. This room knows no estimator.
 """
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
-
-from tanteo.lazy import lazy
-
-if TYPE_CHECKING:
-    from tanteo.motion.approaching import approach, retreat
-    from tanteo.motion.bending import Bend, how_far
-    from tanteo.motion.control import Loop
-    from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
-    from tanteo.motion.following import follow, settle, settled
-    from tanteo.motion.looking import look, looked
-    from tanteo.motion.result import Ending, Motion
-    from tanteo.motion.steering import Rules, Steering
-    from tanteo.motion.travelling import go_to
+from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
+from tanteo.motion.following import approach, follow, retreat, settle, settled
+from tanteo.motion.steering import Ending, Loop, Motion, Rules, Steering
+from tanteo.motion.track import Crease, crease_angle
+from tanteo.motion.travelling import go_to, look, looked, path
 
 __all__ = [
-    "Bend",
-    "Crossing",
-    "EdgeEvent",
-    "Ending",
-    "Loop",
-    "Motion",
-    "Rules",
-    "Steering",
-    "approach",
-    "cross_edge",
-    "follow",
-    "go_to",
-    "how_far",
-    "look",
-    "looked",
-    "retreat",
-    "settle",
-    "settled",
-]
-
-__getattr__: Callable[[str], Any]
-__dir__: Callable[[], list[str]]
-__getattr__, __dir__ = lazy(
-    __name__,
-    {
-        "approaching": "approach retreat",
-        "bending": "Bend how_far",
-        "control": "Loop",
-        "crossing": "Crossing EdgeEvent cross_edge",
-        "following": "follow settle settled",
-        "looking": "look looked",
-        "result": "Ending Motion",
-        "steering": "Rules Steering",
-        "travelling": "go_to",
-    },
-)
+    "Crease", "Crossing", "EdgeEvent", "Ending", "Loop", "Motion", "Rules", "Steering", "approach", "crease_angle",
+    "cross_edge", "follow", "go_to", "look", "looked", "path", "retreat", "settle", "settled",
+]  # fmt: skip

@@ -13,12 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.hand import MET, NEAR, Robot, Sensed, shift
-from tanteo.motion.bending import Bend, bend_of, how_far
+from tanteo.hand import MET, NEAR, HandReading, Robot, shift
 from tanteo.motion.following import level
-from tanteo.motion.result import Ending, Motion
-from tanteo.motion.steering import Rules, Steering
-from tanteo.motion.track import Surface, Track
+from tanteo.motion.steering import Ending, Motion, Rules, Steering
+from tanteo.motion.track import Crease, Surface, Track, crease_angle, crease_of
 from tanteo.sensors import error_model
 from tanteo.typing import BoolArray, Transforms, Vectors
 
@@ -75,13 +73,13 @@ class Crossing:
     Attributes:
         motion: How it ended: ``reached`` if at least one sensor crossed both ways.
         events: Of the sensors that crossed.
-        bends: Of those below which the surface bent away instead.
+        creases: Of the sensors below which the surface turned away instead.
         seen: Their numbers.
     """
 
     motion: Motion
     events: tuple[EdgeEvent, ...]
-    bends: tuple[Bend, ...] = ()
+    creases: tuple[Crease, ...] = ()
 
     @property
     def seen(self) -> tuple[int, ...]:
@@ -118,36 +116,36 @@ def cross_edge(
     speed = min(rules.speed, STRIDE * standoff / robot.period)
     out, ended = _leave(run, heading * speed, surface, reach, spread)
     back = _come_back(run, -heading * speed, out[0]) if ended != "timeout" else []
-    events, bends = list[EdgeEvent](), list[Bend]()
+    events, creases = list[EdgeEvent](), list[Crease]()
     for number in np.flatnonzero(~np.isnan(surface.ranges)):
         met = [_met(run, int(number), leg, surface) for leg in (out, back[::-1])]
-        bends += [m for m in met if isinstance(m, Bend)]
+        creases += [m for m in met if isinstance(m, Crease)]
         # there and back belong together: a sensor that only left or only came has met something else
         if isinstance(met[0], EdgeEvent) and isinstance(met[1], EdgeEvent):
             events += [met[0], replace(met[1], outwards=False)]
     if events:
         motion = run.end("reached", f"{len(events)} events of {len(events) // 2} sensors")
-    elif bends:
-        motion = run.end("nothing", f"the surface does not end, it bends away {how_far(bends)}")
+    elif creases:
+        motion = run.end("nothing", f"the surface does not end, it bends away {crease_angle(creases)}")
     elif ended == "nothing":
         motion = run.end("nothing", f"the surface does not end within {1e3 * reach:.3g} mm")
     elif ended:
         motion = run.end(ended)
     else:
         motion = run.end("lost", "the surface ended, but there and back not at one place")
-    return Crossing(motion, tuple(events), tuple(bends))
+    return Crossing(motion, tuple(events), tuple(creases))
 
 
-def _met(run: Steering, number: int, leg: list[Sensed], surface: Surface) -> EdgeEvent | Bend | None:
+def _met(run: Steering, number: int, leg: list[HandReading], surface: Surface) -> EdgeEvent | Crease | None:
     """What one sensor met on a leg that begins over the surface."""
     if len(leg) < 2 * _BESIDE:
         return None
     sensor = run.hand.frontal[number]
     track = Track.of(leg, sensor, float(surface.ranges[number]), float(surface.slack[number]))
     gap = 2 * float(surface.spots[number]) + 0.5 * _BEYOND
-    bend = bend_of(sensor, number, track, surface, gap)
-    if bend is not None:
-        return bend
+    crease = crease_of(sensor, number, track, surface, gap)
+    if crease is not None:
+        return crease
     last = track.last_on(gap)
     if last is None or track.on[: last + 1].sum() < _BESIDE:
         return None
@@ -172,7 +170,7 @@ def _surface(run: Steering, standoff: float) -> Surface:
     return Surface(ranges, np.maximum(_DROP * standoff, 6 * sds), sds, spots)
 
 
-def _dropped(surface: Surface, sensed: Sensed, pair: tuple[int, int]) -> BoolArray:
+def _dropped(surface: Surface, sensed: HandReading, pair: tuple[int, int]) -> BoolArray:
     """Which of the two sensors look past the surface: to something farther, to nothing, or along a side face."""
     ranges, states = sensed.ranges[list(pair)], sensed.states[list(pair)]
     return np.asarray(np.where(states == MET, ranges > surface.ranges + surface.slack, states != NEAR))
@@ -180,7 +178,7 @@ def _dropped(surface: Surface, sensed: Sensed, pair: tuple[int, int]) -> BoolArr
 
 def _leave(
     run: Steering, velocity: Vectors, surface: Surface, reach: float, spread: float
-) -> tuple[list[Sensed], Ending | None]:
+) -> tuple[list[HandReading], Ending | None]:
     """Outwards until both sensors have been off the surface for more than their spots, or one for long enough.
 
     Returns:
@@ -203,7 +201,7 @@ def _leave(
             return leg, "nothing"
 
 
-def _come_back(run: Steering, velocity: Vectors, first: Sensed) -> list[Sensed]:
+def _come_back(run: Steering, velocity: Vectors, first: HandReading) -> list[HandReading]:
     """Straight back to where the crossing began."""
     leg, pace = [run.sensed], velocity / np.linalg.norm(velocity)
     while True:

@@ -1,13 +1,14 @@
-"""What one sensor read on one leg of a crossing, reading by reading along the way."""
+"""What one sensor read on one leg of a crossing, and the creases at which a surface does not end but turns away."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.hand import FREE, LOST, MET, Sensed, advance, gap
+from tanteo.hand import FREE, LOST, MET, HandReading, advance, gap
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _DROPS = 3
@@ -52,7 +53,7 @@ class Track:
     lost: BoolArray
 
     @classmethod
-    def of(cls, leg: Sequence[Sensed], sensor: int, distance: float, slack: float) -> Track:
+    def of(cls, leg: Sequence[HandReading], sensor: int, distance: float, slack: float) -> Track:
         """Of one sensor over a surface at a distance [m], which may seem nearer or farther by a slack [m]."""
         ranges = np.array([s.ranges[sensor] for s in leg])
         states = np.array([s.states[sensor] for s in leg])
@@ -85,3 +86,71 @@ class Track:
         before, after = self.Ts_world_hand[k - 1], self.Ts_world_hand[k]
         share = (way - self.ways[k - 1]) / max(self.ways[k] - self.ways[k - 1], 1e-12)
         return advance(before, np.concatenate(gap(before, after)), share)
+
+
+STEEP = math.radians(75.0)
+"""Said of a bend beyond which the sensor gives no ranges: at about this angle and more they do not answer [rad]."""
+
+_LEAST = math.radians(2.0)
+"""Less than this is no bend [rad]."""
+
+_SOME = 6
+"""Readings beyond the bend that tell its angle."""
+
+_MOSTLY = 0.7
+"""Share of the ranges beyond that must be near."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crease:
+    """Where the axis of one sensor passed over a bend.
+
+    Attributes:
+        sensor: Its number on the rig.
+        T_world_hand: The hand's pose at that instant, by the robot ``(4, 4)``.
+        distance: Range to the surface there [m].
+        angle: By which the surface turns away along the crossing [rad]; :data:`STEEP` for all that gives no ranges.
+    """
+
+    sensor: int
+    T_world_hand: Transforms
+    distance: float
+    angle: float
+
+
+def crease_of(sensor: int, number: int, track: Track, surface: Surface, beyond: float) -> Crease | None:
+    """The bend at the end of a leg, None if there is none: the surface goes on, ends in a drop, or meets a wall.
+
+    Args:
+        sensor: Its number on the rig.
+        number: Its number of the pair.
+        track: What it read.
+        surface: What it read before.
+        beyond: How far beyond the surface all readings have to be off it [m].
+    """
+    distance, slack = float(surface.ranges[number]), float(surface.slack[number])
+    last, steep = track.last_on(beyond), track.last_on(beyond, blindly=True)
+    if last is None and steep is not None:
+        return Crease(sensor, track.pose_at(float(track.ways[steep])), distance, STEEP)
+    if last is None:
+        return None
+    after = (track.ways > track.ways[last]) & (track.ways <= track.ways[last] + beyond)
+    near = after & (track.ranges < distance + 4 * slack + 2.5 * beyond)
+    if near.sum() < max(_SOME, _MOSTLY * (after & np.isfinite(track.ranges)).sum()):
+        return None
+    slope, higher = _line(track.ways[near] - track.ways[last], track.ranges[near] - distance)
+    # where the surface ends in a step, it is farther at once, and not more and more
+    if higher > 2 * slack or slope < math.tan(_LEAST):
+        return None
+    return Crease(sensor, track.pose_at(float(track.ways[last] - higher / slope)), distance, math.atan(slope))
+
+
+def crease_angle(creases: Sequence[Crease]) -> str:
+    """By how much a surface bends away, in words."""
+    angle = float(np.median([c.angle for c in creases]))
+    return f"by about {math.degrees(angle):.0f} deg" if angle < STEEP else "too steeply for the sensors to answer"
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    slope, offset = np.polyfit(x, y, 1)
+    return float(slope), float(offset)

@@ -6,58 +6,31 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
-    from tanteo.parts.exact import exact_faces
+    from tanteo.parts.building import mirror_part
     from tanteo.parts.facets import FLOAT32
-    from tanteo.parts.files import UNITLESS
-    from tanteo.parts.mirror import mirror_part
-    from tanteo.parts.part import (
-        Face,
-        ModelEdges,
-        ModelPlanes,
-        ModelVertices,
-        Part,
-        SurfaceKind,
-        SymmetryGroup,
-    )
-    from tanteo.parts.reading import READABLE, read_part
-    from tanteo.parts.several import as_part, as_parts
-    from tanteo.parts.topology import components, mesh_edges
-    from tanteo.parts.units import unit_name
+    from tanteo.parts.files import UNITLESS, unit_name
+    from tanteo.parts.part import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SurfaceKind, SymmetryGroup
+    from tanteo.parts.reading import READABLE, as_part, as_parts, read_part
+    from tanteo.parts.surfaces import exact_faces
+    from tanteo.parts.topology import components, mesh_edges, near_groups
 
 __all__ = [
-    "FLOAT32",
-    "READABLE",
-    "UNITLESS",
-    "Face",
-    "ModelEdges",
-    "ModelPlanes",
-    "ModelVertices",
-    "Part",
-    "SurfaceKind",
-    "SymmetryGroup",
-    "as_part",
-    "as_parts",
-    "components",
-    "exact_faces",
-    "mesh_edges",
-    "mirror_part",
-    "read_part",
-    "unit_name",
-]
+    "FLOAT32", "READABLE", "UNITLESS", "Face", "ModelEdges", "ModelPlanes", "ModelVertices", "Part", "SurfaceKind",
+    "SymmetryGroup", "as_part", "as_parts", "components", "exact_faces", "mesh_edges", "mirror_part", "near_groups",
+    "read_part", "unit_name",
+]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
 __dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {
-        "topology": "components mesh_edges",
-        "units": "unit_name",
-        "files": "UNITLESS",
+        "building": "mirror_part",
         "facets": "FLOAT32",
-        "several": "as_part as_parts",
-        "exact": "exact_faces",
-        "mirror": "mirror_part",
+        "files": "UNITLESS unit_name",
         "part": "Face ModelEdges ModelPlanes ModelVertices Part SurfaceKind SymmetryGroup",
-        "reading": "READABLE read_part",
+        "reading": "READABLE as_part as_parts read_part",
+        "surfaces": "exact_faces",
+        "topology": "components mesh_edges near_groups",
     },
 )

@@ -1,14 +1,101 @@
-"""One face of a B-rep -> its surface, its triangles, and which of its mesh edges are chords of curved edges."""
+"""STEP files -> solids of the CAD kernel (OpenCASCADE), healed where they do not join, and their faces [mm]."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from OCP import GeomAbs
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
+from OCP.collections import Sequence_TCollection_AsciiString as Names
+from OCP.GeomAbs import GeomAbs_Line
+from OCP.GeomLib import GeomLib_IsPlanarSurface
+from OCP.IFSelect import IFSelect_RetDone
+from OCP.Message import Message, Message_Gravity
+from OCP.ShapeFix import ShapeFix_Shape, ShapeFix_Solid
+from OCP.STEPControl import STEPControl_Reader
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
 
+from tanteo.errors import PartError, UnitError
+from tanteo.parts.files import unit_name
 from tanteo.parts.part import SurfaceKind
 from tanteo.typing import FloatArray, IntArray
+
+
+def read_shape(path: Path, label: str) -> tuple[Any, str]:
+    """Read the file; OpenCASCADE turns every unit into millimetres."""
+    for printer in Message.DefaultMessenger_s().Printers():
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)
+    with path.open("rb") as stream:
+        head = stream.read(4096)
+    if b"ISO-10303-21" not in head:
+        raise PartError(f"{label}: expected a STEP file, got one without ISO-10303-21 at its start. Check it.")
+    reader = STEPControl_Reader()
+    if reader.ReadFile(str(path)) != IFSelect_RetDone:
+        raise PartError(f"{label}: expected a STEP file, got one that the CAD kernel cannot parse. Export it again.")
+    lengths, angles, solid_angles = Names(), Names(), Names()
+    reader.FileUnits(lengths, angles, solid_angles)
+    reader.TransferRoots()
+    if not reader.NbShapes():
+        raise PartError(f"{label}: expected a solid, got a STEP file without shapes. Export the part as a solid.")
+    try:
+        unit = unit_name(lengths.Value(1).ToCString()) if lengths.Length() else "mm"
+    except UnitError:
+        unit = "mm"
+    return reader.OneShape(), unit
+
+
+def solids_of(shape: Any, label: str) -> tuple[list[Any], list[str]]:
+    """Return the solids of a shape; closed shells without a solid become one."""
+    solids = _explore(shape, TopAbs_SOLID)
+    if solids:
+        return solids, []
+    shells = [TopoDS.Shell(shell) for shell in _explore(shape, TopAbs_SHELL)]
+    closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if shell.Closed()]
+    if closed:
+        return closed, [f"Made solids of {len(closed)} closed shells."]
+    faces = len(_explore(shape, TopAbs_FACE))
+    got = f"{faces} faces that enclose nothing" if faces else "curves or points only"
+    raise PartError(f"{label}: expected a solid, got {got}. Export the part as a solid.")
+
+
+def _explore(shape: Any, kind: Any) -> list[Any]:
+    found = []
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    return found
+
+
+def diagonal_of(solids: list[Any]) -> float:
+    """Of the box that holds them [mm]."""
+    box = Bnd_Box()
+    for solid in solids:
+        BRepBndLib.Add_s(solid, box)
+    return float(np.sqrt(box.SquareExtent()))
+
+
+def healed(solid: Any, diagonal: float) -> Any:
+    """Sew the faces of a solid together and fix what ShapeFix knows to fix."""
+    sewing = BRepBuilderAPI_Sewing(1e-5 * diagonal)
+    for face in _explore(solid, TopAbs_FACE):
+        sewing.Add(face)
+    sewing.Perform()
+    fix = ShapeFix_Shape(sewing.SewedShape())
+    fix.Perform()
+    shells = _explore(fix.Shape(), TopAbs_SHELL)
+    return ShapeFix_Solid().SolidFromShell(TopoDS.Shell(shells[0])) if len(shells) == 1 else fix.Shape()
+
 
 _MM = 1e-3
 
@@ -33,26 +120,13 @@ class BrepFace:
 
 
 def brep_faces(shape: Any, diagonal: float) -> list[BrepFace]:
-    """Take the faces of a meshed shape.
-
-    Args:
-        shape: that ``BRepMesh_IncrementalMesh`` has worked on.
-        diagonal: of its box [mm].
+    """Take the faces of a shape that ``BRepMesh_IncrementalMesh`` has worked on.
 
     Returns:
         One entry for each face; without triangles where the mesher failed.
     """
-    from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
-    from OCP.TopExp import TopExp_Explorer
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS
-
     faces = []
-    explorer = TopExp_Explorer(shape, TopAbs_FACE)
-    while explorer.More():
-        face = TopoDS.Face(explorer.Current())
-        explorer.Next()
+    for face in map(TopoDS.Face, _explore(shape, TopAbs_FACE)):
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
         if mesh is None:
@@ -75,12 +149,6 @@ def surface_of(face: Any, diagonal: float) -> tuple[SurfaceKind, dict[str, Any]]
 
     Surfaces that are flat to a millionth of the part's diagonal are planes, however the file writes them.
     """
-    from OCP import GeomAbs
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.GeomLib import GeomLib_IsPlanarSurface
-    from OCP.TopAbs import TopAbs_REVERSED
-
     surface = BRepAdaptor_Surface(face)
     kind = surface.GetType()
     # On a surface with a right-handed frame the natural normal points away from the axis.
@@ -124,16 +192,8 @@ def _axis(axis: Any) -> dict[str, Any]:
 
 def _chords(face: Any, mesh: Any, location: Any, diagonal: float) -> IntArray:
     """Return the mesh edges of a face that lie on curved edges of the B-rep."""
-    from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_EDGE
-    from OCP.TopExp import TopExp_Explorer
-    from OCP.TopoDS import TopoDS
-
     pairs = []
-    explorer = TopExp_Explorer(face, TopAbs_EDGE)
-    while explorer.More():
-        edge = TopoDS.Edge(explorer.Current())
-        explorer.Next()
+    for edge in map(TopoDS.Edge, _explore(face, TopAbs_EDGE)):
         if BRep_Tool.Degenerated_s(edge) or _straight(edge, diagonal):
             continue
         polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
@@ -145,9 +205,6 @@ def _chords(face: Any, mesh: Any, location: Any, diagonal: float) -> IntArray:
 
 def _straight(edge: Any, diagonal: float) -> bool:
     """Whether an edge is a line by its type or by its points."""
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-    from OCP.GeomAbs import GeomAbs_Line
-
     curve = BRepAdaptor_Curve(edge)
     if curve.GetType() == GeomAbs_Line:
         return True

@@ -1,4 +1,4 @@
-"""A closed mesh whose triangles are sorted into faces -> :class:`Part`."""
+"""A closed mesh whose triangles are sorted into faces -> :class:`Part`, and the mirror image of a part."""
 
 from __future__ import annotations
 
@@ -6,27 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.parts.draft import Draft
 from tanteo.parts.edges import build_edges
 from tanteo.parts.part import Part, SymmetryGroup
 from tanteo.parts.planes import build_faces, build_planes
 from tanteo.parts.symmetry import find_symmetry
-from tanteo.parts.topology import mesh_edges, triangle_geometry, volume_and_centroid
+from tanteo.parts.topology import Draft, mesh_edges, triangle_geometry, volume_and_centroid
 
 
 def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tuple[str, ...]) -> Part:
-    """Take features, measures and symmetry from a closed mesh whose triangles are sorted into faces.
-
-    Args:
-        draft: closed, outward mesh in metres.
-        name: of the part.
-        source: where it came from.
-        unit: short name of the unit it was read in.
-        repairs: sentences on what was repaired.
-
-    Returns:
-        The finished part.
-    """
+    """Take features, measures and symmetry from a closed mesh whose triangles are sorted into faces."""
     links = mesh_edges(draft.triangles)
     faces = build_faces(draft, links)
     planes = build_planes(draft, faces, links)
@@ -54,3 +42,30 @@ def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tupl
         repairs=repairs,
     )
     return replace(part, symmetry=find_symmetry(part))
+
+
+def mirror_part(part: Part, *, name: str | None = None) -> Part:
+    """Reflect a part in its own x = 0 plane.
+
+    Args:
+        part: any part.
+        name: of the mirror image; ``<name>_mirrored`` where left out.
+
+    Returns:
+        A part with the same lengths, areas and angles, of the other hand. Face numbers are kept.
+    """
+    flip = np.array([-1.0, 1.0, 1.0])
+    kinds = []
+    for face in part.faces:
+        fields = {
+            "radius": face.radius,
+            "minor_radius": face.minor_radius,
+            "half_angle": face.half_angle,
+            "convex": face.convex,
+            "axis_point": None if face.axis_point is None else face.axis_point * flip,
+            "axis_direction": None if face.axis_direction is None else face.axis_direction * flip,
+        }
+        kinds.append((face.surface, fields))
+    draft = Draft(part.vertices * flip, part.triangles[:, ::-1], part.triangle_face, tuple(kinds), None)
+    title = name or f"{part.name}_mirrored"
+    return build_part(draft, name=title, source=part.source, unit=part.unit, repairs=part.repairs)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.parts.draft import Draft
 from tanteo.parts.mesh_faces import SMOOTH_ANGLE
 from tanteo.parts.part import Face, ModelEdges, ModelVertices
-from tanteo.parts.topology import MeshEdges, components, triangle_geometry
+from tanteo.parts.topology import Draft, MeshEdges, components, triangle_geometry
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 SMOOTH_JOIN = np.deg2rad(2.0)
@@ -39,23 +38,11 @@ class _Segments:
     lengths: FloatArray
 
     def at(self, chosen: BoolArray) -> _Segments:
-        return _Segments(
-            self.ends[chosen],
-            self.faces[chosen],
-            self.triangles[chosen],
-            self.normals[chosen],
-            self.directions[chosen],
-            self.lengths[chosen],
-        )
+        return _Segments(*(getattr(self, name)[chosen] for name in self.__slots__))
 
 
 def build_edges(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> tuple[ModelEdges, ModelVertices]:
     """Take the sharp straight edges between two faces, and the corners where they meet.
-
-    Args:
-        draft: the mesh with a face for each triangle.
-        faces: as measured from it.
-        edges: of the same mesh.
 
     Returns:
         Edges with at least one planar neighbour, and corners where three or more directions meet.

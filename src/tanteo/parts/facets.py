@@ -17,7 +17,7 @@ _FLAT_ANGLE = 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Facets:
+class MeshFacets:
     """Planar patches and how they meet: one link for each pair that shares mesh edges.
 
     Attributes:
@@ -43,7 +43,7 @@ class Facets:
     convex: BoolArray
 
 
-def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> Facets:
+def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> MeshFacets:
     """The facets of a closed mesh: vertices ``(V, 3)`` [m], triangles ``(T, 3)``, and the edges of these."""
     normals, areas = triangle_geometry(vertices, triangles)
     labels = _flat_components(vertices, triangles, edges, normals, areas)
@@ -68,7 +68,7 @@ def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> 
     ahead = facet_centres[links[:, 1]] - facet_centres[links[:, 0]]
     convex = np.einsum("ni,ni->n", first - second, ahead) < 0.0
     counts = np.bincount(labels, minlength=count)
-    return Facets(labels, facet_normals, total, facet_centres, counts, links, angles, lengths, convex)
+    return MeshFacets(labels, facet_normals, total, facet_centres, counts, links, angles, lengths, convex)
 
 
 def _flat_components(

@@ -54,9 +54,10 @@ def _cylinder(
         return None
     outward = _outward(centres - centre, normals, axis)
     middle = centre + axis * ((centres - centre) @ axis).mean()
+    direction = axis * np.sign(axis[np.argmax(np.abs(axis))])
     return "cylinder", {
         "axis_point": middle,
-        "axis_direction": _signed(axis),
+        "axis_direction": direction,
         "radius": radius,
         "convex": outward,
     }
@@ -148,8 +149,3 @@ def _outward(radial: FloatArray, normals: FloatArray, axis: FloatArray) -> bool:
     """Whether the normals point away from the axis: a boss and not a bore."""
     across = radial - (radial @ axis)[:, None] * axis
     return bool(np.einsum("ni,ni->n", across, normals).sum() > 0.0)
-
-
-def _signed(direction: FloatArray) -> FloatArray:
-    """Fix the sign of an axis: its largest component is positive."""
-    return direction if direction[np.argmax(np.abs(direction))] > 0.0 else -direction

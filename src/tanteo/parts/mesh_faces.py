@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.parts.draft import Draft
-from tanteo.parts.facets import FLOAT32, Facets, find_facets
+from tanteo.parts.facets import FLOAT32, MeshFacets, find_facets
 from tanteo.parts.fits import fit_curved
 from tanteo.parts.part import SurfaceKind
-from tanteo.parts.topology import components, mesh_edges
+from tanteo.parts.topology import Draft, components, mesh_edges
 from tanteo.typing import FloatArray, IntArray
 
 SMOOTH_ANGLE = np.deg2rad(30.0) - 1e-4
@@ -37,10 +36,6 @@ CRUMB = 1e-6
 def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
     """Sort the triangles of a closed mesh into planes and curved faces.
 
-    Args:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, closed, consistently wound.
-
     Returns:
         The mesh with a face for each triangle; faces are numbered by their first triangle.
     """
@@ -51,7 +46,7 @@ def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
     return Draft(vertices, triangles, faces[facets.of_triangle], kinds, None)
 
 
-def _runs(facets: Facets) -> IntArray:
+def _runs(facets: MeshFacets) -> IntArray:
     """Label each facet with its run of gently joined facets; -1 for those that are planes."""
     count = len(facets.areas)
     smooth = facets.angles < SMOOTH_ANGLE
@@ -71,7 +66,7 @@ def _runs(facets: Facets) -> IntArray:
     return np.where((sizes[labels] >= SHORTEST_RUN) & ~broad, labels, -1)
 
 
-def _scans(facets: Facets, runs: IntArray) -> IntArray:
+def _scans(facets: MeshFacets, runs: IntArray) -> IntArray:
     """Join regions of single triangles, which only a scan has, and the odd facets inside them, to one run."""
     single = facets.counts == 1
     a, b = facets.links.T
@@ -94,7 +89,7 @@ def _scans(facets: Facets, runs: IntArray) -> IntArray:
     return np.where(touched, labels + runs.max() + 1, runs)
 
 
-def _crumbs(facets: Facets, runs: IntArray, diagonal: float) -> IntArray:
+def _crumbs(facets: MeshFacets, runs: IntArray, diagonal: float) -> IntArray:
     """Give facets too small to be felt to the run that they share the longest border with."""
     tiny = (facets.areas < CRUMB * diagonal**2) & (runs < 0)
     first = np.concatenate([facets.links[:, 0], facets.links[:, 1]])
@@ -108,7 +103,7 @@ def _crumbs(facets: Facets, runs: IntArray, diagonal: float) -> IntArray:
 
 
 def _named(
-    vertices: FloatArray, triangles: IntArray, facets: Facets, runs: IntArray
+    vertices: FloatArray, triangles: IntArray, facets: MeshFacets, runs: IntArray
 ) -> tuple[IntArray, tuple[tuple[SurfaceKind, dict[str, Any]], ...]]:
     """Fit each run, split it by its sign of curvature where that helps, and number the faces."""
     groups = runs.copy()
@@ -146,7 +141,7 @@ def _named(
     return rank[index.reshape(-1)], tuple(fitted.get(int(names[i]), plane) for i in order)
 
 
-def _pieces(facets: Facets, members: IntArray) -> list[IntArray]:
+def _pieces(facets: MeshFacets, members: IntArray) -> list[IntArray]:
     """Split a run into stretches of like facets: same sign of curvature, similar angle and width."""
     inside = np.isin(facets.links, members).all(axis=1) & (facets.angles < SMOOTH_ANGLE)
     pieces: list[IntArray] = []
@@ -162,7 +157,7 @@ def _pieces(facets: Facets, members: IntArray) -> list[IntArray]:
 
 
 def _fit(
-    vertices: FloatArray, triangles: IntArray, facets: Facets, members: IntArray
+    vertices: FloatArray, triangles: IntArray, facets: MeshFacets, members: IntArray
 ) -> tuple[SurfaceKind, dict[str, Any]]:
     used = np.isin(facets.of_triangle, members)
     corners = vertices[np.unique(triangles[used])]

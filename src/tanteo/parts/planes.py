@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.parts.draft import Draft
+from tanteo.lie import SO3
 from tanteo.parts.part import Face, ModelPlanes
-from tanteo.parts.topology import MeshEdges, triangle_geometry
+from tanteo.parts.topology import Draft, MeshEdges, triangle_geometry
 from tanteo.typing import FloatArray, IntArray
 
 
@@ -19,10 +19,6 @@ def face_normals(draft: Draft) -> FloatArray:
 
 def build_faces(draft: Draft, edges: MeshEdges) -> tuple[Face, ...]:
     """Measure the faces of a sorted mesh.
-
-    Args:
-        draft: the mesh with a face for each triangle.
-        edges: of the same mesh.
 
     Returns:
         One :class:`Face` for each entry of ``draft.kinds``.
@@ -94,17 +90,14 @@ def _second_moments(draft: Draft, faces: tuple[Face, ...]) -> FloatArray:
 
 def _principal_frames(normals: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Turn normals and second moments per area into right-handed frames and standard deviations along x, y."""
-    helper = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    u = np.cross(helper, normals)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    basis = np.stack([u, np.cross(normals, u)], axis=2)
+    basis = SO3.frame_from_axis(normals, 2)[..., :2]
     flat = np.einsum("mia,mij,mjb->mab", basis, second, basis)
     values, vectors = np.linalg.eigh(flat)
     values = np.maximum(values[:, ::-1], 0.0)
     x = np.einsum("mia,ma->mi", basis, vectors[:, :, 1])
     # A square or round face has no principal axes: take a fixed direction instead of rounding noise.
     even = values[:, 0] - values[:, 1] < 1e-6 * values[:, 0]
-    x = np.where(even[:, None], u, x)
+    x = np.where(even[:, None], basis[..., 0], x)
     largest = np.take_along_axis(x, np.argmax(np.abs(x) > 0.5, axis=1)[:, None], axis=1)
     x = np.where(largest < 0.0, -x, x)
     return np.stack([x, np.cross(normals, x), normals], axis=2), np.sqrt(values)

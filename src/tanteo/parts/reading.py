@@ -1,16 +1,53 @@
-"""One CAD file -> one :class:`Part`."""
+"""One CAD file -> one :class:`Part`; and parts as they are passed: several, or one."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from tanteo.errors import PartError
-from tanteo.parts.files import MESH_SUFFIXES, load_mesh
+from tanteo.errors import InputError, MissingExtraError, PartError
+from tanteo.parts.files import MESH_SUFFIXES, METRES, check_size, load_mesh, unit_name
 from tanteo.parts.part import Part
-from tanteo.parts.units import METRES, check_size, unit_name
+
+
+def as_parts(name: str, parts: Any) -> tuple[Any, ...]:
+    """What was passed as parts, as a tuple: parts, or what rooms above prepare of them (it has a ``part``).
+
+    Args:
+        name: of the argument.
+        parts: any iterable of them, ``Parts`` of a catalogue too; or one alone.
+
+    Raises:
+        InputError: a path, which has to be read first, or something else.
+    """
+    several = parts if isinstance(parts, Iterable) and not isinstance(parts, (str, bytes, os.PathLike)) else (parts,)
+    found = tuple(several)
+    for one in found:
+        if isinstance(one, Part) or hasattr(one, "part"):
+            continue
+        if isinstance(one, (str, os.PathLike)):
+            how = f"got the path '{os.fspath(one)}'. Read it first: tanteo.read_parts('{os.fspath(one)}')."
+        else:
+            how = f"got one of type {type(one).__name__}. tanteo.read_parts(path) reads them."
+        raise InputError(f"{name}: expected parts, {how}")
+    return found
+
+
+def as_part(name: str, part: Any) -> Any:
+    """One part, or what was prepared of it; the only one of several, too.
+
+    Raises:
+        InputError: several, or no part at all.
+    """
+    found = as_parts(name, part)
+    if len(found) != 1:
+        raise InputError(f"{name}: expected one part, got {len(found)}. tanteo.identify asks which of several it is.")
+    return found[0]
+
 
 STEP_SUFFIXES = (".step", ".stp")
 
@@ -54,12 +91,15 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     from tanteo.parts.building import build_part  # not needed where a part is remembered
 
     if suffix in STEP_SUFFIXES:
-        from tanteo.parts.step import load_step
-
+        try:
+            from tanteo.parts.step import load_step
+        except ImportError as error:
+            how = "Run pip install 'tanteo[step]'."
+            raise MissingExtraError(f"{label}: expected the CAD kernel to read STEP, got {error}. {how}") from error
         stated = True
         draft, own, repairs = load_step(file, label)
     else:
-        from tanteo.parts.mesh_faces import sort_faces
+        from tanteo.parts.mesh_faces import sort_faces  # the same
         from tanteo.parts.repair import closed_mesh
 
         vertices, triangles, own = load_mesh(file, unit, label)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.errors import PartError
-from tanteo.parts.topology import components, directed_edges, edge_counts, volume_and_centroid
+from tanteo.parts.topology import components, directed_edges, edge_counts, near_groups, volume_and_centroid, wound_alike
 from tanteo.typing import FloatArray, IntArray
 
 MERGE_STEPS = (1e-8, 1e-6, 1e-5)
@@ -20,11 +20,6 @@ SMALL_HOLE = 0.03
 
 def closed_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[FloatArray, IntArray, list[str]]:
     """Merge, clean, wind and check the triangles of a file.
-
-    Args:
-        vertices: ``(V, 3)``, in any unit.
-        triangles: ``(T, 3)``, in any winding.
-        label: how messages name the file.
 
     Returns:
         Vertices, triangles (closed, outward) and one sentence for each repair.
@@ -66,11 +61,8 @@ def merge_vertices(points: FloatArray, distance: float) -> tuple[FloatArray, Int
     Returns:
         The merged points and, for each given point, the index of the one it became.
     """
-    from scipy.spatial import cKDTree
-
     unique, index = np.unique(points, axis=0, return_inverse=True)
-    pairs = cKDTree(unique).query_pairs(distance, output_type="ndarray")
-    labels = components(len(unique), pairs[:, 0], pairs[:, 1])
+    labels = near_groups(unique, distance)
     _, first = np.unique(labels, return_index=True)
     return unique[first], labels[index.reshape(-1)]
 
@@ -187,14 +179,10 @@ def _wound(points: FloatArray, faces: IntArray, label: str, repairs: list[str]) 
             "Unite the bodies in CAD and export them again."
         )
     if (ahead != back).any():
-        import igl
-
-        faces, _ = igl.bfs_orient(faces)
-        faces = np.asarray(faces, dtype=np.int64)
-        _, ahead, back = edge_counts(faces)
-        if (ahead != back).any():
+        alike = wound_alike(faces)
+        if alike is None:
             raise PartError(f"{label}: expected two sides, got a surface that cannot be oriented. Repair it.")
-        faces = _outward(points, faces)
+        faces = _outward(points, alike)
         repairs.append("Made the winding of the triangles consistent.")
     elif volume_and_centroid(points, faces)[0] < 0.0:
         faces = faces[:, ::-1].copy()
@@ -204,7 +192,7 @@ def _wound(points: FloatArray, faces: IntArray, label: str, repairs: list[str]) 
 
 def _outward(points: FloatArray, faces: IntArray) -> IntArray:
     """Turn each closed shell outward, and inward where an odd number of other shells surrounds it."""
-    import igl
+    import igl  # slow to import, and seldom needed
 
     labels = bodies(faces)
     shells = [faces[labels == label] for label in range(labels.max() + 1)]

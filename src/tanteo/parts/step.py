@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
+from OCP.Standard import Standard_Failure
 
 from tanteo.errors import PartError
-from tanteo.parts.analytic import surface_offsets
-from tanteo.parts.brep import brep_faces
-from tanteo.parts.draft import Draft
-from tanteo.parts.merging import Kinds, merge_faces
+from tanteo.parts.brep import brep_faces, diagonal_of, healed, read_shape, solids_of
 from tanteo.parts.planes import face_normals
 from tanteo.parts.repair import merge_vertices
-from tanteo.parts.step_solids import diagonal_of, healed, read_shape, solids_of
-from tanteo.parts.topology import edge_counts, volume_and_centroid
+from tanteo.parts.surfaces import Kinds, merge_faces, surface_offsets
+from tanteo.parts.topology import Draft, edge_counts, volume_and_centroid, wound_alike
 from tanteo.typing import FloatArray, IntArray
 
 LINEAR_DEFLECTION = 3e-4
@@ -51,10 +51,6 @@ class _SolidMesh:
 def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
     """Read a STEP file.
 
-    Args:
-        path: of the file.
-        label: how messages name it.
-
     Returns:
         The mesh in metres with the faces of the B-rep, the short name of the file's unit, and repairs.
 
@@ -63,7 +59,6 @@ def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
         PartError: not a STEP file, no solid in it, or a solid that cannot be closed.
     """
     shape, unit = read_shape(path, label)
-    from OCP.Standard import Standard_Failure
 
     try:
         draft, repairs = _draft(shape, label)
@@ -127,9 +122,6 @@ def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
 
 def _mesh(solid: Any, diagonal: float) -> _SolidMesh | None:
     """Mesh a solid and weld its faces; None where the result is not closed."""
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.BRepTools import BRepTools
-
     BRepTools.Clean_s(solid)
     BRepMesh_IncrementalMesh(solid, LINEAR_DEFLECTION * diagonal, False, ANGULAR_DEFLECTION, False)
     faces = brep_faces(solid, diagonal)
@@ -153,15 +145,9 @@ def _mesh(solid: Any, diagonal: float) -> _SolidMesh | None:
 
 def _outward(mesh: _SolidMesh) -> _SolidMesh | None:
     """Turn the mesh of a solid outward; None where its sides cannot be discriminated."""
-    triangles = mesh.triangles
-    _, ahead, back = edge_counts(triangles)
-    if (ahead != back).any():
-        import igl
-
-        triangles = np.asarray(igl.bfs_orient(triangles)[0], dtype=np.int64)
-        _, ahead, back = edge_counts(triangles)
-        if (ahead != back).any():
-            return None
+    triangles = wound_alike(mesh.triangles)
+    if triangles is None:
+        return None
     if volume_and_centroid(mesh.vertices, triangles)[0] < 0.0:
         triangles = triangles[:, ::-1]
     return replace(mesh, triangles=np.ascontiguousarray(triangles))

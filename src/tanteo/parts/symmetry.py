@@ -11,8 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.lie import SE3, SO3
 from tanteo.parts.part import Part, SymmetryGroup
-from tanteo.parts.symmetry_probe import TOLERANCE, Probe
+from tanteo.parts.symmetry_probe import TOLERANCE, SymmetryProbe
+from tanteo.parts.topology import components
 from tanteo.typing import FloatArray, IntArray
 
 LOOSE = 5e-3
@@ -43,14 +45,18 @@ def find_symmetry(part: Part) -> SymmetryGroup:
         The finite group, or the axis and what maps it onto itself for a solid of revolution. Rotations that fit to
         0.02 % of the part's diagonal (plus the sagitta of tessellated faces) count as symmetries.
     """
-    probe = Probe.of(part)
-    if _is_ball(part):
+    probe = SymmetryProbe.of(part)
+    centres = [
+        face.axis_point - part.centroid
+        for face in part.faces
+        if face.surface == "sphere" and face.axis_point is not None
+    ]
+    if len(centres) == len(part.faces) and np.linalg.norm(centres, axis=1).max() < 10.0 * TOLERANCE * part.diagonal:
         return SymmetryGroup(np.eye(4)[None], spherical=True)
     axis = _revolution_axis(part, probe)
     if axis is not None:
         point, direction = axis
-        across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-        flip = _about(part.centroid, _turn(across / np.linalg.norm(across), np.pi))
+        flip = _about(part.centroid, SO3.exp(np.pi * SO3.frame_from_axis(direction, 2)[:, 0]))
         Ts = [np.eye(4)] + ([flip] if probe.accepts(flip) else [])
         return SymmetryGroup(np.array(Ts), axis=(point, direction))
     found = [np.eye(3)]
@@ -62,25 +68,15 @@ def find_symmetry(part: Part) -> SymmetryGroup:
     return SymmetryGroup(np.array([_about(part.centroid, R) for R in _ordered(found)]))
 
 
+def _apart(a: FloatArray | None, b: FloatArray) -> float:
+    return np.inf if a is None else float(np.linalg.norm(a - b))
+
+
 def _about(centre: FloatArray, R: FloatArray) -> FloatArray:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, centre - R @ centre
-    return T
+    return SE3.from_parts(R, centre - R @ centre)
 
 
-def _turn(axis: FloatArray, angle: float) -> FloatArray:
-    K = np.cross(np.eye(3), axis)
-    return np.asarray(np.eye(3) - np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)
-
-
-def _is_ball(part: Part) -> bool:
-    if any(face.surface != "sphere" for face in part.faces):
-        return False
-    centres = np.array([face.axis_point for face in part.faces])
-    return bool(np.linalg.norm(centres - part.centroid, axis=1).max() < 10.0 * TOLERANCE * part.diagonal)
-
-
-def _revolution_axis(part: Part, probe: Probe) -> tuple[FloatArray, FloatArray] | None:
+def _revolution_axis(part: Part, probe: SymmetryProbe) -> tuple[FloatArray, FloatArray] | None:
     """Find the axis of a solid of revolution from its faces; None where it is not one."""
     slack = 10.0 * TOLERANCE * part.diagonal
     round_faces = [face for face in part.faces if face.surface in ("cylinder", "cone", "torus")]
@@ -103,7 +99,7 @@ def _revolution_axis(part: Part, probe: Probe) -> tuple[FloatArray, FloatArray] 
             if turned or _off(face.axis_point, point, direction) > sagitta:
                 return None
     # Turns by angles that no finite symmetry has in common.
-    turns = [_about(part.centroid, _turn(direction, angle)) for angle in (0.37, 1.0, 2.3)]
+    turns = [_about(part.centroid, SO3.exp(angle * direction)) for angle in (0.37, 1.0, 2.3)]
     if not all(probe.accepts(T) for T in turns):
         return None
     return part.centroid, direction
@@ -159,7 +155,7 @@ def _principal_candidates(part: Part) -> list[FloatArray]:
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     _, axes = np.linalg.eigh(np.einsum("t,ti,tj->ij", areas, local, local))
     return [
-        _turn(axes[:, k], 2.0 * np.pi * step / fold)
+        SO3.exp(2.0 * np.pi * step / fold * axes[:, k])
         for k in range(3)
         for fold in (2, 3, 4, 5, 6, 8)
         for step in range(1, fold)
@@ -194,12 +190,10 @@ def _labelled(part: Part) -> _Vectors:
 
 def _clusters(marks: FloatArray) -> IntArray:
     """Label rows that are equal to within the loose tolerance (chains of them too)."""
-    from tanteo.parts.topology import components
-
     if len(marks) <= _FEW:  # SciPy takes longer to import
         pairs = np.argwhere(np.abs(marks[:, None] - marks).max(axis=2) <= LOOSE)
     else:
-        from scipy.spatial import cKDTree
+        from scipy.spatial import cKDTree  # slow to import
 
         pairs = cKDTree(marks).query_pairs(LOOSE, p=np.inf, output_type="ndarray")
     return components(len(marks), pairs[:, 0], pairs[:, 1])
@@ -222,12 +216,12 @@ def _refined(part: Part, R: FloatArray) -> FloatArray:
     angle = float(np.arccos(np.clip((np.trace(R) - 1.0) / 2.0, -1.0, 1.0)))
     values, vectors = np.linalg.eigh((R + R.T) / 2.0)
     axis = vectors[:, np.argmax(values)]
-    if np.linalg.norm(_turn(axis, angle) - R) > np.linalg.norm(_turn(-axis, angle) - R):
+    if np.linalg.norm(SO3.exp(angle * axis) - R) > np.linalg.norm(SO3.exp(-angle * axis) - R):
         axis = -axis
     fold = next(
         (n for n in range(2, 400) if abs(angle * n / (2 * np.pi) - round(angle * n / (2 * np.pi))) < n * 1e-4), 0
     )
-    return _turn(axis, 2.0 * np.pi * round(angle * fold / (2 * np.pi)) / fold) if fold else R
+    return SO3.exp(2.0 * np.pi * round(angle * fold / (2 * np.pi)) / fold * axis) if fold else R
 
 
 def _ordered(rotations: list[FloatArray]) -> list[FloatArray]:

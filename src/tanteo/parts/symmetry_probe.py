@@ -25,7 +25,7 @@ _FEW = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Probe:
+class SymmetryProbe:
     """Points of the surface and what it takes for their images to count as points of the surface.
 
     Attributes:
@@ -45,9 +45,10 @@ class Probe:
     base: float
 
     @staticmethod
-    def of(part: Part) -> Probe:
+    def of(part: Part) -> SymmetryProbe:
         """Vertices of the part and middles of its triangles, or some of them if they are many."""
-        slacks = _slacks(part)
+        most = np.array([np.inf if face.surface != "freeform" else FREEFORM_SLACK for face in part.faces])
+        slacks = np.minimum([face.sagitta for face in part.faces], most * part.diagonal)
         sagitta = slacks[part.triangle_face]
         centres = part.vertices[part.triangles].mean(axis=1)
         at_vertex = np.zeros(len(part.vertices))
@@ -58,7 +59,7 @@ class Probe:
             chosen = np.random.default_rng(0).choice(len(points), PROBES, replace=False)
             points, slack = points[chosen], slack[chosen]
         surface = Surface(part.vertices, part.triangles)
-        return Probe(part, surface, points, slack, slacks, TOLERANCE * part.diagonal)
+        return SymmetryProbe(part, surface, points, slack, slacks, TOLERANCE * part.diagonal)
 
     def accepts(self, T: FloatArray) -> bool:
         """Whether the motion maps planes to planes and the surface to itself."""
@@ -89,9 +90,3 @@ class Probe:
         near = (far < 10.0 * self.base + sagitta) & (offsets < self.base) & (spread < 3.0 * self.base + sagitta)
         areas = np.abs(planes.areas[:, None] - planes.areas[None]) <= (3.0 * self.base + sagitta) * size
         return bool((aligned & near & areas).any(axis=1).all())
-
-
-def _slacks(part: Part) -> FloatArray:
-    """How far the mesh of each face may lie off the true surface; a free form is taken at its mesh's word."""
-    most = np.array([np.inf if face.surface != "freeform" else FREEFORM_SLACK for face in part.faces])
-    return np.minimum([face.sagitta for face in part.faces], most * part.diagonal)

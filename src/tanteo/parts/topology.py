@@ -1,11 +1,13 @@
-"""Which triangles share which edges: the bookkeeping of a closed mesh, as arrays."""
+"""The bookkeeping of a closed mesh, as arrays: which triangles share which edges, and which face each belongs to."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from tanteo.parts.part import SurfaceKind
 from tanteo.typing import FloatArray, IntArray
 
 
@@ -75,6 +77,26 @@ def components(count: int, first: IntArray, second: IntArray) -> IntArray:
             root = root[root]
 
 
+def wound_alike(triangles: IntArray) -> IntArray | None:
+    """The triangles of closed surfaces in one sense of winding; None where there is none, as for a Klein bottle."""
+    _, ahead, back = edge_counts(triangles)
+    if (ahead == back).all():
+        return triangles
+    import igl  # slow to import, and seldom needed
+
+    triangles = np.asarray(igl.bfs_orient(triangles)[0], dtype=np.int64)
+    _, ahead, back = edge_counts(triangles)
+    return triangles if (ahead == back).all() else None
+
+
+def near_groups(points: FloatArray, distance: float) -> IntArray:
+    """Label points that are nearer to each other than a distance, chains of them too; numbered by their first."""
+    from scipy.spatial import cKDTree  # slow to import, and not needed where a part is remembered
+
+    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    return components(len(points), pairs[:, 0], pairs[:, 1])
+
+
 def triangle_geometry(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return unit normals ``(T, 3)`` (zero for a triangle without area) and areas ``(T,)`` [m^2]."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
@@ -93,3 +115,23 @@ def volume_and_centroid(vertices: FloatArray, triangles: IntArray) -> tuple[floa
     if total == 0.0:
         return 0.0, origin
     return total, origin + (volumes[:, None] * (a + b + c)).sum(axis=0) / (4.0 * total)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draft:
+    """A closed mesh whose triangles are sorted into faces, before features are taken from it.
+
+    Attributes:
+        vertices: ``(V, 3)`` [m].
+        triangles: ``(T, 3)``, closed and outward.
+        triangle_face: ``(T,)``, index into ``kinds``.
+        kinds: kind of each face and the fields of :class:`Face` that describe it.
+        round_edges: ``(R, 2)``, mesh edges (lower vertex first) known to be chords of a curved edge; None where a
+            mesh file leaves that open.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    triangle_face: IntArray
+    kinds: tuple[tuple[SurfaceKind, dict[str, Any]], ...]
+    round_edges: IntArray | None

@@ -1,18 +1,90 @@
-"""What is seen first of an answer: the words, the picture, what else it may be, the few figures that matter."""
+"""What is seen first of an answer: the words, the picture with its buttons, what else it may be, the few figures."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from tanteo.answers import Answer
 from tanteo.report.charts import bar
-from tanteo.report.html import Html, element, join
-from tanteo.report.page import Front, fact_list
-from tanteo.report.picture import Layer, picture, times
+from tanteo.report.contacts import Sensed
+from tanteo.report.page import Front, Html, element, fact_list, join, switched
 from tanteo.report.scene import Candidate, distance_enlarged
-from tanteo.report.section import switched
-from tanteo.report.sensed import Sensed
-from tanteo.report.words import SIGNS, facts, headline, percent
+from tanteo.report.uncertainty import Way
+from tanteo.report.words import MM, SIGNS, facts, headline, percent
+
+_VIEWS = ("Reset", "Top", "Front", "Side")
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Something that can be hidden: its key in the page's program, its name there, whether it is shown at first."""
+
+    key: str
+    words: str
+    shown: bool = True
+
+
+def picture(
+    layers: Sequence[Layer],
+    overlays: Sequence[Sequence[Way]],
+    legend: Sequence[tuple[str, str]],
+    scaled: Sequence[Sequence[tuple[str, str]]] = (),
+    *,
+    haunted: bool = True,
+) -> Html:
+    """The canvas with everything about it; what is scaled and the overlays are of each hypothesis."""
+    canvas = element("canvas", id="view", tabindex="0", role="img", aria_label="The part with the readings, in 3-D")
+    overlay = Html('<svg id="overlay" aria-hidden="true"></svg><div id="tip" hidden></div>')
+    words = "The picture needs JavaScript; everything else on this page does not."
+    no_script = element("noscript", element("p", words))
+    stage = element("div", canvas, overlay, element("p", id="no3d", hidden=True), no_script, class_="stage")
+    return element("div", stage, _controls(layers, overlays, haunted), _legend(legend, scaled), class_="picture")
+
+
+def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunted: bool) -> Html:
+    views = [element("button", name, type="button", data_view=name.lower()) for name in _VIEWS]
+    boxes = [
+        element(
+            "label",
+            element("input", type="checkbox", data_layer=layer.key, checked=True if layer.shown else None),
+            f" {layer.words}",
+            class_="box",
+        )
+        for layer in layers
+    ]
+    choice = (
+        switched([_overlays(ways, haunted) for ways in overlays], "span", class_="overlays")
+        if any(overlays)
+        else Html("")
+    )
+    return element("div", *views, *boxes, choice, class_="controls")
+
+
+def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
+    """Keys and words of the ways, for the choice of overlays."""
+    options = [
+        element("option", f"off by {way.words}: {MM * way.moves:.2g} mm at the farthest corner", value=k)
+        for k, way in enumerate(ways)
+    ]
+    none = element("option", "no overlays", value="", selected=None if haunted else True)
+    return element("select", *options, none, aria_label="Overlays: how the pose may be off")
+
+
+def _legend(legend: Sequence[tuple[str, str]], scaled: Sequence[Sequence[tuple[str, str]]]) -> Html:
+    bodies = [join(_entry(*entry) for entry in entries) for entries in scaled]
+    more = switched(bodies, "span", class_="scaled") if bodies else Html("")
+    return element("div", *(_entry(*entry) for entry in legend), more, class_="legend")
+
+
+def _entry(mark: str, words: str) -> Html:
+    return element("span", element("i", class_=f"mark {mark}"), words)
+
+
+def times(enlarged: int) -> str:
+    """How many times something is enlarged, in words; nothing where it is not."""
+    return "" if enlarged == 1 else f", {enlarged} × enlarged"
+
 
 _NAMED = 15
 """With more readings their names are not written into the picture, unless they are asked for."""
@@ -21,14 +93,7 @@ _NAMED = 15
 def answer_front(
     answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]] = ()
 ) -> Front:
-    """The front of an answer.
-
-    Args:
-        answer: Status, message and probabilities.
-        candidates: Its hypotheses.
-        sensed: The readings.
-        more: Further facts, of the run.
-    """
+    """The front of an answer, with further facts of the run."""
     lists = [fact_list([*facts(c.hypothesis, c.part, sensed), *more]) for c in candidates] or [fact_list(more)]
     return Front(
         headline(answer),

@@ -1,4 +1,4 @@
-"""Where each reading meets a part that is where a hypothesis puts it, how far off it is, and what it says of the pose.
+"""The sensed side of a report: measurements, and where each meets a part that is where a hypothesis puts it.
 
 A reading is one or more rows ``r = d' (q - c)``: its place ``q`` in the part's frame against the nearest place ``c`` of
 what it met, along unit directions ``d``. One row for a face, two for an edge, three for a corner; two more tilts where
@@ -7,16 +7,59 @@ the normal was sensed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers import Hypothesis
+from tanteo.answers import Hypothesis, PosePrior
+from tanteo.features import shared_root
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part, exact_faces
-from tanteo.report.sensed import Sensed
+from tanteo.sensors import PointMeasurements, Readings
+from tanteo.session import Sensing
 from tanteo.shapes import Surface, signed_distance
-from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """The readings of a run as the report needs them. World frame, metres.
+
+    Attributes:
+        source: Name of the readings' file.
+        measured: Points with covariance and shared errors, and the free-space rays.
+        repeatability: The robot's share of ``measured.covs`` ``(n, 3, 3)`` [m^2].
+        reach: Length of the beam or path before each point ``(n,)`` [m]; NaN where unknown.
+        tolerance: Standard deviation of the made part's surface against its CAD [m].
+        prior: What was known of the pose beforehand.
+    """
+
+    source: str
+    measured: PointMeasurements
+    repeatability: Covariances
+    reach: FloatArray
+    tolerance: float = 0.0
+    prior: PosePrior | None = None
+
+
+def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior | None = None) -> Sensed:
+    """Measure the readings as :func:`tanteo.recognition.identify` does, and keep apart what the robot adds.
+
+    Args:
+        readings: What the devices said.
+        sensing: How they are made into measurements; what the readings say themselves, if not given.
+        prior: What was known of the pose beforehand.
+
+    Raises:
+        InputError: Options and readings do not fit each other.
+        ReadingsError: A range is outside what its device can give.
+    """
+    sensing = Sensing() if sensing is None else sensing
+    measured = sensing.measured(readings)
+    alone = measured if sensing.robot is None else replace(sensing, robot=None).measured(readings)
+    reach = np.asarray(readings.ranges[measured.rows])
+    return Sensed(readings.source, measured, measured.covs - alone.covs, reach, sensing.tolerance, prior)
+
 
 _LABELLED = ("plane", "edge", "corner")
 """What a pairing of a labelled feature is called; an unlabelled reading is on a ``face``."""
@@ -81,7 +124,9 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
     spread = noise + repeatability + sensed.tolerance**2
     off = off - _shared_shift(off, spread, shared_jacobian, sensed, used[reading])
     count = np.bincount(reading, minlength=len(q))
-    size = _sizes(np.sqrt(np.bincount(reading, off**2, minlength=len(q))), sensed, hypothesis)
+    size = np.sqrt(np.bincount(reading, off**2, minlength=len(q)))
+    for name, told in zip(hypothesis.outliers, hypothesis.outlier_distances, strict=False):
+        size[[i == name for i in measured.ids]] = np.abs(told)  # what was left out is as far off as the answer says
     sign = np.where((count == 1) & (np.bincount(reading, off, minlength=len(q)) < 0), -1.0, 1.0)
     rows = np.concatenate([d, np.cross(q[reading], d)], axis=1)
     tilts = _tilt_rows(sensed, R)
@@ -154,13 +199,6 @@ def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntAr
     return np.concatenate(columns, axis=1)
 
 
-def _sizes(sizes: FloatArray, sensed: Sensed, hypothesis: Hypothesis) -> FloatArray:
-    """How far off the readings are; those that were left out as the answer says it."""
-    said = dict(zip(hypothesis.outliers, hypothesis.outlier_distances, strict=False))
-    told = np.array([said.get(name, np.nan) for name in sensed.measured.ids], dtype=np.float64)
-    return np.where(np.isnan(told), sizes, np.abs(told))
-
-
 def _along(d: Vectors, covs: FloatArray) -> FloatArray:
     """Variances along directions."""
     return np.einsum("mi,mij,mj->m", d, covs, d)
@@ -172,17 +210,10 @@ def _shared_shift(
     """What the most probable shared errors add to each row; nothing without shared errors."""
     if not shared_jacobian or not used.any():
         return np.zeros(len(off))
-    L = np.concatenate(
-        [g @ _root(e.covariance) for g, e in zip(shared_jacobian, sensed.measured.shared, strict=True)], axis=1
-    )
+    L = np.concatenate(shared_jacobian, axis=1) @ shared_root(sensed.measured.shared)
     weighted = L[used] / spread[used, None]
     z = np.linalg.solve(np.eye(L.shape[1]) + weighted.T @ L[used], weighted.T @ off[used])
     return np.asarray(L @ z)
-
-
-def _root(C: FloatArray) -> FloatArray:
-    values, vectors = np.linalg.eigh(C)
-    return np.asarray(vectors * np.sqrt(values.clip(0.0)))
 
 
 def _tilt_rows(sensed: Sensed, R_world_part: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -191,10 +222,6 @@ def _tilt_rows(sensed: Sensed, R_world_part: FloatArray) -> tuple[IntArray, Floa
     if not len(known):
         return known, np.zeros((0, 6)), np.zeros(0)
     n = sensed.measured.normals[known] @ R_world_part
-    least = np.eye(3)[np.argmin(np.abs(n), axis=1)]
-    u = np.cross(n, least)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    v = np.einsum("nij,nj->ni", SO3.hat(n), u)
     rows = np.zeros((2 * len(known), 6))
-    rows[:, 3:] = np.concatenate([u, v])
+    rows[:, 3:] = np.concatenate(np.moveaxis(SO3.frame_from_axis(n, 2)[..., :2], -1, 0))
     return np.tile(known, 2), rows, np.tile(sensed.measured.normal_sds[known] ** 2, 2)

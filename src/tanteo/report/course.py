@@ -7,13 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.active import Added
-from tanteo.report.charts import bar
-from tanteo.report.curves import SHARES, STYLES, Curve, curve_chart, lengths_scale
-from tanteo.report.html import Html, element, join, table
-from tanteo.report.section import Section
+from tanteo.report.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
+from tanteo.report.page import Html, Section, element, join, table
 from tanteo.report.words import MM, percent
 from tanteo.session import Session, Step
-from tanteo.typing import FloatArray
 
 _IN_TABLE = 2
 """Parts in each row of the table: those that ever led come first."""
@@ -46,13 +43,14 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
 def _probabilities(session: Session) -> Html:
     """The parts that led the strongest others, and the unknown object."""
     steps, names = session.steps, _names(session)
-    before = _before(session)
+    start = session.start
+    before = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
     shown = [k for k in _leading(steps, STYLES - 1) if max(before[k], *(s.probabilities[k] for s in steps)) > _SEEN]
     places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
     series = [
         (names[k], np.array([before[k], *(s.probabilities[k] for s in steps)]), style) for style, k in enumerate(shown)
     ]
-    none = np.array([session.start.priors.unknown, *(s.unknown for s in steps)])
+    none = np.array([start.priors.unknown, *(s.unknown for s in steps)])
     series.append(("unknown object", none, STYLES - 1))
     curves = [
         Curve(name, p, tuple(f"{name}, {_place(at)}: {percent(v)}" for at, v in zip(places, p, strict=True)), style)
@@ -64,13 +62,6 @@ def _probabilities(session: Session) -> Html:
 
 def _place(at: str) -> str:
     return at if at == "before" else f"after {at}"
-
-
-def _before(session: Session) -> FloatArray:
-    """Probabilities of the parts before anything was told."""
-    start = session.start
-    weights = np.bincount(start.part, weights=start.weights, minlength=len(start.targets))
-    return np.asarray(weights * (1 - start.priors.unknown))
 
 
 def _corners(session: Session) -> Html:

@@ -11,12 +11,9 @@ from tanteo.active import Discrimination, Probe
 from tanteo.answers import box_corners
 from tanteo.lie import SE3
 from tanteo.parts import Part
-from tanteo.report.answered import switch_row
-from tanteo.report.html import Html, element, join, table
-from tanteo.report.page import Front, fact_list, make_page
-from tanteo.report.picture import Layer, picture
+from tanteo.report.answered import Layer, picture, switch_row
+from tanteo.report.page import Front, Html, Section, element, fact_list, join, make_page, table
 from tanteo.report.scene import packed, part_document, pose_numbers, view_document
-from tanteo.report.section import Section
 from tanteo.report.sections import rerun_section
 from tanteo.report.words import MM, fixed
 from tanteo.report.write import Run

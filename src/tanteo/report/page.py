@@ -1,14 +1,115 @@
-"""The page: what it says first, the picture beside what else may be, then the sections. All in one file."""
+"""The page in one file: what it says first, the picture, then the sections; and HTML out of text.
+
+Whatever is not :class:`Html` is escaped, so nothing that a file says becomes markup.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import html
+import json
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from tanteo.report.html import Html, data, element, join
-from tanteo.report.section import Section, render
+from tanteo.report.scene import Candidate
+
+
+@dataclass(frozen=True, slots=True)
+class Html:
+    """Markup that is finished."""
+
+    text: str
+
+
+def element(name: str, /, *children: Html | str, **attributes: object) -> Html:
+    """One element. A trailing underscore of an attribute's name is dropped, others become hyphens; None leaves it out.
+
+    Args:
+        name: Of the element; ``input`` and ``br`` have no end.
+        children: Content; plain text is escaped.
+        attributes: ``True`` writes the name alone.
+    """
+    words = "".join(_attribute(key, value) for key, value in attributes.items() if value is not None)
+    if name in ("input", "br"):
+        return Html(f"<{name}{words}>")
+    return Html(f"<{name}{words}>{join(children).text}</{name}>")
+
+
+def join(children: Iterable[Html | str]) -> Html:
+    """Markup and text, one after the other."""
+    return Html("".join(c.text if isinstance(c, Html) else escape(c) for c in children))
+
+
+def escape(text: str) -> str:
+    """Text as markup shows it; control characters and lone surrogates become visible escapes."""
+    shown = "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text
+    )
+    return html.escape(shown)
+
+
+def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attributes: object) -> Html:
+    """A table that scrolls by itself where it is wider than the page; the first column names its row."""
+    head = element("tr", *(element("th", h, scope="col") for h in headers))
+    body = [
+        element("tr", element("th", row[0], scope="row"), *(element("td", cell) for cell in row[1:])) for row in rows
+    ]
+    inner = element("table", element("thead", head), element("tbody", *body), **attributes)
+    return element("div", inner, class_="scroll", tabindex="0")
+
+
+def data(document: Any, name: str) -> Html:
+    """Data for the page's program: JSON that no content can end early."""
+    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Html(f'<script type="application/json" id="{name}">{text}</script>')
+
+
+def _attribute(key: str, value: object) -> str:
+    name = key.rstrip("_").replace("_", "-")
+    return f" {name}" if value is True else f' {name}="{escape(str(value))}"'
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """One section of a report; whoever has something more to tell adds one of these.
+
+    Attributes:
+        key: Its anchor, unique in the page: letters and hyphens.
+        title: A few words.
+        lead: What is to be seen, in a sentence.
+        bodies: One for the whole page, or one a hypothesis, best first: then the page shows that of the chosen one.
+    """
+
+    key: str
+    title: str
+    lead: str
+    bodies: tuple[Html, ...]
+
+
+def per_hypothesis(candidates: Sequence[Candidate], body: Callable[[Candidate], Html]) -> tuple[Html, ...]:
+    """A body for each hypothesis."""
+    return tuple(body(candidate) for candidate in candidates)
+
+
+def switched(bodies: Sequence[Html], name: str = "div", **attributes: object) -> Html:
+    """Bodies of which the page shows one at a time: the first, until another hypothesis is chosen."""
+    if len(bodies) == 1:
+        return element(name, bodies[0], **attributes)
+    return join(
+        element(name, body, data_h=k, hidden=True if k else None, **attributes) for k, body in enumerate(bodies)
+    )
+
+
+def render(section: Section) -> Html:
+    """The section as markup; nothing if it has no body."""
+    if not section.bodies:
+        return Html("")
+    heading = element("h2", section.title)
+    return element("section", heading, element("p", section.lead), switched(section.bodies), id=section.key)
+
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 """Browsers refuse any request that the page might make: what is in the file is all there is."""
@@ -16,16 +117,7 @@ _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inl
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """What is seen first.
-
-    Attributes:
-        title: One sentence.
-        chip: Status: a sign and a word.
-        status: Its class (``page.css``).
-        message: What it means, and what to do.
-        picture: In 3-D; see :func:`tanteo.report.picture.picture`.
-        side: Beside the picture.
-    """
+    """What is seen first: a sentence, the status and its class (``page.css``), what to do, picture and side."""
 
     title: str
     chip: str
@@ -36,13 +128,7 @@ class Front:
 
 
 def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) -> str:
-    """The whole file.
-
-    Args:
-        front: What stands above.
-        scene: What the program draws.
-        sections: What follows below the picture.
-    """
+    """The whole file."""
     head = [
         Html('<meta charset="utf-8">'),
         Html(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'),

@@ -11,16 +11,12 @@ from tanteo.active import Plan, PlannedReading, Probe
 from tanteo.answers import box_corners
 from tanteo.lie import SE3
 from tanteo.parts import Part
-from tanteo.report.curves import SHARES, Curve, curve_chart, lengths_scale
-from tanteo.report.drawn import feature_lines
-from tanteo.report.figures import pose_figures
-from tanteo.report.html import element, join, table
-from tanteo.report.overlays import Way, find_ways
-from tanteo.report.page import Front, fact_list, make_page
-from tanteo.report.picture import Layer, picture, times
-from tanteo.report.scene import overlay_numbers, packed, part_document, pose_numbers, view_document
-from tanteo.report.section import Section
-from tanteo.report.sections import rerun_section
+from tanteo.report.answered import Layer, picture, times
+from tanteo.report.charts import SHARES, Curve, curve_chart, lengths_scale
+from tanteo.report.page import Front, Section, element, fact_list, join, make_page, table
+from tanteo.report.scene import feature_lines, overlay_numbers, packed, part_document, pose_numbers, view_document
+from tanteo.report.sections import pose_figures, rerun_section
+from tanteo.report.uncertainty import Way, find_ways
 from tanteo.report.words import MM, fixed, length, percent
 from tanteo.report.write import Run
 from tanteo.typing import Vectors

@@ -1,4 +1,4 @@
-"""The sections that every answer has: fit of the readings, uncertainty budget, how to run it again."""
+"""The sections that every answer has: fit, directions of the error, uncertainty budget, figures, the command."""
 
 from __future__ import annotations
 
@@ -6,14 +6,138 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.report.budget import Budget, make_budget
+from tanteo.active import Direction
+from tanteo.answers import prior_rows
+from tanteo.lie import SO3
 from tanteo.report.charts import bar, residual_chart
-from tanteo.report.html import Html, element, join, table
+from tanteo.report.contacts import Sensed
+from tanteo.report.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.report.scene import Candidate
-from tanteo.report.section import Section, per_hypothesis
-from tanteo.report.sensed import Sensed
-from tanteo.report.words import MM, length
-from tanteo.typing import IntArray
+from tanteo.report.uncertainty import Budget, make_budget
+from tanteo.report.words import MM, brief, fixed, length, percent
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+
+
+def figure_section(candidates: Sequence[Candidate]) -> Section:
+    """Pose, covariance and fit of every hypothesis."""
+    lead = "The pose maps points of the part to the world. Every figure names its frame and its unit."
+    return Section("figures", "All figures", lead, per_hypothesis(candidates, _pose_table))
+
+
+def _pose_table(candidate: Candidate) -> Html:
+    h = candidate.hypothesis
+    more = [
+        ("largest corner sd of the box, 1 sd", f"{MM * h.corner_sd:.3g}", "mm", "any direction"),
+        ("rms distance of readings", f"{MM * h.rms:.3g}", "mm", "–"),
+        ("chi-square", f"{h.chi2:.3g} with {h.dof} degrees of freedom", "–", "–"),
+        ("p-value", f"{h.p_value:.3g}", "–", "–"),
+    ]
+    return join([pose_figures(h.T_world_part, h.covariance, more), element("p", f"CAD file: {h.file}", class_="note")])
+
+
+def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = ()) -> Html:
+    """A pose and its covariance, as a table with further rows and as matrices."""
+    R = T[:3, :3]
+    in_world = np.sqrt(np.diag(R @ C[:3, :3] @ R.T))
+    sds, q = np.sqrt(np.diag(C)), SO3.as_quaternion(R)
+    rows: list[Sequence[str]] = [
+        (f"{axis} of the part's origin", f"{fixed(MM * p, 3)} ± {MM * s:.3g}", "mm", "world")
+        for axis, p, s in zip("xyz", T[:3, 3], in_world, strict=True)
+    ]
+    rows.append(("quaternion w, x, y, z", ", ".join(fixed(v, 6) for v in q), "–", "part to world"))
+    rows += [
+        (f"turn about {axis}, 1 sd", f"{np.degrees(s):.3g}", "deg", "part")
+        for axis, s in zip("xyz", sds[3:], strict=True)
+    ]
+    numbers = _matrix(["row x", "row y", "row z", "row 4"], T, "{:.9g}")
+    pose = table(["", "x", "y", "z", "position"], numbers, class_="plain")
+    names = ["x", "y", "z", "rx", "ry", "rz"]
+    covariance = table(["", *names], _matrix(names, C, "{:.3e}"), class_="plain")
+    return join(
+        [
+            table(["figure", "value", "unit", "frame"], [*rows, *more]),
+            element("details", element("summary", "Pose as a matrix [m]"), pose),
+            element("details", element("summary", "Covariance [m, rad], part frame, right perturbation"), covariance),
+        ]
+    )
+
+
+def _matrix(names: Sequence[str], M: FloatArray, form: str) -> list[list[str]]:
+    return [[name, *(form.format(v) for v in row)] for name, row in zip(names, M, strict=True)]
+
+
+_NAMED = 5
+"""Readings of a direction that are named."""
+
+
+def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence[Direction]]) -> Section:
+    """The independent directions of the error, and what is known of each from where.
+
+    Args:
+        candidates: The hypotheses.
+        directions: Of each of them; see :func:`directions_of` and :func:`tanteo.active.explanation.explain`.
+    """
+    lead = (
+        "The pose may be off in these independent ways, the worst first: the overlays in the picture show them. Each "
+        "bar is all that is known about one, divided among the readings and what was known beforehand; errors that the "
+        "readings share are taken as known in it."
+    )
+    bodies = tuple(_directions(c, d) for c, d in zip(candidates, directions, strict=True))
+    return Section("rests", "Which reading fixed which direction", lead, bodies)
+
+
+def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]:
+    """The ways in which a pose may be off, with the share of each reading in what is known of them, to first order.
+
+    Args:
+        candidate: A hypothesis with the readings on it.
+        sensed: The readings.
+    """
+    contacts, part = candidate.contacts, candidate.part
+    form = 0.0 if contacts.labelled else sensed.tolerance**2 * np.any(contacts.form != 0, axis=1)
+    weights = contacts.used[contacts.reading] / (contacts.noise + contacts.repeatability + form)
+    known = prior_rows(sensed.prior, part, candidate.hypothesis.T_world_part[None])[1][0]
+    out = []
+    for way in candidate.ways:
+        each = np.bincount(contacts.reading, weights * (contacts.rows @ way.xi) ** 2, minlength=len(sensed.measured))
+        rough = float(np.sum((known @ way.xi) ** 2))
+        total = max(float(each.sum()) + rough, 1e-300)
+        shares = ((sensed.measured.ids[i], float(each[i] / total)) for i in np.argsort(-each, kind="stable"))
+        out.append(Direction(way.words, way.rms, tuple(shares), rough / total))
+    return tuple(out)
+
+
+def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
+    if not directions:
+        return element("p", "Nothing was met, so nothing is fixed.")
+    overlays = [way.words for way in candidate.ways]
+    rows = []
+    for d in directions:
+        words = brief(d.motion)
+        show: Html | str = ""
+        if words in overlays:
+            show = element("button", "Show", type="button", data_way=overlays.index(words), aria_label=f"Show: {words}")
+        rows.append((words, f"{MM * d.moves:.3g}", join([_direction_bar(d), element("div", _said(d))]), show))
+    headers = ("may be off by", "corners move, rms [mm]", "known from", "overlays")
+    return table(headers, rows, class_="directions")
+
+
+def _direction_bar(d: Direction) -> Html:
+    named = [(f"{name}: {percent(p)}", p, f"s{k % 2}") for k, (name, p) in enumerate(d.shares[:_NAMED])]
+    parts = [*named, ("beforehand", d.prior, "none")]
+    spans = [element("span", title=said, class_=kind, style=f"width:{100 * p:.2f}%") for said, p, kind in parts]
+    return element("div", *spans, class_="stack", aria_hidden="true")
+
+
+def _said(d: Direction) -> str:
+    named = [f"{name} ({percent(p)})" for name, p in d.shares[:_NAMED] if p >= 0.0005]
+    rest, others = sum(p for _, p in d.shares[_NAMED:]), len(d.shares) - _NAMED
+    if rest >= 0.0005:
+        named.append(f"{others} others ({percent(rest)})")
+    if d.prior >= 0.0005:
+        named.append(f"known beforehand ({percent(d.prior)})")
+    return ", ".join(named) or "nothing"
+
 
 _MOST_ROWS = 300
 """Of a table or chart of readings."""

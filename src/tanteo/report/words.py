@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.answers import CONFIDENCE, Answer, Hypothesis, corner_sd
 from tanteo.parts import Part
-from tanteo.report.sensed import Sensed
+from tanteo.report.contacts import Sensed
 
 MM = 1e3
 

@@ -12,16 +12,19 @@ from tanteo.errors import InputError
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.report.answered import answer_front
-from tanteo.report.contacts import find_contacts
+from tanteo.report.contacts import Sensed, find_contacts, gather
 from tanteo.report.course import course_section
-from tanteo.report.figures import figure_section
-from tanteo.report.overlays import find_ways
-from tanteo.report.page import make_page
-from tanteo.report.rests import directions_of, rests_section
+from tanteo.report.page import Section, make_page
 from tanteo.report.scene import Candidate, scene_document
-from tanteo.report.section import Section
-from tanteo.report.sections import budget_section, rerun_section, residual_section
-from tanteo.report.sensed import Sensed, gather
+from tanteo.report.sections import (
+    budget_section,
+    directions_of,
+    figure_section,
+    rerun_section,
+    residual_section,
+    rests_section,
+)
+from tanteo.report.uncertainty import find_ways
 from tanteo.sensors import Readings
 from tanteo.session import Session
 

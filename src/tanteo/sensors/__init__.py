@@ -6,10 +6,10 @@ ranges with errors drawn from the very model that ``measure`` assumes.
 This room has never heard of shapes: it knows rays, ranges and covariances.
 """
 
-from tanteo.sensors.checks import check_features, reading_kinds
-from tanteo.sensors.cone import blend, cone_rays, draw_aims, edge_bias, edge_shift, edge_variance
+from tanteo.sensors.checks import check_features, reading_kinds, say_repeated, say_stuck
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
+    ErrorModel,
     Status,
     UnitErrors,
     draw_base,
@@ -17,14 +17,24 @@ from tanteo.sensors.emission import (
     draw_units,
     emit,
     emit_touches,
+    error_model,
     reported_poses,
 )
-from tanteo.sensors.error_model import ErrorModel, error_model
-from tanteo.sensors.law import NoiseLaw
 from tanteo.sensors.measure import measure
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
-from tanteo.sensors.noise import preset_sigma, range_variance, sensed_point, sensor_error_cov
+from tanteo.sensors.noise import (
+    blend,
+    cone_rays,
+    draw_aims,
+    edge_bias,
+    edge_shift,
+    edge_variance,
+    range_variance,
+    sensed_point,
+    sensor_error_cov,
+)
 from tanteo.sensors.presets import (
+    NoiseLaw,
     RobotPreset,
     SensorPreset,
     robot_preset,
@@ -33,50 +43,13 @@ from tanteo.sensors.presets import (
     sensor_presets,
 )
 from tanteo.sensors.readings import Readings, check_readings_kind, concatenate
-from tanteo.sensors.repeated import say_repeated
 from tanteo.sensors.rig import Rig, RigSensor
-from tanteo.sensors.stuck import say_stuck
 
 __all__ = [
-    "Device",
-    "ErrorModel",
-    "FreeBeams",
-    "NoiseLaw",
-    "PointMeasurements",
-    "Readings",
-    "Rig",
-    "RigSensor",
-    "RobotPreset",
-    "SensorPreset",
-    "Status",
-    "UnitErrors",
-    "blend",
-    "check_features",
-    "check_readings_kind",
-    "concatenate",
-    "cone_rays",
-    "draw_aims",
-    "draw_base",
-    "draw_touch_bias",
-    "draw_units",
-    "edge_bias",
-    "edge_shift",
-    "edge_variance",
-    "emit",
-    "emit_touches",
-    "error_model",
-    "measure",
-    "misspelt",
-    "preset_sigma",
-    "range_variance",
-    "reading_kinds",
-    "reported_poses",
-    "robot_preset",
-    "robot_presets",
-    "say_repeated",
-    "say_stuck",
-    "sensed_point",
-    "sensor_error_cov",
-    "sensor_preset",
-    "sensor_presets",
-]
+    "Device", "ErrorModel", "FreeBeams", "NoiseLaw", "PointMeasurements", "Readings", "Rig", "RigSensor",
+    "RobotPreset", "SensorPreset", "Status", "UnitErrors", "blend", "check_features", "check_readings_kind",
+    "concatenate", "cone_rays", "draw_aims", "draw_base", "draw_touch_bias", "draw_units", "edge_bias", "edge_shift",
+    "edge_variance", "emit", "emit_touches", "error_model", "measure", "misspelt", "range_variance", "reading_kinds",
+    "reported_poses", "robot_preset", "robot_presets", "say_repeated", "say_stuck", "sensed_point",
+    "sensor_error_cov", "sensor_preset", "sensor_presets",
+]  # fmt: skip

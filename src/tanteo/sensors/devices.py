@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError, ReadingsError, did_you_mean
-from tanteo.sensors.law import NoiseLaw
-from tanteo.sensors.presets import SensorPreset, sensor_presets
+from tanteo.sensors.presets import NoiseLaw, SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig, RigSensor
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors

@@ -86,7 +86,9 @@ def measure(
     if tip_sd is not None:
         shared.append(tip(readings, placed, tip_sd))
     aims = aims_of(readings, placed)
-    covs = covs + _unaimed_bias(aims, devices, numbers)
+    # a bias whose direction is unknown cannot be shared: it widens the independent part
+    bias = np.array([d.bias_sd for d in devices])[numbers]
+    covs = covs + np.where(np.isnan(aims[:, 0]), bias**2, 0.0)[:, None, None] * np.eye(3)
     shared += of_devices(placed, aims, devices, numbers, free)
     if bias_sd is not None:
         covs = covs + np.where(np.isnan(aims[:, 0]), bias_sd**2, 0.0)[:, None, None] * np.eye(3)
@@ -183,12 +185,6 @@ def _repeatability(readings: Readings, points: Vectors, robot: RobotPreset) -> C
     squares = np.sum(arms**2, axis=-1)[:, None, None]
     turned = squares * np.eye(3) - arms[:, :, None] * arms[:, None, :]
     return np.asarray(robot.pos_repeat_std**2 * np.eye(3) + robot.rot_repeat_std**2 * turned)
-
-
-def _unaimed_bias(aims: Vectors, devices: tuple[Device, ...], numbers: IntArray) -> Covariances:
-    """Bias of rows whose direction is unknown: it cannot be shared, so it widens the independent part."""
-    bias = np.array([d.bias_sd for d in devices])[numbers]
-    return np.where(np.isnan(aims[:, 0]), bias**2, 0.0)[:, None, None] * np.eye(3)
 
 
 def _free_beams(

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError, shared_root, stacked_covariance
-from tanteo.frames import check_covariances, frozen_array
+from tanteo.frames import check_covariances, freeze, frozen_array
 from tanteo.sensors.noise import beam_cov
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
@@ -42,8 +42,7 @@ class FreeBeams:
     turns: tuple[FloatArray, ...]
 
     def __post_init__(self) -> None:
-        for name in ("origins", "directions", "lengths", "half_angles", "max_incidences"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "origins", "directions", "lengths", "half_angles", "max_incidences")
         for name in ("jacobians", "turns"):
             object.__setattr__(self, name, tuple(frozen_array(J) for J in getattr(self, name)))
 

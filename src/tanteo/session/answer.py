@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 
@@ -12,8 +14,34 @@ from tanteo.errors import InputError
 from tanteo.inference import GoodnessOfFit, as_hypothesis, face_elsewhere, goodness_of_fit, p_of_prior, worst_reading
 from tanteo.limits import SUSPECT
 from tanteo.measurements import ContactPoints
-from tanteo.session.moved import moved
 from tanteo.session.values import Observation, Step
+from tanteo.typing import BoolArray
+
+_FEW, _BY_CHANCE = 2, 0.05
+"""So many readings aside, or more, and at least as improbably together by chance, are worth a sentence."""
+
+
+def moved(ids: Sequence[str], aside: BoolArray) -> str:
+    """That something may have moved, in words; empty if the readings that do not fit came at any time.
+
+    If they are outliers by chance, all of them are among the first, or among the last, so many with the share of the
+    ways to choose them there.
+    """
+    rows, n = np.flatnonzero(aside), len(aside)
+    if len(rows) < _FEW:
+        return ""
+    first, last = int(rows[0]), int(rows[-1])
+    span = min(last + 1, n - first)
+    if 2 * comb(span, len(rows)) >= _BY_CHANCE * comb(n, len(rows)):
+        return ""
+    early = last + 1 <= n - first
+    others = f"all after {ids[last]}" if early else f"all before {ids[first]}"
+    some = len(rows) < last - first + 1
+    which = (
+        f"{len(rows)} of the readings {ids[first]} to {ids[last]}" if some else f"Readings {ids[first]} to {ids[last]}"
+    )
+    return f"{which} do not fit, {others} do: did the part or the sensor move?"
+
 
 ALPHA = 0.01
 """An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
@@ -31,13 +59,6 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
 
     What is as sure as was asked for is an answer, also where that is less than :func:`tanteo.identify` would give one
     at; the message says how sure it is then, and what else it may be.
-
-    Args:
-        state: what is known.
-        stop: what was asked for.
-        seed: recorded in the answer.
-        top: hypotheses to report.
-        significance: an answer whose joint test has a smaller p-value is not accepted.
     """
     if top < 1:
         raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
@@ -75,11 +96,6 @@ def contradiction(state: SensingState, stop: Stop, *, reached: bool) -> str:
 
     Before the goal is reached, a part that is known but not where it was said to be does: more readings of it do not
     make the prior pose right. Then, whatever the joint test says.
-
-    Args:
-        state: what is known.
-        stop: what was asked for.
-        reached: it is known as well as that.
     """
     known = reached or (state.of_parts().max(initial=0.0) > CONFIDENCE and p_of_start(state) < SUSPECT)
     answer = answered(state, stop, 0, 1, ALPHA) if known else None

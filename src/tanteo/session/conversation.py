@@ -25,12 +25,10 @@ from tanteo.answers import Answer, PosePrior
 from tanteo.errors import check_kind
 from tanteo.limits import check_count
 from tanteo.sensors import Readings, check_readings_kind, concatenate, say_stuck
-from tanteo.session.again import once_more
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
-from tanteo.session.names import new_readings
-from tanteo.session.questions import action_of, answers, is_same, unlike
+from tanteo.session.questions import action_of, answers, is_same, new_readings, unlike
 from tanteo.session.values import Action, Done, Observation, Sensing, Step
-from tanteo.session.worth import OUT_OF_REACH, enough, worth_making
+from tanteo.session.worth import OUT_OF_REACH, enough, once_more, worth_making
 from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500

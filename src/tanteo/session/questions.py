@@ -1,4 +1,4 @@
-"""Questions: from a choice to one, which are like it, and which one a reading answers.
+"""Questions: from a choice to one, which are like it, which one a reading answers; and names that come once.
 
 Readings come late, twice, or without being asked for.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,10 +55,6 @@ def answers(readings: Readings, action: Action) -> bool:
     A robot is never quite where it was sent, and a touch may not say which way it came: a reading is of the question's
     beam if it is as near to it as one that would not be asked again after a refusal. One that bears the name of another
     question is not.
-
-    Args:
-        readings: as they were told.
-        action: the question.
     """
     if action.name in readings.ids:
         return True
@@ -69,3 +66,53 @@ def answers(readings: Readings, action: Action) -> bool:
     there = np.where(readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0))
     others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids], dtype=bool)
     return bool(np.any(there & ~(turned > _LIKE) & ~others))  # where it is not known, NaN, the way does not count
+
+
+def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, str]:
+    """The readings that are new, named so that no name comes twice; and what was done about names."""
+    known = {name: (r, k) for r in before for k, name in enumerate(r.ids)}
+    taken = {*known, *readings.ids}
+    keep, names = list[int](), list[str]()
+    again, corrected, renamed = list[str](), list[str](), list[str]()
+    for k, name in enumerate(readings.ids):
+        new, bearers = name, _bearers(known, name)
+        if told_before := [one for one in bearers if _equal(_WHERE, readings, k, *one)]:
+            same = any(_equal(_HOW_WELL, readings, k, *one) for one in told_before)
+            (again if same else corrected).append(name)
+            continue
+        if bearers:
+            new = next(f"{name} ({n})" for n in range(2, 10**6) if f"{name} ({n})" not in taken)
+            taken.add(new)
+            renamed.append(new)
+        keep.append(k)
+        names.append(new)
+    notes = [f"{', '.join(again)}: told before"] if again else []
+    notes += (
+        [f"{', '.join(corrected)}: told before with other errors, radius or normal, which hold"] if corrected else []
+    )
+    notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
+    if not keep:
+        return None, "; ".join(notes)
+    fresh = readings if len(keep) == len(readings) else readings.take(np.array(keep))
+    return fresh if not renamed else replace(fresh, ids=tuple(names)), "; ".join(notes)
+
+
+_WHERE = "points", "directions", "ranges", "Ts_world_hand", "max_ranges", "is_free"
+_HOW_WELL = "sds", "across_sds", "radii", "normals", "normal_sds"
+
+
+def _bearers(known: dict[str, tuple[Readings, int]], name: str) -> list[tuple[Readings, int]]:
+    """Readings that had this name when they were told: the first, and those that were named anew."""
+    out = [known[name]] if name in known else []
+    n = 2
+    while (again := f"{name} ({n})") in known:
+        out.append(known[again])
+        n += 1
+    return out
+
+
+def _equal(columns: Sequence[str], a: Readings, i: int, b: Readings, j: int) -> bool:
+    return a.sensors[i] == b.sensors[j] and all(
+        np.array_equal(getattr(a, name)[i], getattr(b, name)[j], equal_nan=getattr(a, name).dtype != bool)
+        for name in columns
+    )

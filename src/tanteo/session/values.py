@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from tanteo.active import Probe
 from tanteo.errors import InputError
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.limits import LARGEST, LEAST_SD, check_length
 from tanteo.measurements import ContactPoints, FreeRays, as_contact_points, as_free_rays
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
@@ -129,10 +129,7 @@ class Action:
     @property
     def T_world_probe(self) -> Transforms:
         """A pose of the probe ``(4, 4)`` that looks along its z; its turn about z is free."""
-        z = self.direction
-        x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-        x /= np.linalg.norm(x)
-        return SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=-1), self.origin)
+        return SE3.from_parts(SO3.frame_from_axis(self.direction, 2), self.origin)
 
     @property
     def name(self) -> str:
@@ -150,11 +147,7 @@ class Action:
         )
 
     def read(
-        self,
-        distance: float,
-        sd: float | None = None,
-        name: str | None = None,
-        T_world_hand: Transforms | None = None,
+        self, distance: float, sd: float | None = None, name: str | None = None, T_world_hand: Transforms | None = None
     ) -> Readings:
         """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
 

@@ -1,4 +1,4 @@
-"""What stands in the cell: solids as triangle meshes in the world."""
+"""What stands in the cell: solids as triangle meshes in the world, and how near a hand is to them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.frames import frozen_array
+from tanteo.hand import Body
 from tanteo.lie import SE3
 from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, IntArray, Transforms
@@ -83,3 +84,21 @@ class Scene:
     def of(cls, solids: Sequence[Solid]) -> Scene:
         """A scene of these solids."""
         return cls(tuple(solids))
+
+
+def clearances(scene: Scene, body: Body, Ts_world_hand: Transforms) -> FloatArray:
+    """Least distance of the hand's body from every solid of the scene, zero or less at contact.
+
+    A sphere whose centre is in the material has a clearance below minus its radius; a path that is sampled finer
+    than the smallest radius cannot get there without a contact before.
+
+    Args:
+        scene: What stands there.
+        body: The hand's spheres.
+        Ts_world_hand: True poses of the hand ``(*batch, 4, 4)``.
+
+    Returns:
+        ``(*batch,)`` [m].
+    """
+    centres = body.placed(np.asarray(Ts_world_hand))
+    return np.asarray((scene.surface.closest(centres).distances - body.radii).min(axis=-1))

@@ -9,19 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.hand import FREE, LOST, MET, NEAR, Hand, Sensed, advance
+from tanteo.hand import FREE, LOST, MET, NEAR, Hand, HandReading, advance
 from tanteo.lie import SE3
-from tanteo.sensors import (
-    RobotPreset,
-    Status,
-    blend,
-    cone_rays,
-    draw_aims,
-    draw_base,
-    draw_units,
-    emit,
-    error_model,
-)
+from tanteo.sensors import RobotPreset, Status, blend, cone_rays, draw_aims, draw_base, draw_units, emit, error_model
 from tanteo.simulator.scene import Scene
 from tanteo.typing import FloatArray, Tangents, Transforms, Vectors
 
@@ -75,13 +65,7 @@ class SimulatedHand:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        hand: Hand,
-        T_world_hand: Transforms,
-        *,
-        rng: np.random.Generator,
-        cell: Cell | None = None,
+        self, scene: Scene, hand: Hand, T_world_hand: Transforms, *, rng: np.random.Generator, cell: Cell | None = None
     ) -> None:
         self._scene, self._hand, self._cell = scene, hand, cell or Cell()
         self._rng, self._time = rng, 0.0
@@ -119,11 +103,11 @@ class SimulatedHand:
         return self._cell.latency
 
     @property
-    def sensed(self) -> Sensed:
+    def sensed(self) -> HandReading:
         """What was sensed last."""
         return self._sensed
 
-    def step(self, twist: Tangents) -> Sensed:
+    def step(self, twist: Tangents) -> HandReading:
         """Command a velocity in the hand's frame for one period; the hand follows it after the latency.
 
         Raises:
@@ -145,7 +129,7 @@ class SimulatedHand:
         excess = max(speed / self._cell.max_speed, turn / self._cell.max_turn, 1.0)
         return np.array([vx, vy, vz, wx, wy, wz]) / excess
 
-    def _sense(self) -> Sensed:
+    def _sense(self) -> HandReading:
         T_true, robot = self._base @ self._T, self._cell.robot
         if robot is not None:
             # the pose that is reported is the nominal one; the hand is off by its repeatability
@@ -154,7 +138,7 @@ class SimulatedHand:
         self.truth.append(T_true)
         ranges, incidences, aims = self._look(T_true)
         reported, statuses = emit(self._rng, self._model, self._units, ranges, incidences, aims)
-        return Sensed(self._time, self._T, reported, _STATES[statuses])
+        return HandReading(self._time, self._T, reported, _STATES[statuses])
 
     def _look(self, T: Transforms) -> tuple[FloatArray, FloatArray, Vectors | None]:
         """True ranges and incidences along the rays, and the rays in their cones if one was drawn of each."""

@@ -7,32 +7,11 @@ browser. :class:`Player` plays a :class:`Show` on anything that implements :clas
 
 from tanteo.viewer.commands import Advance, Choose, Click, Go, Pause, Quit, Restart
 from tanteo.viewer.player import Page, Player
-from tanteo.viewer.record import moments, show_moment
-from tanteo.viewer.shows import Show, Watch, bare_show, hand_show
-from tanteo.viewer.simulation import laser, simulated
+from tanteo.viewer.shows import Show, Watch, hand_show, laser, probe_show, simulated
 from tanteo.viewer.snapshot import Snapshot
-from tanteo.viewer.view import NEEDS_VISER, play, replay
+from tanteo.viewer.view import NEEDS_VISER, moments, play, replay, show_moment
 
 __all__ = [
-    "NEEDS_VISER",
-    "Advance",
-    "Choose",
-    "Click",
-    "Go",
-    "Page",
-    "Pause",
-    "Player",
-    "Quit",
-    "Restart",
-    "Show",
-    "Snapshot",
-    "Watch",
-    "bare_show",
-    "hand_show",
-    "laser",
-    "moments",
-    "play",
-    "replay",
-    "show_moment",
-    "simulated",
-]
+    "NEEDS_VISER", "Advance", "Choose", "Click", "Go", "Page", "Pause", "Player", "Quit", "Restart", "Show", "Snapshot",
+    "Watch", "hand_show", "laser", "moments", "play", "probe_show", "replay", "show_moment", "simulated",
+]  # fmt: skip

@@ -7,16 +7,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from tanteo.hand import FREE, MET, Body, Hand, Sensed
+from tanteo.hand import FREE, MET, Body, Hand, HandReading
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.report import Drawn, draw_part
 from tanteo.simulator import Solid
 from tanteo.typing import FloatArray, IntArray, Transforms
 from tanteo.viewer import colors
-from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive
+from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive, dashed, ellipsoids, hand_mesh, outline
 from tanteo.viewer.snapshot import Snapshot
-from tanteo.viewer.solids import dashed, ellipsoids, hand_mesh, outline
 
 _SDS = 2.0
 """Standard deviations at which ellipsoids are drawn."""
@@ -93,7 +92,7 @@ def next_primitives(now: Snapshot) -> list[Primitive]:
     ]
 
 
-def hand_primitives(hand: Hand, sensed: Sensed) -> list[Primitive]:
+def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
     """The hand where it says it is, and what its sensors see now."""
     T = sensed.T_world_hand
     vertices, triangles = _hand(hand.body)

@@ -13,18 +13,16 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from tanteo.active import policy_named
-from tanteo.hand import Sensed
+from tanteo.hand import HandReading
 from tanteo.session import Action, Done
-from tanteo.viewer import drawing, ending, panel
-from tanteo.viewer.alone import places_alone
-from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Left, Pause, leave
-from tanteo.viewer.picking import picked
+from tanteo.viewer import drawing, panel
+from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Left, Pause, leave, picked
 from tanteo.viewer.primitives import Primitive
-from tanteo.viewer.shows import Show
-from tanteo.viewer.snapshot import Snapshot
+from tanteo.viewer.shows import Show, places_alone
+from tanteo.viewer.snapshot import Snapshot, compared, ending_words
 
 _FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
-"""Seconds between two pictures of a moving hand; between two places of a bare probe in real time; of one wait."""
+"""Seconds between two pictures of a moving hand; between two places without a hand in real time; of one wait."""
 
 HELP = "Press Go or Step, or click on a part: you sense there yourself."
 
@@ -66,7 +64,7 @@ class Player:
     _note: str = field(init=False, default="")
     _played: int = field(init=False, default=0)
     _drawn: float = field(init=False, default=0.0)
-    _last: Sensed | None = field(init=False, default=None)
+    _last: HandReading | None = field(init=False, default=None)
     _counted: dict[tuple[int, str], int] = field(init=False, default_factory=dict)
 
     def run(self) -> None:
@@ -110,7 +108,7 @@ class Player:
             self._mode = "paused"
         self._gate()
 
-    def moved(self, sensed: Sensed) -> None:
+    def moved(self, sensed: HandReading) -> None:
         """Draw the hand now and then, as fast as is wanted."""
         self._last = sensed
         gone = sensed.time - self._drawn
@@ -187,12 +185,12 @@ class Player:
         """Show how it ended, what is truly there, and who needed how many places."""
         session, truth = self._show.session, self._show.truth
         self.page.show("truth", drawing.truth_primitives(truth))
-        words = [*ending.words(session, done, truth)]
+        words = [*ending_words(session, done, truth)]
         self._mode = "paused"
         policy, mine = Snapshot.of(session).places
         if mine:
             self._end([*words, f"Counting what '{self.policy}' needs alone ..."])
-            words.append(ending.compared(policy, mine, self.policy, self._alone()))
+            words.append(compared(policy, mine, self.policy, self._alone()))
         self._end(words)
         while True:
             command = self._next(0.0)

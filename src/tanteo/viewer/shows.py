@@ -1,18 +1,24 @@
-"""What the page can show: a session, and how it is carried out. By a bare probe, or by a hand."""
+"""What the page can show: a session, and how it is carried out, by a probe or a hand, seen or unseen."""
 
 from __future__ import annotations
 
+import queue
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, cast
 
+import numpy as np
+
+from tanteo.active import Probe
 from tanteo.execution import Furniture, sense_part
-from tanteo.hand import Hand, Robot, Sensed
+from tanteo.hand import Hand, HandReading, Robot, Workspace
 from tanteo.motion import Rules
-from tanteo.sensors import Readings, RobotPreset
-from tanteo.session import Action, Done, Session
+from tanteo.sensors import NoiseLaw, Readings, RobotPreset
+from tanteo.session import Action, Done, Sensing, Session
+from tanteo.shapes import Surface
 from tanteo.simulator import Solid
 from tanteo.typing import Tangents
+from tanteo.viewer.commands import Command, leave
 
 
 class Watch(Protocol):
@@ -22,7 +28,7 @@ class Watch(Protocol):
         """A place was sensed, or could not be; ``note`` is what a person should know, empty for nothing."""
         ...
 
-    def moved(self, sensed: Sensed) -> None:
+    def moved(self, sensed: HandReading) -> None:
         """The hand moved."""
         ...
 
@@ -36,21 +42,18 @@ class Show:
         run: carries it out to its end.
         truth: what truly lies there, in the world; shown at the end.
         furniture: what is known to stand there.
-        hand: the hand and where it is at first; None for a bare probe.
+        hand: the hand and where it is at first; None for a probe without a hand.
     """
 
     session: Session
     run: Callable[[Watch], Done]
     truth: tuple[Solid, ...]
     furniture: tuple[Solid, ...] = ()
-    hand: tuple[Hand, Sensed] | None = None
+    hand: tuple[Hand, HandReading] | None = None
 
 
-def bare_show(
-    session: Session,
-    read: Callable[[Action], Readings],
-    truth: tuple[Solid, ...],
-    furniture: tuple[Solid, ...] = (),
+def probe_show(
+    session: Session, read: Callable[[Action], Readings], truth: tuple[Solid, ...], furniture: tuple[Solid, ...] = ()
 ) -> Show:
     """A probe that is simply where it is wanted.
 
@@ -92,7 +95,7 @@ def hand_show(
     """
 
     def run(watch: Watch) -> Done:
-        seen = _Seen(robot, watch.moved)
+        seen = cast("Robot", _Seen(robot, watch.moved))
         done = sense_part(
             session, seen, rules, furniture=known, errors=errors, watch=lambda visit: watch.place(visit.note)
         )
@@ -101,30 +104,84 @@ def hand_show(
     return Show(session, run, truth, furniture, (robot.hand, robot.sensed))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
     """A robot that somebody looks at."""
 
-    robot: Robot
-    see: Callable[[Sensed], None]
+    def __init__(self, robot: Robot, see: Callable[[HandReading], None]) -> None:
+        self._robot, self._see = robot, see
 
-    @property
-    def hand(self) -> Hand:
-        return self.robot.hand
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._robot, name)
 
-    @property
-    def period(self) -> float:
-        return self.robot.period
-
-    @property
-    def latency(self) -> float:
-        return self.robot.latency
-
-    @property
-    def sensed(self) -> Sensed:
-        return self.robot.sensed
-
-    def step(self, twist: Tangents) -> Sensed:
-        sensed = self.robot.step(twist)
-        self.see(sensed)
+    def step(self, twist: Tangents) -> HandReading:
+        sensed = self._robot.step(twist)
+        self._see(sensed)
         return sensed
+
+
+def places_alone(show: Show, commands: queue.SimpleQueue[Command]) -> int:
+    """Carry a show out unseen; the number of its places. Commands but to leave are dropped.
+
+    Raises:
+        Left: the person wants to begin again, or to end.
+    """
+    show.run(_Unseen(commands))
+    return len(show.session.steps)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Unseen:
+    """Watches a run that nobody sees."""
+
+    commands: queue.SimpleQueue[Command]
+
+    def place(self, note: str) -> None:
+        while not self.commands.empty():
+            leave(self.commands.get())
+
+    def moved(self, sensed: HandReading) -> None:
+        pass
+
+
+NOISE = 3e-4
+"""Of a reading [m]."""
+
+_STANDOFF, _REACH, _CONE = 0.10, 0.30, float(np.radians(80.0))
+_SHORT = 5e-3
+"""A beam that ends on furniture was free up to so much before it [m]."""
+
+
+def laser(workspace: Workspace) -> tuple[Probe, Sensing]:
+    """A thin beam of 0.3 mm from 100 mm, from above, and how its readings become measurements."""
+    probe = Probe(
+        "laser", NoiseLaw.of(NOISE), max_range=_REACH, standoff=_STANDOFF, clearance=0.01,
+        approach=np.array([0.0, 0.0, -1.0]), cone=_CONE, workspace=workspace,
+    )  # fmt: skip
+    return probe, Sensing(sd=NOISE)
+
+
+def simulated(truth: Surface, furniture: Surface | None, seed: int) -> Callable[[Action], Readings]:
+    """What the laser reads: of the part, or nothing as far as what is known to stand there.
+
+    The k-th reading has the k-th draw of the noise, whoever chose it.
+
+    Args:
+        truth: what lies there, in the world.
+        furniture: what is known to stand there.
+        seed: of the noise.
+    """
+    rng = np.random.default_rng((1991, seed))
+
+    def read(action: Action) -> Readings:
+        noise = NOISE * rng.normal()
+        start, along = action.origin[None], action.direction[None]
+        met = float(truth.cast(start, along).distances[0])
+        ends = np.inf if furniture is None else float(furniture.cast(start, along).distances[0])
+        if met <= min(ends, action.max_range):
+            return action.read(max(met + noise, 1e-6))
+        free = max(min(ends - _SHORT, action.max_range), 1e-3)
+        return Readings.from_columns(
+            start, ids=[f"a{action.number}"], directions=along, is_free=np.array([True]), max_ranges=np.array([free])
+        )
+
+    return read

@@ -1,8 +1,9 @@
-"""The live page of a session or of a record: puts player and page together."""
+"""The live page of a session or of a record, step by step: puts player and page together."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import queue
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,13 +13,42 @@ from tanteo.errors import MissingExtraError
 from tanteo.lie import SE3
 from tanteo.session import Session
 from tanteo.typing import Vectors
-from tanteo.viewer.player import Player
-from tanteo.viewer.record import moments, show_moment
+from tanteo.viewer import drawing, panel
+from tanteo.viewer.player import Page, Player
 from tanteo.viewer.shows import Show
+from tanteo.viewer.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from tanteo.active import Start
     from tanteo.viewer.page import LivePage
+
+
+def moments(session: Session) -> list[Snapshot]:
+    """What was known before the first reading and after every telling; each with the question that came next.
+
+    Args:
+        session: as it was read from its record; it is told again, and stays as it is.
+    """
+    again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
+    told = session.observations
+    following = [*(one.action for one in told), session.asked]
+    states = [again.state]
+    for one in told:
+        again.resume([one])
+        states.append(again.state)
+    return [Snapshot(b, session.steps[:k], a) for k, (b, a) in enumerate(zip(states, following, strict=True))]
+
+
+def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:
+    """Draw one of them."""
+    now = all_moments[k]
+    page.show("state", drawing.state_primitives(now))
+    page.show("readings", drawing.reading_primitives(now))
+    page.show("next", drawing.next_primitives(now))
+    page.say("status", panel.status(now, f"After step {k} of {len(all_moments) - 1} of the record."))
+    page.say("bars", panel.bars(now))
+    page.say("told", panel.steps([panel.step_line(m) for m in all_moments[1 : k + 1]]))
+
 
 NEEDS_VISER = "the live page: expected viser, got none installed. Install it: pip install 'tanteo[viewer]'."
 
@@ -60,8 +90,6 @@ def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
     Raises:
         MissingExtraError: viser is not installed.
     """
-    import queue
-
     page = _opened(port, session.start, hand=False)
     wanted: queue.SimpleQueue[int] = queue.SimpleQueue()
     every = moments(session)
@@ -80,7 +108,7 @@ def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
 
 def _opened(port: int, start: Start, *, hand: bool) -> LivePage:
     try:
-        from tanteo.viewer.page import LivePage
+        from tanteo.viewer.page import LivePage  # needs the extra viewer
     except ModuleNotFoundError as error:
         if error.name != "viser":
             raise

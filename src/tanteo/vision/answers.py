@@ -1,8 +1,9 @@
-"""What is told of a mode: pose and covariance in the world, how well its edges fit, and the verdict."""
+"""What is told of a mode: pose with covariance, fit and verdict; and the touch that would settle what stays open."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,9 +11,10 @@ from tanteo.answers import Hypothesis, Misfit, Status, hypothesis_at, part_scale
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, weak_motions
 from tanteo.parts import Part
-from tanteo.typing import Transforms
+from tanteo.shapes import Surface
+from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
-from tanteo.vision.fit import Met
+from tanteo.vision.fit import EdgeMatches
 from tanteo.vision.posterior import ImageMode, ImagePosterior
 from tanteo.vision.settle import Settled
 
@@ -25,12 +27,7 @@ def hypothesis(
 ) -> Hypothesis:
     """The answer that a mode is: pose and covariance in the world, what stays free, how well its edges fit.
 
-    Args:
-        mode: at the pose that its edges agree on.
-        T_world_camera: where the camera stands.
-        camera: that took the image.
-        settled: what the edges say there.
-        lying: whether the table has a say in that: three equations more.
+    Where the table has a say in it, the part is lying: three equations more.
     """
     part = mode.model.part
     A = without_spins(part, settled.information)
@@ -52,7 +49,7 @@ def hypothesis(
     )
 
 
-def _rms(met: Met, camera: Camera, T_camera_part: Transforms, part: Part) -> float:
+def _rms(met: EdgeMatches, camera: Camera, T_camera_part: Transforms, part: Part) -> float:
     """Root mean square of the offsets, as a length at the part's distance [m]."""
     if not met.hits.any():
         return 0.0
@@ -70,3 +67,66 @@ def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple
     elif hypotheses[0].p_value < _MISFIT:
         message += f" Its edges fit badly (p = {hypotheses[0].p_value:.1g}): check the camera's file, marks and CAD."
     return status, message
+
+
+_CELLS = 48
+"""Cells of the grid of heights along its longer side."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """A place to sense, from above.
+
+    Attributes:
+        point: on the surface that the first answer predicts, world [m].
+        heights: ``(2,)``, where the first and the second answer have their surface there; 0 is the table [m].
+        answers: names of the two.
+    """
+
+    point: Vectors
+    heights: FloatArray
+    answers: tuple[str, str]
+
+    @property
+    def words(self) -> str:
+        """One sentence for a person."""
+        x, y = 1e3 * self.point[:2]
+        a, b = (f"the table, if {n}" if h <= 0 else f"z {1e3 * h:.1f} mm, if {n}"
+                for n, h in zip(self.answers, self.heights, strict=True))  # fmt: skip
+        return f"sense from above at x {x:.1f} y {y:.1f} mm: {a}; {b}"
+
+
+def heights(surface: Surface, T_table_part: Transforms, places: FloatArray) -> FloatArray:
+    """Height of the part's surface over places ``(n, 2)`` of the table, 0 where it is not [m]."""
+    T = SE3.inverse(T_table_part)
+    top = 1.0 + float(np.abs(surface.vertices).max()) + float(np.abs(T_table_part[2, 3]))
+    starts = np.concatenate([places, np.full((len(places), 1), top)], axis=1)
+    hits = surface.cast(SE3.apply(T, starts), np.broadcast_to(-T[:3, 2], starts.shape))
+    return np.where(np.isfinite(hits.distances), top - hits.distances, 0.0)
+
+
+def ask(
+    first: tuple[str, Surface, Transforms], second: tuple[str, Surface, Transforms], T_world_table: Transforms
+) -> Question | None:
+    """Where the two answers differ most for a touch from above; each is a name, a surface and ``T_table_part``.
+
+    Returns:
+        The middle of a patch where heights differ; None if they are the same everywhere.
+    """
+    corners = [SE3.apply(T, surface.vertices)[:, :2] for _, surface, T in (first, second)]
+    low, high = np.concatenate(corners).min(axis=0), np.concatenate(corners).max(axis=0)
+    step = float((high - low).max()) / _CELLS
+    shape = tuple(int(n) for n in np.ceil((high - low) / step).astype(int) + 1)
+    x, y = np.meshgrid(low[0] + step * np.arange(shape[0]), low[1] + step * np.arange(shape[1]), indexing="ij")
+    places = np.stack([x, y], axis=-1).reshape(-1, 2)
+    z = np.stack([heights(surface, T, places).reshape(shape) for _, surface, T in (first, second)])
+    gap = np.pad(np.abs(z[0] - z[1]), 1)
+    # a touch is not placed to a cell: the smallest difference around counts
+    safe = np.min([np.roll(gap, s, axis=(0, 1)) for s in ((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))], axis=0)
+    safe = safe[1:-1, 1:-1]
+    k = int(np.argmax(safe))
+    if safe.flat[k] < 1e-4:
+        return None
+    both = z.reshape(2, -1)[:, k]
+    point = SE3.apply(T_world_table, np.array([*places[k], both[0]]))
+    return Question(point, both, (first[0], second[0]))

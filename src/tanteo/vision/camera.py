@@ -8,20 +8,37 @@ the rational model with tangential terms (Brown 1966; the order of OpenCV and of
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import ModuleType
 
 import numpy as np
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, MissingExtraError
 from tanteo.frames import check_covariance, frozen_array
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+
+
+def opencv() -> ModuleType:
+    """The module.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    try:
+        import cv2
+    except ImportError as error:
+        raise MissingExtraError(
+            f"image: expected OpenCV to work on images, got {error}. Run pip install 'tanteo[vision]'."
+        ) from error
+    return cv2
+
 
 _ROUNDS, _NEWTON = 8, 4
 """Fixed-point rounds, then Newton's, that take a distorted point back."""
 
-USUAL = 0.15
+USUAL_EDGE_SD = 0.15
 """By how much a usual calibration leaves whole edges misplaced [px]."""
 
-COEFFICIENTS = (0, 4, 5, 8)
+DISTORTION_COUNTS = (0, 4, 5, 8)
 """How many distortion coefficients there may be: k1 k2 p1 p2, then k3, then k4 k5 k6."""
 
 
@@ -52,7 +69,7 @@ class Camera:
     distortion: FloatArray = field(default_factory=lambda: np.zeros(0))
     T_world_camera: Transforms | None = None
     covariance: Covariances | None = None
-    edge_sd: float = USUAL
+    edge_sd: float = USUAL_EDGE_SD
 
     def __post_init__(self) -> None:
         K, distortion = frozen_array(self.K), frozen_array(self.distortion).reshape(-1)
@@ -61,7 +78,7 @@ class Camera:
             raise InputError(
                 f"K: expected fx, 0, cx; 0, fy, cy; 0, 0, 1 with fx, fy > 0, got {K.tolist()}. Give pixels, no skew."
             )
-        if len(distortion) not in COEFFICIENTS or not np.all(np.isfinite(distortion)):
+        if len(distortion) not in DISTORTION_COUNTS or not np.all(np.isfinite(distortion)):
             raise InputError(
                 f"distortion: expected 0, 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6), got {distortion.tolist()}. "
                 "Fisheye models are not known here: rectify the image first."
@@ -71,7 +88,7 @@ class Camera:
         if not 0 <= self.edge_sd < np.inf:
             raise InputError(
                 f"edge_sd (edge_sd_px): expected a standard deviation in pixels, 0 or more, got {self.edge_sd}. "
-                f"Leave it out if it is not known: {USUAL} px is taken."
+                f"Leave it out if it is not known: {USUAL_EDGE_SD} px is taken."
             )
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "distortion", distortion)

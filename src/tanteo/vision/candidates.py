@@ -10,15 +10,13 @@ import numpy as np
 from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
-from tanteo.vision.camera import Camera
-from tanteo.vision.edge_map import EdgeMap
+from tanteo.vision.camera import Camera, opencv
+from tanteo.vision.edges import EdgeMap
 from tanteo.vision.evidence import REACH, STRETCH, Evidence, Weights, chance_hits, log_weight, weigh
 from tanteo.vision.fit import REACHES, beside, meet, pixel_length, refine
-from tanteo.vision.models import VisionModel
+from tanteo.vision.models import VisionModel, lay
 from tanteo.vision.propose import propose, slides, small_distances
-from tanteo.vision.regions import Region
-from tanteo.vision.resting import lay
-from tanteo.vision.silhouettes import bare_share, bare_table, spilled
+from tanteo.vision.regions import Region, bare_share, bare_table, spilled
 from tanteo.vision.table import TableErrors, lying_information
 from tanteo.vision.wireframe import in_camera
 
@@ -41,7 +39,7 @@ _ONE = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
+class PoseCandidates:
     """Refined poses of one part with their evidence."""
 
     model: VisionModel
@@ -53,8 +51,6 @@ class Candidates:
 
 def own_edges(region: Region, edges: EdgeMap) -> BoolArray:
     """Edge points that belong to a region ``(n,)``: in it or at its border."""
-    from tanteo.vision.cv import opencv
-
     mask = opencv().dilate(region.mask.astype(np.uint8), np.ones((5, 5), np.uint8))
     at = np.rint(edges.points.pixels).astype(np.int64)
     return np.asarray(mask[at[:, 1].clip(0, mask.shape[0] - 1), at[:, 0].clip(0, mask.shape[1] - 1)] > 0)
@@ -68,7 +64,7 @@ def candidates_in(
     region: Region,
     table: TableErrors,
     weights: Weights,
-) -> tuple[list[Candidates], float]:
+) -> tuple[list[PoseCandidates], float]:
     """Poses of every part in a region with their evidence, and the stretches of edge that the region has.
 
     The weights choose which poses of the first look are refined to the end, and beside which others are looked for.
@@ -88,7 +84,7 @@ def candidates_in(
         prior = _lying(model, T_camera_table, start, table)
         found = refine(model.frame, camera, edges, start, prior=prior, reaches=REACHES[3:])
         evidence = evidence_at(model, camera, edges, found, region, chance)
-        out.append(Candidates(model, found, rests[keep], _priors(model, rests[keep]), evidence))
+        out.append(PoseCandidates(model, found, rests[keep], _priors(model, rests[keep]), evidence))
     logs = [c.priors + log_weight(c.evidence, weights) for c in out]
     least = max((float(log.max()) for log in logs), default=0.0) - LIKELY
     for i, log in enumerate(logs):
@@ -152,7 +148,7 @@ def poses_beside(
     return np.asarray(Ts[_core.far_apart(points, np.arange(len(Ts)), slack)])
 
 
-def _with_best(c: Candidates, k: int, Ts: Transforms, evidence: Evidence, weights: Weights) -> Candidates:
+def _with_best(c: PoseCandidates, k: int, Ts: Transforms, evidence: Evidence, weights: Weights) -> PoseCandidates:
     """The candidates with the most probable of some poses, if it is better, instead of their own ``k``."""
     log = log_weight(evidence, weights)
     best = int(np.argmax(log))

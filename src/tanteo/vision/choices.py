@@ -10,7 +10,7 @@ from tanteo import _core
 from tanteo.special import log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.edges import CORRELATION, FLOOR
-from tanteo.vision.fit import Met
+from tanteo.vision.fit import EdgeMatches
 
 FAR, ROUGH = 1.0, 0.2
 """An edge that is another's: standard deviation of its distance, and of its points about that if it is not as straight
@@ -60,7 +60,7 @@ class Terms:
     log: FloatArray
 
 
-def terms_of(met: Met, groups: IntArray, misplaced: FloatArray, errors: EdgeErrors) -> Terms:
+def terms_of(met: EdgeMatches, groups: IntArray, misplaced: FloatArray, errors: EdgeErrors) -> Terms:
     """What each edge says.
 
     Noise is one draw over a correlation length; with independent variances ``W^-1`` and a common error of deviations
@@ -103,13 +103,8 @@ def _as_one(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Information, gradient, chi-square and log density of each edge under one case.
 
-    Args:
-        rows: derivatives and offset of each sample ``(N, n + 1)``.
-        which: edge of each ``(N,)``.
-        count: of edges.
-        variance: of each sample's own error ``(N,)`` [px^2].
-        common: deviation of each by what moves its whole edge ``(N,)`` [px].
-        probability: of the case.
+    Of rows of derivatives and offset ``(N, n + 1)`` with independent variances ``(N,)`` [px^2], and deviations ``(N,)``
+    by what moves the whole edge [px].
     """
     w = (which == np.arange(count)[:, None]) / variance
     columns = rows.shape[1]

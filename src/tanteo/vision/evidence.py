@@ -15,8 +15,9 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.typing import BoolArray, FloatArray, IntArray
-from tanteo.vision.edges import EdgePoints
-from tanteo.vision.fit import Met
+from tanteo.vision.camera import opencv
+from tanteo.vision.edges import CHANNELS, EdgeMap, EdgePoints, cell_of, channel_of
+from tanteo.vision.fit import EdgeMatches
 from tanteo.vision.wireframe import Wireframe
 
 STRETCH = 12.0
@@ -67,14 +68,8 @@ def chance_hits(points: EdgePoints, used: BoolArray) -> float:
     return float(np.clip(density, 0.02, 0.4))
 
 
-def weigh(frame: Wireframe, met: Met, chance: FloatArray | float) -> Evidence:
-    """Evidence of poses.
-
-    Args:
-        frame: of the part.
-        met: its edges at the poses, found within :data:`REACH`.
-        chance: of :func:`chance_hits`, or for every sample ``(*batch, N)``.
-    """
+def weigh(frame: Wireframe, met: EdgeMatches, chance: FloatArray | float) -> Evidence:
+    """Evidence of poses whose edges were met within :data:`REACH`; chance by :func:`chance_hits`, or a sample's."""
     stretch = met.spans / STRETCH
     seen = np.where(met.seen.rims, RIM_SEEN, CREASE_SEEN)
     own = sum(
@@ -88,13 +83,8 @@ def weigh(frame: Wireframe, met: Met, chance: FloatArray | float) -> Evidence:
     return Evidence(hits, of_edges(frame.groups, stretch * np.log1p(-seen), missed), np.zeros_like(hits))
 
 
-def foremost(groups: IntArray, met: Met) -> BoolArray:
-    """Which samples explain the edge of the image that they met ``(*batch, N)``: no other edge met it nearer.
-
-    Args:
-        groups: which edge of the part each sample belongs to ``(N,)``.
-        met: what they met.
-    """
+def foremost(groups: IntArray, met: EdgeMatches) -> BoolArray:
+    """Which samples explain the edge of the image that they met ``(*batch, N)``: no other edge met it nearer."""
     places, normals = met.pixels + met.offsets[..., None] * met.normals, np.ascontiguousarray(met.normals)
     widths, off = (a.reshape(-1, len(groups)) for a in (np.maximum(met.spans, _BESIDE), np.abs(met.offsets)))
     hits = met.hits.reshape(off.shape)
@@ -104,10 +94,7 @@ def foremost(groups: IntArray, met: Met) -> BoolArray:
 def of_edges(groups: IntArray, values: FloatArray, spans: FloatArray) -> FloatArray:
     """Sum of what samples say ``(*batch,)``, edge by edge: an edge of length L counts as L / (1 + L / WHOLE).
 
-    Args:
-        groups: which edge of the part each sample belongs to ``(N,)``.
-        values: what each says ``(*batch, N)``.
-        spans: for what length ``(*batch, N)``; those with 0 are left out [px].
+    Values and the lengths that they stand for are ``(*batch, N)`` [px]; samples of length 0 are left out.
     """
     members = np.eye(groups.max(initial=-1) + 1)[groups]
     return np.asarray((np.where(spans > 0, values, 0.0) @ members / (1 + spans @ members / WHOLE)).sum(axis=-1))
@@ -139,3 +126,26 @@ def log_weight(evidence: Evidence, weights: Weights) -> FloatArray:
     """Log weight of poses, without prior."""
     spilled = weights.spilled * evidence.spilled / STRETCH**2
     return np.asarray(weights.hits * evidence.hits + weights.misses * evidence.misses + spilled)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chance:
+    """How often a random place near a pixel has an edge of one direction within reach.
+
+    Attributes:
+        shares: ``(CHANNELS, rows, columns)``.
+    """
+
+    shares: FloatArray
+
+    def at(self, normals: FloatArray, pixels: FloatArray) -> FloatArray:
+        """At pixels ``(*batch, 2)`` for edges with the given normals."""
+        row, column, _ = cell_of((self.shares.shape[1], self.shares.shape[2]), pixels)
+        return np.asarray(self.shares[channel_of(np.nan_to_num(normals)), row, column], dtype=np.float64)
+
+
+def chance_map(edges: EdgeMap, window: int = 81) -> Chance:
+    """Measure, in windows of the image, how common edges of each direction are."""
+    near = (edges.distances < REACH).astype(np.float32)
+    shares = np.stack([opencv().blur(near[k], (window, window)) for k in range(CHANNELS)])
+    return Chance(np.clip(shares, 0.02, 0.6))

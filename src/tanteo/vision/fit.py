@@ -14,8 +14,7 @@ from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
-from tanteo.vision.edge_map import EdgeMap
-from tanteo.vision.edges import CORRELATION
+from tanteo.vision.edges import CORRELATION, EdgeMap
 from tanteo.vision.wireframe import Seen, Wireframe, see_edges
 
 BIAS = 0.1
@@ -32,7 +31,7 @@ _ASKED = (0, 3, 6)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Met:
+class EdgeMatches:
     """Samples of a wireframe at some poses and the edge points they meet.
 
     Attributes:
@@ -62,17 +61,8 @@ class Met:
 
 def meet(
     frame: Wireframe, camera: Camera, edges: EdgeMap, T_camera_part: Transforms, reach: float, seen: Seen | None = None
-) -> Met:
-    """Find the edge points that the part's edges meet.
-
-    Args:
-        frame: of the part.
-        camera: that took the image.
-        edges: of the image.
-        T_camera_part: poses ``(*batch, 4, 4)``.
-        reach: how far an edge point may be from its sample [px].
-        seen: what is visible there, if known.
-    """
+) -> EdgeMatches:
+    """Find the edge points within reach [px] that the part's edges meet at poses ``(*batch, 4, 4)``."""
     seen = see_edges(frame, T_camera_part) if seen is None else seen
     batch, N = T_camera_part.shape[:-2], len(frame.points)
     numbers, points, inside = _core.meet_edges(
@@ -81,7 +71,7 @@ def meet(
     )  # fmt: skip
     n = numbers.reshape(*batch, N, 13)
     point = points.reshape(*batch, N).astype(np.int64)
-    return Met(
+    return EdgeMatches(
         seen, inside.reshape(*batch, N), n[..., :2], n[..., 2:4], n[..., 4], point >= 0, n[..., 5],
         n[..., 6], point, n[..., 7:],
     )  # fmt: skip

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.lie import SE3, SO3
-from tanteo.parts import Part
-from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.parts import Part, near_groups
+from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
 from tanteo.vision.segments import Corners, Segments
 
@@ -31,7 +31,7 @@ def model_paths(part: Part) -> Vectors:
     ends = part.edges.ends
     slack = _SAME_END * part.diagonal
     flat = ends.reshape(-1, 3)
-    label = _labels(flat, slack).reshape(-1, 2)
+    label = near_groups(flat, max(slack, 1e-9)).reshape(-1, 2)
     paths = []
     for corner in np.unique(label):
         at = [(int(e), int(s)) for e, s in np.argwhere(label == corner)]
@@ -42,15 +42,6 @@ def model_paths(part: Part) -> Vectors:
     flatness = np.linalg.norm(np.cross(out[:, 1] - out[:, 0], out[:, 2] - out[:, 0]), axis=1)
     out = out[flatness > 1e-3 * part.diagonal**2 * 1e-2]
     return _without_images(part, out)
-
-
-def _labels(points: Vectors, slack: float) -> IntArray:
-    from scipy.spatial import cKDTree
-
-    from tanteo.parts import components
-
-    pairs = cKDTree(points).query_pairs(max(slack, 1e-9), output_type="ndarray")
-    return components(len(points), pairs[:, 0], pairs[:, 1])
 
 
 def _without_images(part: Part, paths: Vectors) -> Vectors:

@@ -6,10 +6,8 @@ import numpy as np
 
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
-from tanteo.vision.camera import Camera, project
-from tanteo.vision.cv import opencv
-from tanteo.vision.edge_map import map_edges
-from tanteo.vision.edges import check_image
+from tanteo.vision.camera import Camera, opencv, project
+from tanteo.vision.edges import check_image, map_edges
 from tanteo.vision.evidence import REACH
 from tanteo.vision.fit import meet
 from tanteo.vision.sight import Sight, Sighting

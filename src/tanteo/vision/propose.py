@@ -15,10 +15,9 @@ from tanteo import _core
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, rays
-from tanteo.vision.edge_map import EdgeMap
+from tanteo.vision.edges import EdgeMap
 from tanteo.vision.models import VisionModel
-from tanteo.vision.regions import Region
-from tanteo.vision.silhouettes import bare_table
+from tanteo.vision.regions import Region, bare_table
 
 YAWS = 72
 """Yaws that are tried."""
@@ -102,16 +101,7 @@ def propose(
     places: Slides,
     most: int = 20,
 ) -> Proposal:
-    """Pose proposals of a part in a region.
-
-    Args:
-        model: of the part.
-        camera: that took the image.
-        T_camera_table: the table, z = 0 of its frame.
-        distances: of :func:`small_distances`.
-        places: of :func:`slides`.
-        most: how many poses to keep for each stable pose.
-    """
+    """Pose proposals of a part in a region, so many at most of each stable pose."""
     found = []
     if not len(places.pixels):
         return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))

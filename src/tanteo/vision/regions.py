@@ -1,4 +1,4 @@
-"""Where on the table something lies: regions that do not look like the table, and their contours.
+"""Where on the table something lies: regions that do not look like the table; and what a part at a pose covers.
 
 The table is taken to be the most of the image, its brightness a smooth function of place. A shadow is not table; it
 belongs to the region of what throws it, and what the region holds besides the part is found out when the part is known.
@@ -11,10 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.frames import frozen_array
-from tanteo.typing import BoolArray, FloatArray
-from tanteo.vision.cv import opencv
-from tanteo.vision.edges import CORRELATION, EdgePoints, check_image, image_noise
+from tanteo.frames import freeze
+from tanteo.lie import SE3
+from tanteo.shapes import Surface
+from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+from tanteo.vision.camera import Camera, opencv, project
+from tanteo.vision.edges import CORRELATION, EdgePoints, cell_of, check_image, image_noise
+from tanteo.vision.wireframe import in_camera
 
 _COARSE = 4
 _ROUNDS = 12
@@ -52,8 +55,7 @@ class Region:
     cut: bool
 
     def __post_init__(self) -> None:
-        for name in ("contour", "normals", "sds"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "contour", "normals", "sds")
 
     @property
     def centre(self) -> FloatArray:
@@ -111,7 +113,7 @@ def _region(shape: tuple[int, ...], outline: FloatArray, edges: EdgePoints) -> R
 
 def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Contour points at equal steps, each moved along its normal onto the edge that runs there."""
-    if _signed_area(points) < 0:
+    if opencv().contourArea(points.astype(np.float32), oriented=True) < 0:
         points = points[::-1]
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     upto = np.r_[0.0, np.cumsum(steps)]
@@ -137,6 +139,44 @@ def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatAr
     return even, normals, sds
 
 
-def _signed_area(points: FloatArray) -> float:
-    x, y = points.T
-    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+MARGIN = 3
+"""A silhouette may reach this far over a region before that counts [px]."""
+
+
+def silhouette(surface: Surface, camera: Camera, T_camera_part: Transforms) -> BoolArray:
+    """The pixels that a part covers, rows x columns.
+
+    Args:
+        surface: of the part, closed.
+        camera: that would take the image.
+        T_camera_part: pose ``(4, 4)``.
+    """
+    cv2 = opencv()
+    width, height = camera.size
+    mask = np.zeros((height, width), dtype=np.uint8)
+    eye = SE3.inverse(T_camera_part)[:3, 3]
+    corners = surface.vertices[surface.triangles[:, 0]]
+    front = np.sum((eye - corners) * surface.normals, axis=1) > 0
+    pixels = project(camera, SE3.apply(T_camera_part, surface.vertices))
+    polygons = pixels[surface.triangles[front]]
+    polygons = polygons[np.all(np.isfinite(polygons) & (np.abs(polygons) < 1e4), axis=(1, 2))]
+    for polygon in np.rint(polygons * 16).astype(np.int32):
+        cv2.fillConvexPoly(mask, polygon, 1, lineType=cv2.LINE_8, shift=4)
+    return mask.view(np.bool_)
+
+
+def spilled(surface: Surface, camera: Camera, Ts_camera_part: Transforms, mask: BoolArray) -> FloatArray:
+    """How much of a part's silhouette lies where the image shows bare table ``(B,)`` [px of area]."""
+    bare = bare_table(mask)
+    return np.array([float(np.count_nonzero(silhouette(surface, camera, T) & bare)) for T in Ts_camera_part])
+
+
+def bare_table(mask: BoolArray) -> BoolArray:
+    """Where bare table is seen, some pixels off what is not ``mask``, rows x columns."""
+    return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), np.uint8)) == 0)
+
+
+def bare_share(points: Vectors, camera: Camera, Ts_camera_part: Transforms, bare: BoolArray) -> FloatArray:
+    """Which share of a part's points ``(n, 3)`` lies where ``bare`` table is seen ``(B,)``."""
+    row, column, inside = cell_of(bare.shape, project(camera, in_camera(Ts_camera_part, points)))
+    return np.asarray((bare[row, column] & inside).mean(axis=-1))

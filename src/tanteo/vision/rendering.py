@@ -14,8 +14,7 @@ from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
-from tanteo.vision.camera import Camera, project, rays
-from tanteo.vision.cv import opencv
+from tanteo.vision.camera import Camera, opencv, project, rays
 
 FINE = 4
 """Rays along a pixel's side where neighbours differ."""

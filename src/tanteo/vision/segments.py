@@ -10,12 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.frames import frozen_array
+from tanteo.frames import freeze
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray
-from tanteo.vision.camera import Camera, without_distortion
-from tanteo.vision.cv import opencv
-from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of
-from tanteo.vision.edges import CORRELATION
+from tanteo.vision.camera import Camera, opencv, without_distortion
+from tanteo.vision.edges import CORRELATION, EdgeMap, cell_of, channel_of
 from tanteo.vision.fit import BIAS
 
 SHORTEST = 12.0
@@ -49,8 +47,7 @@ class Segments:
     counts: IntArray
 
     def __post_init__(self) -> None:
-        for name in ("ends", "middles", "directions", "covariances"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "ends", "middles", "directions", "covariances")
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -147,14 +144,8 @@ def _joined(rows: list[_Row]) -> Segments:
         for j in range(i + 1, len(rows)):
             joint = _join(rows[i], rows[j])
             out += [] if joint is None else [joint]
-    if not out:
-        return Segments(
-            np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0, dtype=np.int64)
-        )
-    ends, middles, directions, covariances, counts = zip(*out, strict=True)
-    return Segments(
-        np.array(ends), np.array(middles), np.array(directions), np.array(covariances), np.array(counts, dtype=np.int64)
-    )
+    columns = [np.array(column) for column in zip(*out, strict=True)]
+    return Segments(*(columns or [np.zeros((0, *s)) for s in ((2, 2), (2,), (2,), (2, 2))] + [np.zeros(0, np.int64)]))
 
 
 def _join(a: _Row, b: _Row) -> _Row | None:

@@ -20,9 +20,8 @@ from tanteo.special import softmax
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera
 from tanteo.vision.choices import EdgeErrors, log_evidence, mixture, numbered, terms_of
-from tanteo.vision.edge_map import EdgeMap
-from tanteo.vision.edges import CORRELATION
-from tanteo.vision.fit import Met, meet
+from tanteo.vision.edges import CORRELATION, EdgeMap
+from tanteo.vision.fit import EdgeMatches, meet
 from tanteo.vision.models import VisionModel
 from tanteo.vision.wireframe import see_edges
 
@@ -66,7 +65,7 @@ class Settled:
     information: FloatArray
     chi2: float
     equations: float
-    met: Met
+    met: EdgeMatches
 
 
 def settle(
@@ -128,7 +127,7 @@ def _settled(
     return Settled(T, information_of(model, covariance), chi2, float(shares.sum()), met)
 
 
-def _shifting(met: Met) -> Met:
+def _shifting(met: EdgeMatches) -> EdgeMatches:
     """The same, with two more unknowns: a shift of all edges in the image."""
     return replace(met, jacobian=np.concatenate([met.jacobian, np.nan_to_num(met.normals)], axis=-1))
 
@@ -148,11 +147,6 @@ def as_one(model: VisionModel, found: list[Settled], share: FloatArray) -> Settl
     """Poses of some probabilities, told as one normal: the mean, and the covariance of them all.
 
     They differ by so little that their covariances are told in one frame.
-
-    Args:
-        model: of the part.
-        found: poses.
-        share: their probabilities, up to a factor ``(B,)``.
     """
     best, share = found[int(np.argmax(share))], share / share.sum()
     if len(found) == 1:
@@ -190,20 +184,20 @@ def _hold(model: VisionModel) -> FloatArray:
     return np.asarray(_HOLD * to_unit.T @ to_unit)
 
 
-def _misplaced(met: Met, edges: EdgeMap, errors: EdgeErrors) -> FloatArray:
+def _misplaced(met: EdgeMatches, edges: EdgeMap, errors: EdgeErrors) -> FloatArray:
     """Standard deviation of what misplaces each sample's edge point besides noise ``(N,)`` [px]."""
     drifts = edges.points.drifts[met.points] if len(edges.points) else np.zeros(met.points.shape)
     return np.asarray(np.hypot(errors.own, errors.pulled * drifts))
 
 
-def clear_edges(model: VisionModel, met: Met, gap: float = 4.0) -> Met:
+def clear_edges(model: VisionModel, met: EdgeMatches, gap: float = 4.0) -> EdgeMatches:
     """Only those samples met at one pose that have no other edge of the part within ``gap`` px, to pull them aside."""
     pixels, normals, spans = (np.ascontiguousarray(a) for a in (met.pixels, met.normals, met.spans[None]))
     crowded = _core.crowded_edges(model.frame.groups, met.inside[None], pixels, normals, spans, gap, _TURNED)[0]
     return _only(met, met.hits & ~crowded)
 
 
-def own_points(met: Met, groups: IntArray, misplaced: FloatArray) -> Met:
+def own_points(met: EdgeMatches, groups: IntArray, misplaced: FloatArray) -> EdgeMatches:
     """Only those edge points met at one pose that run with the rest of their edge."""
     sd = np.sqrt(met.sds**2 + misplaced**2 + _TOGETHER**2)
     k = np.flatnonzero(met.hits)
@@ -217,5 +211,5 @@ def own_points(met: Met, groups: IntArray, misplaced: FloatArray) -> Met:
     return _only(met, hits)
 
 
-def _only(met: Met, hits: BoolArray) -> Met:
+def _only(met: EdgeMatches, hits: BoolArray) -> EdgeMatches:
     return replace(met, hits=hits, offsets=np.where(hits, met.offsets, 0.0))

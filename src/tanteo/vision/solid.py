@@ -19,18 +19,15 @@ from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.camera import Camera, project
-from tanteo.vision.chance import chance_map
-from tanteo.vision.checks import check_sight
-from tanteo.vision.edge_map import EdgeMap, cell_of, channel_of, map_edges
-from tanteo.vision.edges import find_edges
-from tanteo.vision.evidence import REACH, Weights, log_weight, weigh
+from tanteo.vision.edges import EdgeMap, cell_of, channel_of, find_edges, map_edges
+from tanteo.vision.evidence import REACH, Weights, chance_map, log_weight, weigh
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.models import VisionModel
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
 from tanteo.vision.posterior import UNKNOWN, ImageMode, ImagePosterior, distinct_poses
 from tanteo.vision.segments import find_corners, find_segments
 from tanteo.vision.settle import settle
-from tanteo.vision.sight import Sight, Sighting
+from tanteo.vision.sight import Sight, Sighting, check_sight, see_table
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
 TRIED, KEPT = 240, 48
@@ -168,3 +165,32 @@ def coarse_scores(frame: Wireframe, camera: Camera, edges: EdgeMap, Ts: Transfor
         weight = frame.lengths * seen.shown
         out.append(1 - (distance * weight).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-12) / cap)
     return np.concatenate(out) if out else np.zeros(0)
+
+
+def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel], *, top: int = 5) -> Sight:
+    """Which parts an image shows, where they are, and what a touch should settle.
+
+    Args:
+        image: grey levels from 0 to 255 ``(rows, columns)``; see :func:`tanteo.read_image`.
+        camera: calibrated. Where it says where it stands (``T_world_camera``), parts lie on the table z = 0 of the
+            world (:func:`tanteo.vision.see_table`); where it does not, one part in any pose is looked for, in the
+            frame of the camera (:func:`tanteo.vision.see_anywhere`).
+        parts: candidates.
+        top: number of hypotheses for each object.
+
+    Returns:
+        The objects that were seen, each with its answer: part, pose with covariance, probability.
+
+    Raises:
+        InputError: no parts, or an image of another size than the camera's.
+        MissingExtraError: without OpenCV (the extra ``vision``).
+
+    Example:
+        >>> image = tanteo.read_image("images/twins.png")
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> sight = tanteo.see(image, camera, [tanteo.read_part("parts/step_12mm.step")])
+        >>> sight.frame, [seen.answer.status for seen in sight.objects]
+        ('camera', ['recognized'])
+    """
+    look = see_anywhere if camera.T_world_camera is None else see_table
+    return look(image, camera, parts, top=top)

@@ -9,8 +9,7 @@ import numpy as np
 from tanteo.errors import DegenerateError, InputError
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
-from tanteo.vision.camera import Camera, project, project_linearized, rays
-from tanteo.vision.cv import opencv
+from tanteo.vision.camera import Camera, opencv, project, project_linearized, rays
 
 _CONTRADICT = 0.01
 """Points that are farther off than this share of the image's width (rms) are not those of one camera."""
@@ -55,13 +54,7 @@ def lying_information(T_table_part: Transforms, centre: Vectors, errors: TableEr
 
 
 def seen_table(errors: TableErrors, camera: Camera, T_world_table: Transforms) -> TableErrors:
-    """The table's errors as the camera sees it: those of where the camera stands are added.
-
-    Args:
-        errors: of the table in the world.
-        camera: standing somewhere.
-        T_world_table: the table, z = 0 of its frame.
-    """
+    """The table's errors as the camera sees it: those of where the camera stands are added."""
     if camera.covariance is None or camera.T_world_camera is None:
         return errors
     T = SE3.inverse(T_world_table) @ camera.T_world_camera

@@ -71,12 +71,7 @@ class Wireframe:
 
 
 def wireframe(part: Part, samples: int = SAMPLES) -> Wireframe:
-    """Sample the edges of a part.
-
-    Args:
-        part: with its mesh.
-        samples: of the sharp edges, about.
-    """
+    """Sample the edges of a part, about so many times its sharp ones."""
     edges = mesh_edges(part.triangles)
     surface = Surface(part.vertices, part.triangles)
     normals = np.stack([surface.normals[edges.left], surface.normals[edges.right]], axis=1)
@@ -136,13 +131,7 @@ class Seen:
 
 
 def see_edges(frame: Wireframe, T_camera_part: Transforms, *, hidden: bool = True) -> Seen:
-    """Which samples make edges in the image.
-
-    Args:
-        frame: of the part.
-        T_camera_part: poses ``(*batch, 4, 4)``.
-        hidden: whether to ask what the part itself hides; without, only which faces look at the camera.
-    """
+    """Which samples make edges in the image at poses ``(*batch, 4, 4)``; what the part itself hides only if asked."""
     poses = np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4))
     shape = *T_camera_part.shape[:-2], len(frame)
     shown, rims = (a.reshape(shape) for a in _core.see_edges(frame.compiled, poses, hidden))

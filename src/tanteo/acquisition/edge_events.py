@@ -1,4 +1,8 @@
-"""Where edge events are in the world, and the line that they are on."""
+"""Where edge events are in the world, the line that they are on, and whether the face ends there.
+
+Three places of three edges are on one line by chance now and then, and then control each other. What the crossings met
+between these places tells: there the face ends before that line, or goes on beyond it.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tanteo.acquisition.run import SensingRun
+from tanteo.acquisition.seen import Cloud, cloud_of
+from tanteo.features import Feature
 from tanteo.hand import Hand
-from tanteo.motion import Bend, EdgeEvent
+from tanteo.motion import Crease, EdgeEvent
 from tanteo.sensors import error_model
-from tanteo.typing import BoolArray, FloatArray, IntArray
+from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 Line = tuple[FloatArray, FloatArray]
 """A point and a direction ``(3,)``."""
@@ -34,7 +41,7 @@ _GATE = 3.3
 """A place that is farther from the line of all, in standard deviations of its residual, is of another edge."""
 
 
-def place_of(hand: Hand, event: EdgeEvent | Bend) -> FloatArray:
+def place_of(hand: Hand, event: EdgeEvent | Crease) -> FloatArray:
     """Where an event was ``(3,)`` [m]."""
     T = event.T_world_hand
     local = hand.origins[event.sensor] + event.distance * hand.axes[event.sensor]
@@ -140,3 +147,44 @@ def _variances(hand: Hand, events: Sequence[EdgeEvent]) -> FloatArray:
         C = unit[e.sensor]
         out.append(0.5 * e.across_sd**2 + max(C[0, 0], C[1, 1]) + e.distance**2 * max(C[3, 3], C[4, 4]))
     return np.array(out)
+
+
+_SPOT, _PLACE = 1.2, 1e-3
+"""Within so many radii of its spot, and so far more [m], a beam beside an edge may meet the face or miss it."""
+
+_BEFORE, _BEYOND, _LEAST = 3.0, 2.0, 2e-3
+"""A crossing takes care of so many radii before an edge and beyond it, and so far more [m]: farther off there may be
+another edge of the same face."""
+
+_DROP = 0.15
+"""A range that is longer by this share of the stand-off is off the face."""
+
+_OFTEN = 3
+"""Beams that speak against an edge, one of which may be by chance."""
+
+
+def against(run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, outwards: FloatArray) -> str:
+    """What the crossings met that cannot be beside an edge of a face; empty if all can be."""
+    cloud = cloud_of(run.hand, [m for m in run.motions if m.name == "cross edge"])
+    cloud = cloud.keep(cloud.ahead)
+    foot, way = _on_face(cloud, face)
+    spot, slack = way * cloud.slopes, np.maximum(_DROP * run.standoff, 6 * cloud.sds)
+    met = cloud.met & (np.abs(cloud.ranges - way) < slack)
+    missed = ~cloud.met | (cloud.ranges > way + slack)
+    origin, along = edge.T_world_feature[:3, 3], edge.T_world_feature[:3, 0]
+    x, y, places = (foot - origin) @ along, (foot - origin) @ outwards, (crossed - origin) @ along
+    between = (x > places.min() + spot) & (x < places.max() - spot)
+    clear = between & (np.abs(y) > _SPOT * spot + _PLACE)
+    ends = clear & missed & (y < 0) & (-y < _BEFORE * spot + _LEAST)
+    goes_on = clear & met & (y > 0) & (y < _BEYOND * spot + _LEAST)
+    for wrong, words in ((ends, "ends before that line"), (goes_on, "goes on beyond that line")):
+        if np.count_nonzero(wrong) >= _OFTEN:
+            return f"what was crossed is not one edge: between the places where it was met the face {words}"
+    return ""
+
+
+def _on_face(cloud: Cloud, face: Feature) -> tuple[Vectors, FloatArray]:
+    """Where the axes of the beams meet a plane ``(n, 3)``, and after which way ``(n,)`` [m]."""
+    point, normal = face.T_world_feature[:3, 3], face.T_world_feature[:3, 2]
+    way = ((point - cloud.starts) @ normal) / np.minimum(cloud.beams @ normal, -1e-6)
+    return cloud.starts + way[:, None] * cloud.beams, way

@@ -26,12 +26,7 @@ _OPEN = 1e-8
 
 
 def starts(log: PlaneLog, T_hand_beams: Transforms | None) -> list[Setup]:
-    """Setups to refine, the best first.
-
-    Args:
-        log: The stations.
-        T_hand_beams: Where the beams are by the rig, ``(k, 4, 4)``; one start then comes from it.
-    """
+    """Setups to refine, the best first; one from where the beams are by the rig ``(k, 4, 4)``, if known."""
     out = [] if T_hand_beams is None else [_setup(log, T_hand_beams, np.ones(len(log), dtype=bool))]
     lead = int(np.argmax(np.bincount(log.beam)))
     near = log.ranges <= np.median(log.ranges[log.beam == lead])

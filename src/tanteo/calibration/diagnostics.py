@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import qr
 
-from tanteo.calibration.geometry import BEAM
-from tanteo.calibration.prior import WEAK
+from tanteo.calibration.geometry import BEAM, WEAK
 from tanteo.typing import FloatArray
 
 _UNTOLD = 0.5
@@ -35,10 +35,6 @@ def undetermined(cov: FloatArray, prior: FloatArray) -> tuple[str, ...]:
     """Directions in a beam's parameters that the log did not tell.
 
     Judged in the coordinates that make the prior a unit ball: what a unit is does not matter.
-
-    Args:
-        cov: After the log, ``(7, 7)``.
-        prior: Before it, ``(7, 7)``.
     """
     vectors = _unmoved(cov, prior, len(BEAM) - 1)
     words = []
@@ -65,8 +61,6 @@ def _plain(vectors: FloatArray) -> FloatArray:
     """Basis of the same space with as many zeros as there are independent directions: readable."""
     if vectors.shape[1] == 0:
         return vectors
-    from scipy.linalg import qr
-
     # columns with pivots: each pivot parameter gets a vector of its own
     _, _, order = qr(vectors.T, pivoting=True)
     pivots = order[: vectors.shape[1]]
@@ -81,13 +75,7 @@ def _joined(parts: Sequence[str]) -> str:
 
 
 def status_of(names: Sequence[str], words: Sequence[tuple[str, ...]], lost: Sequence[bool]) -> tuple[str, str]:
-    """Status and one sentence.
-
-    Args:
-        names: Of the sensors.
-        words: What the log does not tell of each.
-        lost: Whether it is not known where its beam is.
-    """
+    """Status and one sentence, from what the log does not tell of each sensor and which of their beams are lost."""
     told = [f"{'; nor '.join(w)} of '{name}'" for name, w in zip(names, words, strict=True) if w]
     if any(lost):
         status, first = "insufficient", f"This log does not tell {'; nor '.join(told)}."

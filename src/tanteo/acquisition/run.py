@@ -1,26 +1,72 @@
-"""One acquisition under way: what it has to do with, and what it has done and sensed so far."""
+"""One acquisition under way, what it has done and sensed so far, and what becomes of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
-from tanteo.acquisition.acquired import Acquired, Outcome
-from tanteo.acquisition.cloud import Cloud, cloud_of
-from tanteo.acquisition.known import Known
-from tanteo.acquisition.record import join
+from tanteo.acquisition.seen import Cloud, Known, cloud_of
 from tanteo.errors import InputError
 from tanteo.features import Feature
 from tanteo.hand import Hand, Robot
 from tanteo.motion import Motion, Rules, retreat
-from tanteo.sensors import Readings, RobotPreset
+from tanteo.sensors import Readings, RobotPreset, concatenate
 from tanteo.typing import FloatArray
+
+Outcome: TypeAlias = Literal["acquired", "lost", "nothing", "limit", "timeout", "unclear"]
+"""``acquired``: the feature is sensed. ``unclear``: what was read does not determine it, or contradicts itself. The
+others are the endings of the motion that could not do its part (:data:`tanteo.motion.Ending`)."""
+
+
+Attempt: TypeAlias = tuple[Outcome, str, Feature | None]
+"""How it ended, the same in one sentence, and the feature, which is there exactly if it was acquired."""
+
+
+def failed(motion: Motion) -> Attempt:
+    """An acquisition that ends with a motion that could not do its part."""
+    assert motion.status != "reached"
+    return motion.status, motion.message, None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Acquired:
+    """One acquisition that has ended.
+
+    Attributes:
+        kind: ``plane``, ``edge`` or ``vertex``.
+        status: How it ended.
+        message: The same in one sentence.
+        feature: What was asked for; none unless acquired.
+        others: Features that were sensed on the way: the face of an edge, the edges of a corner.
+        readings: The record, of all labels; none if nothing was read on purpose.
+        motions: All motions in order.
+    """
+
+    kind: str
+    status: Outcome
+    message: str
+    feature: Feature | None
+    others: tuple[Feature, ...]
+    readings: Readings | None
+    motions: tuple[Motion, ...]
+
+    @property
+    def acquired(self) -> bool:
+        """The feature is sensed."""
+        return self.status == "acquired"
+
+    @property
+    def seconds(self) -> float:
+        """How long the robot took."""
+        return self.motions[-1].log[-1].time - self.motions[0].log[0].time if self.motions else 0.0
+
 
 LEAST_STANDOFF = 1.25
 """Stand-off in clearances: below, the guard would hold the hand before it arrives."""
 
 
 @dataclass(slots=True)
-class Session:
+class SensingRun:
     """One acquisition under way: its robot, its rules, the motions so far and the labelled readings.
 
     Attributes:
@@ -77,13 +123,13 @@ class Session:
         return before
 
 
-def back_off(session: Session, distance: float) -> Motion:
+def back_off(run: SensingRun, distance: float) -> Motion:
     """Away from the surface along the hand's axis."""
-    return session.does(retreat(session.robot, distance, session.rules))
+    return run.does(retreat(run.robot, distance, run.rules))
 
 
-def finish(kind: str, session: Session, status: Outcome, message: str, feature: Feature | None) -> Acquired:
-    """The result of a session."""
-    others = tuple(f for f in session.others if feature is None or f.label != feature.label)
-    record = join(session.readings)
-    return Acquired(kind, status, message, feature, others, record, tuple(session.motions))
+def finish(kind: str, run: SensingRun, status: Outcome, message: str, feature: Feature | None) -> Acquired:
+    """The result of a run."""
+    others = tuple(f for f in run.others if feature is None or f.label != feature.label)
+    record = concatenate(run.readings) if run.readings else None
+    return Acquired(kind, status, message, feature, others, record, tuple(run.motions))

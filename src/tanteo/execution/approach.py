@@ -1,0 +1,101 @@
+"""Poses of the hand with a frontal sensor along a beam, whose turn about it is free, and the ways there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.active import Candidates, SensingState
+from tanteo.execution.possible import Room
+from tanteo.hand import Hand, gap
+from tanteo.lie import SE3, SO3
+from tanteo.motion import path
+from tanteo.typing import BoolArray, Transforms, Vectors
+
+_TURNS = 8
+"""Turns about a beam that are tried."""
+
+
+def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transforms:
+    """Poses of the hand with a frontal sensor at ``origins (C, 3)`` that looks along ``directions (C, 3)``.
+
+    Returns:
+        ``T_world_hand`` ``(C, m, 4, 4)``: all turns of the first sensor, then those of the second.
+    """
+    T_world_beam = SE3.from_parts(SO3.frame_from_axis(directions, 2), np.asarray(origins, dtype=np.float64))
+    turns = np.zeros((_TURNS, 6))
+    turns[:, 5] = np.arange(_TURNS) * (2 * np.pi / _TURNS)
+    T_sensor_hand = SE3.inverse(np.stack([hand.rig.sensors[k].T_hand_sensor for k in hand.frontal]))
+    each = SE3.exp(turns) @ T_sensor_hand[:, None]
+    return np.asarray(T_world_beam[:, None] @ each.reshape(-1, 4, 4))
+
+
+def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
+    """Poses moved back along the hand's own axis [m]."""
+    out = np.array(Ts_world_hand)
+    out[..., :3, 3] -= distance * out[..., :3, 2]
+    return out
+
+
+def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> BoolArray:
+    """Which candidates the hand can make in one of its approach poses, and come to from behind ``(C,)``."""
+    Ts = approach_poses(hand, candidates.origins, candidates.directions)
+    ways = np.stack([Ts, back(Ts, retreat)], axis=2)
+    ok: BoolArray = np.all(room.within(ways), axis=2)
+    ok[ok] = (room.gaps(ways[ok]) >= room.clearance).all(axis=1)
+    return np.asarray(ok.any(axis=1))
+
+
+def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, reach: float) -> Transforms:
+    """Approach poses ``(m, 4, 4)``, first those in which more beams meet the likeliest mode, then the least turned."""
+    target, to_part = state.target(0), SE3.inverse(state.poses[0])
+    pair = list(hand.frontal)
+    starts = SE3.apply(to_part, SE3.apply(Ts[:, None], hand.origins[pair]))
+    beams = (to_part[:3, :3] @ Ts[:, None, :3, :3] @ hand.axes[pair][..., None])[..., 0]
+    hits = target.surface.cast(starts.reshape(-1, 3), beams.reshape(-1, 3)).distances.reshape(len(Ts), -1) < reach
+    alike = np.einsum("ij,nij->n", near[:3, :3], Ts[:, :3, :3])
+    return np.asarray(Ts[np.lexsort((-alike, -hits.sum(axis=1)))])
+
+
+_STEP = 0.01
+"""Of the front from pose to pose where a way is checked [m]; and that of the turn, in radians, is ten times it."""
+
+_LIFTS = (0.0, 0.1)
+"""Heights over what may be there at which the hand crosses it [m]."""
+
+
+def way(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
+    """Poses on the way of :func:`tanteo.motion.go_to` ``(n, 4, 4)``, near enough to each other to check it."""
+    a, b = (SE3.apply(T, hand.front) for T in (T_from, T_to))
+    turn = gap(T_from, T_to)[1]
+    n = 2 + int(max(np.linalg.norm(b - a) / _STEP, np.linalg.norm(turn) / (10 * _STEP)))
+    return path(T_from, T_to, hand.front, n)
+
+
+def route(hand: Hand, room: Room, T_from: Transforms, T_to: Transforms, retreat: float) -> list[Transforms] | None:
+    """Poses to go through to ``T_to``, itself last, with room on the whole way; None if none was found.
+
+    It goes back by ``retreat`` before it turns, and comes straight in the end.
+    """
+    before, behind = back(T_to, retreat), back(T_from, retreat)
+    ways = [[before, T_to], [behind, before, T_to]]
+    for lift in _LIFTS:
+        over = [_lifted(room, T, lift) for T in (T_from, behind, before)]
+        ways += [[over[0], over[2], before, T_to], [behind, over[1], over[2], before, T_to]]
+    for stops in sorted(ways, key=lambda stops: _length(hand, [T_from, *stops])):
+        legs = zip([T_from, *stops], stops, strict=False)
+        if all(room.along(way(hand, a, b)) for a, b in legs):
+            return stops
+    return None
+
+
+def _lifted(room: Room, T: Transforms, more: float) -> Transforms:
+    """A pose raised until the whole body is above all that is possible, and some more."""
+    lowest = float((room.body.placed(T)[:, 2] - room.body.radii).min())
+    out = np.array(T)
+    out[2, 3] += max(room.possible.top() + room.clearance + more - lowest, 0.0)
+    return out
+
+
+def _length(hand: Hand, stops: list[Transforms]) -> float:
+    fronts = SE3.apply(np.array(stops), hand.front)
+    return float(np.linalg.norm(np.diff(fronts, axis=0), axis=1).sum())

@@ -1,0 +1,155 @@
+"""With what a session of a hand begins: its frontal sensor as a probe, and what an image leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.active import Probe, Start, from_hypotheses
+from tanteo.answers import Priors
+from tanteo.errors import InputError
+from tanteo.hand import Hand
+from tanteo.inference import PreparedPart
+from tanteo.lie import SE3
+from tanteo.motion import Rules
+from tanteo.parts import Part
+from tanteo.sensors import NoiseLaw, RobotPreset, error_model
+from tanteo.vision import Sight, Sighting
+
+_CONE = float(np.radians(70.0))
+"""How far from straight down a hand looks whose workspace has a floor."""
+
+REPEATS = 10
+"""Readings at rest that are averaged."""
+
+LEAST_STANDOFF = 1.25
+"""Stand-off in clearances: below, the guard of the motions would hold the hand before it arrives."""
+
+_RETREAT = 0.05
+"""From how far behind it comes to a reading [m]."""
+
+_FAR = 0.8
+"""Share of its range from which a sensor may look: what may stand about keeps the hand away at first."""
+
+_SECONDS = 0.5
+"""Of one reading, beside travelling [s]."""
+
+
+def hand_probe(
+    hand: Hand, rules: Rules, standoff: float, robot: RobotPreset | None = None, *, repeats: int = REPEATS
+) -> Probe:
+    """What a session needs to know of the hand that carries it out.
+
+    Args:
+        hand: the hand; its first frontal sensor stands for both.
+        rules: what its motions keep to.
+        standoff: of the sensor over what it reads [m].
+        robot: errors of the robot's poses.
+        repeats: readings at rest that are averaged.
+
+    Raises:
+        InputError: The stand-off is too near to the clearance of the rules, or out of the sensor's range.
+    """
+    if not standoff >= LEAST_STANDOFF * rules.clearance:
+        raise InputError(
+            f"standoff: expected at least {LEAST_STANDOFF:g} times the clearance of {1e3 * rules.clearance:.3g} mm, "
+            f"got {1e3 * standoff:.3g} mm. Keep farther away, or lower the clearance."
+        )
+    model, k = error_model(hand.rig), hand.frontal[0]
+    const, prop, quad = (getattr(model.law, name)[k] / np.sqrt(repeats) for name in ("const", "prop", "quad"))
+    law = NoiseLaw.of(const, prop, quad, model.law.exp_d0[k], model.law.exp_k[k])
+    mount = np.sqrt(np.diag(model.cov_unit[k]))
+    across = np.hypot(mount[:2].max(), mount[3:5].max() * standoff)
+    place, turn, repeat = (0.0, 0.0, 0.0) if robot is None else (
+        robot.pos_abs_std, robot.rot_abs_std, robot.pos_repeat_std
+    )  # fmt: skip
+    floored = bool(np.isfinite(rules.workspace.low[2]))
+    return Probe(
+        name=hand.rig.sensors[k].name,
+        law=law,
+        beam_half_angle=float(model.beam_half_angle[k]),
+        max_range=float(min(model.max_range[k], 1.0)),
+        min_range=float(model.min_range[k]),
+        max_incidence=min(float(model.max_incidence[k]), np.radians(75.0)),
+        shared_sd=float(np.sqrt(model.bias_sd[k] ** 2 + mount[2] ** 2 + (mount[6] * standoff) ** 2)),
+        repeat_sd=repeat,
+        base_sds=(float(np.hypot(place, across)), turn),
+        standoff=standoff,
+        farthest=_FAR * float(min(model.max_range[k], 1.0)),
+        clearance=float(hand.body.radii.min()) + rules.clearance,
+        retreat=_RETREAT,
+        workspace=rules.workspace,
+        speed=rules.speed,
+        seconds=_SECONDS,
+        approach=np.array([0.0, 0.0, -1.0]) if floored else None,
+        cone=_CONE if floored else np.pi,
+    )
+
+
+HYPOTHESES = 20
+"""Answers of an image that are worth asking for: the true one is often not among the first five."""
+
+_LEAST, _HALF = 0.02, 0.5
+"""Probability that the image is wrong, at least and at most, whatever it says."""
+
+_FORGOTTEN = 1e-4
+"""Answers of the image less probable than this are left out."""
+
+
+def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
+    """The object that is meant: the one nearest to where the part roughly is, else the largest; None without any.
+
+    Args:
+        sight: of an image, known furniture left out (``see_table(..., ignore=)``).
+        prior: where the part is expected.
+    """
+    some = [seen for seen in sight.objects if seen.answer.hypotheses]
+    if not some or prior is None:
+        return some[0] if some else None
+    centres = [SE3.apply(T, prior.targets[k].part.centroid) for k, T in zip(prior.part, prior.Ts, strict=True)]
+    place = np.average(centres, axis=0, weights=prior.weights)[:2]
+
+    def away(seen: Sighting) -> float:
+        mode, best = seen.modes[0], seen.answer.hypotheses[0]
+        return float(np.linalg.norm(SE3.apply(best.T_world_part, mode.model.part.centroid)[:2] - place))
+
+    return min(some, key=away)
+
+
+def seen_start(
+    seen: Sighting | None, targets: Sequence[PreparedPart] | Sequence[Part], prior: Start | None = None
+) -> Start:
+    """The start of a session from what an image shows.
+
+    The image's answers are prior poses with its probabilities. Where it is wrong, which is as probable as all else than
+    its answers and 2 % at least, the prior pose holds; without one, the session may find that it is an unknown object.
+
+    Args:
+        seen: the object; None if nothing was seen.
+        targets: all parts that it may be.
+        prior: where each part may be without the image, of the same targets.
+
+    Raises:
+        InputError: nothing was seen, and there is no prior pose either.
+    """
+    answers = [] if seen is None else [h for h in seen.answer.hypotheses if h.probability > _FORGOTTEN]
+    if not answers:
+        if prior is None:
+            raise InputError(
+                "image: expected a part on the table, got none that is known. Give a prior pose, or its CAD file."
+            )
+        return prior
+    assert seen is not None
+    wrong = float(np.clip(1 - sum(h.probability for h in seen.answer.hypotheses), _LEAST, _HALF))
+    image = from_hypotheses(answers, targets, Priors(unknown=wrong))
+    if prior is None:
+        return image
+    return Start(
+        image.targets,
+        np.concatenate([image.part, prior.part]),
+        np.concatenate([image.Ts, prior.Ts]),
+        np.concatenate([image.covariances, prior.covariances]),
+        np.concatenate([(1 - wrong) * image.weights, wrong * prior.weights]),
+        prior.priors,
+    )
