@@ -132,7 +132,7 @@ def test_covariance_covers_what_a_plane_leaves_of_a_curved_face():
     for _ in range(60):
         xy = rng.uniform(-0.045, 0.045, (12, 2))
         found = labelled(np.column_stack([xy, -(xy[:, 0] ** 2) / 2.0 + SD * rng.normal(size=12)]))
-        bent = [note for note in found.notes if "bends" in note]
+        bent = [note for note in found.notes if "on a curved surface" in note]
         if bent:
             assert "label of its own" in bent[0]
             said += not found.rejected
@@ -160,5 +160,5 @@ def test_a_plane_is_rarely_said_to_bend():
     rng, notes = np.random.default_rng(3), 0
     for _ in range(300):
         points = np.column_stack([rng.uniform(-0.05, 0.05, (9, 2)), SD * rng.normal(size=9)])
-        notes += any("bends" in note for note in labelled(points).notes)
+        notes += any("on a curved surface" in note for note in labelled(points).notes)
     assert notes <= 3  # one in a thousand each
