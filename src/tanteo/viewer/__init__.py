@@ -8,6 +8,7 @@ browser. :class:`Player` plays a :class:`Show` on anything that implements :clas
 from tanteo.viewer.commands import Advance, Choose, Click, Go, Pause, Quit, Restart
 from tanteo.viewer.player import Page, Player
 from tanteo.viewer.record import moments, show_moment
+from tanteo.viewer.scenes import scene_show
 from tanteo.viewer.shows import Show, Watch, bare_show, hand_show
 from tanteo.viewer.simulation import laser, simulated
 from tanteo.viewer.snapshot import Snapshot
@@ -33,6 +34,7 @@ __all__ = [
     "moments",
     "play",
     "replay",
+    "scene_show",
     "show_moment",
     "simulated",
 ]
