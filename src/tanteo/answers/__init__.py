@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tanteo.answers.pose_prior import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
     from tanteo.answers.priors import STATED, Priors, sized
     from tanteo.answers.question import Clock, check_question, with_elapsed
-    from tanteo.answers.results import Answer, Finding, Hypothesis, Status
+    from tanteo.answers.results import Answer, Finding, FindingKind, Hypothesis, Status
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "Answer",
     "Clock",
     "Finding",
+    "FindingKind",
     "Furniture",
     "Hypothesis",
     "Misfit",
@@ -78,6 +79,6 @@ __getattr__, __dir__ = lazy(
         "question": "Clock check_question with_elapsed",
         "pose_prior": "PosePrior Table in_box log_density_within prior_residuals prior_rows",
         "priors": "STATED Priors sized",
-        "results": "Answer Finding Hypothesis Status",
+        "results": "Answer Finding FindingKind Hypothesis Status",
     },
 )
