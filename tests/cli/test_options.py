@@ -1,6 +1,6 @@
 import pytest
 
-from tanteo.cli.options import spread_values
+from tanteo.cli.app import spread_values
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import tanteo.demo
-from tanteo.cli import viewing
 from tanteo.session import Action
 from tanteo.viewer import Show
 
@@ -20,7 +19,7 @@ PARTS = ("--parts", *(DEMO / "parts" / f"bracket_{side}.stl" for side in ("left"
 @pytest.fixture
 def there(monkeypatch):
     """As if viser were installed, whether it is or not."""
-    monkeypatch.setattr(viewing, "find_spec", lambda name: object())
+    monkeypatch.setattr("tanteo.cli.view.find_spec", lambda name: object())
 
 
 @pytest.fixture
@@ -56,7 +55,7 @@ def test_refusals(run, there, options, message):
 
 
 def test_without_viser_it_says_what_to_install(run, monkeypatch):
-    monkeypatch.setattr(viewing, "find_spec", lambda name: None)
+    monkeypatch.setattr("tanteo.cli.view.find_spec", lambda name: None)
     result = run("view")
     assert (result.code, result.out) == (1, "")
     assert "pip install 'tanteo[viewer]'" in result.err

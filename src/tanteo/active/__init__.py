@@ -23,12 +23,13 @@ from tanteo.active.plans import Plan, PlannedReading, plan
 from tanteo.active.policies import POLICIES, Greedy, most_information, policy_named, register_utility
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
-from tanteo.active.start import Start, around, at_pose, from_hypotheses
+from tanteo.active.start import ORIGIN_SDS, Start, around, at_origin, at_pose, from_hypotheses
 from tanteo.active.state import SensingState, begin, update
 from tanteo.active.stopping import Stop, chance_within, corner_distances, largest_corner_sd
 from tanteo.active.utility import UTILITIES, Outlook, Utility, about_mode, about_pose, expected_information
 
 __all__ = [
+    "ORIGIN_SDS",
     "POLICIES",
     "UTILITIES",
     "AcceptProbability",
@@ -59,6 +60,7 @@ __all__ = [
     "accept_matrix",
     "accept_probability",
     "around",
+    "at_origin",
     "at_pose",
     "begin",
     "bhattacharyya",

@@ -138,11 +138,11 @@ class Probe:
         return np.asarray(within & (cosines >= np.cos(self.max_incidence)))
 
 
-def probe_of(preset: SensorPreset | str, robot: RobotPreset | str | None = None, **where: object) -> Probe:
+def probe_of(preset: SensorPreset | str | float, robot: RobotPreset | str | None = None, **where: object) -> Probe:
     """The probe of a sensor's preset on a robot; ``where`` are further fields of :class:`Probe`.
 
     Args:
-        preset: the sensor, or its name.
+        preset: the sensor, or its name; or one standard deviation of its readings [m], and nothing else is known of it.
         robot: its errors, or its name; none are assumed without it.
         where: standoff, clearance, approach, workspace and so on.
 
@@ -155,17 +155,23 @@ def probe_of(preset: SensorPreset | str, robot: RobotPreset | str | None = None,
     """
     preset = sensor_preset(preset) if isinstance(preset, str) else preset
     robot = robot_preset(robot) if isinstance(robot, str) else robot
+    errors: dict[str, object] = {
+        "repeat_sd": 0.0 if robot is None else robot.pos_repeat_std,
+        "base_sds": (0.0, 0.0) if robot is None else (robot.pos_abs_std, robot.rot_abs_std),
+    }
+    if isinstance(preset, float):
+        values = {"name": f"sd {1e3 * preset:g} mm", "law": NoiseLaw.of(preset), **errors}
+        return Probe(**(values | where))  # type: ignore[arg-type]
     check_kind("preset", preset, (SensorPreset, str), "Name one of tanteo.sensors.sensor_presets().")
     far = 0.3 if preset.is_contact else preset.max_range
     standoff = min(0.05, far) if preset.is_contact else float(np.clip(0.05, 1.2 * preset.min_range, 0.8 * far))
     standoff = float(where.get("standoff", standoff))  # type: ignore[arg-type]
-    values: dict[str, object] = {
+    values = {
         "name": preset.name, "law": preset.law, "contact": preset.is_contact, "max_range": far,
         "min_range": 0.0 if preset.is_contact else preset.min_range,
         "beam_half_angle": float(np.nan_to_num(preset.beam_half_angle)),
         "max_incidence": min(preset.max_incidence, np.radians(80.0)),
         "shared_sd": float(np.hypot(preset.bias_std, preset.bias_prop_std * standoff)),
-        "repeat_sd": 0.0 if robot is None else robot.pos_repeat_std,
-        "base_sds": (0.0, 0.0) if robot is None else (robot.pos_abs_std, robot.rot_abs_std), "standoff": standoff,
+        "standoff": standoff, **errors,
     }  # fmt: skip
     return Probe(**(values | where))  # type: ignore[arg-type]

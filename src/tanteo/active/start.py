@@ -16,6 +16,9 @@ from tanteo.limits import check_places, check_spreads
 from tanteo.parts import Part, as_part
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
+ORIGIN_SDS = 0.005, float(np.radians(3.0))
+"""How well a part's place is taken to be known if nobody says: each axis [m], about each axis [rad]."""
+
 _BEYOND = 1.2
 """Spread of the poses that are looked at, in that of the prior poses."""
 
@@ -172,6 +175,13 @@ def at_pose(
         np.ones(1),
         priors or Priors(),
     )
+
+
+def at_origin(target: PreparedPart | Part, priors: Priors | None = None) -> Start:
+    """One part with its frame at the world's, known at its centroid as well as :data:`ORIGIN_SDS`: for plans."""
+    part = prepare_all("part", as_part("part", target))[0].part
+    J = SE3.adjoint(SE3.from_parts(np.eye(3), part.centroid))
+    return at_pose(target, np.eye(4), J @ np.diag(np.repeat(ORIGIN_SDS, 3) ** 2) @ J.T, priors)
 
 
 def from_hypotheses(

@@ -2,5 +2,15 @@
 
 from tanteo.catalogue.cache import cache_folder
 from tanteo.catalogue.reading import Failure, Parts, read_parts
+from tanteo.catalogue.surprises import cad_files, coarse_meshes, skipped_folders, unused_unit
 
-__all__ = ["Failure", "Parts", "cache_folder", "read_parts"]
+__all__ = [
+    "Failure",
+    "Parts",
+    "cache_folder",
+    "cad_files",
+    "coarse_meshes",
+    "read_parts",
+    "skipped_folders",
+    "unused_unit",
+]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
 
 
@@ -14,11 +16,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     Raises:
         SystemExit: Always; 130 after an interruption.
     """
-    import sys
-
     try:
-        from tanteo.cli.app import app
-        from tanteo.cli.options import TYPED, spread_values
+        from tanteo.cli.app import app, spread_values  # inside, so that an interruption of loading is one, too
+        from tanteo.cli.files import TYPED
 
         _open_streams()
         typed = list(sys.argv[1:] if argv is None else argv)
@@ -30,9 +30,6 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def _open_streams() -> None:
     """Streams that the caller has closed (``>&-``) take everything and keep nothing."""
-    import os
-    import sys
-
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))

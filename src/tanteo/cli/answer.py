@@ -1,130 +1,173 @@
-"""A recognition in words: the answer first, then what else it could be, what is in doubt, and what to do next."""
+"""``tanteo identify`` and ``tanteo locate``: from a table of readings to the part and its pose."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
-from tanteo.cli.printing import bold, printable, table
-from tanteo.io import pose_as_brand
-from tanteo.lie import SO3
+from tanteo import answers, inference, io, text
+from tanteo.cli import arguments as args
+from tanteo.cli import files
+from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
+from tanteo.errors import ReadingsError
 
 if TYPE_CHECKING:
-    from tanteo.answers import Answer, Hypothesis
+    from tanteo.parts import Part
+    from tanteo.sensors import PointMeasurements, Readings, Rig
 
-_MOST_NAMES = 12
-
-
-def answer_lines(answer: Answer, known: str = "", *, frame: str = "world", verbose: bool = False) -> list[str]:
-    """The lines for a person.
-
-    Args:
-        answer: What was found.
-        known: What was taken as known of the pose, in words.
-        frame: Name of the frame that poses are in.
-        verbose: Also the matrix, the pairings and the time each stage took.
-    """
-    lines = [bold(printable(_headline(answer, frame)))]
-    lines += [f"  known       {printable(known)}"] if known else []
-    best = answer.hypotheses[0] if answer.hypotheses else None
-    if best is not None:
-        lines += _details(best, verbose=verbose)
-    if len(answer.hypotheses) > 1:
-        lines += ["", "It could also be:", *_others(answer.hypotheses[1:])]
-    if answer.status == "unknown" and best is not None and best.probability > answer.unknown_probability:
-        lines += ["", "A test says that none of the parts fits; the probabilities are what they were if one did."]
-    elif best is not None or answer.status == "unknown":
-        lines += ["", f"Unknown object: {_percent(answer.unknown_probability)}."]
-    if best is not None and best.outliers:
-        lines.append(f"Readings that do not fit: {_outliers(best)}.")
-    if best is not None and best.unobserved:
-        lines.append(f"Not observed: {printable('; '.join(best.unobserved))}.")
-    if verbose:
-        lines.append("Time: " + ", ".join(f"{stage} {s:.3f} s" for stage, s in answer.elapsed.items()) + ".")
-    return [*lines, "", printable(answer.message)]
+_HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILINE)
+_CONVENTIONS = ("units", "directions", "normals", "mirror", "hand", "offset")
+"""Findings that ask what the numbers of the readings mean."""
 
 
-def _headline(answer: Answer, frame: str) -> str:
-    if not answer.hypotheses:
-        reason = "too little was sensed" if answer.status == "insufficient" else "no part fits these readings"
-        return f"{answer.status}: {reason}"
-    best = answer.hypotheses[0]
-    where = (
-        f"{best.part} at {_position(best.T_world_part)} mm, {_turn(best.T_world_part)} deg in the {frame}; "
-        f"probability {_percent(best.probability)}, largest corner sd {_millimetres(best.corner_sd)}"
-    )
-    return {
-        "recognized": where,
-        "ambiguous": f"ambiguous, best guess {where}",
-        "insufficient": f"insufficient, best guess {where}",
-        "unknown": f"unknown, nearest {where}",
-    }[answer.status]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Options of ``identify`` and ``locate``."""
+
+    units: args.Units = None
+    sensor: args.Sensor = None
+    sd: args.Sd = None
+    tolerance: args.Tolerance = 0.0
+    robot: args.Robot = None
+    tip_sd: args.TipSd = None
+    outlier_rate: args.OutlierRate = None
+    unknown_prior: args.UnknownPrior = None
+    rig: args.RigPath = None
+    table: args.TableAt = None
+    box: args.BoxAt = None
+    pose_prior: args.PosePriorAt = None
+    prior: args.PriorPath = None
+    significance: args.Significance = 0.01
+    top: args.Top = 5
+    as_published: args.AsPublished = False
+    report: args.Report = None
+    json: args.Json = False
+    seed: args.Seed = 0
+    verbose: args.Verbose = False
 
 
-def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
-    q = SO3.as_quaternion(best.T_world_part[:3, :3])
-    sds = np.sqrt(np.diag(best.covariance))
-    lines = [
-        f"  file        {printable(best.file)}",
-        f"  quaternion  w {q[0]:.6f}  x {q[1]:.6f}  y {q[2]:.6f}  z {q[3]:.6f}",
-        f"  sd          x {sds[0] * 1e3:.3g}  y {sds[1] * 1e3:.3g}  z {sds[2] * 1e3:.3g} mm, "
-        f"rx {np.degrees(sds[3]):.3g}  ry {np.degrees(sds[4]):.3g}  rz {np.degrees(sds[5]):.3g} deg, part frame",
-        f"  fit         rms {_millimetres(best.rms)}, chi2 {best.chi2:.3g} with {best.dof} dof, p {best.p_value:.3g}",
-    ]
-    if best.covariance_relative is not None:
-        same = np.sqrt(np.diag(best.covariance_relative))[:3] * 1e3
-        lines.append("  unshared    " + "x {:.3g} y {:.3g} z {:.3g} mm, if shared errors were known".format(*same))
-    if best.symmetry_order > 1:
-        lines.append(f"  symmetry    {best.symmetry_order} equivalent poses, reported as one")
-    if best.symmetry_axis is not None:
-        (x, y, z), d = best.symmetry_axis[0] * 1e3, best.symmetry_axis[1]
-        lines.append(
-            f"  symmetry    turns about its axis through ({x:.2f}, {y:.2f}, {z:.2f}) mm along "
-            f"({d[0]:.3f}, {d[1]:.3f}, {d[2]:.3f}) are equivalent"
+def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options) -> None:
+    """Say which of the parts was sensed, where it is and how sure that is."""
+    known = args.read_known(options.table, options.box, options.pose_prior, options.prior)
+    start = time.perf_counter()
+    if known is not None and options.as_published:
+        raise MisuseError(
+            "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
-    if verbose:
-        lines.append("  T_world_part (metres):")
-        lines += ["    " + "  ".join(f"{value: .9f}" for value in row) for row in best.T_world_part]
-        lines += [f"  {printable(reading)} on {printable(feature)}" for reading, feature in best.pairings]
-    return lines
+    files.check_report(options.report)
+    sources = [("the readings", readings), ("--rig", options.rig)]
+    files.check_different(("--report", options.report), inputs=sources, parts=parts)
+    given = _read(readings, parts, options)
+    from tanteo.recognition import identify
+
+    loaded = time.perf_counter() - start
+    said: dict[str, Any] = {"pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
+    said = {name: value for name, value in said.items() if value is not None}
+
+    with misuse(always=False):
+        result = identify(
+            given.readings, given.parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance,
+            robot=options.robot, tip_sd=options.tip_sd, rig=given.rig, significance=options.significance,
+            top=options.top, as_published=options.as_published, priors=answers.Priors(**said) if said else None,
+            seed=options.seed,
+        )  # fmt: skip
+    elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
+    result = replace(result, elapsed=elapsed)
+    if not options.json:  # a person reads while it is thought about what may be wrong; a document has it all
+        print_answer(result, known, verbose=options.verbose)
+    result = _questioned(result, given)
+    if options.json:
+        print_answer(result, as_json=True)
+    if options.report is not None:
+        _report(options.report, result, given, options, known)
+    leave(decided=result.status == "recognized")
 
 
-def _others(hypotheses: tuple[Hypothesis, ...]) -> list[str]:
-    headers = ["part", "probability", "x mm", "y mm", "z mm", "roll", "pitch", "yaw deg", "corner sd mm"]
-    rows = []
-    for h in hypotheses:
-        x = pose_as_brand("paper", h.T_world_part)
-        numbers = [f"{v * 1e3:.2f}" for v in x[:3]] + [f"{np.degrees(v):.2f}" for v in x[3:]]
-        rows.append([h.part, _percent(h.probability), *numbers, f"{h.corner_sd * 1e3:.3g}"])
-    return table(headers, rows, indent=2)
+def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options) -> None:
+    """Say where a known part is and how sure that is."""
+    files.require_file("--part", part)
+    identify(readings, [part], options)
 
 
-def _position(T: np.ndarray) -> str:
-    return "x {:.2f} y {:.2f} z {:.2f}".format(*T[:3, 3] * 1e3)
+def print_answer(
+    answer: answers.Answer, known: answers.PosePrior | None = None, *, as_json: bool = False, verbose: bool = False
+) -> None:
+    """An answer, for a person, or for a program with its status on standard error."""
+    if as_json:
+        put(io.recognition_json(answer, warned()))
+        say_status(answer)
+    else:
+        emit(text.answer_lines(answer, known, verbose=verbose, layout=layout()))
 
 
-def _turn(T: np.ndarray) -> str:
-    return "roll {:.2f} pitch {:.2f} yaw {:.2f}".format(*np.degrees(pose_as_brand("paper", T)[3:]))
+def say_status(answer: answers.Answer) -> None:
+    """Beside a document: what a person should know of an answer that is not decided."""
+    if answer.status != "recognized":
+        say(f"{answer.status}: {answer.message}", sys.stderr)
 
 
-def _millimetres(metres: float) -> str:
-    return f"{metres * 1e3:.3g} mm"
+class _Given(NamedTuple):
+    """What was read; whether a person was warned already that it hardly goes together."""
+
+    readings: Readings
+    measured: PointMeasurements
+    parts: Sequence[Part]
+    rig: Rig | None
+    scale: inference.Scale
+    doubted: bool
 
 
-def _percent(p: float) -> str:
-    # never "100 %" or "0 %": a posterior is not certain, even where float says 1
-    if p >= 0.9995:
-        return "> 99.9 %"
-    return "< 0.1 %" if p < 0.0005 else f"{100 * p:.1f} %"
+def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
+    """Read everything, with a warning where it hardly goes together; what may take long comes last."""
+    from tanteo.parts import READABLE
+    from tanteo.sensors import measure, misspelt
+
+    if Path(path).suffix.lower() in READABLE:
+        raise ReadingsError(
+            f"READINGS: expected a table of readings (CSV), got the CAD file '{path}'. Readings come first, CAD files "
+            "behind --parts or --part."
+        )
+    rig = None if options.rig is None else files.read_asked_rig(options.rig)
+    readings = io.read_readings(path)
+    with misuse():
+        measured = measure(
+            readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig
+        )
+    if rig is None and (question := misspelt(readings)):
+        complain("warning", question)
+    parts = files.read_all_parts(part_paths, options.units, quiet=options.json)
+    with open(path, encoding="utf-8", errors="replace") as file:
+        column = _HEADER.search(file.read(20_000))
+    scale = inference.scale_of(measured.points, parts, column[1] if column else "", options.units or "")
+    doubt = inference.about_size(measured.points, scale) or inference.about_spread(measured.covs, scale)
+    if doubt is not None:
+        complain("warning", doubt.message)
+    return _Given(readings, measured, parts, rig, scale, doubt is not None)
 
 
-def _outliers(best: Hypothesis) -> str:
-    """Each with how far off it is, where that is known."""
-    off = best.outlier_distances or (float("nan"),) * len(best.outliers)
-    shown = [
-        printable(name) + (f" ({_millimetres(d)} off)" if np.isfinite(d) else "")
-        for name, d in zip(best.outliers, off, strict=True)
-    ]
-    rest = len(shown) - _MOST_NAMES
-    return ", ".join(shown[:_MOST_NAMES]) + (f" and {rest} more" if rest > 0 else "")
+def _questioned(answer: answers.Answer, given: _Given) -> answers.Answer:
+    """The answer with what was probably meant otherwise as its last finding, of which a person is warned."""
+    others = tuple(one for one in answer.findings if one.kind not in _CONVENTIONS)
+    meant = [one for one in answer.findings if one.kind in _CONVENTIONS]
+    question = inference.about_frames(answer, given.scale, given.measured) or (meant[-1] if meant else None)
+    if given.doubted or question is None:
+        return answer
+    complain("warning", question.message)
+    return replace(answer, findings=(*others, question))
+
+
+def _report(
+    path: str, answer: answers.Answer, given: _Given, options: Options, known: answers.PosePrior | None
+) -> None:
+    from tanteo.report import gather, report_page
+    from tanteo.session import Sensing
+
+    sensing = Sensing(options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.tolerance)
+    page = report_page(answer, gather(given.readings, sensing, known), given.parts, files.this_run())
+    files.write_page(path, page, as_json=options.json)

@@ -1,52 +1,125 @@
-"""The commands and their options. Only the parser is imported here: everything else waits for its command."""
+"""The commands wired to the parser: their options spread out and read, their failures as messages and exit codes.
+
+Only the parser is imported here, and by the modules of the commands: what they need else waits until they run.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import is_dataclass
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import typer
+from typer.core import TyperCommand
 
-from tanteo.cli.arguments import (
-    AsPublished,
-    BoxAt,
-    Grouped,
-    Json,
-    OutlierRate,
-    PartPath,
-    PartPaths,
-    PosePriorAt,
-    PriorPath,
-    ReadingsPath,
-    Report,
-    RigPath,
-    Robot,
-    Sd,
-    Seed,
-    Sensor,
-    Significance,
-    TableAt,
-    TipSd,
-    Tolerance,
-    Top,
-    Units,
-    UnknownPrior,
-    Verbose,
-)
-from tanteo.cli.demo import demo
-from tanteo.cli.plan_app import plan
-from tanteo.cli.replay import replay
-from tanteo.cli.sense_app import sense_app
-from tanteo.cli.sensor_app import sensor_app
-from tanteo.cli.view_app import view
+from tanteo.cli import answer, demo, doctor, part, plan, replay, see, sense, sensor, view
+from tanteo.cli.arguments import MisuseError, Words, misuse
+from tanteo.cli.printing import complain, listening
+from tanteo.errors import TanteoError
 
-app = typer.Typer(
-    help="Which part is it, where is it, and how sure are we: from touches and ranges against CAD files.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-    epilog="Exit codes: 0 answered, 1 failed, 2 misused, 3 ambiguous, unknown or insufficient.",
-)
-part_app = typer.Typer(help="Look at CAD files.", rich_markup_mode=None, no_args_is_help=True)
+_FAILED, _MISUSED, _INTERRUPTED = 1, 2, 130
+
+_MANY = ("--parts", "--discriminate")
+_READINGS_SUFFIXES = (".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+
+
+class Grouped(TyperCommand):
+    """A command whose help has its options in groups."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Arguments first, then each group in the order of its first option."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None:
+                argument = parameter.param_type_name == "argument"
+                name = "Arguments" if argument else getattr(parameter, "rich_help_panel", None) or "Options"
+                groups.setdefault(name, []).append(record)
+        for name, records in groups.items():
+            with formatter.section(name):
+                formatter.write_dl(records)
+
+
+@contextmanager
+def _guarded() -> Iterator[None]:
+    """What tanteo raises on purpose becomes a line on standard error and an exit code, never a traceback."""
+    try:
+        with listening():
+            yield
+    except TanteoError as error:
+        complain("error", str(error))
+        raise typer.Exit(_MISUSED if isinstance(error, MisuseError) else _FAILED) from None
+    except KeyboardInterrupt:
+        complain("error", "interrupted.")
+        raise typer.Exit(_INTERRUPTED) from None
+
+
+class _Option(NamedTuple):
+    """A parameter as the parser wants it, how its value is read, and the group that has it as a field, if any."""
+
+    parameter: inspect.Parameter
+    words: Words | None
+    group: str
+
+
+def _options(owner: Any, group: str = "") -> Iterator[_Option]:
+    """The options of a command, or of a dataclass of options."""
+    hints = get_type_hints(owner, include_extras=True)
+    for parameter in inspect.signature(owner).parameters.values():
+        hint = hints[parameter.name]
+        if is_dataclass(hint):
+            yield from _options(hint, parameter.name)
+            continue
+        words = next((extra for extra in hint.__metadata__ if isinstance(extra, Words)), None)
+        default = parameter.default
+        if words is not None:
+            option = next(extra for extra in hint.__metadata__ if extra is not words)
+            hint = Annotated[words.typed, option]
+            default = default if words.default is None else words.default
+        parameter = parameter.replace(annotation=hint, default=default, kind=inspect.Parameter.KEYWORD_ONLY)
+        yield _Option(parameter, words, group)
+
+
+def _command(
+    function: Callable[..., None], check: Callable[[Mapping[str, Any]], None] | None = None
+) -> Callable[..., None]:
+    """A command as the parser wants it.
+
+    Args:
+        function: What it does; a parameter that is a dataclass has options as its fields.
+        check: Asked with all that was typed, by the names of the parameters, before any of it is read.
+    """
+    options = list(_options(function))
+    groups = {name: hint for name, hint in get_type_hints(function).items() if is_dataclass(hint)}
+
+    def run(**typed: Any) -> None:
+        with _guarded():
+            with misuse():
+                if check is not None:
+                    check(typed)
+                values: dict[str, dict[str, Any]] = {name: {} for name in ("", *groups)}
+                for option in options:
+                    value = typed[option.parameter.name]
+                    if option.words is not None and value is not None:
+                        value = option.words.read(value)
+                    values[option.group][option.parameter.name] = value
+                made = {name: group(**values[name]) for name, group in groups.items()}  # type: ignore[operator]
+            function(**values[""], **made)
+
+    run.__signature__ = inspect.Signature([option.parameter for option in options])  # type: ignore[attr-defined]
+    run.__annotations__ = {option.parameter.name: option.parameter.annotation for option in options}
+    run.__doc__ = function.__doc__
+    return run
+
+
+def _group(words: str) -> typer.Typer:
+    return typer.Typer(help=words, rich_markup_mode=None, no_args_is_help=True)
+
+
+def _add(to: typer.Typer, name: str, function: Callable[..., None], check: Any = None) -> None:
+    to.command(name, cls=Grouped)(_command(function, check))
 
 
 def _version(wanted: bool) -> None:
@@ -55,6 +128,15 @@ def _version(wanted: bool) -> None:
 
         typer.echo(f"tanteo {__version__}")
         raise typer.Exit
+
+
+app = typer.Typer(
+    help="Which part is it, where is it, and how sure are we: from touches and ranges against CAD files.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    epilog="Exit codes: 0 answered, 1 failed, 2 misused, 3 ambiguous, unknown or insufficient.",
+)
 
 
 @app.callback()
@@ -66,148 +148,50 @@ def root(
     """Which part is it, where is it, and how sure are we: from touches and ranges against CAD files."""
 
 
-@app.command(cls=Grouped)
-def identify(
-    readings: ReadingsPath,
-    parts: PartPaths,
-    units: Units = None,
-    sensor: Sensor = None,
-    sd: Sd = None,
-    tolerance: Tolerance = "0mm",
-    robot: Robot = None,
-    tip_sd: TipSd = None,
-    outlier_rate: OutlierRate = None,
-    unknown_prior: UnknownPrior = None,
-    rig: RigPath = None,
-    table: TableAt = None,
-    box: BoxAt = None,
-    pose_prior: PosePriorAt = None,
-    prior: PriorPath = None,
-    significance: Significance = 0.01,
-    top: Top = 5,
-    as_published: AsPublished = False,
-    report: Report = None,
-    json: Json = False,
-    seed: Seed = 0,
-    verbose: Verbose = False,
-) -> None:
-    """Say which of the parts was sensed, where it is and how sure that is."""
-    from tanteo.cli.options import misuse, read_options
-    from tanteo.cli.prior_options import read_pose_prior
-    from tanteo.cli.running import guarded, recognize
+_sense = _group("Sense a feature, or find out which part is there, in the simulator, without contact.")
+_sensor = _group("Look at sensors, robots and rigs, and calibrate them.")
+_part = _group("Look at CAD files.")
 
-    with guarded():
-        with misuse():
-            options = read_options(
-                units=units, sensor=sensor, robot=robot, sd=sd, tolerance=tolerance, tip_sd=tip_sd,
-                outlier_rate=outlier_rate, unknown_prior=unknown_prior, significance=significance, top=top,
-                as_published=as_published, seed=seed,
-            )  # fmt: skip
-        pose = read_pose_prior(table, box, pose_prior, prior)
-        recognize(readings, parts, rig, options, pose, report=report, as_json=json, verbose=verbose)
+_add(app, "identify", answer.identify)
+_add(app, "locate", answer.locate)
+_add(app, "see", see.see)
+_add(app, "plan", plan.plan, plan.check_plan)
+app.add_typer(_sense, name="sense")
+_add(_sense, "plane", sense.sense_plane)
+_add(_sense, "edge", sense.sense_edge)
+_add(_sense, "vertex", sense.sense_vertex)
+_add(_sense, "part", sense.sense_part)
+_add(app, "view", view.view, view.check_view)
+_add(app, "replay", replay.replay)
+app.add_typer(_sensor, name="sensor")
+_add(_sensor, "list", sensor.list_presets)
+_add(_sensor, "show", sensor.show_preset)
+_add(_sensor, "rig", sensor.show_rig)
+_add(_sensor, "fit", sensor.fit)
+app.add_typer(_part, name="part")
+_add(_part, "show", part.show)
+_add(app, "demo", demo.demo)
+_add(app, "doctor", doctor.doctor)
 
 
-@app.command(cls=Grouped)
-def locate(
-    readings: ReadingsPath,
-    part: PartPath,
-    units: Units = None,
-    sensor: Sensor = None,
-    sd: Sd = None,
-    tolerance: Tolerance = "0mm",
-    robot: Robot = None,
-    tip_sd: TipSd = None,
-    outlier_rate: OutlierRate = None,
-    unknown_prior: UnknownPrior = None,
-    rig: RigPath = None,
-    table: TableAt = None,
-    box: BoxAt = None,
-    pose_prior: PosePriorAt = None,
-    prior: PriorPath = None,
-    significance: Significance = 0.01,
-    top: Top = 5,
-    as_published: AsPublished = False,
-    report: Report = None,
-    json: Json = False,
-    seed: Seed = 0,
-    verbose: Verbose = False,
-) -> None:
-    """Say where a known part is and how sure that is."""
-    from tanteo.cli.running import guarded, require_file
+def spread_values(argv: Sequence[str]) -> list[str]:
+    """``--parts A B C`` as ``--parts A --parts B --parts C``, which is what the parser understands.
 
-    with guarded():
-        require_file("--part", part)
-    identify(
-        readings, [part], units, sensor, sd, tolerance, robot, tip_sd, outlier_rate, unknown_prior, rig, table,
-        box, pose_prior, prior,
-        significance, top, as_published, report, json, seed, verbose,
-    )  # fmt: skip
-
-
-@app.command(cls=Grouped)
-def see(
-    image: Annotated[str, typer.Argument(metavar="IMAGE", help="Image file (PNG, JPEG, ...).")],
-    camera: Annotated[
-        str, typer.Option("--camera", metavar="FILE", help="Calibration file of OpenCV or ROS (YAML, JSON).")
-    ],
-    parts: PartPaths,
-    units: Units = None,
-    marks: Annotated[
-        str | None,
-        typer.Option("--marks", metavar="FILE", help="Known points of the table, to place the camera (CSV)."),
-    ] = None,
-    picture: Annotated[
-        str | None, typer.Option("--picture", metavar="FILE", help="Draw what was seen to this file (PNG).")
-    ] = None,
-    top: Top = 5,
-    json: Json = False,
-    verbose: Verbose = False,
-) -> None:
-    """Say which parts an image shows and where they are: on a table, or one part anywhere."""
-    from tanteo.cli.options import misuse, read_top, read_unit
-    from tanteo.cli.running import guarded
-
-    with guarded():
-        with misuse():
-            unit, count = None if units is None else read_unit(units), read_top(top)
-        from tanteo.cli.seeing import SeeOptions, see_image
-
-        see_image(SeeOptions(image, camera, parts, unit, marks, picture, count), as_json=json, verbose=verbose)
-
-
-app.command(cls=Grouped)(plan)
-app.add_typer(sense_app, name="sense")
-app.command(cls=Grouped)(view)
-app.command(cls=Grouped)(replay)
-
-
-@part_app.command("show", cls=Grouped)
-def show(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="CAD file (STEP, STL, ...).")],
-    units: Units = None,
-    json: Json = False,
-    verbose: Verbose = False,
-) -> None:
-    """Show what was read: planes, edges, vertices, curved faces, symmetry, box and repairs."""
-    from tanteo.cli.options import misuse, read_unit
-    from tanteo.cli.running import guarded, show_part
-
-    with guarded():
-        with misuse():
-            unit = None if units is None else read_unit(units)
-        show_part(file, unit, as_json=json, verbose=verbose)
-
-
-app.add_typer(sensor_app, name="sensor")
-app.add_typer(part_app, name="part")
-app.command(cls=Grouped)(demo)
-
-
-@app.command(cls=Grouped)
-def doctor(json: Json = False) -> None:
-    """Say what is installed and whether it works: versions, extras, a self-test."""
-    from tanteo.cli.doctoring import run_doctor
-    from tanteo.cli.running import guarded
-
-    with guarded():
-        run_doctor(as_json=json)
+    The values end at the next option, or at a readings file (``.csv``), a record (``.json``) or an image, which is
+    never a part: so these may come after the parts, too.
+    """
+    out: list[str] = []
+    many = ""
+    for k, word in enumerate(argv):
+        if word == "--":
+            return out + list(argv[k:])
+        fresh = bool(out) and out[-1] in _MANY
+        if word.startswith("-") and len(word) > 1:
+            many = word if word in _MANY else ""
+        elif many and not fresh:
+            if word.lower().endswith(_READINGS_SUFFIXES):
+                many = ""
+            else:
+                out.append(many)
+        out.append(word)
+    return out

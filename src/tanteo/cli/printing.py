@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from itertools import zip_longest
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+import typer
 
 from tanteo.errors import InputError
+from tanteo.text import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+UNDECIDED = 3
+_ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 
 _WARNED: ContextVar[list[str] | None] = ContextVar("warned", default=None)
 """Warnings of the command that runs."""
-
-
-def printable(text: str) -> str:
-    """The text with control characters and lone surrogates written as escapes: file contents cannot move a cursor."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
 
 
 def emit(lines: Iterable[str], stream: TextIO | None = None) -> None:
@@ -42,6 +43,11 @@ def _folded(line: str, width: int) -> list[str]:
     if len(_ESCAPES.sub("", line)) <= width:
         return [line]
     return textwrap.wrap(line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False)
+
+
+def say(text: str, stream: TextIO | None = None) -> None:
+    """Write a sentence, whatever it quotes."""
+    emit([printable(text)], stream)
 
 
 def put(text: str, stream: TextIO | None = None) -> None:
@@ -64,6 +70,20 @@ def put(text: str, stream: TextIO | None = None) -> None:
             return
         why = error.strerror or error
         raise InputError(f"output: expected a place to write to, got: {why}. Send it elsewhere.") from None
+
+
+def put_json(document: dict[str, Any]) -> None:
+    """A document on standard output."""
+    put(json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN and no infinity: a number that is not finite is ``null``."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextmanager
@@ -95,83 +115,21 @@ def has_colour(stream: TextIO) -> bool:
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-def bold(text: str) -> str:
-    """Bold on a terminal."""
-    return f"\x1b[1m{text}\x1b[0m" if has_colour(sys.stdout) else text
+def layout() -> Layout:
+    """That of standard output: as wide as the terminal, or 120 columns elsewhere, and bold where there is colour."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PLAIN.width
+    return Layout(width, has_colour(sys.stdout))
 
 
-_ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
-
-_ELSEWHERE = 120
-"""Columns that a table may take where it does not go to a terminal."""
-
-_FOLDED = 12
-"""Columns of text are folded down to this many characters, and not further."""
-
-
-def table(
-    headers: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,), indent: int = 0
-) -> list[str]:
-    """Lines of a table that fits the terminal (or 120 columns elsewhere); numbers to the right, and never cut.
-
-    Where the numbers do not fit beside each other, each row becomes lines of their own: a name and a value.
-
-    Args:
-        headers: Of the columns.
-        rows: Cells as text.
-        left: Columns with text, which may fold; the others keep their width.
-        indent: Of each line, in spaces.
-    """
-    cells = [[printable(cell) for cell in row] for row in rows]
-    wide = [max(len(header), *(len(row[k]) for row in cells), 0) for k, header in enumerate(headers)]
-    least = sum(min(w, _FOLDED) if k in left else w for k, w in enumerate(wide)) + 2 * (len(headers) - 1) + indent
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _ELSEWHERE
-    lines = (
-        _columns(headers, cells, left, width - indent) if least <= width else _records(headers, cells, width - indent)
-    )
-    return [" " * indent + line if line else line for line in lines]
-
-
-def _columns(headers: Sequence[str], cells: Sequence[Sequence[str]], left: Sequence[int], width: int) -> list[str]:
-    from rich.console import Console
-    from rich.table import Table
-
-    out = Table(box=None, pad_edge=False, header_style="")
-    for k, header in enumerate(headers):
-        out.add_column(header, justify="left" if k in left else "right", overflow="fold", no_wrap=k not in left)
-    for row in cells:
-        out.add_row(*map(_plain, row))
-    console = Console(width=width, color_system=None, highlight=False, emoji=False, force_terminal=False)
-    with console.capture() as captured:
-        console.print(out)
-    return [line.rstrip() for line in captured.get().splitlines()]
-
-
-def _records(headers: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> list[str]:
-    """Each row as lines of name and value, an empty line between rows."""
-    name = min(max(map(len, headers)), width // 3)
-    lines = list[str]()
-    for row in cells:
-        lines.append("")
-        for header, cell in zip(headers, row, strict=True):
-            pairs = zip_longest(textwrap.wrap(header, name), textwrap.wrap(cell, width - name - 2), fillvalue="")
-            lines += [f"{a:<{name}}  {b}".rstrip() for a, b in pairs]
-    return lines[1:]
-
-
-def _plain(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)
+def leave(*, decided: bool) -> None:
+    """End a command that answers, with code 3 unless the answer is what was asked for."""
+    if not decided:
+        raise typer.Exit(UNDECIDED)
 
 
 @contextmanager
 def progress(label: str, *, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error while something long runs; silent if that is not a terminal.
-
-    Yields:
-        To call with the number done and the number of all.
-    """
+    """A bar on standard error, to be called with how many are done of how many; silent if that is no terminal."""
     if quiet or not sys.stderr.isatty():
         yield lambda done, total: None
         return

@@ -7,11 +7,13 @@ browser. :class:`Player` plays a :class:`Show` on anything that implements :clas
 
 from tanteo.viewer.commands import Advance, Choose, Click, Go, Pause, Quit, Restart
 from tanteo.viewer.player import Page, Player
+from tanteo.viewer.scenes import scene_show
 from tanteo.viewer.shows import Show, Watch, hand_show, laser, probe_show, simulated
 from tanteo.viewer.snapshot import Snapshot
 from tanteo.viewer.view import NEEDS_VISER, moments, play, replay, show_moment
 
 __all__ = [
     "NEEDS_VISER", "Advance", "Choose", "Click", "Go", "Page", "Pause", "Player", "Quit", "Restart", "Show", "Snapshot",
-    "Watch", "hand_show", "laser", "moments", "play", "probe_show", "replay", "show_moment", "simulated",
+    "Watch", "hand_show", "laser", "moments", "play", "probe_show", "replay", "scene_show",
+    "show_moment", "simulated",
 ]  # fmt: skip

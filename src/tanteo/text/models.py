@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.cli.printing import bold, printable, table
+from tanteo.text.layout import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
@@ -14,13 +14,19 @@ if TYPE_CHECKING:
 _MOST_ROWS = 20
 
 
-def part_lines(part: Part, *, verbose: bool = False) -> list[str]:
-    """The lines for a person; all rows of every table if ``verbose``, else the first of each."""
+def part_lines(part: Part, *, verbose: bool = False, layout: Layout = PLAIN) -> list[str]:
+    """What was read from a CAD file: faces, edges, vertices, symmetry, repairs.
+
+    Args:
+        part: What was read.
+        verbose: All rows of every table, and not only the first of each.
+        layout: Where they are shown.
+    """
     sides = " x ".join(f"{1e3 * side:.4g}" for side in part.box[1] - part.box[0])
     low = ", ".join(f"{1e3 * v:.4g}" for v in part.box[0])
     curved = [f for f in part.faces if f.surface != "plane"]
     lines = [
-        bold(
+        layout.bold(
             f"{printable(part.name)}: {sides} mm, {len(part.planes)} planes, {len(part.edges)} edges, "
             f"{len(part.corners)} vertices, {len(curved)} curved faces"
         ),
@@ -33,7 +39,7 @@ def part_lines(part: Part, *, verbose: bool = False) -> list[str]:
     for title, headers, rows in _tables(part):
         if rows:
             shown = rows if verbose else rows[:_MOST_ROWS]
-            lines += ["", *table([title, *headers], shown)]
+            lines += ["", *layout.table([title, *headers], shown)]
             if len(shown) < len(rows):
                 lines.append(f"... and {len(rows) - len(shown)} more (-v shows all)")
     return lines

@@ -7,9 +7,9 @@ import pytest
 
 from tanteo import __version__
 from tanteo.answers import Answer, Hypothesis
-from tanteo.cli.answer import answer_lines
 from tanteo.io import recognition_document, recognition_json
 from tanteo.lie import SE3, SO3
+from tanteo.text import answer_lines
 
 T = SE3.from_parts(
     SO3.axis_rotation(2, np.deg2rad(30)) @ SO3.axis_rotation(1, np.deg2rad(20)) @ SO3.axis_rotation(0, np.deg2rad(10)),

@@ -7,32 +7,39 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tanteo.cli.printing import bold, printable, table
 from tanteo.sensors import Device, Rig, RigSensor, RobotPreset, SensorPreset
+from tanteo.text.layout import PLAIN, Layout, printable
 from tanteo.typing import FloatArray
 
 _KEY = "V in the source, C computed by us from it, M from memory, A assumed by us"
 _COLUMNS = 6
 
 
-def list_lines(
-    sensors: Mapping[str, SensorPreset], robots: Mapping[str, RobotPreset], rigs: Mapping[str, str]
+def preset_lines(
+    sensors: Mapping[str, SensorPreset],
+    robots: Mapping[str, RobotPreset],
+    rigs: Mapping[str, str],
+    *,
+    layout: Layout = PLAIN,
 ) -> list[str]:
-    """Everything that can be named on the command line."""
-    lines = table(
+    """Tables of the presets that can be named, and of the rigs that come along."""
+    lines = layout.table(
         ["sensor (--sensor)", "kind", "range mm", "noise mm", "verified"],
         [[p.name, p.kind, _span(p), _noise(p), p.check] for p in sensors.values()],
         left=(0, 1, 4),
     )
     lines += ["", f"verified: {_KEY}"]
-    lines += ["", *table(["robot (--robot)", "verified"], [[p.name, p.check] for p in robots.values()], left=(0, 1))]
+    lines += [
+        "",
+        *layout.table(["robot (--robot)", "verified"], [[p.name, p.check] for p in robots.values()], left=(0, 1)),
+    ]
     described = [[name, text.splitlines()[0].lstrip("# ")] for name, text in rigs.items()]
-    return [*lines, "", *table(["rig (--rig)", ""], described, left=(0, 1))]
+    return [*lines, "", *layout.table(["rig (--rig)", ""], described, left=(0, 1))]
 
 
-def sensor_lines(preset: SensorPreset) -> list[str]:
+def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
     """One sensor: limits, noise over range and incidence, what a unit has for good, and where that is from."""
-    lines = [bold(f"{preset.name}: {preset.kind.replace('_', ' ')}")]
+    lines = [layout.bold(f"{preset.name}: {preset.kind.replace('_', ' ')}")]
     if preset.is_contact:
         lines += [f"  noise      {_mm(preset.sigma_const)} mm, in every direction"]
     else:
@@ -48,13 +55,13 @@ def sensor_lines(preset: SensorPreset) -> list[str]:
         f"             ({_KEY})",
         f"  source     {preset.source}",
     ]
-    return lines if preset.is_contact else [*lines, "", *_noise_table(preset)]
+    return lines if preset.is_contact else [*lines, "", *_noise_table(preset, layout)]
 
 
 _RANGE_KINDS = {"radial": "along the beam", "perpendicular": "along the optical axis (a rig says it: axis)"}
 
 
-def _noise_table(preset: SensorPreset) -> list[str]:
+def _noise_table(preset: SensorPreset, layout: Layout) -> list[str]:
     """Standard deviations of a range to a flat surface, by range and incidence."""
     d = _grid(preset.min_range, preset.max_range)
     angles = np.linspace(0, preset.max_incidence, 4)
@@ -63,7 +70,7 @@ def _noise_table(preset: SensorPreset) -> list[str]:
     headers = ["noise in mm at range mm", *(f"{math.degrees(a):.3g} deg" for a in angles), "unit"]
     unit = np.hypot(preset.bias_std, preset.bias_prop_std * d)
     rows = [[f"{1e3 * r:.4g}", *map(_mm, row), _mm(u)] for r, row, u in zip(d, sds, unit, strict=True)]
-    return table(headers, rows)
+    return layout.table(headers, rows)
 
 
 def _grid(low: float, high: float) -> FloatArray:
@@ -73,10 +80,10 @@ def _grid(low: float, high: float) -> FloatArray:
     return np.array([inner[0], *rounded, high])
 
 
-def robot_lines(preset: RobotPreset) -> list[str]:
+def robot_lines(preset: RobotPreset, *, layout: Layout = PLAIN) -> list[str]:
     """One robot: repeatability and absolute error."""
     return [
-        bold(f"{preset.name}: robot"),
+        layout.bold(f"{preset.name}: robot"),
         f"  repeats   to {_mm(preset.pos_repeat_std)} mm and {math.degrees(preset.rot_repeat_std):.2g} deg an axis, "
         "anew at every reading",
         f"  absolute  {_mm(preset.pos_abs_std)} mm and {math.degrees(preset.rot_abs_std):.2g} deg an axis, "
@@ -87,7 +94,7 @@ def robot_lines(preset: RobotPreset) -> list[str]:
     ]
 
 
-def rig_lines(rig: Rig, name: str) -> list[str]:
+def rig_lines(rig: Rig, name: str, *, layout: Layout = PLAIN) -> list[str]:
     """Where the sensors of a rig sit, where they look, and how well both are known."""
     headers = [
         "sensor",
@@ -104,8 +111,8 @@ def rig_lines(rig: Rig, name: str) -> list[str]:
     rows = [_rig_row(s) for s in rig.sensors]
     count = f"{len(rig.sensors)} sensor{'s' if len(rig.sensors) != 1 else ''}"
     return [
-        bold(f"{printable(name)}: {count} in the hand's frame"),
-        *table(headers, rows, left=(0, 1)),
+        layout.bold(f"{printable(name)}: {count} in the hand's frame"),
+        *layout.table(headers, rows, left=(0, 1)),
         "noise in the middle of the range; mount and unit: what all readings of a sensor share; one standard deviation",
     ]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.cli.printing import bold, printable, table
+from tanteo.text.layout import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
     from tanteo.calibration import BeamFit, Calibration, Outlier
@@ -20,19 +20,25 @@ _MOST_OUTLIERS = 12
 _RANGES, _ANGLE_STEP = 6, 15.0
 
 
-def fit_lines(found: Calibration, *, verbose: bool) -> list[str]:
-    """The lines for a person."""
+def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layout = PLAIN) -> list[str]:
+    """What was estimated, on which planes, and at which ranges and incidences.
+
+    Args:
+        found: What was estimated.
+        verbose: All outliers, and not only the first.
+        layout: Where they are shown.
+    """
     readings = int(np.sum(found.log.station >= 0))
     planes = f"{len(found.planes)} plane{'s' if len(found.planes) > 1 else ''}"
     head = f"{found.status}: {readings} readings at {len(found.log)} places on {planes}"
-    lines = [bold(head), f"  {printable(found.message)}"]
+    lines = [layout.bold(head), f"  {printable(found.message)}"]
     for beam in found.beams:
-        lines += ["", *_beam_lines(beam)]
-    lines += ["", *_plane_table(found), "", *_coverage_table(found)]
+        lines += ["", *_beam_lines(beam, layout)]
+    lines += ["", *_plane_table(found, layout), "", *_coverage_table(found, layout)]
     return [*lines, "", *_outlier_lines(found.outliers, verbose=verbose)]
 
 
-def _beam_lines(beam: BeamFit) -> list[str]:
+def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
     T, sds = beam.T_hand_beam, np.sqrt(np.diag(beam.cov))
     # spread of the origin along the hand's axes; the turn about the beam means nothing
     R = T[:3, :3]
@@ -41,7 +47,7 @@ def _beam_lines(beam: BeamFit) -> list[str]:
     law = beam.repeats.law
     place = _with_sd(beam.place_sds, beam.place_cov, (1e3, 100.0, math.degrees(1.0)))
     lines = [
-        bold(f"sensor {printable(beam.name)}, in the hand's frame"),
+        layout.bold(f"sensor {printable(beam.name)}, in the hand's frame"),
         f"  beam from   ({_values(1e3 * T[:3, 3], 2)}) mm, sd ({_values(1e3 * spread, 2)}) mm; "
         "the offset of the ranges is in it",
         f"  beam along  ({_values(T[:3, 2], 4)}), sd {tilt:.2g} deg about each axis across",
@@ -73,7 +79,7 @@ def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]
     return out
 
 
-def _plane_table(found: Calibration) -> list[str]:
+def _plane_table(found: Calibration, layout: Layout) -> list[str]:
     rows = []
     for plane in found.planes:
         sds = np.sqrt(np.diag(plane.cov))
@@ -89,10 +95,10 @@ def _plane_table(found: Calibration) -> list[str]:
             ]
         )
     headers = ["plane", "places", "rms mm", "normal x", "y", "z", "sd deg", "offset mm", "sd mm"]
-    return table(headers, rows)
+    return layout.table(headers, rows)
 
 
-def _coverage_table(found: Calibration) -> list[str]:
+def _coverage_table(found: Calibration, layout: Layout) -> list[str]:
     """How many places there are at each range and incidence."""
     lines = []
     for k, beam in enumerate(found.beams):
@@ -108,7 +114,7 @@ def _coverage_table(found: Calibration) -> list[str]:
             [f"{top - _ANGLE_STEP:.0f}-{top:.0f} deg", *(str(c) if c else "." for c in row)]
             for top, row in zip(tops, counts, strict=True)
         ]
-        lines += table(headers, rows)
+        lines += layout.table(headers, rows)
     return [*lines, "What is found holds for these ranges and incidences."]
 
 

@@ -1,0 +1,25 @@
+"""``tanteo doctor``: what is installed and whether it works."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import typer
+
+from tanteo import text
+from tanteo.cli import arguments as args
+from tanteo.cli.printing import emit, layout, put_json
+
+
+def doctor(json: args.Json = False) -> None:
+    """Say what is installed and whether it works: versions, extras, a self-test."""
+    from tanteo import __version__
+    from tanteo.doctor import examine
+
+    found = examine()
+    if json:
+        put_json({"schema": "tanteo.doctor/1", "version": __version__, "ok": found.ok, **asdict(found)})
+    else:
+        emit(text.examination_lines(found, __version__, layout=layout()))
+    if not found.ok:
+        raise typer.Exit(1)

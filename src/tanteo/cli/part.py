@@ -1,0 +1,27 @@
+"""``tanteo part show``: what was read from a CAD file."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from tanteo import io, text
+from tanteo.cli import arguments as args
+from tanteo.cli import files
+from tanteo.cli.printing import emit, layout, put
+
+
+def show(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="CAD file (STEP, STL, ...).")],
+    units: args.Units = None,
+    json: args.Json = False,
+    verbose: args.Verbose = False,
+) -> None:
+    """Show what was read: planes, edges, vertices, curved faces, symmetry, box and repairs."""
+    files.require_file("FILE", file)
+    (part,) = files.read_all_parts([file], units, quiet=json)
+    if json:
+        put(io.part_json(part))
+    else:
+        emit(text.part_lines(part, verbose=verbose, layout=layout()))

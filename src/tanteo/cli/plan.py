@@ -1,0 +1,218 @@
+"""``tanteo plan``: the readings that place a part within a tolerance, or the one that discriminates two parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tanteo import inference, io, text
+from tanteo.cli import arguments as args
+from tanteo.cli import files
+from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.printing import emit, layout, leave, put
+from tanteo.errors import InputError
+from tanteo.replaced import replaced
+
+if TYPE_CHECKING:
+    from tanteo.active import Plan, Probe
+    from tanteo.parts import Part
+    from tanteo.typing import Vectors
+else:  # the parser resolves annotations, and has to load nothing for that
+    Vectors = Any
+
+_CONFIDENCE, _MOST = 0.95, 30
+"""What holds for a plan where nobody says."""
+
+
+def _approach(text: str) -> tuple[Vectors, float]:
+    import numpy as np
+
+    words = text.replace(" ", "").split(",")
+    try:
+        values = [float(w.removesuffix("deg")) for w in words]
+    except ValueError:
+        values = []
+    if len(values) != 4 or not words[-1].endswith("deg") or not 0 <= values[3] <= 180 or not any(values[:3]):
+        raise InputError(
+            f"--approach: expected a direction in the world and the largest angle to it, got '{text}'. Write it as "
+            "0,0,-1,60deg."
+        )
+    return np.array(values[:3]), float(np.radians(values[3]))
+
+
+def _place(name: str, typed: str) -> float:
+    return io.parse_length(typed, name)
+
+
+def _feature(name: str) -> str:
+    from tanteo.active import check_feature
+
+    check_feature(name)
+    return name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Options of ``plan``."""
+
+    part: Annotated[str | None, args.option("--part", "FILE", "CAD file of the part to place (STEP, STL, ...).")] = None
+    discriminate: Annotated[
+        list[str] | None,
+        args.option("--discriminate", "A B", "CAD files of two parts: which one reading discriminates them?"),
+    ] = None
+    tolerance: Annotated[
+        float | None,
+        args.option("--tolerance", "LENGTH", "How far off its corners may be, as 0.2mm."),
+        args.Words(partial(args.length, "--tolerance", "0.2mm")),
+    ] = None
+    confidence: Annotated[
+        float | None,
+        args.option("--confidence", None, "Probability with which they keep it: 0.95 if not said."),
+        args.Words(partial(args.fraction, "--confidence", "number", f"{_CONFIDENCE}"), float | None),
+    ] = None
+    feature: Annotated[args.Feature, args.Words(_feature)] = None
+    sensor: Annotated[
+        str | None, args.option("--sensor", "NAME", args.SENSOR_HELP, autocompletion=args.sensor_names), args.PRESET
+    ] = None
+    sd: Annotated[
+        float | None,
+        args.option("--sd", "LENGTH", "Instead: one standard deviation of a reading, as 0.1mm."),
+        args.Words(partial(args.length, "--sd", "0.1mm")),
+    ] = None
+    robot: Annotated[
+        str | None, args.option("--robot", "PRESET", args.ROBOT_HELP, autocompletion=args.robot_names), args.ROBOT
+    ] = None
+    pose_prior: args.PosePriorAt = None
+    approach: Annotated[
+        tuple[Vectors, float] | None,
+        args.option("--approach", "DIR,ANGLE", "Which way it may look or move in the world, as 0,0,-1,60deg."),
+        args.Words(_approach),
+    ] = None
+    standoff: Annotated[
+        float | None,
+        args.option("--standoff", "LENGTH", "From start to surface."),
+        args.Words(partial(_place, "--standoff")),
+    ] = None
+    clearance: Annotated[
+        float | None,
+        args.option("--clearance", "LENGTH", "Room that the probe needs: 10mm if not said."),
+        args.Words(partial(_place, "--clearance")),
+    ] = None
+    max_measurements: Annotated[
+        int | None,
+        args.option("--max-measurements", None, "Readings at most: 30 if not said."),
+        args.Words(partial(args.at_least, "--max-measurements", 1, f"Leave it out for {_MOST}"), int | None),
+    ] = None
+    units: Annotated[str | None, args.option("--units", "UNIT", args.UNITS_HELP), args.UNIT] = None
+    csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table too.")] = None
+    seed: Annotated[int, args.option("--seed", None, "Of the places that are tried."), args.SEED] = 0
+    report: args.Report = None
+    json: args.Json = False
+
+    def __post_init__(self) -> None:
+        if (self.sensor is None) == (self.sd is None):
+            got = "neither" if self.sd is None else "both"
+            raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
+
+    def probe(self) -> Probe:
+        """What senses."""
+        from tanteo.active import probe_of
+
+        where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance}
+        where |= dict(zip(("approach", "cone"), self.approach or (), strict=False))
+        given = {name: value for name, value in where.items() if value is not None}
+        return probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
+
+
+def check_plan(typed: Mapping[str, Any]) -> None:
+    """What cannot be meant together raises InputError."""
+    part, pair = typed["part"], typed["discriminate"] or []
+    if (part is None) == (not pair):
+        raise InputError(
+            f"plan: expected --part FILE, or --discriminate A B, got {'both' if pair else 'neither'}. Say one."
+        )
+    if pair and len(pair) != 2:
+        raise InputError(f"--discriminate: expected two CAD files, got {len(pair)}. Name both.")
+    if pair and Path(pair[0]).resolve() == Path(pair[1]).resolve():
+        raise InputError(
+            f"--discriminate: expected two parts, got {pair[0]} twice. Poses of one part are for a "
+            "session (tanteo sense part --image)."
+        )
+    of_plans = ("tolerance", "confidence", "feature", "pose_prior", "max_measurements", "csv")
+    unused = [f"--{name.replace('_', '-')}" for name in of_plans if typed[name] is not None]
+    if pair and unused:
+        raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Leave it out.")
+    if part is not None and typed["tolerance"] is None:
+        raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
+
+
+def plan(options: Options) -> None:
+    """Plan the fewest readings that place a part within a tolerance, or the one that discriminates two parts."""
+    with misuse():
+        probe = options.probe()
+    files.check_report(options.report)
+    files.check_target("--csv", options.csv)
+    paths = options.discriminate or [options.part or ""]
+    files.check_different(("--csv", options.csv), ("--report", options.report), parts=paths)
+    for path in paths:
+        files.require_file("--part" if len(paths) == 1 else "--discriminate", path)
+    parts = [files.read_all_parts([path], options.units, quiet=options.json)[0] for path in paths]
+    if len(parts) == 2:
+        _discriminate(parts, probe, options)
+    else:
+        _plan(parts[0], probe, options)
+
+
+def _plan(part: Part, probe: Probe, options: Options) -> None:
+    """Plan, print, write."""
+    from tanteo.active import at_origin, at_pose, plan
+    from tanteo.report import plan_page
+
+    target = inference.prepare(part)
+    start = at_origin(target)
+    if options.pose_prior is not None:
+        start = at_pose(target, options.pose_prior.T, options.pose_prior.C)
+    tolerance, confidence = options.tolerance or 0.0, options.confidence or _CONFIDENCE
+    with misuse(always=False):
+        most = options.max_measurements or _MOST
+        found = plan(start, probe, tolerance, confidence, most, options.seed, options.feature)
+    if options.csv is not None:
+        with files.writing("--csv", options.csv), replaced(options.csv) as file:
+            file.write_text(io.plan_csv(found), encoding="utf-8", newline="")
+    if options.json:
+        put(io.plan_json(found, tolerance=tolerance, confidence=confidence))
+    else:
+        emit(_lines(found, probe, options))
+    if options.report is not None:
+        page = plan_page(found, part, probe, tolerance, confidence, files.this_run())
+        files.write_page(options.report, page, as_json=options.json)
+    leave(decided=found.reached)
+
+
+def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
+    import numpy as np
+
+    from tanteo.active import ORIGIN_SDS
+
+    known = args.read_known(None, None, options.pose_prior, None)
+    spread = f"{1e3 * ORIGIN_SDS[0]:g} mm and {np.degrees(ORIGIN_SDS[1]):g} deg"
+    usual = f"with its frame at the world's, to {spread} (say --pose-prior for another pose)"
+    anywhere = "any side, from below too (say --approach 0,0,-1,60deg if the part lies on a table)"
+    before = usual if known is None else text.prior_words(known)
+    return text.plan_lines(found, probe, before, anywhere=anywhere, layout=layout())
+
+
+def _discriminate(parts: list[Part], probe: Probe, options: Options) -> None:
+    """The one reading, printed and written."""
+    from tanteo.active import discriminate
+    from tanteo.report import distinction_page
+
+    first, second = (inference.prepare(part) for part in parts)
+    found = discriminate(first, second, probe, seed=options.seed)
+    put(io.distinction_json(found)) if options.json else emit(text.distinction_lines(found, layout=layout()))
+    if options.report is not None:
+        files.write_page(options.report, distinction_page(found, parts, probe, files.this_run()), as_json=options.json)
+    leave(decided=found.tells)

@@ -1,0 +1,90 @@
+"""``tanteo see``: which parts an image shows and where they are."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tanteo import io, scenes, text
+from tanteo.cli import arguments as args
+from tanteo.cli import files
+from tanteo.cli.printing import emit, layout, leave, put, say, warned
+
+if TYPE_CHECKING:
+    from tanteo.vision import Camera, CameraPose, Sight
+
+_DARK, _INEXACT = 32.0, 1.0
+"""Below this level an image is dark; from this on marks do not fit well [px]."""
+
+
+def see(
+    image: Annotated[str, typer.Argument(metavar="IMAGE", help="Image file (PNG, JPEG, ...).")],
+    camera: Annotated[str, args.option("--camera", "FILE", "Calibration file of OpenCV or ROS (YAML, JSON).")],
+    parts: args.PartPaths,
+    units: args.Units = None,
+    marks: Annotated[
+        str | None, args.option("--marks", "FILE", "Known points of the table, to place the camera (CSV).")
+    ] = None,
+    picture: Annotated[str | None, args.option("--picture", "FILE", "Draw what was seen to this file (PNG).")] = None,
+    top: args.Top = 5,
+    json: args.Json = False,
+    verbose: args.Verbose = False,
+) -> None:
+    """Say which parts an image shows and where they are: on a table, or one part anywhere."""
+    start = time.perf_counter()
+    files.check_target("--picture", picture, (".png", ".jpg"))
+    files.check_different(
+        ("--picture", picture), inputs=[("the image", image), ("--camera", camera), ("--marks", marks)]
+    )
+    taken, fit = io.read_camera(camera), None
+    if marks is not None:
+        taken, fit = scenes.place_camera(taken, marks)
+    if fit is not None and not json:
+        emit([_fit_words(fit)], sys.stderr)
+    pixels = io.read_image(image)
+    if not json:
+        emit(_taken(taken), sys.stderr)
+    if pixels.max() < _DARK and not json:
+        words = f"a dark image, its largest level is {pixels.max():.0f} of 255. Of 12 bits in 16? Scale them."
+        say(f"{image}: {words}", sys.stderr)
+    models = files.read_all_parts(parts, units, quiet=json)
+    from tanteo.vision import draw_sight, see_anywhere, see_table
+
+    loaded = time.perf_counter() - start
+    look = see_anywhere if taken.T_world_camera is None else see_table
+    sight = look(pixels, taken, models, top=top)
+    if picture is not None:
+        io.write_image(picture, draw_sight(pixels, taken, sight))
+    sight = _timed(sight, loaded, time.perf_counter() - start)
+    if json:
+        put(io.sight_json(sight, warned()))
+    else:
+        emit(text.sight_lines(sight, verbose=verbose, layout=layout()))
+    leave(decided=bool(sight.objects) and all(seen.answer.status == "recognized" for seen in sight.objects))
+
+
+def _fit_words(fit: CameraPose) -> str:
+    worst = int(fit.offs.argmax())
+    words = f"Camera fitted to {len(fit.offs)} marks, {fit.rms:.2f} px rms"
+    return words + (f"; number {worst + 1} is {fit.offs[worst]:.1f} px off." if fit.rms > _INEXACT else ".")
+
+
+def _taken(camera: Camera) -> list[str]:
+    """What is taken of the camera."""
+    lines = [f"Edges within {camera.edge_sd:g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."]
+    if camera.T_world_camera is None:
+        lines.append(
+            "No place of the camera (T_world_camera in its file, or --marks), so no table: one part in any pose is "
+            "looked for, in the frame of the camera (x right, y down, z ahead)."
+        )
+    return lines
+
+
+def _timed(sight: Sight, load: float, total: float) -> Sight:
+    elapsed = {"load": load, "search": total - load, "total": total}
+    objects = (replace(seen, answer=replace(seen.answer, elapsed=elapsed)) for seen in sight.objects)
+    return replace(sight, objects=tuple(objects))

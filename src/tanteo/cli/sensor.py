@@ -1,0 +1,172 @@
+"""``tanteo sensor``: presets, rigs and calibration."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tanteo import io, text
+from tanteo.cli import arguments as args
+from tanteo.cli import files
+from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.printing import complain, emit, layout, leave, put_json, say
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from tanteo.calibration import Calibration
+    from tanteo.sensors import Rig, RobotPreset, SensorPreset
+
+
+def _preset_names(incomplete: str) -> list[str]:
+    return [*args.sensor_names(incomplete), *args.robot_names(incomplete)]
+
+
+Picture = Annotated[str | None, args.option("--picture", "FILE", "Draw it as well: a PNG, SVG or PDF file.")]
+
+
+def list_presets(json: args.Json = False) -> None:
+    """List the sensors, robots and rigs that can be named, with how far their figures were verified."""
+    from tanteo.sensors import robot_presets, sensor_presets
+
+    if json:
+        document = {
+            "schema": "tanteo.sensors/1",
+            "sensors": [asdict(p) for p in sensor_presets().values()],
+            "robots": [asdict(p) for p in robot_presets().values()],
+            "rigs": list(io.shipped_rigs()),
+        }
+        put_json(document)
+    else:
+        emit(text.preset_lines(sensor_presets(), robot_presets(), io.shipped_rigs(), layout=layout()))
+
+
+def show_preset(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="A sensor or a robot of `tanteo sensor list`.", autocompletion=_preset_names
+        ),
+    ],
+    picture: Picture = None,
+    json: args.Json = False,
+) -> None:
+    """Show the figures of one sensor or robot: noise over range and incidence, limits, source."""
+    from tanteo.sensors import RobotPreset
+
+    preset = _preset(name)
+    if picture is not None:
+        if isinstance(preset, RobotPreset):
+            raise MisuseError(f"--picture: expected a range sensor, got the robot '{name}'. Leave it out.")
+        from tanteo.pictures import noise_picture
+
+        with files.writing("--picture", picture), misuse():
+            noise_picture(preset, picture)
+    if json:
+        put_json({"schema": "tanteo.sensor/1", **asdict(preset)})
+        return
+    show = layout()
+    emit(
+        text.robot_lines(preset, layout=show)
+        if isinstance(preset, RobotPreset)
+        else text.sensor_lines(preset, layout=show)
+    )
+    if picture is not None:
+        say(f"picture drawn: {picture}")
+
+
+def _preset(name: str) -> SensorPreset | RobotPreset:
+    from tanteo.sensors import robot_presets, sensor_preset
+
+    if name in robot_presets():
+        return robot_presets()[name]
+    try:
+        return sensor_preset(name)
+    except InputError as error:
+        raise MisuseError(str(error).replace("sensor:", "NAME:", 1)) from None
+
+
+def show_rig(
+    file: Annotated[str, typer.Argument(metavar="RIG", help="Rig file (TOML), or a rig of `tanteo sensor list`.")],
+    json: args.Json = False,
+) -> None:
+    """Check a rig and show where its sensors sit, where they look, and how well that is known."""
+    rig = files.read_asked_rig(file)
+    if json:
+        put_json(io.rig_document(rig))
+    else:
+        emit(text.rig_lines(rig, file, layout=layout()))
+
+
+def fit(
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Readings (CSV): ranges of planes at many hand poses.")],
+    rig: Annotated[
+        str | None, args.option("--rig", "RIG", "Where the sensors should be; its mounting errors count.")
+    ] = None,
+    sensor: Annotated[
+        str | None,
+        args.option(
+            "--sensor", "NAME", "Preset of sensors that the rig does not have.", autocompletion=args.sensor_names
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        args.option(
+            "--robot", "PRESET", args.ROBOT_HELP.replace(".", ", for the planes."), autocompletion=args.robot_names
+        ),
+    ] = None,
+    write: Annotated[str | None, args.option("--write", "FILE", "Write the calibrated rig (TOML).")] = None,
+    picture: Picture = None,
+    json: args.Json = False,
+    verbose: Annotated[bool, args.option("--verbose -v", None, "Say more.")] = False,
+) -> None:
+    """Estimate beams, noise and bias from readings of planes, which may be anywhere, at known poses of the hand."""
+    from tanteo.calibration import calibrate
+    from tanteo.sensors import robot_preset, sensor_preset
+
+    files.check_target("--write", write)
+    files.check_target("--picture", picture)
+    files.check_different(("--write", write), ("--picture", picture), inputs=[("the log", log)])
+    files.check_different(("--picture", picture), inputs=[("--rig", rig)])
+    with misuse():
+        unlike = None if sensor is None else sensor_preset(sensor)
+        errors = None if robot is None else robot_preset(robot)
+    nominal = None if rig is None else files.read_asked_rig(rig)
+    readings = io.read_readings(log)
+    with misuse():
+        found = calibrate(readings, rig=nominal, sensor=unlike, robot=errors)
+    calibrated = found.status == "calibrated"
+    if write is not None and calibrated:
+        _write(found, nominal, unlike, log, write)
+    if picture is not None:
+        from tanteo.pictures import coverage_picture
+
+        with files.writing("--picture", picture), misuse():
+            coverage_picture(found, picture)
+    if json:
+        put_json(io.calibration_document(found))
+        if not calibrated:
+            say(f"{found.status}: {found.message}", sys.stderr)
+    else:
+        emit(text.calibration_lines(found, verbose=verbose, layout=layout()))
+        if write is not None and calibrated:
+            say(f"rig written: {write}")
+        if picture is not None:
+            say(f"picture drawn: {picture}")
+    if write is not None and not calibrated:
+        complain("warning", f"{write} was not written: this log does not make a rig.")
+    leave(decided=calibrated)
+
+
+def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, log: str, path: str) -> None:
+    from tanteo.calibration import calibrated_rig
+
+    comment = (
+        f"Calibrated by `tanteo sensor fit` from {Path(log).name}: {int(found.good.sum())} places.\n"
+        "The offset of the ranges is in the position; noise is that of single readings."
+    )
+    with files.writing("--write", path):
+        io.write_rig(calibrated_rig(found, rig=rig, sensor=sensor), path, comment=comment)

@@ -1,0 +1,128 @@
+"""``tanteo view``: a session or a record on a live page, until it is interrupted."""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tanteo import io
+from tanteo.cli import arguments as args
+from tanteo.cli.arguments import SessionOptions, misuse
+from tanteo.cli.printing import emit
+from tanteo.cli.replay import resume
+from tanteo.cli.sense import start_of
+from tanteo.errors import InputError, MissingExtraError
+
+if TYPE_CHECKING:
+    from tanteo.viewer import Show
+
+_PORTS = 65535
+_TOLERANCE = 2e-3
+"""Of the example's session, where none is given [m]."""
+
+_OF_SESSIONS = (
+    "bare", "tolerance", "feature", "standoff", "pose_prior", "prior", "outlier_rate", "unknown_prior", "image",
+    "camera", "marks",
+)  # fmt: skip
+"""Options that a record has no use for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options(SessionOptions):
+    """Those of a session, which a laser without a hand may make as well."""
+
+    standoff: Annotated[
+        float | None, args.option("--standoff", "LENGTH", "Of the sensors, as 40mm; else the scene's."), args.STANDOFF
+    ] = None
+
+
+def check_view(typed: Mapping[str, Any]) -> None:
+    """What cannot be meant together raises InputError."""
+    port, record, scene, parts = (typed[name] for name in ("port", "record", "scene", "parts"))
+    if not 0 < port <= _PORTS:
+        raise InputError(f"--port: expected a number from 1 to {_PORTS}, got {port}. Use 8080.")
+    if record is not None and scene is not None:
+        raise InputError("--scene: expected a record or a scene, got both. Leave one out.")
+    said = [f"--{name.replace('_', '-')}" for name in _OF_SESSIONS if typed[name]]
+    said += ["--seed"] if typed["seed"] is not None else []
+    if record is not None and said:
+        raise InputError(f"{said[0]}: expected with a scene, got it with a record, which is over. Leave it out.")
+    if scene is not None and not parts:
+        raise InputError("--parts: expected the parts that it may be, got none. Name files or folders.")
+    if scene is None and record is None and parts:
+        raise InputError("--scene: expected one with --parts, got none. Name it, or leave out --parts for the example.")
+
+
+def view(
+    *,
+    record: Annotated[
+        str | None, typer.Argument(metavar="[RECORD]", help="Record of a session (JSON), to be seen step by step.")
+    ] = None,
+    scene: Annotated[
+        str | None, args.option("--scene", "FILE", "Scene: parts, table, hand (TOML); else an example.")
+    ] = None,
+    parts: Annotated[
+        list[str] | None, args.option("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them.")
+    ] = None,
+    bare: Annotated[bool, args.option("--bare", None, "No hand: a laser that is simply where it is wanted.")] = False,
+    options: Options,
+    port: Annotated[int, args.option("--port", None, "Of the page on this machine; else the next free one.")] = 8080,
+    no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False,
+) -> None:
+    """Show a session as it happens in a browser, and sense there yourself; or a record, step by step."""
+    from tanteo.viewer import NEEDS_VISER, replay
+
+    if find_spec("viser") is None:
+        raise MissingExtraError(NEEDS_VISER)
+    if record is not None:
+        _, session, _ = resume(record, parts or [], quiet=False)
+        with suppress(KeyboardInterrupt):
+            replay(session, port=port, ready=lambda url: _ready(url, show=not no_open))
+        return
+    with _example(scene, parts or [], options) as (path, folders, chosen):
+        _play(path, folders, chosen, port, bare=bare, show=not no_open)
+
+
+@contextmanager
+def _example(
+    scene: str | None, parts: Sequence[str], options: Options
+) -> Iterator[tuple[str | Path, Sequence[str], Options]]:
+    """What was named, or what is shown without."""
+    if scene is not None:
+        yield scene, parts, options
+        return
+    with resources.as_file(resources.files("tanteo.demo")) as folder:
+        chosen = replace(options, tolerance=options.tolerance or _TOLERANCE, units="mm")
+        yield folder / "scene.toml", [str(folder / "parts")], chosen
+
+
+def _play(path: str | Path, folders: Sequence[str], options: Options, port: int, *, bare: bool, show: bool) -> None:
+    """Play the session of a scene on a page."""
+    from tanteo.viewer import play, scene_show
+
+    scene = io.read_scene(path)
+    start = start_of(scene, folders, options)
+    scene = replace(scene, standoff=options.standoff or scene.standoff)
+
+    def make(seed: int, policy: str) -> Show:
+        with misuse(always=False):
+            return scene_show(replace(scene, seed=seed), start, options.stop(), policy, bare=bare)
+
+    seed = scene.seed if options.seed is None else options.seed
+    with suppress(KeyboardInterrupt):
+        play(make, seed, options.policy, port=port, ready=lambda url: _ready(url, show=show))
+
+
+def _ready(url: str, *, show: bool) -> None:
+    emit([f"Live page: {url} (Ctrl-C ends it)"])
+    if show and sys.stdout.isatty():
+        webbrowser.open(url)

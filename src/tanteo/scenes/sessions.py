@@ -1,0 +1,102 @@
+"""A session in a scene: where it starts, and the simulated hand that carries it out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.active import Start, Stop, around, policy_named
+from tanteo.answers import PosePrior, Priors
+from tanteo.execution import Furniture, hand_probe, reachable, seen_start
+from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.inference import PreparedPart, prepare_all
+from tanteo.io import SceneFile
+from tanteo.motion import Rules
+from tanteo.parts import Part
+from tanteo.session import Sensing, Session
+from tanteo.simulator import Scene, SimulatedHand
+
+if TYPE_CHECKING:
+    from tanteo.scenes.view import SceneView
+    from tanteo.vision import Sighting
+
+
+def prior_start(scene: SceneFile, targets: Sequence[PreparedPart], known: PosePrior | None = None) -> Start | None:
+    """Where each part may be before anything is sensed; None where nobody says.
+
+    Args:
+        scene: Says where the middle of a part is, unless ``known`` says more.
+        targets: Any of them may be there.
+        known: A prior pose of their frames.
+    """
+    if known is not None and known.T_world_part is not None and known.covariance is not None:
+        n = len(targets)
+        Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))
+        return Start(tuple(targets), np.arange(n), Ts, covariances, np.ones(n), Priors())
+    return None if scene.prior is None else around(targets, scene.prior.T, scene.prior.C)
+
+
+def start_of(
+    scene: SceneFile,
+    parts: Sequence[PreparedPart] | Sequence[Part],
+    known: PosePrior | None = None,
+    view: SceneView | None = None,
+    *,
+    outlier_rate: float | None = None,
+    unknown: float | None = None,
+) -> tuple[Start | None, Sighting | None]:
+    """What an image leaves open, or the prior poses; the latter also where the image is wrong.
+
+    Args:
+        scene: Says where the middle of a part is, unless ``known`` says more.
+        parts: Any of them may be there.
+        known: A prior pose of their frames.
+        view: What the camera sees.
+        outlier_rate: Expected outlier fraction; the usual one if not given.
+        unknown: Prior probability of an unknown object, likewise.
+
+    Returns:
+        Where a session starts, None where nobody says; and the object in the image.
+    """
+    targets = prepare_all("parts", parts)
+    start = prior_start(scene, targets, known)
+    seen = None if view is None else view.look([target.part for target in targets], start)
+    if seen is not None:
+        start = seen_start(seen, targets, start)
+    if start is not None:
+        usual = start.priors
+        priors = replace(usual, outlier_rate=outlier_rate or usual.outlier_rate, unknown=unknown or usual.unknown)
+        start = replace(start, priors=priors)
+    return start, seen
+
+
+def session_of(
+    scene: SceneFile, start: Start, stop: Stop, policy: str = "information"
+) -> tuple[Session, SimulatedHand, Rules]:
+    """The session, which knows nothing of the truth, the hand that is in it, and what its motions keep to.
+
+    Args:
+        scene: The scene; its seed is that of the session and of all errors.
+        start: Where the parts may be.
+        stop: When to end.
+        policy: Name of the policy.
+    """
+    occluders = [ForbiddenBox(f"occluder {b.name}", b.low, b.high, b.T_world_box) for b in scene.occluders]
+    w = scene.workspace
+    rules = Rules(clearance=scene.clearance, workspace=Workspace(w.low, w.high, [*w.forbidden, *occluders]))
+    errors = scene.cell.robot
+    probe = hand_probe(scene.hand, rules, scene.standoff, errors)
+    session = Session(
+        start, probe, Sensing(rig=scene.hand.rig, robot=errors), policy_named(policy), stop, scene.seed,
+        reachable(scene.hand, rules, probe.retreat),
+    )  # fmt: skip
+    rng = np.random.default_rng(scene.seed)
+    return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules
+
+
+def furniture_of(scene: SceneFile) -> Furniture | None:
+    """What is known to stand in the scene, for readings that meet it; None without any."""
+    return Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None

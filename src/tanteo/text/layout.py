@@ -1,0 +1,85 @@
+"""Where lines are shown: how wide tables may be, and whether headings are bold."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+
+_FOLDED = 12
+"""Columns of text are folded down to this many characters, and not further."""
+
+
+def printable(text: str) -> str:
+    """The text with control characters and lone surrogates written as escapes: file contents cannot move a cursor."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where lines are shown.
+
+    Attributes:
+        width: Columns that a table may take.
+        colour: Whether headings are bold, by the escape sequences of terminals.
+    """
+
+    width: int = 120
+    colour: bool = False
+
+    def bold(self, text: str) -> str:
+        """Bold, where that can be shown."""
+        return f"\x1b[1m{text}\x1b[0m" if self.colour else text
+
+    def table(
+        self, headers: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,), indent: int = 0
+    ) -> list[str]:
+        """Lines of a table that fits; numbers to the right, and never cut.
+
+        Where the numbers do not fit beside each other, each row becomes lines of their own: a name and a value.
+
+        Args:
+            headers: Of the columns.
+            rows: Cells as text.
+            left: Columns with text, which may fold; the others keep their width.
+            indent: Of each line, in spaces.
+        """
+        cells = [[printable(cell) for cell in row] for row in rows]
+        wide = [max(len(header), *(len(row[k]) for row in cells), 0) for k, header in enumerate(headers)]
+        least = sum(min(w, _FOLDED) if k in left else w for k, w in enumerate(wide)) + 2 * (len(headers) - 1) + indent
+        inner = self.width - indent
+        lines = _columns(headers, cells, left, inner) if least <= self.width else _records(headers, cells, inner)
+        return [" " * indent + line if line else line for line in lines]
+
+
+PLAIN = Layout()
+"""Where lines go to a file or a log."""
+
+
+def _columns(headers: Sequence[str], cells: Sequence[Sequence[str]], left: Sequence[int], width: int) -> list[str]:
+    from rich.console import Console  # loaded for the first table only
+    from rich.markup import escape
+    from rich.table import Table
+
+    out = Table(box=None, pad_edge=False, header_style="")
+    for k, header in enumerate(headers):
+        out.add_column(header, justify="left" if k in left else "right", overflow="fold", no_wrap=k not in left)
+    for row in cells:
+        out.add_row(*map(escape, row))
+    console = Console(width=width, color_system=None, highlight=False, emoji=False, force_terminal=False)
+    with console.capture() as captured:
+        console.print(out)
+    return [line.rstrip() for line in captured.get().splitlines()]
+
+
+def _records(headers: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Each row as lines of name and value, an empty line between rows."""
+    name = min(max(map(len, headers)), width // 3)
+    lines = list[str]()
+    for row in cells:
+        lines.append("")
+        for header, cell in zip(headers, row, strict=True):
+            pairs = zip_longest(textwrap.wrap(header, name), textwrap.wrap(cell, width - name - 2), fillvalue="")
+            lines += [f"{a:<{name}}  {b}".rstrip() for a, b in pairs]
+    return lines[1:]
