@@ -7,8 +7,7 @@ from tanteo.io import SceneFile
 from tanteo.scenes import furniture_of, session_of
 from tanteo.session import Session
 from tanteo.simulator import Scene
-from tanteo.viewer.shows import Show, hand_show, probe_show
-from tanteo.viewer.simulation import laser, simulated
+from tanteo.viewer.shows import Show, hand_show, laser, probe_show, simulated
 
 
 def scene_show(scene: SceneFile, start: Start, stop: Stop, policy: str = "information", *, bare: bool = False) -> Show:
