@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,9 +37,12 @@ class Options:
     tolerance: args.Tolerance = 0.0
     robot: args.Robot = None
     tip_sd: args.TipSd = None
+    bias_sd: args.BiasSd = None
+    noise_factor: args.NoiseFactor = None
     outlier_rate: args.OutlierRate = None
     unknown_prior: args.UnknownPrior = None
     rig: args.RigPath = None
+    furniture: args.FurniturePaths = None
     table: args.TableAt = None
     box: args.BoxAt = None
     pose_prior: args.PosePriorAt = None
@@ -67,21 +71,27 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
-    said: dict[str, Any] = {"pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
-    said = {name: value for name, value in said.items() if value is not None}
-
+    with misuse():
+        furniture = tuple(io.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
+        said: dict[str, Any] = {
+            "pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior,
+            "noise_factor": options.noise_factor, "furniture": furniture or None,
+        }  # fmt: skip
+        said = {name: value for name, value in said.items() if value is not None}
+        priors = answers.Priors(**said) if said else None
+    ask = partial(
+        identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
+        tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
+        top=options.top, as_published=options.as_published, priors=priors, seed=options.seed, conventions=False,
+    )  # fmt: skip
     with misuse(always=False):
-        result = identify(
-            given.readings, given.parts, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance,
-            robot=options.robot, tip_sd=options.tip_sd, rig=given.rig, significance=options.significance,
-            top=options.top, as_published=options.as_published, priors=answers.Priors(**said) if said else None,
-            seed=options.seed,
-        )  # fmt: skip
+        result = ask(given.readings, given.parts)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     if not options.json:  # a person reads while it is thought about what may be wrong; a document has it all
         print_answer(result, known, verbose=options.verbose)
-    result = _questioned(result, given)
+    if not options.as_published:
+        result = _questioned(result, given, ask, placed=known is not None)
     if options.json:
         print_answer(result, as_json=True)
     if options.report is not None:
@@ -137,8 +147,9 @@ def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
     readings = io.read_readings(path)
     with misuse():
         measured = measure(
-            readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd, rig=rig
-        )
+            readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd,
+            bias_sd=options.bias_sd, rig=rig,
+        )  # fmt: skip
     if rig is None and (question := misspelt(readings)):
         complain("warning", question)
     parts = files.read_all_parts(part_paths, options.units, quiet=options.json)
@@ -151,13 +162,16 @@ def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
     return _Given(readings, measured, parts, rig, scale, doubt is not None)
 
 
-def _questioned(answer: answers.Answer, given: _Given) -> answers.Answer:
+def _questioned(answer: answers.Answer, given: _Given, ask: inference.Ask, *, placed: bool) -> answers.Answer:
     """The answer with what was probably meant otherwise as its last finding, of which a person is warned."""
-    others = tuple(one for one in answer.findings if one.kind not in _CONVENTIONS)
-    meant = [one for one in answer.findings if one.kind in _CONVENTIONS]
-    question = inference.about_frames(answer, given.scale, given.measured) or (meant[-1] if meant else None)
-    if given.doubted or question is None:
+    if given.doubted:
         return answer
+    question = inference.about_frames(answer, given.scale, given.measured) or inference.about_conventions(
+        answer, given.readings, given.parts, ask, placed=placed
+    )
+    if question is None:
+        return answer
+    others = tuple(one for one in answer.findings if one.kind not in _CONVENTIONS)
     complain("warning", question.message)
     return replace(answer, findings=(*others, question))
 

@@ -30,7 +30,7 @@ else:  # the parser resolves annotations, and has to load nothing for that
 _MESSAGES = {
     "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
     "as_published": "--as-published", "priors, outlier_rate": "--outlier-rate", "priors, unknown": "--unknown-prior",
-    "table, sd": "--table", "prior, box": "--box",
+    "bias_sd": "--bias-sd", "priors, noise_factor": "--noise-factor", "table, sd": "--table", "prior, box": "--box",
     "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior", "feature": "--feature",
 }  # fmt: skip
 """Names in messages of what an option says, and the option."""
@@ -248,6 +248,20 @@ TipSd = Annotated[
     Words(_tip),
 ]
 
+BiasSd = Annotated[
+    float | None,
+    _errors("--bias-sd", "LENGTH", "Standard deviation of an offset along the approach that all readings share."),
+    Words(partial(_spread, "--bias-sd", True)),
+]
+NoiseFactor = Annotated[
+    float | None,
+    _errors("--noise-factor", "FACTOR", "The noise is known to this factor (1 sd); 1: as stated; 2.5 if not given."),
+]
+
+FurniturePaths = Annotated[
+    list[str] | None,
+    _prior("--furniture", "FILE@POSE+-SD", "What stands around, as 'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'."),
+]
 TableAt = Annotated[
     Table | None,
     _prior("--table", "HEIGHT", "The part rests on a level table at this height, as 0+-1mm."),

@@ -13,6 +13,9 @@ from tanteo.typing import BoolArray, FloatArray, IntArray
 _SIGMAS = 4.0
 """Before what a beam met it was free but for so many standard deviations."""
 
+_PATHS = 40
+"""Free-space rays to furniture that count: each is cast at every pose."""
+
 _JEFFREYS = 0.5
 """Measurements on either side that the share of those on furniture starts with."""
 
@@ -66,9 +69,14 @@ def around(points: ContactPoints, priors: Priors) -> Around:
 
 
 def _paths(points: ContactPoints, on_it: BoolArray) -> FreeRays:
-    """Where beams went before they met furniture, nothing was."""
+    """Where beams went before they met furniture, nothing was; the nearest to the other points say where these end."""
     rows = np.flatnonzero(on_it & points.directed & (points.reach > 0))
-    some = points.take(rows)
+    if not len(rows) or on_it.all():
+        return FreeRays.none()
+    off = points.points[~on_it] - points.points[rows][:, None]
+    along = np.sum(off * points.directions[rows][:, None], axis=2, keepdims=True)
+    beside = np.linalg.norm(off - along * points.directions[rows][:, None], axis=2).min(axis=1)
+    some = points.take(rows[np.argsort(beside, kind="stable")[:_PATHS]])
     margin = np.minimum(_SIGMAS * some.sd, some.reach)
     return FreeRays(
         some.points - some.reach[:, None] * some.directions, some.directions, some.reach, margin,

@@ -81,6 +81,14 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
     )
 
 
+def around_words(one: GoodnessOfFit) -> str:
+    """How many points are of what stands around; empty if none is."""
+    around, on_it = one.mode.objective.problem.around, one.on_furniture
+    counts = [(int(np.sum(on_it & (around.which == k))), name) for k, name in enumerate(around.names)]
+    words = [f"{count} on the {name}" for count, name in counts if count]
+    return f" Of {len(on_it)} readings {' and '.join(words)}." if words else ""
+
+
 def scattered(best: Hypothesis, worst: str) -> str:
     """That the points scatter more or less than stated, if that is sure, and the worst of them."""
     scale, low, high = best.noise_scale

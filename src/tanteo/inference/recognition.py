@@ -9,7 +9,15 @@ import numpy as np
 
 from tanteo.answers import Answer, Clock, Priors, check_question, sized, verdict
 from tanteo.features import SharedError
-from tanteo.inference.diagnostics import against_labels, face_elsewhere, left_out, mostly_on, not_on_it, scattered
+from tanteo.inference.diagnostics import (
+    against_labels,
+    around_words,
+    face_elsewhere,
+    left_out,
+    mostly_on,
+    not_on_it,
+    scattered,
+)
 from tanteo.inference.posterior import Posterior, infer
 from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior
@@ -104,6 +112,7 @@ def identify_points(
     if hypotheses and status == "recognized":
         message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
+    message += around_words(found[0]) if found else ""
     message += _missed(posterior.missing, status)
     message += scattered(hypotheses[0], worst) if hypotheses else ""
     return Answer(status, message, hypotheses, unknown, clock.laps(), seed)

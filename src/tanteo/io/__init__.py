@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tanteo.io.part_files import part_file, parts_of
     from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
     from tanteo.io.prior_file import prior_brand, read_prior
-    from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table
+    from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
     from tanteo.io.readings_csv import read_readings, write_readings
     from tanteo.io.record_tables import SessionRecord
     from tanteo.io.result_json import (
@@ -49,13 +49,55 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
-    "BRANDS", "EMPTY", "Brand", "SceneFile", "SessionRecord", "calibration_document", "differences", "distinction_json",
-    "document_json", "executed_json", "explanation_document", "load_record", "parse_angle", "parse_box", "parse_length",
-    "parse_lengths", "parse_pose_prior", "parse_table", "part_file", "part_json", "parts_of", "plan_csv", "plan_json",
-    "pose_as_brand", "pose_from_brand", "prior_brand", "read_camera", "read_image", "read_marks", "read_prior",
-    "read_readings", "read_record", "read_rig", "read_scene", "recognition_document", "recognition_json", "resumed",
-    "rig_document", "rig_text", "sensed_json", "session_document", "shipped_rigs", "sight_json", "suspect_metres",
-    "write_image", "write_readings", "write_record", "write_rig",
+    "BRANDS",
+    "EMPTY",
+    "Brand",
+    "SceneFile",
+    "SessionRecord",
+    "calibration_document",
+    "differences",
+    "distinction_json",
+    "document_json",
+    "executed_json",
+    "explanation_document",
+    "load_record",
+    "parse_angle",
+    "parse_box",
+    "parse_length",
+    "parse_lengths",
+    "parse_pose_prior",
+    "parse_table",
+    "part_file",
+    "part_json",
+    "parts_of",
+    "plan_csv",
+    "plan_json",
+    "pose_as_brand",
+    "pose_from_brand",
+    "prior_brand",
+    "read_camera",
+    "read_furniture",
+    "read_image",
+    "read_marks",
+    "read_prior",
+    "read_readings",
+    "read_record",
+    "read_rig",
+    "read_scene",
+    "recognition_document",
+    "recognition_json",
+    "resumed",
+    "rig_document",
+    "rig_text",
+    "sensed_json",
+    "session_document",
+    "shipped_rigs",
+    "sight_json",
+    "suspect_metres",
+    "write_image",
+    "write_readings",
+    "write_record",
+    "write_rig",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -69,7 +111,7 @@ __getattr__, __dir__ = lazy(
         "part_files": "part_file parts_of",
         "poses": "BRANDS Brand pose_as_brand pose_from_brand",
         "prior_file": "prior_brand read_prior",
-        "prior_text": "parse_box parse_pose_prior parse_table",
+        "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
         "readings_csv": "read_readings write_readings",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",

@@ -7,16 +7,18 @@ import re
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.answers import Table
+from tanteo.answers import Furniture, Table
 from tanteo.errors import InputError
 from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
 from tanteo.io.poses import BRANDS, pose_from_brand
 from tanteo.io.table import LARGEST
 from tanteo.io.units import parse_lengths, parse_lengths_angles
+from tanteo.parts import read_part
 from tanteo.typing import FloatArray, Transforms
 
 _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"
 _TABLE = "0+-1mm"
+_FURNITURE = "vise.stl@400,200,0mm 0,0,90deg +- 0.5mm"
 _MOST_TURN = np.pi / 3
 """Largest sd of an attitude [rad]: three of them are half a turn, beyond which a normal density meets itself."""
 
@@ -34,6 +36,28 @@ def parse_table(text: str, name: str = "table") -> Table:
     if len(values) != 2 or values[1] <= 0:
         raise InputError(f"{name}: expected one height and a positive sd, got '{text}'. Write it as {_TABLE}.")
     return Table(np.array([0.0, 0.0, values[0]]), np.array([0.0, 0.0, 1.0]), values[1])
+
+
+def read_furniture(text: str, unit: str | None = None, name: str = "furniture") -> Furniture:
+    """``'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'``: a CAD file at a pose; its sd follows ``+-``.
+
+    Args:
+        text: the file, ``@`` and x, y, z with roll, pitch, yaw (left out: the file is in the world's frame), and how
+            well its surface is known.
+        unit: of formats that carry none.
+        name: for messages.
+
+    Raises:
+        InputError: no sd, or one that is not positive; no pose; a file that cannot be read.
+        UnitError: No unit, or one that is none.
+    """
+    where, sd = _value_and_sd(text, name, _FURNITURE)
+    path, _, pose = where.partition("@")
+    sds = parse_lengths(sd, name)
+    if len(sds) != 1 or sds[0] <= 0:
+        raise InputError(f"{name}: expected one positive sd behind +-, got '{sd}'. Write it as {_FURNITURE}.")
+    T = _as_printed(pose, name) if pose.strip() else np.eye(4)
+    return Furniture.of_part(read_part(path.strip(), unit=unit), T, sds[0])
 
 
 def parse_box(text: str, name: str = "box") -> FloatArray:
