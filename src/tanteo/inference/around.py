@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,10 +54,7 @@ def around(points: ContactPoints, priors: Priors) -> Around:
     of edges and vertices, may be of it like all others.
     """
     n, log_outlier = len(points), outlier_log_density(points, priors)
-    furniture = list(priors.furniture)
-    table = priors.pose.table if priors.pose is not None else None
-    if table is not None and n:
-        furniture.append(Furniture.of_table(table, np.median(points.points, axis=0), priors.radius))
+    furniture = without_pose(points, priors).furniture
     if not furniture or not n:
         return Around((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
     log = np.stack([f.log_density(points.points, points.covs, points.radii, points.directions) for f in furniture])
@@ -66,6 +63,15 @@ def around(points: ContactPoints, priors: Priors) -> Around:
     odds = np.log(count + _JEFFREYS) - np.log(n - count + _JEFFREYS)
     weighed = np.exp(np.minimum(over + odds, 600.0))
     return Around(tuple(f.name for f in furniture), log.argmax(axis=0), weighed, _paths(points, weighed >= 1))
+
+
+def without_pose(points: ContactPoints, priors: Priors) -> Priors:
+    """The priors without what they say of the pose; a table still stands there."""
+    table = priors.pose.table if priors.pose is not None else None
+    if table is None or not len(points):
+        return replace(priors, pose=None)
+    there = Furniture.of_table(table, np.median(points.points, axis=0), priors.radius)
+    return replace(priors, pose=None, furniture=(*priors.furniture, there))
 
 
 def _paths(points: ContactPoints, on_it: BoolArray) -> FreeRays:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.answers import Hypothesis, Priors, in_box, part_scale, prior_rows
+from tanteo.inference.around import without_pose
 from tanteo.inference.modes import Mode
 from tanteo.inference.outliers import so_many
 from tanteo.inference.peaks import Objective
@@ -106,7 +107,8 @@ def _share(posterior: Posterior) -> float:
 
 def _alone(mode: Mode, priors: Priors) -> Objective:
     """The climber of a mode if nothing were known of the pose."""
-    problem = replace(mode.objective.problem, priors=replace(priors, pose=None), mixtures={})
+    problem = mode.objective.problem
+    problem = replace(problem, priors=without_pose(problem.points, priors), mixtures={})
     return replace(mode.objective, problem=problem, core=problem.compiled(mode.prepared))
 
 

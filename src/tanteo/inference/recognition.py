@@ -9,6 +9,7 @@ import numpy as np
 
 from tanteo.answers import Answer, Clock, Priors, check_question, sized, verdict
 from tanteo.features import SharedError
+from tanteo.inference.around import without_pose
 from tanteo.inference.diagnostics import (
     against_labels,
     around_words,
@@ -25,6 +26,7 @@ from tanteo.inference.problem import Problem
 from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
+from tanteo.typing import FloatArray
 
 LEAST = 3
 """Fewer measurements than this fit any surface in any way."""
@@ -86,7 +88,7 @@ def identify_points(
     hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
     clock.lap("locate")
     worst = worst_reading(points, found[0]) if found else ""
-    alone = replace(problem, priors=replace(priors, pose=None))
+    alone = replace(problem, priors=without_pose(points, priors))
     check = check_prior(
         posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, prepared, seed), significance
     )
@@ -155,7 +157,7 @@ def _too_little(problem: Problem) -> str:
     if named or points.oriented.any():
         return ""
     along, across = np.linalg.svd(points.points - points.points.mean(axis=0), compute_uv=False)[:2]
-    sd = float(np.median(points.sd))
+    sd = float(np.median(_along(points)))
     if across > sd * np.sqrt(len(points)):
         return ""
     if along > _BARELY * sd * np.sqrt(len(points)):
@@ -167,6 +169,12 @@ def _too_little(problem: Problem) -> str:
         f"The noise of the readings (sd {noise}) is as large as the whole set of them, so nothing can be told: check "
         f"{what} and their units, or sense places farther apart."
     )
+
+
+def _along(points: ContactPoints) -> FloatArray:
+    """Standard deviation of each point along its direction, where that is known: a beam's cone is across ``(n,)``."""
+    along = np.sqrt(np.einsum("ni,nij,nj->n", points.directions, points.covs, points.directions))
+    return np.asarray(np.where(points.directed, along, points.sd))
 
 
 def _missed(once: float, status: str) -> str:
