@@ -59,7 +59,7 @@ class Question:
 
     def taken(self, rows):
         """Some of the points, or in another order."""
-        names = [f.name for f in fields(self) if f.name != "elsewhere"][:13]
+        names = [f.name for f in fields(self) if f.name != "elsewhere"][:14]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 

@@ -52,7 +52,7 @@ def posterior(prepared, points, rng, rate):
     touched = ContactPoints(
         names, points, covs, zeros, none, none, np.full(n, np.pi), zeros, np.zeros((n, 3, 0)), np.full(n, SD)
     )
-    priors = Priors(radius=prepared.part.radius, outlier_rate=rate)
+    priors = Priors(radius=prepared.part.radius, outlier_rate=rate, noise_factor=1.0)
     return infer(Problem(touched, FreeRays.none(), priors), [prepared], 1, prepared.part.centroid, rng)
 
 
