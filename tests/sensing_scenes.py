@@ -9,7 +9,7 @@ import pytest
 
 from tanteo import _core
 from tanteo.active import Probe, SensingState, Stop, around, corner_distances, policy_named
-from tanteo.answers import corner_moves
+from tanteo.answers import Priors, corner_moves
 from tanteo.errors import InputError
 from tanteo.inference import Posterior, Problem
 from tanteo.inference.details import details_at
@@ -27,7 +27,8 @@ PLACE_SD = 0.015, 0.15
 
 
 def rough(targets, sd=PLACE_SD, priors=None):
-    """The parts about the world's origin."""
+    """The parts about the world's origin, and noise that is as stated."""
+    priors = Priors(noise_factor=1.0) if priors is None else priors
     return around(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
 
 

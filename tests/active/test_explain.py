@@ -175,7 +175,7 @@ def step(ids, probabilities, part, covariance=1e-6):
 def test_information_on_the_part_is_relative_entropy(target):
     start = Start(
         (target, target), np.array([0, 1]), np.stack([np.eye(4)] * 2), 4e-6 * np.stack([np.eye(6)] * 2),
-        np.array([0.5, 0.5]), Priors(unknown=0.2),
+        np.array([0.5, 0.5]), Priors(noise_factor=1.0, unknown=0.2),
     )  # fmt: skip
     steps = [
         step(("a",), [0.7, 0.2], 0),

@@ -34,7 +34,7 @@ def readings(target, T, n, rng, sensing=LASER):
 
 
 def test_before_the_first_reading_it_is_the_start(targets):
-    start = rough(targets, priors=Priors(unknown=0.1))
+    start = rough(targets, priors=Priors(noise_factor=1.0, unknown=0.1))
     state = begin(start)
     np.testing.assert_allclose(state.of_parts(), 0.3)
     assert state.unknown == pytest.approx(0.1)
@@ -59,7 +59,7 @@ def _hat(v):
 def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
     """Probability of each part against the likelihood averaged over many samples of the prior; a coarse sensor."""
     coarse = replace(LASER, sd=5.8e-3)  # not 6: of a face just two sd wide the likelihood itself takes a step
-    start = rough(targets, (0.008, 0.06), Priors(unknown=unknown))
+    start = rough(targets, (0.008, 0.06), Priors(noise_factor=1.0, unknown=unknown))
     rng = np.random.default_rng(3)
     touches = readings(targets[2], start.Ts[2] @ SE3.exp(0.5 * np.repeat([0.008, 0.06], 3)), n, rng, coarse)
     state = update(begin(start), touches, no_paths())
@@ -151,7 +151,7 @@ def two_places(target):
     """A part at one of two places 0.1 m apart, of unequal probability and spread."""
     Ts = SE3.exp(np.array([[0, 0, 0, 0, 0, 0], [0.1, 0, 0, 0, 0, 0.3]]))
     C = np.stack([np.diag(np.repeat(sds, 3) ** 2) for sds in ((1e-3, 0.01), (2e-3, 0.02))])
-    return Start((target,), np.zeros(2, dtype=np.int64), Ts, C, np.array([0.9, 0.1]), Priors())
+    return Start((target,), np.zeros(2, dtype=np.int64), Ts, C, np.array([0.9, 0.1]), Priors(noise_factor=1.0))
 
 
 def test_prior_poses_keep_their_odds_while_readings_say_nothing(targets):
@@ -167,7 +167,14 @@ def test_prior_poses_keep_their_odds_while_readings_say_nothing(targets):
 def test_two_prior_poses_at_one_place_add_their_mass(targets):
     pair = targets[0], targets[2]
     C = np.tile(np.diag(np.repeat([1e-3, 0.01], 3) ** 2), (3, 1, 1))
-    start = Start(pair, np.array([0, 0, 1]), np.tile(np.eye(4), (3, 1, 1)), C, np.array([0.25, 0.25, 0.5]), Priors())
+    start = Start(
+        pair,
+        np.array([0, 0, 1]),
+        np.tile(np.eye(4), (3, 1, 1)),
+        C,
+        np.array([0.25, 0.25, 0.5]),
+        Priors(noise_factor=1.0),
+    )
     some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
     blank = replace(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
     P = update(begin(start), blank, no_paths()).of_parts()
@@ -242,7 +249,11 @@ def test_free_beams_alone_leave_start_where_they_did_not_pass(targets):
 @pytest.mark.parametrize("bias", [-1.5, 0.5, 2.0])
 def test_a_shared_error_may_explain_what_looks_aoutliers(targets, bias):
     """A place known sharply, a reading of 0.1 mm off by a bias of 3 mm sd: odds by drawing pose and bias alike."""
-    start, rng, n = rough(targets[2:], (2e-4, 2e-3), Priors(unknown=0.5)), np.random.default_rng(6), 40000
+    start, rng, n = (
+        rough(targets[2:], (2e-4, 2e-3), Priors(noise_factor=1.0, unknown=0.5)),
+        np.random.default_rng(6),
+        40000,
+    )
     touches = readings(targets[2], start.Ts[0], 2, rng, replace(LASER, sd=1e-4))
     gains = 3e-3 * touches.directions[:, :, None]
     touches = replace(touches, shared_jacobian=gains, points=touches.points + bias * gains[:, :, 0])
@@ -259,7 +270,7 @@ def test_a_shared_error_may_explain_what_looks_aoutliers(targets, bias):
 def test_a_discarded_part_is_searched_again_before_certainty(targets):
     """Few coarse readings of the right bracket, which the left one explains alone: it is found again, with its odds."""
     rng, spread = np.random.default_rng(38), (0.015, 0.15)
-    even = rough(targets[:2], spread, Priors(unknown=1e-9))
+    even = rough(targets[:2], spread, Priors(noise_factor=1.0, unknown=1e-9))
     without = replace(even, weights=np.array([1 - 1e-12, 1e-12]))
     for n in (4, 5):
         T = even.Ts[1] @ SE3.exp(np.repeat(spread, 3) * rng.normal(size=6))

@@ -66,7 +66,9 @@ def test_the_worst_corner_is_that_of_poses_that_part_may_have():
     target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(5)
     Ts = np.stack([np.eye(4), SE3.exp(np.array([0.02, 0, 0, 0, 0, np.radians(10)]))])
     C = np.diag([1e-3, 2e-3, 1e-3, 0.02, 0.03, 0.01]) ** 2
-    start = Start((target,), np.zeros(2, dtype=int), Ts, np.stack([C, 2 * C]), np.array([0.7, 0.3]), Priors())
+    start = Start(
+        (target,), np.zeros(2, dtype=int), Ts, np.stack([C, 2 * C]), np.array([0.7, 0.3]), Priors(noise_factor=1.0)
+    )
     mode = rng.choice(2, 200_000, p=[0.7, 0.3])
     xi = rng.normal(size=(len(mode), 6)) * np.sqrt(np.diag(C)) * np.sqrt(1.0 + mode)[:, None]
     corners = np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3)
@@ -81,7 +83,7 @@ def test_symmetric_poses_are_one_for_the_largest_corner_sd():
     target = prepare(read_part(PARTS / "square_post.step"))
     Ts, C = target.part.symmetry.Ts, 1e-6 * np.eye(6)
     n = len(Ts)
-    start = Start((target,), np.zeros(n, dtype=int), Ts, np.tile(C, (n, 1, 1)), np.ones(n), Priors())
+    start = Start((target,), np.zeros(n, dtype=int), Ts, np.tile(C, (n, 1, 1)), np.ones(n), Priors(noise_factor=1.0))
     assert largest_corner_sd(begin(start)) == pytest.approx(corner_sd(target.part, C), rel=1e-6)
 
 

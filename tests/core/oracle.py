@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import quad
 from scipy.linalg import logm
 from scipy.stats import norm
 
@@ -234,8 +235,11 @@ class Oracle:
         return abs(n @ d) / np.linalg.norm(n) < least_cosine - 1e-12
 
     def log_prior(self, T, z):
-        """Unit normal states, a mixture of normal densities of the pose, a table under the lowest point."""
-        q, log = self.q, -0.5 * z @ z
+        """Unit normal states, the noise scale, a mixture of normal densities of the pose, a table under it."""
+        q, D = self.q, self.q.shared_jacobian.shape[2]
+        log = -0.5 * z[:D] @ z[:D]
+        if q.scale_sd > 0:
+            log -= z[D] ** 4 / 16 + np.log(quad(lambda x: np.exp(-(x**4) / 16), -9, 9)[0] / np.sqrt(2 * np.pi))
         if len(q.prior_means):
             logs = []
             for M, root, weight in zip(q.prior_means, q.prior_roots, q.prior_log_weights, strict=True):

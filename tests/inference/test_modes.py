@@ -83,7 +83,7 @@ def test_poses_at_which_nothing_is_touched_count_for_none(parts, shared, scale_s
     T = box_centred_pose(rng)
     shared_jacobian = 1e-3 * rng.normal(size=(6, 3, shared))
     touches = touches_of(SE3.apply(T, surface_points(target, 6, rng)[0]), 1e-4, shared_jacobian=shared_jacobian)
-    problem = Problem(touches, no_paths(), Priors(radius=target.part.radius), scale_sd=scale_sd)
+    problem = Problem(touches, no_paths(), Priors(radius=target.part.radius, noise_factor=float(np.exp(scale_sd))))
     objective = start_search(problem, target, rng).objective
     sampler = Sampler(objective, objective.maximize(T[None], fine=True), rng, 0.0)
     away = T @ SE3.exp(np.array([5.0, 0, 0, 0, 0, 0]))

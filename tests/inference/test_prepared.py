@@ -129,7 +129,7 @@ def test_log_densities_are_the_same_to_the_last_bit():
     made, again = PreparedPart(part), PreparedPart(flange())
     rng = np.random.default_rng(2)
     points = _core.closest_points(made.shape, part.centroid + 0.6 * part.radius * rng.normal(size=(12, 3)))[1]
-    problem = Problem(touches_of(points, 2e-4), no_paths(), sized(Priors(), part.radius)).compiled(made)
+    problem = Problem(touches_of(points, 2e-4), no_paths(), sized(Priors(noise_factor=1.0), part.radius)).compiled(made)
     Ts = SE3.exp(1e-3 * rng.normal(size=(40, 6)))
     one, two = (_core.log_densities(of.shape, problem, Ts, np.zeros((40, 0))) for of in (made, again))
     assert np.isfinite(one).all()

@@ -45,7 +45,7 @@ def test_of_eight_touches_the_truth_is_among_the_modes(housing):
         rng = np.random.default_rng((19, 8, k))
         T = box_centred_pose(rng)
         touches = scene(housing, T, SENSORS[0], 8, rng, radius=housing.part.radius)[0]
-        priors = Priors(radius=housing.part.radius)
+        priors = Priors(noise_factor=1.0, radius=housing.part.radius)
         found = identify_points(touches, no_paths(), [housing], priors=priors, top=100).hypotheses
         if not any(nees(housing.part, h.T_world_part, h.covariance, T)[0] < 100 for h in found):
             missed.append(k)

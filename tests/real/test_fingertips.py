@@ -81,13 +81,13 @@ def test_real_cylinder(targets):
 
 def _peak(target, T, points):
     """The maximum that one pose leads to."""
-    problem = Problem(touches_of(points, 1.6 * SD), no_paths(), Priors(radius=target.part.radius))
+    problem = Problem(touches_of(points, 1.6 * SD), no_paths(), Priors(noise_factor=1.0, radius=target.part.radius))
     return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0].T_peak
 
 
 def _evidence_beside(target, T, points):
     """By how much a pose found from many about this one is more probable than the maximum it leads to."""
-    touches, priors = touches_of(points, 1.6 * SD), Priors(radius=target.part.radius)
+    touches, priors = touches_of(points, 1.6 * SD), Priors(noise_factor=1.0, radius=target.part.radius)
     shaken = T @ SE3.exp(np.random.default_rng(0).normal(size=(300, 6)) * np.repeat([5e-3, 0.05], 3))
     problem = Problem(touches, no_paths(), priors)
     here, about = (

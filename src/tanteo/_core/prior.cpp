@@ -7,6 +7,11 @@ namespace tanteo {
 
 namespace {
 
+// The noise scale is known to a factor f: its log l has the density exp(-(l / 2 log f)^4), flat within f either way and
+// next to nothing beyond f^4; z = l / log f. What is farther off is no noise, and has another cause.
+constexpr double SCALE_NORM = 0.36908399149;  // log of its integral over z, over that of exp(-z^2 / 2)
+constexpr double LEAST_TOLD = 0.74;     // one over its variance
+
 // log of a rigid motion: xi with exp(xi) = (R, t), and how it follows a small motion from the right.
 void log_motion(const Mat3& R, const Vec3& t, double xi[6], double J[36]) {
     const Vec3 w = rotation_vector(R);
@@ -89,11 +94,19 @@ double Likelihood::add_rays(const State& state) {
 double Likelihood::add_priors(const State& state, bool with_slope) {
     const int K = problem.size();
     double log = 0;
-    for (int k = 6; k < K; ++k) {
+    for (int k = 6; k < 6 + problem.shared; ++k) {
         log -= 0.5 * state.z[k - 6] * state.z[k - 6];
         if (!with_slope) continue;
         gradient[k] -= state.z[k - 6];
         information[k * K + k] += 1;
+    }
+    if (problem.scale_sd > 0) {
+        const double z = state.z[problem.shared];
+        log -= z * z * z * z / 16 + SCALE_NORM;
+        if (with_slope) {
+            gradient.back() -= z * z * z / 4;
+            information.back() += std::max(0.75 * z * z, LEAST_TOLD);
+        }
     }
     if (!problem.priors.empty()) log += add_pose_prior(state.pose, with_slope);
     if (problem.has_table) log += add_table(state.pose, with_slope);

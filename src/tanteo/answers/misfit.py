@@ -9,8 +9,11 @@ import numpy as np
 
 from tanteo.special import chi2_survival
 
-_SIGMAS, _STEPS = 5.0, 41
-"""Reach of the sum over the log of the noise scale, in its standard deviations, and its terms."""
+_REACH, _STEPS = 4.0, 41
+"""Reach of the sum over the log of the noise scale, in logs of the factor to which it is known, and its terms."""
+
+_LEAST_TOLD = 0.74
+"""One over the variance of the prior of the noise scale, in those."""
 
 _ENOUGH = 60
 """Newton steps on a convex function of one number: it converges from anywhere long before."""
@@ -24,13 +27,13 @@ class Misfit:
         noise: of what the noise scale scales.
         rest: of all else: sensed normals, shared errors, the prior of the pose.
         dof: degrees of freedom of both; none or fewer where nothing was checked.
-        log_sd: how well the noise was known: standard deviation of the log of its scale; 0 if exactly.
+        log_factor: log of the factor to which the noise was known; 0 if exactly.
     """
 
     noise: float
     rest: float
     dof: int
-    log_sd: float = 0.0
+    log_factor: float = 0.0
 
     @property
     def chi2(self) -> float:
@@ -42,11 +45,11 @@ class Misfit:
         """How often measurements fit as badly or worse, the noise being within what was known of it (Box 1980)."""
         if self.dof <= 0:
             return 1.0
-        if self.log_sd == 0:
+        if self.log_factor == 0:
             return chi2_survival(self.chi2, self.dof)
-        z = np.linspace(-_SIGMAS, _SIGMAS, _STEPS)
-        weights = np.exp(-0.5 * z**2)
-        p = [chi2_survival(self.noise * math.exp(-2 * self.log_sd * x) + self.rest, self.dof) for x in z]
+        z = np.linspace(-_REACH, _REACH, _STEPS)
+        weights = np.exp(-(z**4) / 16)
+        p = [chi2_survival(self.noise * math.exp(-2 * self.log_factor * x) + self.rest, self.dof) for x in z]
         return float(weights @ p / weights.sum())
 
     def beside(self, rest: float, dof: int) -> Misfit:
@@ -56,14 +59,16 @@ class Misfit:
     def noise_scale(self) -> tuple[float, float, float]:
         """Times the stated noise that the measurements have: the likeliest, and from where to where with 95 %.
 
-        The degrees of freedom that the pose takes are left aside; the prior of the scale is log-normal about 1.
+        The degrees of freedom that the pose takes are left aside; the prior is flat within the factor, and ends soon
+        beyond it.
         """
-        if self.log_sd == 0:
+        if self.log_factor == 0:
             return 1.0, 1.0, 1.0
-        dof, prior, log = max(self.dof, 0), self.log_sd**-2, 0.0
+        dof, unit, z = max(self.dof, 0), self.log_factor, 0.0
         for _ in range(_ENOUGH):
-            told = self.noise * math.exp(-2 * log)
-            log += max(min((told - dof - prior * log) / (2 * told + prior), 1.0), -1.0)
-        sd = (2 * self.noise * math.exp(-2 * log) + prior) ** -0.5
-        low, likeliest, high = (math.exp(log + k * sd) for k in (-1.96, 0.0, 1.96))
+            told = self.noise * math.exp(-2 * unit * z)
+            curved = 2 * told * unit**2 + max(0.75 * z * z, _LEAST_TOLD)
+            z += max(min(((told - dof) * unit - z**3 / 4) / curved, 1.0), -1.0)
+        sd = curved**-0.5
+        low, likeliest, high = (math.exp(unit * (z + k * sd)) for k in (-1.96, 0.0, 1.96))
         return likeliest, low, high

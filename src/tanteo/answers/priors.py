@@ -11,7 +11,7 @@ from tanteo.answers.pose_prior import PosePrior
 from tanteo.errors import InputError
 from tanteo.limits import check_length, check_number
 
-STATED = {"typed": 2.5, "preset": 1.5}
+STATED = {"typed": 2.0, "preset": 1.5}
 """Noise factors of standard deviations, by where they come from: typed by a person, who knows them to a factor of two
 at best, or a preset's, which is of the data sheet. With the first the 95 % region of a dozen readings holds 90 to 97 %
 while the true noise is from half to twice the stated one (``benchmarks/honesty.py``)."""
@@ -34,9 +34,9 @@ class Priors:
         right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
         near_variant: of unknown parts, the share that are like one of the catalogue but for some faces; for unlabelled
             readings.
-        noise_factor: how well the noise is known: the true standard deviation of the readings is as often within this
-            factor of the stated one as a normal draw is within one standard deviation; 1 if it is as stated. None: by
-            where it comes from, see :data:`STATED`.
+        noise_factor: how well the noise is known: any standard deviation of the readings within this factor of the
+            stated one is as likely, one beyond its square hardly is; 1 if it is as stated. None: by where it comes
+            from, see :data:`STATED`.
         furniture: what stands around and may be sensed instead of the part, beside the table that ``pose`` names.
         pose: what is known of the pose.
 
@@ -83,8 +83,8 @@ class Priors:
             )
 
     @property
-    def log_noise_sd(self) -> float:
-        """Standard deviation of the log of the noise scale; 0 where the noise is as stated."""
+    def log_noise_factor(self) -> float:
+        """Log of the factor to which the noise is known; 0 where it is as stated."""
         return float(np.log(STATED["typed"] if self.noise_factor is None else self.noise_factor))
 
 

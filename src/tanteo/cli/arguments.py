@@ -255,7 +255,9 @@ BiasSd = Annotated[
 ]
 NoiseFactor = Annotated[
     float | None,
-    _errors("--noise-factor", "FACTOR", "The noise is known to this factor (1 sd); 1: as stated; 2.5 if not given."),
+    _errors(
+        "--noise-factor", "FACTOR", "The noise is known to this factor; 1: as stated; 2 if not given, 1.5 of presets."
+    ),
 ]
 
 FurniturePaths = Annotated[

@@ -63,8 +63,8 @@ class Problem:
 
     @property
     def scale_sd(self) -> float:
-        """Standard deviation of the log of the noise scale; 0 where the noise is as stated, and no state."""
-        return self.priors.log_noise_sd if len(self.points) else 0.0
+        """Log of the factor to which the noise is known, the unit of the state; 0 where there is none."""
+        return self.priors.log_noise_factor if len(self.points) else 0.0
 
     @property
     def states(self) -> int:

@@ -84,8 +84,8 @@ class GoodnessOfFit:
         return np.asarray(~self.belongs & ~self.on_furniture)
 
     @property
-    def log_noise_sd(self) -> float:
-        """How well the noise was known: standard deviation of the log of its scale."""
+    def log_noise_factor(self) -> float:
+        """How well the noise was known: log of the factor."""
         return self.mode.objective.problem.scale_sd
 
     def misfit(self) -> Misfit:
@@ -94,7 +94,7 @@ class GoodnessOfFit:
         points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
         across = sum(label_kind(kind).faces for kind, on in zip(kinds, belongs, strict=True) if on)
         told = 2 * int(np.count_nonzero(tilts[belongs]))
-        return Misfit(points, float(np.sum(tilts[belongs] ** 2)), across + told - 6, self.log_noise_sd)
+        return Misfit(points, float(np.sum(tilts[belongs] ** 2)), across + told - 6, self.log_noise_factor)
 
 
 def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
