@@ -54,7 +54,7 @@ def errors(target, located, name, tip):
 
 def mode_at(target, touches, T):
     """The mode that a maximization from a pose leads to."""
-    problem = Problem(touches, FreeRays.none(), Priors(radius=target.part.radius))
+    problem = Problem(touches, FreeRays.none(), Priors(radius=target.part.radius, noise_factor=1.0))
     return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
 
 

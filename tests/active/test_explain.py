@@ -52,7 +52,8 @@ FACES = {"top": 4, "end": 2, "side": 2}
 
 def session_on(target, touches, T=None, covariance=None):
     spread = np.diag(np.repeat([PLACE, TURN], 3)) ** 2 if covariance is None else covariance
-    session = Session(at_pose(target, np.eye(4) if T is None else T, spread), LASER, Sensing(sd=SD))
+    start = at_pose(target, np.eye(4) if T is None else T, spread, Priors(noise_factor=1.0))
+    session = Session(start, LASER, Sensing(sd=SD))
     for one in touches:
         session.tell(one)
     return session

@@ -97,7 +97,7 @@ def test_repeatability_is_what_the_preset_says(wedge, scene):
 @pytest.mark.parametrize("tolerance", [0.0, 1e-4])
 def test_it_agrees_with_the_answer_on_labelled_planes(wedge, tolerance):
     readings = touches(wedge, np.random.default_rng(6))
-    h = locate(readings, wedge, tolerance=tolerance).hypotheses[0]
+    h = locate(readings, wedge, tolerance=tolerance, priors=Priors(noise_factor=1.0)).hypotheses[0]
     budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance)
     assert budget.total == pytest.approx(h.corner_sd, rel=0.06)  # near edges readings count in part
 
@@ -106,7 +106,7 @@ def test_it_agrees_with_the_answer_on_labelled_planes(wedge, tolerance):
 def test_it_agrees_with_the_answer_on_bare_points(wedge, tolerance):
     labelled = touches(wedge, np.random.default_rng(6))
     readings = Readings.from_columns(points=labelled.points, directions=labelled.directions, sds=labelled.sds)
-    h = locate(readings, wedge, tolerance=tolerance).hypotheses[0]
+    h = locate(readings, wedge, tolerance=tolerance, priors=Priors(noise_factor=1.0)).hypotheses[0]
     budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance)
     # the answer has the spread of the whole posterior, the budget that of a normal about its peak
     assert budget.total == pytest.approx(h.corner_sd, rel=0.1)

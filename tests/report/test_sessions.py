@@ -9,6 +9,7 @@ import pytest
 
 from report_scenes import SD, TRUTH, told, touches
 from tanteo.active import explain
+from tanteo.answers import Priors
 from tanteo.recognition import locate
 from tanteo.report import Run, course_section, directions_of, find_contacts, find_ways, gather, session_page
 from tanteo.report.scene import Candidate
@@ -59,7 +60,8 @@ def test_the_directions_of_session_are_those_of_its_explanation(session):
 def test_shares_of_a_direction_are_those_of_the_information(wedge):
     readings = touches(wedge, np.random.default_rng(1))
     sensed = gather(readings)
-    one = candidate(locate(readings, wedge).hypotheses[0], sensed, wedge)
+    exactly = Priors(noise_factor=1.0)
+    one = candidate(locate(readings, wedge, priors=exactly).hypotheses[0], sensed, wedge)
     local = (readings.points - TRUTH[:3, 3]) @ TRUTH[:3, :3]
     n = np.repeat(wedge.planes.normals, 5, axis=0)
     rows = np.concatenate([n, np.cross(local, n)], axis=1) / SD

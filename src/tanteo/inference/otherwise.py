@@ -14,6 +14,7 @@ import numpy as np
 
 from tanteo.answers import Answer, Finding, FindingKind
 from tanteo.errors import TanteoError
+from tanteo.inference.prepared import prepare, prepare_all
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part, mirror_part
 from tanteo.sensors import Readings
@@ -103,7 +104,7 @@ def fits(answer: Answer) -> bool:
     if answer.status not in ("recognized", "ambiguous", "insufficient") or not answer.hypotheses:
         return False
     best = answer.hypotheses[0]
-    return answer.unknown_probability < 1 - _SURE and not is_bad(answer) and len(best.pairings) > 0
+    return answer.unknown_probability < 1 - _SURE and not is_bad(answer) and best.dof > 0
 
 
 def _asked(ask: Ask, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
@@ -138,6 +139,7 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
 
 def _about_offset(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
     """Readings that all fit if the surface is nearer to the sensor, or farther from it, by the same."""
+    parts = [one.part for one in prepare_all("parts", parts)]
     aimed = _aimed(answer, readings, parts)
     sd = _OFFSET * max(part.diagonal for part in parts)
     found = _asked(ask, aimed, parts, sd)
@@ -164,8 +166,6 @@ def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Reading
     bare = np.isnan(readings.directions).any(axis=1) & np.isfinite(readings.points).all(axis=1)
     if not answer.hypotheses or not bare.any() or np.isfinite(readings.normals).any():
         return readings
-    from tanteo.inference.prepared import prepare  # loads what the answer has loaded already
-
     best = answer.hypotheses[0]
     part = next(part for part in parts if part.name == best.part)
     surface, T = prepare(part).surface, best.T_world_part

@@ -116,7 +116,7 @@ def identify_points(
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
     message += around_words(found[0]) if found else ""
     message += _missed(posterior.missing, status)
-    message += scattered(hypotheses[0], worst) if hypotheses else ""
+    message += scattered(hypotheses[0], worst) if hypotheses and status != "unknown" else ""
     return Answer(status, message, hypotheses, unknown, clock.laps(), seed)
 
 

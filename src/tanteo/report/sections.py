@@ -207,7 +207,8 @@ def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
 
 
 def _budget(candidate: Candidate, sensed: Sensed) -> Html:
-    budget = make_budget(candidate.contacts, sensed, candidate.part, candidate.hypothesis.T_world_part)
+    best = candidate.hypothesis
+    budget = make_budget(candidate.contacts, sensed, candidate.part, best.T_world_part, best.noise_scale[0])
     if budget is None:
         return element("p", "The readings fix no direction of the pose, so there is nothing to divide.")
     rows: list[Sequence[Html | str]] = [

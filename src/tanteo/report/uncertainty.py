@@ -54,7 +54,9 @@ class Budget:
     total: float
 
 
-def make_budget(contacts: Contacts, sensed: Sensed, part: Part, T_world_part: Transforms) -> Budget | None:
+def make_budget(
+    contacts: Contacts, sensed: Sensed, part: Part, T_world_part: Transforms, noise_scale: float = 1.0
+) -> Budget | None:
     """The budget of a pose; None where nothing of the pose is observed.
 
     Args:
@@ -62,10 +64,11 @@ def make_budget(contacts: Contacts, sensed: Sensed, part: Part, T_world_part: Tr
         sensed: The same readings, with the covariances of the errors that they share.
         part: The part.
         T_world_part: The pose.
+        noise_scale: Times the stated noise that the readings have.
     """
     used = contacts.used[contacts.reading]
     known = prior_rows(sensed.prior, part, T_world_part[None])[1][0]
-    H, terms = np.concatenate([contacts.rows[used], known]), _terms(contacts, sensed, used, len(known))
+    H, terms = np.concatenate([contacts.rows[used], known]), _terms(contacts, sensed, used, len(known), noise_scale)
     basis = _observed(H, _assumed(terms).own, part)
     if not basis.shape[1]:
         return None
@@ -92,7 +95,7 @@ class _Term:
     assumed: _Spread
 
 
-def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int) -> dict[str, _Term]:
+def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, noise_scale: float) -> dict[str, _Term]:
     """Every source, on the rows of the readings and those of what was known beforehand after them."""
     m = int(used.sum())
 
@@ -102,9 +105,9 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int) -> d
         spread = _Spread(np.pad(np.zeros(m) if own is None else own, (0, known)), factor)
         return _Term(spread, spread)
 
-    out = {"noise of the sensor": term(contacts.noise[used])}
+    out = {"noise of the sensor": term(noise_scale**2 * contacts.noise[used])}
     if contacts.repeatability[used].any():
-        out["repeatability of the robot"] = term(contacts.repeatability[used])
+        out["repeatability of the robot"] = term(noise_scale**2 * contacts.repeatability[used])
     for error, gain in zip(sensed.measured.shared, contacts.shared_jacobian, strict=True):
         out[f"{error.name} (shared)"] = term(common=gain[used] @ shared_root([error]))
     if sensed.tolerance > 0:
