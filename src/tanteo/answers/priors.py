@@ -52,7 +52,7 @@ class Priors:
     """
 
     unknown: float = 0.05
-    outlier_rate: float = 0.02
+    outlier_rate: float = 0.01
     radius: float = 0.0
     right_angled: float = 0.8
     near_variant: float = 0.5

@@ -14,6 +14,9 @@ from tanteo.special import binomial_cdf
 _NOTABLE = 0.05
 """So many outliers are mentioned if they, or more, are not more probable than this; the unknown object from this on."""
 
+_FEW = 3
+"""So many outliers are named."""
+
 _CONTRADICTED = 1e-3
 """So improbable a number of outliers among labelled points contradicts the part that explains the others."""
 
@@ -49,12 +52,24 @@ def against_labels(one: GoodnessOfFit, priors: Priors) -> str:
 
 
 def left_out(best: Hypothesis, priors: Priors) -> str:
-    """A warning if more points are off the part than is expected."""
+    """Which points are off the part, if few are; a warning if these are more than is expected."""
     outliers = len(best.outliers)
     n = outliers + len(best.pairings)
-    if so_many(outliers, n, priors.outlier_rate) > _NOTABLE:
+    if not outliers:
         return ""
-    return f" {outliers} of {n} readings are not on it, more than expected: check them, and the order of their columns."
+    if so_many(outliers, n, priors.outlier_rate) <= _NOTABLE:
+        return (
+            f" {outliers} of {n} readings are not on it, more than expected: check them, and the order of their "
+            "columns."
+        )
+    if outliers > _FEW:
+        return f" {outliers} of {n} readings are not on it."
+    named = [
+        f"{name} ({1e3 * abs(off):.2g} mm off)" for name, off in zip(best.outliers, best.outlier_distances, strict=True)
+    ]
+    if outliers == 1:
+        return f" Reading {named[0]} is not on it, and was left aside: check it."
+    return f" Readings {', '.join(named[:-1])} and {named[-1]} are not on it, and were left aside: check them."
 
 
 def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, priors: Priors) -> str:
@@ -75,8 +90,9 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
     found = shifted(at, part, priors.outlier_rate)
     k = int(np.argmax(found.log_odds))
     way = "out" if found.offsets[k] > 0 else "in"
+    agree = f"{found.counts[k]} readings agree" if found.counts[k] > 1 else "One reading says"
     return (
-        f" {found.counts[k]} readings agree that {part.faces[found.faces[k]].name} of {part.name} is "
+        f" {agree} that {part.faces[found.faces[k]].name} of {part.name} is "
         f"{1e3 * abs(found.offsets[k]):.2g} mm farther {way}."
     )
 

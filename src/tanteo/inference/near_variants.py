@@ -24,11 +24,11 @@ _SHARES = 12
 _ONE_FACE = 0.5
 """Share of what is a near variant that differs from it by one face."""
 
-_OFFSET = 0.05
+_OFFSET = 0.1
 """Standard deviation of how far a face may be out or in, in diagonals of the part."""
 
-_LEAST = 2
-"""A face is elsewhere if so many readings agree on where: one alone is an outlier as well."""
+_LEAST = 1
+"""A face is elsewhere if so many readings agree on where; one alone may be an outlier as well, and is weighed so."""
 
 _FAR = 1e15
 """So many standard deviations are as far as any."""
