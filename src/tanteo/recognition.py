@@ -100,9 +100,6 @@ def identify(
     frames = about_frames(
         answer, scale_of(measured.points, [one.part for one in prepare_all("parts", parts)]), measured
     )
-    answer = replace(answer, findings=found if frames is None else (*found, frames))
-    if not conventions or frames is not None:
-        return answer
 
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(
@@ -110,8 +107,9 @@ def identify(
             rig=rig, significance=significance, top=1, priors=priors, seed=seed, conventions=False,
         )  # fmt: skip
 
-    meant = about_conventions(answer, readings, parts, ask, placed=placed)
-    return answer if meant is None else replace(answer, findings=(*answer.findings, meant))
+    meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
+    meant = meant or frames  # what fits says more than what looks odd
+    return replace(answer, findings=found if meant is None else (*found, meant))
 
 
 def _with_noise_factor(
