@@ -18,12 +18,12 @@ from tanteo.inference.prepared import prepare, prepare_all
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part, mirror_part
 from tanteo.sensors import Readings
-from tanteo.typing import Rotations, Transforms
+from tanteo.typing import BoolArray, Rotations, Transforms
 
 _HANDED = "Are two of the columns x, y, z exchanged, or is one reversed? tanteo takes right-handed frames."
 
 _SURE = 0.95
-"""Probability from which another way to read the numbers makes a question."""
+"""Probability of a mirror image from which it makes a question."""
 
 _STRAYS = 0.1
 """Share of the readings that may be left aside then."""
@@ -36,6 +36,9 @@ _MIRROR = np.array([1.0, 1.0, -1.0])
 
 _OFFSET = 0.03
 """Standard deviation of a common offset that nobody stated, over the size of the largest part: a ball's radius."""
+
+_AIMED = 3
+"""Times that touches without a direction get one from the pose, which is known the better then."""
 
 _FELT = 4.0
 """Standard deviations that such an offset has to be from none."""
@@ -79,13 +82,19 @@ def about_conventions(
     """
     if not is_bad(answer):
         return None if placed else _about_image(answer, readings, parts, ask)
-    for way in WAYS:
-        meant = None if placed and way.kind in ("mirror", "units") else way.undo(readings)
-        if meant is None:
-            continue
-        if way.kind == "directions" and (offset := _about_offset(answer, readings, parts, ask)):
-            return offset
-        found = _asked(ask, meant, parts)
+    others = [way for way in OTHERS if not (placed and way.kind in ("mirror", "units"))]
+    return (
+        _about_ways(HANDS, readings, parts, ask)
+        or _about_offset(readings, parts, ask)
+        or _about_ways(others, readings, parts, ask)
+    )
+
+
+def _about_ways(ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
+    """The first of some ways to read the numbers that makes them fit."""
+    for way in ways:
+        meant = way.undo(readings)
+        found = None if meant is None else _asked(ask, meant, parts)
         if found is not None and fits(found):
             return Finding(way.kind, f"{_how_many(found)} if {way.words}. {way.advice}")
     return None
@@ -104,7 +113,7 @@ def fits(answer: Answer) -> bool:
     if answer.status not in ("recognized", "ambiguous", "insufficient") or not answer.hypotheses:
         return False
     best = answer.hypotheses[0]
-    return answer.unknown_probability < 1 - _SURE and not is_bad(answer) and best.dof > 0
+    return answer.unknown_probability < 0.5 and not is_bad(answer) and best.dof > 0
 
 
 def _asked(ask: Ask, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
@@ -137,12 +146,15 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
     return Finding("mirror", f"{message} {_HANDED}")
 
 
-def _about_offset(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
+def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
     """Readings that all fit if the surface is nearer to the sensor, or farther from it, by the same."""
     parts = [one.part for one in prepare_all("parts", parts)]
-    aimed = _aimed(answer, readings, parts)
     sd = _OFFSET * max(part.diagonal for part in parts)
-    found = _asked(ask, aimed, parts, sd)
+    found = _asked(ask, readings, parts, sd)
+    for _ in range(_AIMED if _is_bare(readings).any() else 0):
+        found = None if found is None else _asked(ask, _aimed(found, readings, parts), parts, sd)
+        if found is not None and fits(found):
+            break
     if found is None or not fits(found):
         return None
     shared = found.hypotheses[0].shared
@@ -161,10 +173,16 @@ def _about_offset(answer: Answer, readings: Readings, parts: Sequence[Part], ask
     )
 
 
+def _is_bare(readings: Readings) -> BoolArray:
+    """Touches with neither direction nor normal ``(n,)``: an offset of theirs is noise, until the pose is known."""
+    aimed = np.isfinite(readings.directions).all(axis=1) | np.isfinite(readings.normals).all(axis=1)
+    return np.asarray(~aimed & np.isfinite(readings.points).all(axis=1))
+
+
 def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
-    """Touches without a direction, as if they had come along the normal of the best answer's part."""
-    bare = np.isnan(readings.directions).any(axis=1) & np.isfinite(readings.points).all(axis=1)
-    if not answer.hypotheses or not bare.any() or np.isfinite(readings.normals).any():
+    """Bare touches, as if they had come along the normal of the best answer's part."""
+    bare = _is_bare(readings)
+    if not answer.hypotheses:
         return readings
     best = answer.hypotheses[0]
     part = next(part for part in parts if part.name == best.part)
@@ -257,17 +275,21 @@ def _of_degrees(R: Rotations) -> Rotations:
     return SO3.exp(np.degrees(SO3.log(R)))
 
 
-_HANDS = "Check the columns of the hand's pose."
+_POSES = "Check the columns of the hand's pose."
 
-WAYS = (
-    Way("hand", "the hand's quaternions are in the order x y z w", _HANDS, _turned(_order((3, 0, 1, 2)))),
-    Way("hand", "the hand's quaternions are in the order w x y z", _HANDS, _turned(_order((1, 2, 3, 0)))),
-    Way("hand", "the hand's poses are inverted (they are meant to take hand to world)", _HANDS,
+HANDS = (
+    Way("hand", "the hand's quaternions are in the order x y z w", _POSES, _turned(_order((3, 0, 1, 2)))),
+    Way("hand", "the hand's quaternions are in the order w x y z", _POSES, _turned(_order((1, 2, 3, 0)))),
+    Way("hand", "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
         lambda readings: _with_hands(readings, SE3.inverse)),
-    Way("hand", "the hand's rotations are transposed", _HANDS, _turned(lambda R: np.swapaxes(R, -1, -2))),
-    Way("hand", "the hand's angles are a rotation vector, not roll, pitch and yaw", _HANDS, _turned(_of_vector)),
-    Way("hand", "the hand's angles are roll, pitch and yaw, not a rotation vector", _HANDS, _turned(_of_angles)),
-    Way("hand", "the hand's angles are in radians, not degrees", _HANDS, _turned(_of_degrees)),
+    Way("hand", "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Way("hand", "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES, _turned(_of_vector)),
+    Way("hand", "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES, _turned(_of_angles)),
+    Way("hand", "the hand's angles are in radians, not degrees", _POSES, _turned(_of_degrees)),
+)  # fmt: skip
+"""Usual mistakes in poses of the hand: most of them throw the readings farther apart than a part is."""
+
+OTHERS = (
     Way("directions", "the directions (dx, dy, dz) are reversed", "They are meant to point into the material, as the "
         "sensor looks or the tip moves.", _reversed("directions")),
     Way("normals", "the normals (nx, ny, nz) are reversed", "They are meant to point out of the material.",
@@ -278,4 +300,4 @@ WAYS = (
     Way("units", "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer(1e3)),
     Way("mirror", "they are seen in a mirror", _HANDED, _mirrored),
 )  # fmt: skip
-"""The usual mistakes, the cheapest to refuse first: most of them throw the readings farther apart than a part is."""
+"""Other usual mistakes."""

@@ -1,0 +1,74 @@
+"""What is answered when the world is not as stated, in small; ``benchmarks/honesty.py`` has hundreds of scenes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
+from honesty import HANDS, PARTS, absent, hand, noisy, offset, outlier, table
+
+import tanteo
+
+SEED = 2034
+
+
+def scenes(case, count=1, parts=PARTS):
+    return [case(name, s, SEED, k) for k in range(count) for s in (0, 1) for name in parts]
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_the_region_holds_the_truth_when_the_noise_is_another(factor):
+    """90 % are asked for; fewer than this are one false alarm in a thousand."""
+    sure = [row for row in scenes(lambda *case: noisy(factor, *case), 2) if row["status"] == "recognized"]
+    assert len(sure) >= 16
+    assert sum(row["held"] for row in sure) >= binom.ppf(1e-3, len(sure), 0.9)
+
+
+def test_a_noise_that_is_another_is_told_with_its_spread():
+    part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/block.step")
+    rng, told = np.random.default_rng(5), []
+    corners = part.vertices[part.triangles]
+    for _ in range(8):
+        rows = rng.integers(len(corners), size=40)
+        points = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), 40), corners[rows]) + 6e-4 * rng.normal(size=(40, 3))
+        readings = tanteo.Readings.from_columns(points=points, sds=np.full(40, 3e-4))
+        scale, low, high = tanteo.locate(readings, part).hypotheses[0].noise_scale
+        assert low < scale < high
+        told.append(low < 2 < high)
+    assert sum(told) >= binom.ppf(1e-3, 8, 0.95)
+
+
+def test_one_reading_that_is_far_off_makes_no_wrong_answer():
+    rows = scenes(outlier)
+    assert not any(row["status"] == "recognized" and not row["right"] for row in rows)
+    assert sum(row["among"] for row in rows) >= len(rows) - 1
+
+
+def test_a_part_that_is_in_no_file_is_seldom_taken_for_another_against_a_reading():
+    rows = scenes(absent)
+    assert sum(row["P"] > 0.9 and row["worst"] > 4 for row in rows) <= 1
+
+
+def test_readings_on_the_given_table_are_no_outliers():
+    rows = scenes(table)
+    assert sum(row["right"] for row in rows) >= len(rows) - 1
+    assert sum(row["status"] == "recognized" for row in rows) >= 0.7 * len(rows)
+
+
+def test_a_radius_that_was_left_out_is_named():
+    rows = scenes(offset, parts=("bracket_left", "housing"))
+    assert all("offset" in row["kinds"] for row in rows)
+    assert not any(row["status"] == "recognized" for row in rows)
+
+
+@pytest.mark.parametrize("how", HANDS)
+def test_another_convention_of_the_hand_is_named(how):
+    row = hand(how, "wedge", 1, SEED, 0)
+    assert "hand" in row["kinds"]
+    assert row["status"] == "unknown"
