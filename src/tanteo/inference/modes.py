@@ -20,6 +20,10 @@ _SHARED = 0.15
 _VALLEY = 5.35
 """Squared Mahalanobis distance within which half of a normal region lies: a maximum there is no mode of its own."""
 
+_BARRIER, _STEPS = 3.0, 4
+"""How far the log density may fall between two maxima of one region: less than to the border of a region of two sigma
+in six directions; and steps of the way between them."""
+
 _DIRECTIONS = 6
 """In which a pose may move."""
 
@@ -47,6 +51,7 @@ class Mode:
         weights: of them, summing to one ``(N,)``.
         ess: how many independent samples would tell its covariance as well.
         normal: whether the region is normal, as the curvature of its maximum has it.
+        maxima: of how many its region is.
     """
 
     objective: Objective
@@ -61,6 +66,7 @@ class Mode:
     weights: FloatArray
     ess: float
     normal: bool
+    maxima: int = 1
 
     @property
     def prepared(self) -> PreparedPart:
@@ -80,9 +86,33 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     together = (common > _SHARED * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
+    together |= _in_one_valley(sampler, np.flatnonzero(sampled))
     out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
     apart = ~sampled & ~inside[sampled].any(axis=0)  # what lies in a sampled region is of its samples
     return out + [_by_curvature(sampler, int(k)) for k in np.flatnonzero(apart)]
+
+
+def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
+    """Which of some maxima are joined by a path of poses nowhere much less dense than the lower of both ``(m, m)``.
+
+    A round face made of facets has a maximum on each: the turn about it is one region, with ripples.
+    """
+    objective, peaks, out = sampler.objective, sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool)
+    first, second = (rows[k] for k in np.triu_indices(len(rows), 1))
+    if not len(first):
+        return out
+    xi = SE3.log(SE3.inverse(peaks.Ts[first]) @ peaks.Ts[second])
+    shares = np.arange(1, _STEPS) / _STEPS
+    Ts = peaks.Ts[first, None] @ SE3.exp(shares[:, None] * xi[:, None])
+    zs = peaks.zs[first, None] + shares[:, None] * (peaks.zs[second] - peaks.zs[first])[:, None]
+    logs = _core.log_densities(
+        objective.prepared.shape, objective.core, np.ascontiguousarray(Ts.reshape(-1, 4, 4)),
+        np.ascontiguousarray(zs.reshape(-1, peaks.zs.shape[1])),
+    ).reshape(len(first), -1)  # fmt: skip
+    lower = np.minimum(peaks.logs[first], peaks.logs[second])
+    joined = logs.min(axis=1) > lower - _BARRIER
+    out[first[joined], second[joined]] = True
+    return out
 
 
 def _inside(sampler: Sampler) -> np.ndarray:
@@ -140,7 +170,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     return Mode(
         objective, T, covariance, T_peak, peaks.zs[best], to_origin(objective, peaks.information[best]),
         float(np.log(region.mass)) + top, 0.0, Ts,
-        w / w.sum(), region.ess, region.is_normal,
+        w / w.sum(), region.ess, region.is_normal, len(rows),
     )  # fmt: skip
 
 

@@ -111,12 +111,13 @@ def _free(mode: Mode, information: FloatArray) -> Tangents:
     """Motions that nothing resists at the maximum, but for those that the ends of faces hold nearly as well."""
     part = mode.prepared.part
     scale, known = part_scale(part), spins(part)
+    told = without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
+    if mode.maxima > 1 and mode.ess >= _TOLD:  # each maximum by itself seems to hold what all together leave free
+        return weak_motions(told, scale, fixed=known)
     free = weak_motions(information, scale, fixed=known)
     if len(free) == len(known) or mode.ess < _TOLD:
         return free
-    held = weak_motions(
-        without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64)), scale, _HELD, fixed=known
-    )
+    held = weak_motions(told, scale, _HELD, fixed=known)
     return held if len(held) < len(free) else free
 
 
