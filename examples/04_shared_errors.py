@@ -2,7 +2,7 @@
 
 A cobot touches the clamp with a ball on a stick that is a millimetre or two beside where the controller believes it.
 The touches repeat to 0.1 mm, but their error is the same every time (in the hand's frame), so averaging does not help.
-Said to ``locate`` it is estimated along with the pose; not said, it is taken for the shape of the part.
+Said to ``locate`` it is estimated along with the pose; not said, the readings scatter more than they should.
 
     python examples/04_shared_errors.py
 """

@@ -28,7 +28,11 @@ SAYS = {
     "01_which_part": ["step_not_felt: ambiguous", "unknown_part: unknown", "too_few: insufficient", "sliding along"],
     "02_where_is_it": ["T_world_part", "ROS pose", "GTSAM sd", "readings left out: 20"],
     "03_two_features": ["plane_angle", "upright 12 mm thick", "possible", "rejected"],
-    "04_shared_errors": ["not said: unknown", "0.3 mm: recognized"],
+    "04_shared_errors": [
+        "times as much as stated",
+        "If an error that all of them share is behind it",
+        "0.3 mm: recognized",
+    ],
     "05_uncertain_frames": ["a to b, from the base", "chi2"],
     "06_as_published": ["bracket_right, corrected: recognized. bracket_right"],
     "07_from_ranges": ["bias of laser", "recognized: wedge"],

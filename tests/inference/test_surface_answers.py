@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, off, scene, surface_points, touches_of
+from tanteo.answers import Priors
 from tanteo.features import SharedError
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
@@ -254,7 +255,7 @@ def test_none_of_these_when_most_readings_are_on_a_part(targets, name, seed, n):
 def test_more_strays_than_expected_are_mentioned(targets, astray):
     _, touches, *_ = scene_of(targets["block"], 12, 30, TOUCH)
     touches.points[:astray] += [0.02, 0.03, 0.05]
-    answer = identify_points(touches, no_paths(), [targets["block"]])
+    answer = identify_points(touches, no_paths(), [targets["block"]], priors=Priors(outlier_rate=0.02))
     assert answer.status == "recognized"
     assert len(answer.hypotheses[0].outliers) == astray
     assert ("4 of 30 readings are not on it, more than expected" in answer.message) == (astray == 4)

@@ -114,4 +114,9 @@ def scattered(best: Hypothesis, worst: str) -> str:
         f" The readings scatter {scale:.2g} times as much as stated (95 %: {low:.2g} to {high:.2g}), and the "
         "covariance is of that."
     )
-    return says + (f" The worst is {worst} even so." if worst and scale > 1 else "")
+    if scale < 1:
+        return says
+    says += (
+        " If an error that all of them share is behind it (tip, radius, calibration), the pose is less sure: state it."
+    )
+    return says + (f" The worst is {worst} even so." if worst else "")

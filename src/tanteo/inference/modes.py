@@ -107,7 +107,7 @@ def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
     zs = peaks.zs[first, None] + shares[:, None] * (peaks.zs[second] - peaks.zs[first])[:, None]
     logs = _core.log_densities(
         objective.prepared.shape, objective.core, np.ascontiguousarray(Ts.reshape(-1, 4, 4)),
-        np.ascontiguousarray(zs.reshape(-1, peaks.zs.shape[1])),
+        np.ascontiguousarray(zs.reshape(len(first) * len(shares), zs.shape[2])),
     ).reshape(len(first), -1)  # fmt: skip
     lower = np.minimum(peaks.logs[first], peaks.logs[second])
     joined = logs.min(axis=1) > lower - _BARRIER
