@@ -16,7 +16,7 @@ from tanteo.inference import about_conventions, about_frames, about_readings, id
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure, unstated_sd
 
 if TYPE_CHECKING:
     from tanteo.fitting import LabelledFeatures
@@ -55,7 +55,8 @@ def identify(
         readings: what the devices said; see ``tanteo.io.read_readings``.
         parts: candidates; see ``tanteo.catalogue.read_parts``.
         sensor: preset for readings without an sd of their own.
-        sd: one standard deviation of a point along beam or normal [m], for the same.
+        sd: one standard deviation of a point along beam or normal [m], for the same. Of touches of which nobody said
+            any, the readings tell it.
         tolerance: sd of the made part's surface against its CAD [m].
         robot: preset of robot errors; its absolute error is shared by all readings.
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run.
@@ -84,8 +85,10 @@ def identify(
     start = time.perf_counter()
     check_length("tolerance", tolerance)
     parts = check_question(parts, significance, top, seed, priors)
+    unstated = unstated_sd(readings, sensor=sensor, sd=sd, rig=rig)
+    stated_sd, sd = sd, sd if unstated is None else unstated
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig)
-    priors = _with_noise_factor(priors, readings, sensor, sd)
+    priors = _with_noise_factor(priors, readings, sensor, stated_sd, unstated)
     placed = priors is not None and priors.pose is not None
     if as_published:
         return _as_published(measured, parts, tolerance, significance, top, seed, start, placed=placed)
@@ -95,6 +98,8 @@ def identify(
     answer = identify_points(
         points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors, seed=seed
     )
+    if unstated is not None and answer.best is not None:
+        answer = _told_sd(answer, unstated)
     found = about_readings(answer, readings, measured, rays, parts)
     answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
     frames = about_frames(
@@ -112,13 +117,27 @@ def identify(
     return replace(answer, findings=found if meant is None else (*found, meant))
 
 
+def _told_sd(answer: Answer, sd: float) -> Answer:
+    """The answer with what the readings tell of their standard deviation, of which nobody said any."""
+    told, low, high = (1e3 * sd * factor for factor in answer.hypotheses[0].noise_scale)
+    head, _, _ = answer.message.partition(" The readings scatter ")
+    says = f"No standard deviation was stated; the readings tell {told:.2g} mm (95 %: {low:.2g} to {high:.2g} mm)."
+    return replace(answer, message=f"{head} {says}")
+
+
 def _with_noise_factor(
-    priors: Priors | None, readings: Readings, sensor: SensorPreset | str | None, sd: float | None
+    priors: Priors | None,
+    readings: Readings,
+    sensor: SensorPreset | str | None,
+    sd: float | None,
+    unstated: float | None,
 ) -> Priors:
     """The priors with how well the noise is known, by where it comes from, unless it was said."""
     priors = priors or Priors()
     if priors.noise_factor is not None:
         return priors
+    if unstated is not None:
+        return replace(priors, noise_factor=STATED["unstated"])
     typed = sd is not None or bool(np.isfinite(readings.sds).any()) or sensor is None
     return replace(priors, noise_factor=STATED["typed" if typed else "preset"])
 

@@ -11,10 +11,10 @@ from tanteo.answers.pose_prior import PosePrior
 from tanteo.errors import InputError
 from tanteo.limits import check_length, check_number
 
-STATED = {"typed": 2.0, "preset": 1.5}
+STATED = {"typed": 2.0, "preset": 1.5, "unstated": 5.0}
 """Noise factors of standard deviations, by where they come from: typed by a person, who knows them to a factor of two
-at best, or a preset's, which is of the data sheet. With the first the 95 % region of a dozen readings holds 90 to 97 %
-while the true noise is from half to twice the stated one (``benchmarks/honesty.py``)."""
+at best; a preset's, which is of the data sheet; nobody's. With the first the 95 % region of a dozen readings holds 90
+to 97 % while the true noise is from half to twice the stated one (``benchmarks/honesty.py``)."""
 
 _MOST = 100.0
 

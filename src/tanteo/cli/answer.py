@@ -136,7 +136,7 @@ class _Given(NamedTuple):
 def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
     """Read everything, with a warning where it hardly goes together; what may take long comes last."""
     from tanteo.parts import READABLE
-    from tanteo.sensors import measure, misspelt
+    from tanteo.sensors import measure, misspelt, unstated_sd
 
     if Path(path).suffix.lower() in READABLE:
         raise ReadingsError(
@@ -145,9 +145,10 @@ def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
         )
     rig = None if options.rig is None else files.read_asked_rig(options.rig)
     readings = io.read_readings(path)
+    sd = unstated_sd(readings, sensor=options.sensor, sd=options.sd, rig=rig) or options.sd
     with misuse():
         measured = measure(
-            readings, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd,
+            readings, sensor=options.sensor, robot=options.robot, sd=sd, tip_sd=options.tip_sd,
             bias_sd=options.bias_sd, rig=rig,
         )  # fmt: skip
     if rig is None and (question := misspelt(readings)):

@@ -83,6 +83,7 @@ def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
             "axis": axis_document,
         },
         "fit": {"chi2": float(h.chi2), "dof": int(h.dof), "p_value": float(h.p_value), "rms_m": float(h.rms)},
+        "noise_scale": [float(value) for value in h.noise_scale],
         "outliers": h.outliers,
         "pairings": [{"reading": reading, "feature": feature} for reading, feature in h.pairings],
         "outlier_distances_m": np.array(h.outlier_distances, dtype=np.float64),

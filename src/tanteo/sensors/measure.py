@@ -30,6 +30,10 @@ _ACROSS_FLOOR = 1e-2
 """Least spread across a beam, as a share of the spread along it: keeps covariances invertible."""
 
 
+UNSTATED_SD = 1e-4
+"""Of touches of which nobody said how well they repeat [m]: between a touch probe and a hand-held tip."""
+
+
 def measure(
     readings: Readings,
     *,
@@ -109,6 +113,17 @@ def measure(
         free=_free_beams(readings, placed, devices, numbers, shared),
         taken_off=(readings.radii - radii)[hit],
     )
+
+
+def unstated_sd(
+    readings: Readings, *, sensor: SensorPreset | str | None = None, sd: float | None = None, rig: Rig | None = None
+) -> float | None:
+    """The sd that is assumed of readings of which nobody said any [m]; None where somebody did, or it is a preset's.
+
+    It is only where to begin: the readings themselves tell how much they scatter, within a factor of some twenty.
+    """
+    said = sd is not None or sensor is not None or rig is not None or bool(np.isfinite(readings.sds).any())
+    return None if said or bool(np.isfinite(readings.ranges).any()) else UNSTATED_SD
 
 
 def _checked(
