@@ -108,6 +108,14 @@ READINGS = [
     readings("quaternion not unit", with_column(HAND, *["0,0,0,1,1,0,0"] * 3), "expected a unit quaternion"),
     readings("quaternion zero", with_column(HAND, *["0,0,0,0,0,0,0"] * 3), "got 'length 0'"),
     readings("hole in a hand", with_column(HAND, *["0,0,0,1,0,0,"] * 3), "expected all of hand_x"),
+    readings(
+        "degrees as radians",
+        with_column(HAND.partition(",hand_q")[0] + ",hand_rx_rad,hand_ry_rad,hand_rz_rad", *["0,0,0,92.3,0,0"] * 3),
+        "of reading 'a': 92.3 rad is more than a full turn: are these degrees? Name the column hand_rx_deg.",
+    ),
+    readings(
+        "two rotations of a hand", with_column(f"{HAND},hand_yaw_deg", *["0,0,0,1,0,0,0,9"] * 3), "rotation in one way"
+    ),
     readings("unknown kind", with_column("kind", "point", "corner", ""), "column 'kind': expected one of plane, edge"),
     readings("kind without label", with_column("kind", "plane", "", ""), "expected a label for kind 'plane'"),
     readings("mixed kinds", with_column("feature,kind", "A,plane", "A,edge", "A,plane"), "Give one label one kind"),

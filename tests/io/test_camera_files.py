@@ -10,6 +10,8 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.io import read_camera, read_image, read_marks, write_image
+from tanteo.io.camera_keys import WRITE_IT
+from tanteo.lie import SE3
 from tanteo.vision import USUAL_EDGE_SD
 
 OPENCV_YAML = """%YAML:1.0
@@ -50,6 +52,11 @@ projection_matrix:
   cols: 4
   data: [620.0, 0.0, 317.0, 0.0, 0.0, 615.0, 243.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 """
+NO_LENS = """image_width: 640
+image_height: 480
+camera_matrix: [[620.0, 0.0, 317.0], [0.0, 615.0, 243.0], [0.0, 0.0, 1.0]]
+"""
+UNIT = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]"
 ROS_MESSAGE = """header:
   frame_id: camera
 height: 480
@@ -102,6 +109,67 @@ def test_what_opencv_writes_is_read(tmp_path):
     assert camera.size == (1280, 720)
 
 
+LENS = (-0.12, 0.05, 4e-4, -3e-4, 0.01)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *(
+            f"{key}: {list(LENS)}"
+            for key in (
+                "dist_coeff",
+                "dist",
+                "distortion",
+                "distortion_coeffs",
+                "dist_coef",
+                "DistCoeffs",
+                "dist_coefs",
+            )
+        ),
+        "dist: [[-0.12, 0.05, 4.0e-4, -3.0e-4, 0.01]]",
+        "Distortion Coefficients: [[-0.12], [0.05], [4.0e-4], [-3.0e-4], [0.01]]",
+        "distortion_parameters: {k1: -0.12, k2: 0.05, k3: 0.01, p1: 4.0e-4, p2: -3.0e-4}",
+        "k1: -0.12\nk2: 0.05\nk3: 0.01\np1: 4.0e-4\np2: -3.0e-4",
+        f"D: {list(LENS)}\ndist: {[*LENS, 0, 0, 0]}",  # twice the same
+        f"dist: {list(LENS)}\nundistorted_camera_matrix: [1, 2]\nfocus_distance_mm: 300\nundistorted: false",
+        f"dist: {list(LENS)}\nrvecs: [[1, 2, 3]]\ntvecs: [[1, 2, 3]]\nextrinsic_parameters: [1, 2, 3, 4, 5, 6]",
+    ],
+)
+def test_the_distortion_has_many_names(tmp_path, line):
+    path = tmp_path / "camera.yaml"
+    path.write_text(f"{NO_LENS}{line}\n")
+    camera = read_camera(path)
+    assert camera.distortion[:5] == pytest.approx(LENS)
+    assert not camera.distortion[5:].any()
+
+
+def test_coefficients_that_are_not_named_are_zero(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(NO_LENS + "distortion_parameters: {k1: -0.12, k2: 0.05}\n")
+    assert read_camera(path).distortion.tolist() == [-0.12, 0.05, 0, 0]
+    path.write_text(NO_LENS + "k1: -0.12\nk6: 0.05\n")
+    assert read_camera(path).distortion.tolist() == [-0.12, 0, 0, 0, 0, 0, 0, 0.05]
+    path.write_text(NO_LENS + "k1: -0.12\ns1: 0.05\n")
+    with pytest.raises(InputError, match="no thin prism"):
+        read_camera(path)
+    path.write_text(NO_LENS + "D: []\n")
+    assert not read_camera(path).distortion.any()
+
+
+def test_the_inverse_of_the_camera_s_place_is_inverted(tmp_path):
+    T = SE3.exp(np.random.default_rng(1).normal(size=6))
+    path = tmp_path / "camera.yaml"
+    for key, value in {
+        "T_world_camera": T,
+        "T_world_cam": T,
+        "T_camera_world": SE3.inverse(T),
+        "T_cam_world": SE3.inverse(T),
+    }.items():
+        path.write_text(f"{ROS_YAML}{key}: {value.tolist()}\n")
+        assert read_camera(path).T_world_camera == pytest.approx(T, abs=1e-9)
+
+
 def test_the_camera_s_place_is_read_in_metres(tmp_path):
     path = tmp_path / "camera.yaml"
     path.write_text(ROS_YAML + "T_world_camera: [1, 0, 0, 0.1, 0, -1, 0, 0.2, 0, 0, -1, 0.7, 0, 0, 0, 1]\n")
@@ -125,10 +193,26 @@ def test_how_exact_the_camera_is_may_be_said(tmp_path, line, sd):
         (ROS_YAML.replace("-0.12", "minus"), ("distortion_coefficients", "minus")),
         (ROS_YAML.replace("-0.12", ".nan"), ("finite",)),
         (ROS_YAML + "T_world_camera: [1, 2]\n", ("T_world_camera", "16")),
-        (
-            ROS_YAML + "T_camera_world: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n",
-            ("T_camera_",),
-        ),
+        (ROS_YAML + "T_camera_world: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n", ("T_camera_world", "rigid")),
+        (ROS_YAML + f"T_world_camera: {UNIT}\nT_cam_world: {UNIT}\n", ("T_world_camera and T_cam_world", "Keep one")),
+        (ROS_YAML + f"T_world_to_camera: {UNIT}\n", ("T_world_to_camera", "the inverse", "Name it T_camera_world")),
+        (ROS_YAML + f"T_camera_to_world: {UNIT}\n", ("T_camera_to_world", "Name it T_world_camera")),
+        (ROS_YAML + f"Tcw: {UNIT}\n", ("Tcw", "the inverse", "Name it T_camera_world")),
+        (ROS_YAML + f"c2w: {UNIT}\n", ("c2w", "Name it T_world_camera")),
+        (ROS_YAML + f"T_wold_camera: {UNIT}\n", ("T_wold_camera", "T_world_camera", "its inverse")),
+        (ROS_YAML + f"world_frame_of_cam: {UNIT}\n", ("world_frame_of_cam", "may be either")),
+        (ROS_YAML + f"extrinsics: {UNIT}\n", ("extrinsics", "mostly the inverse", "name it T_camera_world")),
+        (ROS_YAML + "rvec: [0, 0, 1]\ntvec: [[0.1], [0.2], [0.7]]\n", ("rvec", "solvePnP", "cv2.Rodrigues")),
+        (NO_LENS, ("expected the distortion of the lens", WRITE_IT, "[0, 0, 0, 0, 0] if the image is rectified")),
+        (NO_LENS + "lens_dist: [0.1, 0, 0, 0]\n", ("lens_dist", "Write distortion_coefficients: [k1, k2, p1, p2, k3]")),
+        (NO_LENS + "RadialDistortion: [0.1, 0]\n", ("RadialDistortion", WRITE_IT)),
+        (ROS_YAML + "lens_dist: [0.1, 0, 0, 0]\n", ("lens_dist", "if it is no distortion, leave it out")),
+        (ROS_YAML + "dist: [0.1, 0, 0, 0]\n", ("distortion_coefficients and dist", "Keep one")),
+        (NO_LENS + "dist: plumb_bob\n", ("dist:", "plumb_bob", WRITE_IT)),
+        (NO_LENS + "dist: 0.1\n", ("dist:", "numbers in a row")),
+        (NO_LENS + "distortion: {radial: [0.1, 0.2]}\n", ("distortion:", "'radial'", WRITE_IT)),
+        (NO_LENS + "distortion: {}\n", ("distortion:", "an empty table")),
+        (NO_LENS + "dist: [0.1, 0, 0]\n", ("0, 4, 5 or 8 coefficients",)),
         (ROS_YAML + "T_world_camera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0, 0.5, 1]\n", ("0 0 0 1",)),
         (ROS_YAML + "edge_sd_mm: 1\n", ("edge_sd_px", "edge_sd_mm")),
         (ROS_YAML + "fisheye_model: 1\n", ("fisheye_model", "Rectify")),

@@ -9,13 +9,23 @@ from hypothesis import strategies as st
 
 from tanteo.errors import InputError, TanteoError
 from tanteo.io import parse_length, read_readings, read_rig
-from tanteo.io.columns import LENGTHS, PLAIN, TEXTS
+from tanteo.io.columns import ANGLES, LENGTHS, PLAIN, TEXTS
 
 RELAXED = settings(
     max_examples=100, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
-COLUMNS = [*TEXTS, *PLAIN, *(f"{name}_mm" for name in LENGTHS), "normal_sd_deg", "x_m", "x", "sd", "bogus", ""]
+COLUMNS = [
+    *TEXTS,
+    *PLAIN,
+    *(f"{name}_mm" for name in LENGTHS),
+    *(f"{name}_rad" for name in ANGLES),
+    "x_m",
+    "x",
+    "sd",
+    "bogus",
+    "",
+]
 CELLS = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True).map(repr),
     st.integers(-200, 200).map(str),

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, ReadingsError, UnitError
-from tanteo.io import read_readings, readings_csv, write_readings
-from tanteo.lie import SE3
+from tanteo.io import pose_as_brand, read_readings, readings_csv, write_readings
+from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -68,8 +68,37 @@ def test_all_columns(tmp_path):
     assert np.isnan(r.Ts_world_hand[1]).all()
 
 
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_the_hand_s_rotation_in_three_ways(tmp_path, unit):
+    R = SO3.exp(np.random.default_rng(1).uniform(-1.8, 1.8, (20, 3)))
+    angles = pose_as_brand("paper", SE3.from_parts(R, np.zeros(3)))[:, 3:]
+    factor = {"deg": np.pi / 180, "rad": 1.0}[unit]
+    ways = {
+        ("hand_qw", "hand_qx", "hand_qy", "hand_qz"): SO3.as_quaternion(R),
+        tuple(f"hand_r{axis}_{unit}" for axis in "xyz"): SO3.log(R) / factor,
+        tuple(f"hand_{name}_{unit}" for name in ("roll", "pitch", "yaw")): angles / factor,
+    }
+    for names, values in ways.items():
+        rows = ["1,2,3,10,20,30," + ",".join(map(repr, row)) for row in values.tolist()]
+        head = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm," + ",".join(names)
+        # a row may have no hand
+        r = read_readings(file(tmp_path, "\n".join([head, *rows, "1,2,3,,,," + "," * (len(names) - 1)])))
+        np.testing.assert_allclose(r.Ts_world_hand[:-1, :3, :3], R, atol=1e-12)
+        np.testing.assert_allclose(r.Ts_world_hand[:-1, :3, 3], [[0.01, 0.02, 0.03]] * 20)
+        assert not r.has_hand[-1]
+
+
+def test_roll_is_turned_first_and_yaw_last(tmp_path):
+    head = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_roll_deg,hand_pitch_deg,hand_yaw_deg\n"
+    r = read_readings(file(tmp_path, head + "1,2,3,0,0,0,90,0,90\n1,2,3,0,0,0,0,90,90\n"))
+    np.testing.assert_allclose(r.Ts_world_hand[0, :3, :3], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
+    np.testing.assert_allclose(r.Ts_world_hand[1, :3, :3], [[0, -1, 0], [0, 0, 1], [-1, 0, 0]], atol=1e-12)
+
+
 HEAD = "id,x_mm,y_mm,z_mm,dx,dy,dz,sd_mm\n"
 FREE = "x_mm,y_mm,z_mm,dx,dy,dz,max_mm,status,kind,range_mm\n"
+PLACE = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm"
+VECTOR = f"{PLACE},hand_rx_rad,hand_ry_rad,hand_rz_rad\n"
 QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,hand_qz\n"
 
 
@@ -127,6 +156,18 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         (FREE + "1,2,3,0,0,1,9,ok,free,\n", ReadingsError, "line 2: expected status none of a beam of kind free"),
         (QUAT + "1,2,3,0,0,0,1,1,0,0\n", ReadingsError, "a unit quaternion hand_qw .. hand_qz, got 'length 1.41"),
         (QUAT + "1,2,3,0,0,0,0,0,0,0\n", ReadingsError, "got 'length 0'"),
+        ("x_mm,y_mm,z_mm,hand_x_mm\n1,2,3,1\n", ReadingsError, "hand_rx_rad .. hand_rz_rad (a rotation vector) or"),
+        (f"{PLACE},hand_rx_rad\n1,2,3,0,0,0,0\n", ReadingsError, "Add hand_ry, hand_rz (with unit"),
+        (f"{PLACE},hand_rx\n1,2,3,0,0,0,0\n", UnitError, "expected a unit in the name (hand_rx_deg, hand_rx_rad)"),
+        (f"{PLACE},hand_rx_mm\n1,2,3,0,0,0,0\n", UnitError, "expected one of the units hand_rx_deg, hand_rx_rad"),
+        ("x_mm,y_mm,z_mm,hand_yaw_deg\n1,2,3,0\n", ReadingsError, "Add hand_x, hand_y, hand_z, hand_roll, hand_pitch"),
+        (f"{PLACE},hand_rx_rad,hand_qw\n1,2,3,0,0,0,0,1\n", ReadingsError, "in one way, got hand_qw, hand_rx_rad. K"),
+        (f"{PLACE},hand_rx_rad,hand_yaw_deg\n1,2,3,0,0,0,0,1\n", ReadingsError, "one way, got hand_rx_rad, hand_yaw"),
+        (VECTOR + "1,2,3,0,0,0,0,0,\n", ReadingsError, "column 'hand_rz_rad': expected all of hand_x, hand_y"),
+        (VECTOR + "1,2,3,0,0,0,0,0,6.3\n1,2,3,0,0,0,0,-92.3,0\n", UnitError, "line 3, hand_ry_rad of reading '2': "
+         "-92.3 rad is more than a full turn: are these degrees? Name the column hand_ry_deg."),
+        ("id," + VECTOR + "a,1,2,3,,,,,,\nb,1,2,3,0,0,0,92.3,0,0\n", UnitError, "hand_rx_rad of reading 'b': 92.3 rad"),
+        ("x_mm,y_mm,z_mm,nx,ny,nz,normal_sd_rad\n1,2,3,0,0,1,18\n", UnitError, "Name the column normal_sd_deg."),
         ("x_mm,y_mm,z_mm,kind\n1,2,3,plan\n", ReadingsError, "column 'kind': expected one of plane, edge"),
         ("x_mm,y_mm,z_mm,kind\n1,2,3,plane\n", ReadingsError, "expected a label for kind 'plane'"),
         ("x_mm,y_mm,z_mm,kind,feature\n1,2,3,plane,A\n2,3,4,edge,A\n", ReadingsError, "expected 'plane' as for"),

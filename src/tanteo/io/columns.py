@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -10,7 +10,6 @@ from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
 LENGTHS = ("x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z")
-ANGLES = ("normal_sd",)
 PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "hand_qw", "hand_qx", "hand_qy", "hand_qz")
 TEXTS = ("id", "feature", "kind", "sensor", "status")
 
@@ -18,8 +17,27 @@ POINT = ("x", "y", "z")
 DIRECTION = ("dx", "dy", "dz")
 NORMAL = ("nx", "ny", "nz")
 HAND = ("hand_x", "hand_y", "hand_z", "hand_qw", "hand_qx", "hand_qy", "hand_qz")
-GROUPS = (POINT, DIRECTION, NORMAL, HAND)
-"""Columns that are filled together or not at all."""
+QUATERNION = HAND[3:]
+VECTOR = ("hand_rx", "hand_ry", "hand_rz")
+ROLL_PITCH_YAW = ("hand_roll", "hand_pitch", "hand_yaw")
+ANGLES = ("normal_sd", *VECTOR, *ROLL_PITCH_YAW)
+
+_WAYS = (
+    "hand_qw .. hand_qz (a unit quaternion), hand_rx_rad .. hand_rz_rad (a rotation vector) or hand_roll_deg, "
+    "hand_pitch_deg, hand_yaw_deg"
+)
+
+
+def hand_group(names: Iterable[str]) -> tuple[str, ...]:
+    """The columns of the hand's pose: its place, and its rotation in the way that the names have, or as quaternion."""
+    given = set(names)
+    way = next((way for way in (QUATERNION, VECTOR, ROLL_PITCH_YAW) if given.intersection(way)), QUATERNION)
+    return (*HAND[:3], *way)
+
+
+def groups(names: Iterable[str]) -> tuple[tuple[str, ...], ...]:
+    """Columns that are filled together or not at all."""
+    return (POINT, DIRECTION, NORMAL, hand_group(names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,13 +118,18 @@ def _read_name(name: str, place: str) -> Column:
 
 
 def _check_groups(columns: dict[str, Column], place: str) -> None:
-    for group in GROUPS:
+    ways = [[name for name in way if name in columns] for way in (QUATERNION, VECTOR, ROLL_PITCH_YAW)]
+    if sum(map(bool, ways)) > 1:
+        have = ", ".join(columns[name].written for way in ways for name in way)
+        raise ReadingsError(f"{place}: expected the hand's rotation in one way, got {have}. Keep one of {_WAYS}.")
+    for group in groups(columns):
         missing = [name for name in group if name not in columns]
         if missing and len(missing) < len(group):
             have = ", ".join(columns[name].written for name in group if name in columns)
+            instead = "" if group[0] != HAND[0] or any(ways) else f" The rotation may be {_WAYS}."
             raise ReadingsError(
                 f"{place}: expected {', '.join(group)} together, got only {have}. Add {', '.join(missing)} (with unit "
-                "where it is a length)."
+                f"where it is a length or an angle).{instead}"
             )
     if "x" not in columns and not {"range", "sensor", "hand_x"} <= columns.keys():
         raise ReadingsError(

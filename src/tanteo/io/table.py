@@ -11,8 +11,21 @@ from typing import NoReturn
 
 import numpy as np
 
-from tanteo.errors import ReadingsError
-from tanteo.io.columns import DIRECTION, GROUPS, HAND, NORMAL, POINT, Column, Lines
+from tanteo.errors import ReadingsError, UnitError
+from tanteo.io.columns import (
+    ANGLES,
+    DIRECTION,
+    NORMAL,
+    POINT,
+    QUATERNION,
+    ROLL_PITCH_YAW,
+    VECTOR,
+    Column,
+    Lines,
+    groups,
+    hand_group,
+)
+from tanteo.io.poses import pose_from_brand
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings, check_features, reading_kinds
 from tanteo.typing import BoolArray, FloatArray
@@ -28,6 +41,12 @@ _SHORTEST, _LONGEST = 1e-9, 1e9
 
 _POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd")
 _QUATERNION_SLACK = 1e-3
+_FULL_TURN = 2.02 * np.pi
+"""No angle in radians is larger: a full turn, and a little beyond it."""
+
+_WRITTEN_AS: dict[tuple[str, ...], str] = {VECTOR: "ur", ROLL_PITCH_YAW: "paper"}
+"""Who writes rotations so, in radians behind metres."""
+
 _STATUSES = ("ok", "none")
 
 
@@ -126,7 +145,8 @@ class Table:
             if name in chunk:
                 expected = f"within {LARGEST:g} m of the origin (is the unit in the column's name right?)"
                 self._require(~(np.abs(chunk[name]) > LARGEST), name, chunk, expected)
-        for group in GROUPS:
+        self._check_turns(chunk)
+        for group in groups(chunk):
             if group[0] in chunk:
                 filled = np.stack([~np.isnan(chunk[name]) for name in group])
                 for name, column in zip(group, filled, strict=True):
@@ -135,9 +155,25 @@ class Table:
             if group[0] in chunk:
                 self._check_directions(chunk, group)
         if "hand_qw" in chunk:
-            lengths = _norms(chunk, HAND[3:])
+            lengths = _norms(chunk, QUATERNION)
             good = ~(np.abs(lengths - 1) > _QUATERNION_SLACK)
             self._require(good, "hand_qw", chunk, "a unit quaternion hand_qw .. hand_qz", lengths)
+
+    def _check_turns(self, chunk: dict[str, FloatArray]) -> None:
+        """Refuse degrees under the name of radians: nobody turns by more than a full turn."""
+        for column in self.columns:
+            if column.base not in ANGLES or not column.written.endswith("_rad"):
+                continue
+            far = np.abs(chunk[column.base]) > _FULL_TURN
+            if far.any():
+                k = int(np.argmax(far))
+                row = self.count + k
+                reading = self._texts["id"][row] if "id" in self._texts else str(row + 1)
+                raise UnitError(
+                    f"{self.path}, line {self.line_of(row)}, {column.written} of reading '{reading}': "
+                    f"{chunk[column.base][k]:.12g} rad is more than a full turn: are these degrees? Name the column "
+                    f"{column.base}_deg."
+                )
 
     def _check_directions(self, chunk: dict[str, FloatArray], group: tuple[str, ...]) -> None:
         """Complain about the largest component of a direction that has none, or one too large to be squared."""
@@ -203,6 +239,7 @@ class Table:
         def vectors(group: tuple[str, ...]) -> FloatArray | None:
             return np.stack([numbers[name] for name in group], axis=-1) if group[0] in numbers else None
 
+        hand = hand_group(numbers)
         status = self._texts.get("status")
         self._check_free(numbers.get("range"))
         radii = numbers.get("radius")
@@ -219,7 +256,7 @@ class Table:
                 radii=None if radii is None else np.nan_to_num(radii),
                 features=self._texts.get("feature"),
                 kinds=self._texts.get("kind"),
-                Ts_world_hand=_poses(vectors(HAND)),
+                Ts_world_hand=_poses(vectors(hand), hand[3:]),
                 ranges=numbers.get("range"),
                 sensors=self._texts.get("sensor"),
                 is_free=None if status is None else np.array([s == "none" for s in status]),
@@ -236,10 +273,14 @@ def _norms(chunk: dict[str, FloatArray], group: tuple[str, ...]) -> FloatArray:
     return np.sqrt(sum((chunk[name] ** 2 for name in group), start=np.zeros(())))
 
 
-def _poses(hands: FloatArray | None) -> FloatArray | None:
+def _poses(hands: FloatArray | None, way: tuple[str, ...]) -> FloatArray | None:
+    """Poses of rows of a place and a rotation, which is written in one of the ways."""
     if hands is None:
         return None
     Ts = np.full((len(hands), 4, 4), np.nan)
     given = ~np.isnan(hands[:, 0])
-    Ts[given] = SE3.from_parts(SO3.from_quaternion(hands[given, 3:]), hands[given, :3])
+    if way == QUATERNION:
+        Ts[given] = SE3.from_parts(SO3.from_quaternion(hands[given, 3:]), hands[given, :3])
+    else:
+        Ts[given] = pose_from_brand(_WRITTEN_AS[way], hands[given])
     return Ts

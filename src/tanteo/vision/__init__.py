@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         opencv,
         project,
         rays,
+        rigid,
         without_distortion,
     )
     from tanteo.vision.descriptors import DESCRIPTOR_NAMES, Descriptors, describe, like_outline
@@ -39,8 +40,8 @@ __all__ = [
     "EdgeMap", "EdgePoints", "Look", "Question", "Region", "Rest", "Segments", "Sight", "Sighting", "Stage",
     "TableErrors", "Thing", "VisionModel", "describe", "draw_sight", "find_corners", "find_edges", "find_regions",
     "find_segments", "fit_camera", "follow", "image_corner", "image_edge", "like_outline", "map_edges", "on_plane",
-    "opencv", "prepare_vision", "project", "rays", "render", "rests", "see", "see_anywhere", "see_table", "silhouette",
-    "thing", "without_distortion",
+    "opencv", "prepare_vision", "project", "rays", "render", "rests", "rigid", "see", "see_anywhere", "see_table",
+    "silhouette", "thing", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -49,7 +50,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "answers": "Question",
-        "camera": "DISTORTION_COUNTS USUAL_EDGE_SD Camera on_plane opencv project rays without_distortion",
+        "camera": "DISTORTION_COUNTS USUAL_EDGE_SD Camera on_plane opencv project rays rigid without_distortion",
         "descriptors": "DESCRIPTOR_NAMES Descriptors describe like_outline",
         "edges": "EdgeMap EdgePoints find_edges map_edges",
         "features": "image_corner image_edge",
