@@ -14,7 +14,6 @@ from tanteo.active.shared import SharedAhead
 from tanteo.active.state import SensingState
 from tanteo.typing import FloatArray, Vectors
 
-
 SharedOf: TypeAlias = Callable[[Candidates], SharedAhead | None]
 """The shared errors of candidates; None where there are none, or nothing is known of them yet."""
 

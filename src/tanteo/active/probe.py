@@ -97,15 +97,27 @@ class Probe:
                 f"probe '{self.name}', law: expected a standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got "
                 f"{sd:g}. Correct it."
             )
-        others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds", "min_range", "radius")
+        others = (
+            "beam_half_angle",
+            "shared_sd",
+            "repeat_sd",
+            "base_sds",
+            "farthest",
+            "cone",
+            "seconds",
+            "min_range",
+            "radius",
+        )
         for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
             raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
-        if self.radius >= min(self.standoff, self.max_range) or self.radius > self.clearance:
-            room = min(self.standoff, self.clearance)
+        if self.radius >= self.standoff or self.radius > self.clearance:
             raise InputError(
-                f"probe '{self.name}', radius: expected a ball with room in clearance and stand-off, {1e3 * room:g} mm, "
-                f"got {1e3 * self.radius:g} mm. Give it more of both, or the radius of the tip's ball."
+                f"probe '{self.name}', radius: expected a ball smaller than the stand-off and no larger than the "
+                f"clearance, got {1e3 * self.radius:g} mm beside {1e3 * self.standoff:g} mm and "
+                f"{1e3 * self.clearance:g} mm. Give it more of both."
             )
+        if self.radius > 0 and not self.contact:
+            raise InputError(f"probe '{self.name}', radius: expected none of a beam, got one. Say contact=True.")
         if self.approach is not None:
             d = np.asarray(self.approach, dtype=np.float64)
             if d.shape != (3,) or not (np.isfinite(d).all() and np.abs(d).max() > 0):

@@ -200,7 +200,9 @@ def predict(
     """
     parts = np.unique(samples.part).tolist() or [0]
     rows = [np.flatnonzero(samples.part == k) for k in parts]
-    found = [_of_part(samples, k, some, origins, directions, probe, shared) for k, some in zip(parts, rows, strict=True)]
+    found = [
+        _of_part(samples, k, some, origins, directions, probe, shared) for k, some in zip(parts, rows, strict=True)
+    ]
     if len(found) == 1:
         return Predictions(*found[0])
     order = np.argsort(np.concatenate(rows))

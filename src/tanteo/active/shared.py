@@ -40,7 +40,7 @@ class SharedAhead:
         Args:
             state: what is known.
             jacobians: of the candidates, whitened ``(C, 3, D)``.
-            columns: which of the belief's shared errors each of theirs is ``(D,)``; -1 for one of which it knows nothing.
+            columns: which of the belief's shared errors each of theirs is ``(D,)``; -1 for one that is new.
         """
         M, D, known = len(state.weights), jacobians.shape[2], np.flatnonzero(columns >= 0)
         means, slopes, covariances = np.zeros((M, D)), np.zeros((M, D, 6)), np.tile(np.eye(D), (M, 1, 1))
@@ -83,7 +83,7 @@ class SharedAhead:
 
 
 def _given_pose(mode: Mode, columns: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean of some shared errors at the maximum of a mode, how it moves with the pose, and their covariance given it."""
-    known = np.linalg.inv(mode.information[6:, 6:])
+    """Mean of some shared errors at a maximum, how it moves with the pose, and their covariance given the pose."""
+    known = np.asarray(np.linalg.inv(mode.information[6:, 6:]), dtype=np.float64)
     slopes = -known @ mode.information[6:, :6]
     return mode.z[columns], slopes[columns], known[np.ix_(columns, columns)]

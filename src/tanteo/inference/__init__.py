@@ -95,7 +95,9 @@ __getattr__, __dir__ = lazy(
         "around": "outlier_log_density",
         "problem": "PoseMixture Problem",
         "recognition": "identify_points",
-        "result": "GoodnessOfFit as_hypothesis goodness_of_fit face_names information_by_point what_limits worst_reading",
+        "result": (
+            "GoodnessOfFit as_hypothesis goodness_of_fit face_names information_by_point what_limits worst_reading"
+        ),
         "settling": "settle",
         "update": "on_part posterior_about update_posterior",
     },

@@ -97,7 +97,7 @@ def _is_still(ways: Vectors, Rs: Rotations) -> bool:
 
 
 def _brought(hands: Transforms, points: Vectors, ways: Vectors, c: Candidates, *, still: bool) -> Transforms:
-    """Hands moved with what they met to the candidates' aims, and turned with the approach unless they are held alike."""
+    """Hands moved to the candidates' aims with what they met, turned with the approach unless they are held alike."""
     turn = np.tile(np.eye(3), (len(c), 1, 1)) if still else _turns(ways, c.directions)
     arms = hands[:, :3, 3] - points
     out = SE3.from_parts(turn @ hands[:, :3, :3], c.aims + np.einsum("nij,nj->ni", turn, arms))

@@ -167,9 +167,7 @@ class Session:
         known = stop.knows_part(state)
         values = state, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
         shared = shared_of(self.sensing, self.probe, self._joined, state)
-        return DecisionContext(
-            *values, part_only=part_only, part_open=not known, feature=stop.feature, shared=shared
-        )
+        return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature, shared=shared)
 
     def _said(self, end: Done) -> Done:
         """The end with the shared error that is in the way of the goal, where one is."""

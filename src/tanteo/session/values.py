@@ -159,7 +159,8 @@ class Action:
         """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
 
         Args:
-            distance: from ``origin`` along ``direction``, as measured, of a ball that of its centre; beyond ``max_range`` it met nothing, too.
+            distance: from ``origin`` along ``direction``, as measured, to where the centre of a ball stops; beyond
+                ``max_range`` it met nothing, too.
             sd: of it [m], where the session's sensor does not say it.
             name: of the reading; that of the question by default.
             T_world_hand: pose of the hand ``(4, 4)`` at the reading; errors that turn with it, as that of its tip
