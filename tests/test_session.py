@@ -450,7 +450,7 @@ def test_a_hand_that_turns_with_the_approach_finds_its_tip(targets):
     assert off(session, 0, T) < 1e-4
 
 
-def test_the_absolute_error_of_a_robot_is_said_to_be_what_is_left(targets):
+def test_the_error_of_a_robot_is_said_to_be_what_is_left(targets):
     start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
     session = Session(start, TOUCH, Sensing(sd=2e-5, robot="calibrated_small"), stop=Stop(tolerance=1e-4))
     end, ways = touched(session, targets[0], np.eye(4), np.zeros(3), turned=True)
