@@ -73,6 +73,18 @@ def true_range(target, T, action):
     return float(target.surface.cast(origin[None], along[None]).distances[0])
 
 
+def where_a_ball_stops(target, T, action, radius):
+    """How far the centre of a ball gets along the action's way before the ball touches the part [m]."""
+    to_part, t = SE3.inverse(T), 0.0
+    for _ in range(1000):
+        centre = SE3.apply(to_part, action.origin + t * action.direction)
+        gap = float(target.surface.closest(centre[None]).distances[0]) - radius
+        t += gap
+        if gap < 1e-10 or t > action.max_range:
+            break
+    return t if t <= action.max_range else np.inf
+
+
 def met_by_beams(target, Ts, origins, directions):
     """What beams meet on a part at poses, by its surface: ranges, cosines, faces ``(C, S)``, derivatives ``(C, S, 6)``.
 

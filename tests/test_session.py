@@ -9,12 +9,25 @@ import numpy as np
 import pytest
 
 from bare_scenes import SENSORS, beams, nees, no_paths, scene
-from sensing_scenes import LASER, drawn_truth, new_session, off, rough, sense, tell_anything, true_range, valid
-from tanteo.active import Candidates, Stop, around, at_pose, begin, update
+from sensing_scenes import (
+    LASER,
+    drawn_truth,
+    new_session,
+    off,
+    rough,
+    sense,
+    tell_anything,
+    true_range,
+    valid,
+    where_a_ball_stops,
+)
+from tanteo.active import Candidates, Stop, around, at_pose, begin, probe_of, update
+from tanteo.answers import PosePrior, Priors
 from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
+from tanteo.recognition import identify
 from tanteo.report import headline
 from tanteo.sensors import NoiseLaw, Readings, concatenate
 from tanteo.session import Action, Done, Sensing, Session
@@ -389,6 +402,108 @@ def test_the_error_of_a_tip_counts_where_the_hand_is_told(targets):
     assert session.count == 0
     session.tell(action.read(distance, T_world_hand=turn))
     np.testing.assert_allclose(session.state.touches.shared_jacobian[0][:, :2], 1e-3 * turn[:3, :2], atol=1e-9)
+
+
+TIP = np.array([0.4e-3, -0.5e-3, 0.1e-3])
+"""A tip that is off in the hand, about as ``(0.5, 0.5, 0.2)`` mm say."""
+
+TOUCH = probe_of(2e-5, contact=True)
+
+
+def touched(session, target, T, tip, *, turned):
+    """Touches until the session ends, by a hand that turns with the approach or is held alike and whose tip is off."""
+    rng, ways = np.random.default_rng(3), []
+    while isinstance(action := session.ask(), Action):
+        R = action.T_world_probe[:3, :3] if turned else np.eye(3)
+        distance = true_range(target, T, replace(action, origin=action.origin + R @ tip)) + 2e-5 * rng.normal()
+        session.tell(action.read(distance, T_world_hand=SE3.from_parts(R, action.origin)), action)
+        place = action.origin + action.expected * action.direction
+        ways.append((*np.round(place / 5e-4).astype(int), *np.round(10 * action.direction).astype(int)))
+    return action, ways
+
+
+def test_what_the_tip_hides_is_not_asked_for_again_and_again(targets):
+    """The hand is held alike: what is left is the tip's offset, which no further touch tells from the part's place."""
+    start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
+    sensing = Sensing(sd=2e-5, tip_sd=(5e-4, 5e-4, 2e-4))
+    session = Session(start, TOUCH, sensing, stop=Stop(tolerance=1e-4, max_measurements=40))
+    T = SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.01, 0.02, -0.01]))
+    end, ways = touched(session, targets[0], T, TIP, turned=False)
+    assert not end.reached
+    assert "No reading is worth its cost" in end.why
+    assert "offset of the tip in the hand's frame [m], which all readings share" in end.why
+    assert "Calibrate it" in end.why
+    assert "turn the hand more between readings" in end.why
+    assert max(ways.count(way) for way in ways) <= 3
+    assert len(ways) < 30
+    assert 4e-4 < session.steps[-1].corner_sd < 8e-4
+
+
+def test_a_hand_that_turns_with_the_approach_finds_its_tip(targets):
+    start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
+    sensing = Sensing(sd=2e-5, tip_sd=(5e-4, 5e-4, 2e-4))
+    session = Session(start, TOUCH, sensing, stop=Stop(tolerance=1e-4, max_measurements=40))
+    T = SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.01, 0.02, -0.01]))
+    end, ways = touched(session, targets[0], T, TIP, turned=True)
+    assert end.reached
+    assert max(ways.count(way) for way in ways) <= 3
+    assert off(session, 0, T) < 1e-4
+
+
+def test_the_error_of_a_robot_is_said_to_be_what_is_left(targets):
+    start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
+    session = Session(start, TOUCH, Sensing(sd=2e-5, robot="calibrated_small"), stop=Stop(tolerance=1e-4))
+    end, ways = touched(session, targets[0], np.eye(4), np.zeros(3), turned=True)
+    assert not end.reached
+    assert "absolute error of the robot (calibrated_small)" in end.why
+    assert max(ways.count(way) for way in ways) <= 3
+
+
+def test_a_bias_along_the_approach_is_found_from_opposite_sides(targets):
+    start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
+    session = Session(start, TOUCH, Sensing(sd=2e-5, bias_sd=3e-4), stop=Stop(tolerance=1e-4, max_measurements=40))
+    T = SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.01, 0.02, -0.01]))
+    end, ways = touched(session, targets[0], T, np.array([0.0, 0.0, 3e-4]), turned=True)
+    assert end.reached
+    assert max(ways.count(way) for way in ways) <= 3
+    assert off(session, 0, T) < 1e-4
+
+
+@pytest.mark.parametrize("bias_sd", [None, 1e-4])
+def test_centres_of_a_ball_are_told_as_identify_takes_them(targets, bias_sd):
+    rng, radius = np.random.default_rng(0), 2e-3
+    T = SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.01, 0.02, -0.01]))
+    rows = rng.permutation(len(targets[0].samples))[:14]
+    p, n = SE3.apply(T, targets[0].samples[rows]), targets[0].normals[rows] @ T[:3, :3].T
+    centres = p + radius * n + 2e-5 * rng.normal(size=p.shape)
+    readings = Readings.from_columns(centres, directions=-n, radii=np.full(14, radius))
+    C = np.diag([3e-3] * 3 + [0.03] * 3) ** 2
+    session = Session(
+        at_pose(targets[0], np.eye(4), C, Priors(noise_factor=1.0)), TOUCH, Sensing(sd=2e-5, bias_sd=bias_sd)
+    )
+    session.tell(readings)
+    priors = Priors(pose=PosePrior(np.eye(4), C), noise_factor=1.0)
+    asked = identify(readings, [targets[0].part], sd=2e-5, bias_sd=bias_sd, priors=priors).best
+    told = session.answer().best
+    apart = SE3.log(SE3.inverse(asked.T_world_part) @ told.T_world_part)
+    np.testing.assert_array_less(np.abs(apart), 0.02 * np.sqrt(np.diag(asked.covariance)))  # both are means of samples
+    np.testing.assert_allclose(np.sqrt(np.diag(told.covariance)), np.sqrt(np.diag(asked.covariance)), rtol=0.1)
+
+
+def test_the_ball_is_part_of_the_probe(targets):
+    """Its centre stops one radius short of a face, and is told as such."""
+    radius, T = 3e-3, SE3.exp(np.array([1e-3, -1e-3, 1e-3, 0.01, 0.01, -0.01]))
+    start = at_pose(targets[0], np.eye(4), np.diag([2e-3] * 3 + [0.02] * 3) ** 2)
+    probe = replace(TOUCH, radius=radius)
+    session = Session(start, probe, Sensing(sd=2e-5), stop=Stop(tolerance=1e-4, max_measurements=30))
+    first = session.ask()
+    assert first.expected == pytest.approx(where_a_ball_stops(targets[0], np.eye(4), first, radius), abs=1e-7)
+    assert first.expected == pytest.approx(probe.standoff - radius, abs=1e-7)
+    assert first.read(0.04).radii.tolist() == [radius]
+    while isinstance(action := session.ask(), Action):
+        session.tell(action.read(where_a_ball_stops(targets[0], T, action, radius)))
+    assert action.reached
+    assert off(session, 0, T) < 1e-4
 
 
 def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):

@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, met_by_beams, new_session, rough, sense
+from sensing_scenes import LASER, met_by_beams, new_session, rough, sense, true_range
 from tanteo.active import (
+    POLICIES,
     Probe,
+    SharedAhead,
     Start,
+    Stop,
     about_mode,
     about_pose,
     at_pose,
@@ -30,6 +33,7 @@ from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
 from tanteo.sensors import NoiseLaw, robot_preset, sensor_preset
+from tanteo.session import Sensing, Session
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
@@ -91,6 +95,44 @@ def test_errors_that_all_readings_share_count_in_what_is_told():
     off = replace(own, shared_sd=3e-4, base_sds=(1e-3, 0.0))
     d, cosine = np.array([0.1, 0.1]), np.array([1.0, 0.5])
     np.testing.assert_allclose(off.variance(d, cosine) - own.variance(d, cosine), [9e-8 + 1e-6, 9e-8 + 4e-6])
+
+
+def test_what_readings_share_with_those_before_tells_less(bracket):
+    """Against determinants of pose and shared errors together; the same side again tells of noise alone."""
+    start = at(bracket, (1e-3, 1e-2))
+    session = Session(start, LASER, Sensing(sd=3e-4, bias_sd=2e-3), POLICIES["information"], Stop(None, least_gain=0.0))
+    for _ in range(8):
+        action = session.ask()
+        session.tell(action.read(true_range(bracket, np.eye(4), action)))
+    state, c = session.state, propose(session.state, LASER, 40)
+    assert len(state.modes) == 1
+    mode = state.modes[0]
+    jacobians = 2e-3 * c.directions[:, :, None]
+    shared = SharedAhead.of(state, jacobians, np.zeros(1, dtype=np.int64))
+    whole = np.linalg.inv(mode.information)[:7, :7]
+    samples = replace(draw(state, 1), Ts=mode.T_peak[None], whole=whole[None, :6, :6], useful=whole[None, :6, :6])
+    got = about_pose(samples, predict(samples, c.origins, c.directions, LASER, shared), LASER)
+    d, cosine, _, g = met_by_beams(bracket, mode.T_peak[None], c.origins, c.directions)
+    own, h = LASER.own_variance(d, cosine)[:, 0], np.concatenate([g[:, 0], np.full((len(c), 1), -2e-3)], axis=1)
+    given = np.linalg.inv(mode.information[6:, 6:])[0, 0]
+    for k in range(len(c)):
+        rest = 4e-6 * given + own[k]
+        assert got[k] == pytest.approx(0.5 * np.log((h[k] @ whole @ h[k] + own[k]) / rest), rel=1e-6)
+    o, u = (np.array([getattr(step.action, name) for step in session.steps]) for name in ("origin", "direction"))
+    shared = SharedAhead.of(state, 2e-3 * u[:, :, None], np.zeros(1, dtype=np.int64))
+    assert about_pose(samples, predict(samples, o, u, LASER, shared), LASER).max() <= 0.5 * np.log(2) + 1e-6
+
+
+def test_the_ball_of_a_probe_stops_before_the_surface(bracket):
+    start, ball = at(bracket, (2e-5, 2e-4)), replace(LASER, contact=True, radius=2e-3)
+    c, samples = propose(begin(start), LASER, 40), draw(begin(start), 8)
+    point, centre = (predict(samples, c.origins, c.directions, probe) for probe in (LASER, ball))
+    met = point.met
+    np.testing.assert_allclose((point.ranges - centre.ranges)[met], (2e-3 / point.cosines)[met], rtol=1e-9)
+    assert np.isinf(centre.ranges[~met]).all()
+    for probe, words in ((replace(LASER, contact=True), "no larger than the clearance"), (LASER, "none of a beam")):
+        with pytest.raises(InputError, match=words):
+            replace(probe, radius=2e-3 if probe is LASER else 2e-2)
 
 
 def test_the_largest_face_is_not_sensed_for_ever(bracket):

@@ -62,7 +62,8 @@ def shared_errors(targets):
     start = at_pose(targets[1], SE3.exp(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])), 1e-4 * np.eye(6))
     _, T = drawn_truth(start, rng)
     session = Session(
-        start, LASER, Sensing(sd=3e-4, robot="generic_6axis_uncalibrated", tip_sd=[1e-3, 1e-3, 3e-4], tolerance=1e-4),
+        start, replace(LASER, contact=True, radius=1e-3),
+        Sensing(sd=3e-4, robot="generic_6axis_uncalibrated", tip_sd=[1e-3, 1e-3, 3e-4], bias_sd=1e-4, tolerance=1e-4),
         POLICIES["nearest"], Stop(tolerance=1e-3, feature="face 2"),
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """Where to sense next, and when to stop: candidates, what they would tell, policies, stopping rules, plans."""
 
 from tanteo.active.candidates import Candidates, has_room, propose, within_cone
-from tanteo.active.context import Choice, DecisionContext, Policy
+from tanteo.active.context import Choice, DecisionContext, Policy, SharedOf
 from tanteo.active.discrimination import Discrimination, discriminate
 from tanteo.active.explanation import Added, Direction, Explanation, explain
 from tanteo.active.features import Feature, features
@@ -23,6 +23,7 @@ from tanteo.active.plans import Plan, PlannedReading, plan
 from tanteo.active.policies import POLICIES, Greedy, most_information, policy_named, register_utility
 from tanteo.active.probe import Probe, probe_of
 from tanteo.active.samples import Samples, draw, predict
+from tanteo.active.shared import SharedAhead
 from tanteo.active.start import ORIGIN_SDS, Start, around, at_origin, at_pose, from_hypotheses
 from tanteo.active.state import SensingState, begin, update
 from tanteo.active.stopping import Stop, chance_within, corner_distances, largest_corner_sd
@@ -52,6 +53,8 @@ __all__ = [
     "RangePrediction",
     "Samples",
     "SensingState",
+    "SharedAhead",
+    "SharedOf",
     "Start",
     "Stop",
     "Utility",

@@ -178,7 +178,8 @@ def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
     aims, last = c.aims, np.maximum(c.ranges - probe.clearance, 0.0) if probe.contact else np.zeros(len(c))
     near = c.origins + last[:, None] * c.directions
     behind = c.origins - probe.retreat * c.directions
-    met = [box.crossed(behind, near, probe.clearance) | box.crossed(near, aims) for box in boxes]
+    tip = aims - probe.radius * c.directions
+    met = [box.crossed(behind, near, probe.clearance) | box.crossed(near, tip, probe.radius) for box in boxes]
     ok = ~np.any(met, axis=0) if boxes else np.ones(len(c), dtype=bool)
     if probe.contact:
         ok &= np.all(probe.workspace.rooms(near)[0] >= probe.clearance, axis=1)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
 from tanteo.active.candidates import Candidates
 from tanteo.active.probe import Probe
+from tanteo.active.shared import SharedAhead
 from tanteo.active.state import SensingState
 from tanteo.typing import FloatArray, Vectors
+
+SharedOf: TypeAlias = Callable[[Candidates], SharedAhead | None]
+"""The shared errors of candidates; None where there are none, or nothing is known of them yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +33,7 @@ class DecisionContext:
         part_only: nobody asks where the part is, only which one.
         part_open: which part it is was asked for and is not known yet.
         feature: name of one that has to keep the tolerance instead of the corners.
+        shared: errors that the readings share, of any candidates; None where only the probe says it.
     """
 
     state: SensingState
@@ -40,6 +46,7 @@ class DecisionContext:
     part_only: bool = False
     part_open: bool = False
     feature: str | None = None
+    shared: SharedOf | None = None
 
     def travel(self) -> FloatArray:
         """From where the probe is to the start of every candidate ``(C,)`` [m]; none before the first reading."""

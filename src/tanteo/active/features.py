@@ -140,6 +140,7 @@ def joint_information(
     """
     s, c = context, context.candidates
     apart, pose = about_mode(samples, predicted, s.probe), np.zeros(len(found))
+    shared = None if s.shared is None else s.shared(c)
     for mode in {feature.mode for feature in found}:
         target, T = s.state.target(mode), s.state.poses[mode]
         ranges, cosine, _, moves = beams(target, T[None], c.origins, c.directions)
@@ -147,11 +148,15 @@ def joint_information(
         answers = np.isfinite(d) & s.probe.answers(d, cosines)
         R = s.probe.variance(np.where(answers, d, 1.0), np.where(answers, cosines, 1.0))
         row = int(np.flatnonzero(samples.mode == mode)[0])
+        S = np.diag(R)
+        if shared is not None:
+            own = s.probe.own_variance(np.where(answers, d, 1.0), np.where(answers, cosines, 1.0))
+            g, S = shared.together(mode, T, g, own)
         for k, feature in enumerate(found):
             if feature.mode == mode:
                 used = feature.rows[answers[feature.rows]]
                 share = samples.weights[samples.mode == mode].sum()
-                pose[k] = share * _shrunk(g[used], R[used], samples.whole[row], samples.useful[row])
+                pose[k] = share * _shrunk(g[used], S[np.ix_(used, used)], samples.whole[row], samples.useful[row])
     return pose + np.array([apart[feature.rows].max() for feature in found])
 
 
@@ -159,6 +164,6 @@ def _shrunk(G: FloatArray, R: FloatArray, whole: FloatArray, useful: FloatArray)
     """Half the log of the ratio of determinants of the readings with and without what is useful of the pose."""
     if not len(G):
         return 0.0
-    S = G @ whole @ G.T + np.diag(R)
+    S = G @ whole @ G.T + R
     without = S - G @ useful @ G.T
     return 0.5 * float(np.linalg.slogdet(S)[1] - np.linalg.slogdet(without)[1])

@@ -24,6 +24,7 @@ class Probe:
         contact: it touches: its noise is the same in every direction.
         max_range: how far it reaches [m].
         min_range: nearer than this it does not answer [m].
+        radius: of the ball at its tip [m]: what it reads is where the centre of the ball stops; 0 for a point or beam.
         max_incidence: angle to the surface's normal up to which it answers [rad].
         shared_sd: of the errors that its readings share, along the beam [m].
         repeat_sd: of the hand's place from reading to reading, in every direction [m].
@@ -64,6 +65,7 @@ class Probe:
     speed: float = 0.1
     seconds: float = 2.0
     min_range: float = 0.0
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         lengths = ("max_range", "standoff", "clearance", "retreat", "speed")
@@ -95,9 +97,27 @@ class Probe:
                 f"probe '{self.name}', law: expected a standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got "
                 f"{sd:g}. Correct it."
             )
-        others = ("beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds", "min_range")
+        others = (
+            "beam_half_angle",
+            "shared_sd",
+            "repeat_sd",
+            "base_sds",
+            "farthest",
+            "cone",
+            "seconds",
+            "min_range",
+            "radius",
+        )
         for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
             raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
+        if self.radius >= self.standoff or self.radius > self.clearance:
+            raise InputError(
+                f"probe '{self.name}', radius: expected a ball smaller than the stand-off and no larger than the "
+                f"clearance, got {1e3 * self.radius:g} mm beside {1e3 * self.standoff:g} mm and "
+                f"{1e3 * self.clearance:g} mm. Give it more of both."
+            )
+        if self.radius > 0 and not self.contact:
+            raise InputError(f"probe '{self.name}', radius: expected none of a beam, got one. Say contact=True.")
         if self.approach is not None:
             d = np.asarray(self.approach, dtype=np.float64)
             if d.shape != (3,) or not (np.isfinite(d).all() and np.abs(d).max() > 0):
@@ -119,7 +139,15 @@ class Probe:
             ranges: true ones ``(*batch)`` [m].
             cosines: of the incidence, positive ``(*batch)``.
         """
-        return self.own_variance(ranges, cosines) + self.shared_sd**2 + (self.base_sds[0] / cosines) ** 2
+        return self.own_variance(ranges, cosines) + self.shared_variance(cosines)
+
+    def shared_variance(self, cosines: FloatArray) -> FloatArray:
+        """The part of it that its readings share."""
+        return np.asarray(self.shared_sd**2 + (self.base_sds[0] / cosines) ** 2)
+
+    def short(self, cosines: FloatArray) -> FloatArray:
+        """By how much the centre of its ball stops short of a plane, along the approach [m]; 0 for a miss."""
+        return np.asarray(self.radius / np.where(cosines > 0, cosines, 1.0) * (cosines > 0))
 
     def own_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
         """The part of it that is new at every reading."""

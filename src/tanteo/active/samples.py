@@ -12,6 +12,7 @@ from tanteo import _core
 from tanteo.active.places import places_of
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone, of_cone, rays_met
+from tanteo.active.shared import SharedAhead
 from tanteo.active.state import SensingState
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
@@ -159,6 +160,8 @@ class Predictions:
         faces: index of the part's face that is met ``(C, S)``; -1 for none.
         shares: of the rays of the beam's cone, those that are answered ``(C, S)``; 1 for a thin beam.
         scatter: variance of the range from ray to ray beyond that on one plane ``(C, S)`` [m^2]; 0 for a thin beam.
+        shared: variance from what the pose leaves open of the errors that readings share ``(C, S)`` [m^2]; NaN where
+            only the probe says it.
     """
 
     ranges: FloatArray
@@ -169,6 +172,7 @@ class Predictions:
     faces: IntArray
     shares: FloatArray
     scatter: FloatArray
+    shared: FloatArray
 
     @property
     def met(self) -> BoolArray:
@@ -176,7 +180,13 @@ class Predictions:
         return np.isfinite(self.ranges)
 
 
-def predict(samples: Samples, origins: Vectors, directions: Vectors, probe: Probe | None = None) -> Predictions:
+def predict(
+    samples: Samples,
+    origins: Vectors,
+    directions: Vectors,
+    probe: Probe | None = None,
+    shared: SharedAhead | None = None,
+) -> Predictions:
     """What beams would read, by rays on every sample; ``math.md`` section 7, end, for the variance.
 
     The echo of a cone comes from any one of its rays: some may meet the part, and others nothing or another face.
@@ -185,11 +195,14 @@ def predict(samples: Samples, origins: Vectors, directions: Vectors, probe: Prob
         samples: where the parts may be.
         origins: of the beams, world ``(C, 3)`` [m].
         directions: unit, world ``(C, 3)``.
-        probe: what senses, if its cone is to count.
+        probe: what senses, if its cone or ball is to count.
+        shared: errors that the readings share, with those told before.
     """
     parts = np.unique(samples.part).tolist() or [0]
     rows = [np.flatnonzero(samples.part == k) for k in parts]
-    found = [_of_part(samples, k, some, origins, directions, probe) for k, some in zip(parts, rows, strict=True)]
+    found = [
+        _of_part(samples, k, some, origins, directions, probe, shared) for k, some in zip(parts, rows, strict=True)
+    ]
     if len(found) == 1:
         return Predictions(*found[0])
     order = np.argsort(np.concatenate(rows))
@@ -197,17 +210,29 @@ def predict(samples: Samples, origins: Vectors, directions: Vectors, probe: Prob
 
 
 def _of_part(
-    samples: Samples, k: int, some: IntArray, origins: Vectors, directions: Vectors, probe: Probe | None
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
+    samples: Samples,
+    k: int,
+    some: IntArray,
+    origins: Vectors,
+    directions: Vectors,
+    probe: Probe | None,
+    shared: SharedAhead | None,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """What :class:`Predictions` has, under the samples of part ``k``."""
     target, Ts = samples.targets[k], samples.Ts[some]
     d, cosine, face, g = beams(target, Ts, origins, directions)
     shares, scatter = np.ones(d.shape), np.zeros(d.shape)
     if probe is not None and has_cone(probe):
         d, cosine, g, shares, scatter = of_cone(target, Ts, origins, directions, (d, cosine, g), probe)
+    if probe is not None:
+        d = d - probe.short(cosine)
+    rest = np.full(d.shape, np.nan)
+    if shared is not None:
+        off, g, rest = shared.moved(samples.mode[some], Ts, g)
+        d = d + off
     forms = np.stack([A[some] for A in (samples.covariances, samples.whole, samples.useful)])
     variances, spreads, useful = _core.spreads(np.ascontiguousarray(g), forms)
-    return d, cosine, variances, spreads, useful, face, shares, scatter
+    return d, cosine, variances, spreads, useful, face, shares, scatter, rest
 
 
 def beams(

@@ -57,7 +57,8 @@ def outlook(context: DecisionContext) -> Outlook:
     """Try every candidate on poses of the belief."""
     s = context
     samples = draw(s.state, _SAMPLES, s.tolerance, s.feature)
-    predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe)
+    shared = None if s.shared is None else s.shared(s.candidates)
+    predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe, shared)
     return Outlook(s, samples, predicted, expected_information(samples, predicted, s.probe))
 
 
@@ -124,7 +125,9 @@ def _of_two(chance: FloatArray) -> FloatArray:
 def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
     """Probability of an answer, and the variance of the reading itself ``(C, S)``."""
     answers = predicted.met & probe.answers(predicted.ranges, predicted.cosines)
-    own = probe.variance(np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0))
+    ranges, cosines = np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0)
+    shared = np.where(np.isnan(predicted.shared), probe.shared_variance(cosines), predicted.shared)
+    own = probe.own_variance(ranges, cosines) + shared
     return np.where(answers, predicted.shares, 0.0), own + predicted.scatter
 
 

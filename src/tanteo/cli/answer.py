@@ -183,6 +183,8 @@ def _report(
     from tanteo.report import gather, report_page
     from tanteo.session import Sensing
 
-    sensing = Sensing(options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.tolerance)
+    sensing = Sensing(
+        options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.tolerance, options.bias_sd
+    )
     page = report_page(answer, gather(given.readings, sensing, known), given.parts, files.this_run())
     files.write_page(path, page, as_json=options.json)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         face_names,
         goodness_of_fit,
         information_by_point,
+        what_limits,
         worst_reading,
     )
     from tanteo.inference.settling import settle
@@ -73,6 +74,7 @@ __all__ = [
     "scale_of",
     "settle",
     "update_posterior",
+    "what_limits",
     "worst_reading",
 ]
 
@@ -93,7 +95,9 @@ __getattr__, __dir__ = lazy(
         "around": "outlier_log_density",
         "problem": "PoseMixture Problem",
         "recognition": "identify_points",
-        "result": "GoodnessOfFit as_hypothesis goodness_of_fit face_names information_by_point worst_reading",
+        "result": (
+            "GoodnessOfFit as_hypothesis goodness_of_fit face_names information_by_point what_limits worst_reading"
+        ),
         "settling": "settle",
         "update": "on_part posterior_about update_posterior",
     },

@@ -70,6 +70,7 @@ class SensingTable(Table, frozen=True, kw_only=True, eq=False):
     tip_sd: FloatArray | None
     rig: Rig | None
     tolerance: float
+    bias_sd: float | None = None
 
     @classmethod
     def of(cls, sensing: Sensing) -> SensingTable:
@@ -83,6 +84,7 @@ class SensingTable(Table, frozen=True, kw_only=True, eq=False):
             tip_sd=None if tip_sd is None else np.asarray(tip_sd, dtype=np.float64),
             rig=sensing.rig,
             tolerance=sensing.tolerance,
+            bias_sd=sensing.bias_sd,
         )
 
 

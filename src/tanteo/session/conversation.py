@@ -25,6 +25,7 @@ from tanteo.answers import Answer, PosePrior
 from tanteo.errors import check_kind
 from tanteo.limits import check_count
 from tanteo.sensors import Readings, check_readings_kind, concatenate, say_stuck
+from tanteo.session.ahead import limits, shared_of
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.questions import action_of, answers, is_same, new_readings, unlike
 from tanteo.session.values import Action, Done, Observation, Sensing, Step
@@ -142,7 +143,7 @@ class Session:
         question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
         if end := enough(self.stop, self._state, self.count):
-            return replace(end, why=f"{end.why} {self._doubt()}".rstrip())
+            return self._said(replace(end, why=f"{end.why} {self._doubt()}".rstrip()))
         if self._asked is not None:
             return self._asked
         if not len(self._state.weights):
@@ -154,7 +155,7 @@ class Session:
         repeats = self._open(once_more(self._state, self._steps))
         chosen = worth_making(self.stop, context, self.policy.choose(context), repeats)
         if isinstance(chosen, Done):
-            return chosen
+            return self._said(chosen)
         self._questions += 1
         self._asked = action_of(*chosen, self._questions)
         return self._asked
@@ -165,7 +166,14 @@ class Session:
         part_only = stop.tolerance is None and stop.probability is not None
         known = stop.knows_part(state)
         values = state, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
-        return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature)
+        shared = shared_of(self.sensing, self.probe, self._joined, state)
+        return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature, shared=shared)
+
+    def _said(self, end: Done) -> Done:
+        """The end with the shared error that is in the way of the goal, where one is."""
+        if end.reached or self.stop.tolerance is None:
+            return end
+        return replace(end, why=f"{end.why} {limits(self.sensing, self.probe, self._joined, self._state)}".rstrip())
 
     def refuse(self, action: Action) -> None:
         """The reading cannot be made, or was in vain: readings near it are not asked for again.

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.active import Candidates, Choice, DecisionContext
+from tanteo.lie import SE3
 from tanteo.sensors import Readings
 from tanteo.session.values import Action
 
@@ -25,11 +26,22 @@ _LIKE = 0.15
 def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
     """The question of that number that makes the chosen reading."""
     k, c = choice.index, context.candidates
-    part = context.state.target(int(c.mode[k])).part
+    part, expected = context.state.target(int(c.mode[k])).part, float(c.ranges[k] - _short(context, k))
     return Action(
-        number, c.origins[k], c.directions[k], context.probe.max_range, float(c.ranges[k]), part.name,
-        part.faces[c.face[k]].name, choice.gain, choice.why,
+        number, c.origins[k], c.directions[k], context.probe.max_range, expected, part.name,
+        part.faces[c.face[k]].name, choice.gain, choice.why, context.probe.radius,
     )  # fmt: skip
+
+
+def _short(context: DecisionContext, k: int) -> float:
+    """By how much the centre of the probe's ball stops short of the surface that a candidate meets [m]."""
+    if context.probe.radius == 0:
+        return 0.0
+    c, mode = context.candidates, int(context.candidates.mode[k])
+    target, to_part = context.state.target(mode), SE3.inverse(context.state.poses[mode])
+    d = to_part[:3, :3] @ c.directions[k]
+    met = target.surface.cast(SE3.apply(to_part, c.origins[k])[None], d[None])
+    return float(context.probe.short(np.abs(target.surface.normals[met.triangles] @ d))[0])
 
 
 def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:

@@ -29,6 +29,8 @@ class Sensing:
         sd: one standard deviation along the beam or normal [m], for the same. Across a beam a session takes the width
             of its probe's, of a touch the same.
         tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
+        bias_sd: standard deviation of an error along the approach that all readings share [m]: of the ball's radius,
+            the trigger point.
         rig: where the range sensors sit on the hand.
         tolerance: sd of the made part's surface against its CAD [m].
 
@@ -43,11 +45,14 @@ class Sensing:
     tip_sd: npt.ArrayLike | None = None
     rig: Rig | None = None
     tolerance: float = 0.0
+    bias_sd: float | None = None
 
     def __post_init__(self) -> None:
         check_length("tolerance", self.tolerance)
         if self.sd is not None:
             check_length("sd", self.sd, LEAST_SD)
+        if self.bias_sd is not None:
+            check_length("bias_sd", self.bias_sd, LEAST_SD)
 
     def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
         """Points in the world with their covariance, and the free-space rays.
@@ -57,8 +62,8 @@ class Sensing:
             beam_half_angle: of readings with a range whose sensor says none [rad]; NaN for touches.
         """
         return measure(
-            readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, rig=self.rig,
-            beam_half_angle=beam_half_angle,
+            readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd,
+            bias_sd=self.bias_sd, rig=self.rig, beam_half_angle=beam_half_angle,
         )  # fmt: skip
 
     def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:
@@ -92,6 +97,7 @@ class Action:
         face: at which of its faces.
         gain: what it is expected to tell [nats]; NaN where the policy does not ask.
         why: in words.
+        radius: of the ball that touches [m]: the range is that of its centre; 0 for a point or beam.
 
     Example:
         >>> import numpy as np
@@ -111,6 +117,7 @@ class Action:
     face: str
     gain: float
     why: str
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         if self.number < 1:
@@ -152,7 +159,8 @@ class Action:
         """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
 
         Args:
-            distance: from ``origin`` along ``direction``, as measured; beyond ``max_range`` it met nothing, too.
+            distance: from ``origin`` along ``direction``, as measured, to where the centre of a ball stops; beyond
+                ``max_range`` it met nothing, too.
             sd: of it [m], where the session's sensor does not say it.
             name: of the reading; that of the question by default.
             T_world_hand: pose of the hand ``(4, 4)`` at the reading; errors that turn with it, as that of its tip
@@ -178,6 +186,7 @@ class Action:
         return Readings.from_columns(
             (self.origin + distance * self.direction)[None], ids=names, directions=self.direction[None],
             ranges=np.array([distance]), sds=None if sd is None else np.array([sd]), Ts_world_hand=hands,
+            radii=np.array([self.radius]),
         )  # fmt: skip
 
 
