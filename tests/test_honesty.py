@@ -44,13 +44,26 @@ def test_a_noise_that_is_another_is_told_with_its_spread():
     assert sum(told) >= binom.ppf(1e-3, 8, 0.95)
 
 
+@pytest.mark.parametrize("sd", [1e-5, 5e-4])
+def test_a_noise_of_which_nobody_said_any_is_told(sd):
+    part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/block.step")
+    rng = np.random.default_rng(6)
+    corners = part.vertices[part.triangles]
+    rows = rng.integers(len(corners), size=40)
+    points = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), 40), corners[rows]) + sd * rng.normal(size=(40, 3))
+    answer = tanteo.locate(tanteo.Readings.from_columns(points=points), part)
+    assert answer.status == "recognized"
+    assert "No standard deviation was stated; the readings tell" in answer.message
+    assert 0.6 * sd < 1e-4 * answer.best.noise_scale[0] < 1.6 * sd
+
+
 def test_one_reading_that_is_far_off_makes_no_wrong_answer():
     rows = scenes(outlier)
     assert not any(row["status"] == "recognized" and not row["right"] for row in rows)
     assert sum(row["among"] for row in rows) >= len(rows) - 1
 
 
-def test_a_part_that_is_in_no_file_is_seldom_taken_for_another_against_a_reading():
+def test_an_absent_part_is_seldom_taken_for_another():
     rows = scenes(absent)
     assert sum(row["P"] > 0.9 and row["worst"] > 4 for row in rows) <= 1
 

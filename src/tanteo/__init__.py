@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tanteo import constraints, features, frames, lie, localization
     from tanteo.active import Probe, Stop, around, discriminate, plan, probe_of
-    from tanteo.answers import Answer, Hypothesis, PosePrior, Priors
+    from tanteo.answers import Answer, Furniture, Hypothesis, PosePrior, Priors
     from tanteo.calibration import calibrate
     from tanteo.catalogue import read_parts
     from tanteo.errors import InputError, TanteoError
@@ -37,7 +37,7 @@ __version__ = "0.1.0"
 _ROOMS = ("constraints", "features", "frames", "lie", "localization")
 _HOMES = {
     "active": ("Probe", "Stop", "around", "discriminate", "plan", "probe_of"),
-    "answers": ("Hypothesis", "PosePrior", "Priors", "Answer"),
+    "answers": ("Furniture", "Hypothesis", "PosePrior", "Priors", "Answer"),
     "calibration": ("calibrate",),
     "catalogue": ("read_parts",),
     "errors": ("InputError", "TanteoError"),
@@ -56,6 +56,7 @@ __all__ = [
     "Answer",
     "Camera",
     "Done",
+    "Furniture",
     "Hypothesis",
     "InputError",
     "Part",

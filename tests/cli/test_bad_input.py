@@ -140,7 +140,6 @@ OPTIONS = [
     options("infinite sd option", "--sd infmm", "--sd: expected a number and its unit"),
     options("overflowing sd option", "--sd 1e999mm", "--sd: expected a finite number"),
     options("two sds", "--sd 1,2mm", "--sd: expected one length"),
-    options("no sd anywhere", "", "no column sd, no --sd and no sensor preset"),
     options("unknown sensor", "--sensor vl53l0", "Did you mean 'vl53l0x'"),
     options("sensor needs the range", "--sensor hc_sr04", "the noise of 'hc_sr04' depends on the range"),
     options("unknown robot", "--sd 1mm --robot xam", "Did you mean 'xarm'"),

@@ -34,6 +34,7 @@ class Furniture:
         InputError: an sd that is no length, or no mesh.
 
     Example:
+        >>> import numpy as np
         >>> T = np.eye(4)
         >>> T[:3, 3] = 0.2, 0.0, -0.05
         >>> vise = tanteo.Furniture.of_part(tanteo.read_part("parts/block.step"), T, sd=0.5e-3, name="vise")

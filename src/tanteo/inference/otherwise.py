@@ -180,7 +180,7 @@ def _is_bare(readings: Readings) -> BoolArray:
 
 
 def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
-    """Bare touches, as if they had come along the normal of the best answer's part."""
+    """Touches with neither, as if they had come along the normal of the best answer's part."""
     bare = _is_bare(readings)
     if not answer.hypotheses:
         return readings
