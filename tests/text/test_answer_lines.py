@@ -138,7 +138,7 @@ def test_document_follows_the_contract():
     (h,) = document["hypotheses"]
     assert list(h) == [
         "part", "file", "probability", "pose", "covariance", "corner_sd_m", "unobserved", "symmetry", "fit",
-        "outliers", "pairings", "outlier_distances_m", "covariance_relative",
+        "noise_scale", "outliers", "pairings", "outlier_distances_m", "covariance_relative",
     ]  # fmt: skip
     assert list(h["pose"]) == ["frame", "position_m", "quaternion_wxyz", "matrix"]
     np.testing.assert_allclose(h["pose"]["matrix"], T)

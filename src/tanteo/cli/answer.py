@@ -167,9 +167,10 @@ def _questioned(answer: answers.Answer, given: _Given, ask: inference.Ask, *, pl
     """The answer with what was probably meant otherwise as its last finding, of which a person is warned."""
     if given.doubted:
         return answer
-    question = inference.about_conventions(
-        answer, given.readings, given.parts, ask, placed=placed
-    ) or inference.about_frames(answer, given.scale, given.measured)
+    frames = inference.about_frames(answer, given.scale, given.measured)
+    question = inference.about_conventions(answer, given.readings, given.parts, ask, placed=placed)
+    if question is None or (frames is not None and frames.kind == question.kind == "units"):
+        question = frames  # of units it knows which were stated, and where
     if question is None:
         return answer
     others = tuple(one for one in answer.findings if one.kind not in _CONVENTIONS)

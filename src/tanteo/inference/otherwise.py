@@ -292,7 +292,7 @@ HANDS = (
 OTHERS = (
     Way("directions", "the directions (dx, dy, dz) are reversed", "They are meant to point into the material, as the "
         "sensor looks or the tip moves.", _reversed("directions")),
-    Way("normals", "the normals (nx, ny, nz) are reversed", "They are meant to point out of the material.",
+    Way("normals", "the normals (nx, ny, nz) are reversed", "The normals are meant to point out of the material.",
         _reversed("normals")),
     Way("units", "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer(25.4)),
     Way("units", "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer(1 / 25.4)),

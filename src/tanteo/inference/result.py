@@ -255,8 +255,14 @@ def _common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covari
     for face in np.unique(at.faces[0]):
         together = weighted[at.faces[0] == face].sum(axis=0)
         extra = extra + np.outer(together, together)
-    shared_jacobian = (np.asarray(np.linalg.inv(A), dtype=np.float64) for A in (held, held[:6, :6]))
+    shared_jacobian = (_inverse(A) for A in (held, held[:6, :6]))
     return _gained(next(shared_jacobian)[:6], extra), _gained(next(shared_jacobian), extra[:6, :6])
+
+
+def _inverse(A: FloatArray) -> FloatArray:
+    """Inverse of an information matrix; directions that it says nothing of have none of it."""
+    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    return np.asarray(np.linalg.pinv(A / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size))
 
 
 def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:

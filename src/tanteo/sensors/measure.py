@@ -122,6 +122,7 @@ def unstated_sd(
 
     It is only where to begin: the readings themselves tell how much they scatter, within a factor of some twenty.
     """
+    check_readings_kind("readings", readings)
     said = sd is not None or sensor is not None or rig is not None or bool(np.isfinite(readings.sds).any())
     return None if said or bool(np.isfinite(readings.ranges).any()) else UNSTATED_SD
 
