@@ -115,7 +115,7 @@ def test_a_face_is_gone_to_where_the_image_puts_it(feature):
         pytest.param(
             ("--parts", str(EXAMPLES / "parts" / "flange.step"), "--image", "render"),
             1,
-            "got unknown object with",
+            "got an unknown object with",
             marks=pytest.mark.slow,
         ),
         (
