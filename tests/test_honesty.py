@@ -85,3 +85,30 @@ def test_another_convention_of_the_hand_is_named(how):
     row = hand(how, "wedge", 1, SEED, 0)
     assert "hand" in row["kinds"]
     assert row["status"] == "unknown"
+
+
+@pytest.mark.parametrize("noise", [10, 100, None])
+def test_readings_that_fit_nothing_are_of_no_other_unit(noise):
+    """A patch of a few millimetres fits any part: in another unit everything would."""
+    part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/bracket_left.step")
+    rng = np.random.default_rng(8)
+    corners = part.vertices[part.triangles]
+    points = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), 14), corners[rng.integers(len(corners), size=14)])
+    points = points + 2e-4 * (noise or 0) * rng.normal(size=points.shape)
+    points = rng.uniform(-0.05, 0.05, size=points.shape) if noise is None else points
+    answer = tanteo.locate(tanteo.Readings.from_columns(points=points, sds=np.full(14, 2e-4)), part)
+    assert "units" not in [one.kind for one in answer.findings]
+
+
+def test_readings_in_inches_are_named():
+    part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/bracket_left.step")
+    readings = tanteo.read_readings(Path(__file__).parents[1] / "examples/readings/bracket_left.csv")
+    columns = {name: getattr(readings, name) for name in ("directions", "sds", "features", "kinds")}
+    wrong = tanteo.Readings.from_columns(points=readings.points / 25.4, **columns)
+    assert "units" in [one.kind for one in tanteo.locate(wrong, part).findings]
+
+
+@pytest.mark.parametrize("wrong", ["vise.stl", ("vise.stl",)])
+def test_furniture_that_is_none_is_refused(wrong):
+    with pytest.raises(tanteo.InputError, match="priors, furniture: expected a tuple of Furniture"):
+        tanteo.Priors(furniture=wrong)

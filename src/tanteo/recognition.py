@@ -119,7 +119,10 @@ def identify(
 
 def _told_sd(answer: Answer, sd: float) -> Answer:
     """The answer with what the readings tell of their standard deviation, of which nobody said any."""
-    told, low, high = (1e3 * sd * factor for factor in answer.hypotheses[0].noise_scale)
+    best = answer.hypotheses[0]
+    if answer.status == "unknown" or best.dof <= 0:
+        return replace(answer, message=f"{answer.message} No standard deviation was stated: say --sd.")
+    told, low, high = (1e3 * sd * factor for factor in best.noise_scale)
     head, _, _ = answer.message.partition(" The readings scatter ")
     says = f"No standard deviation was stated; the readings tell {told:.2g} mm (95 %: {low:.2g} to {high:.2g} mm)."
     return replace(answer, message=f"{head} {says}")

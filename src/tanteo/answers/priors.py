@@ -74,6 +74,11 @@ class Priors:
         if self.outlier_rate > OFTEN:
             raise InputError(f"priors, outliers: expected at most {OFTEN}, got {self.outlier_rate}. Say less.")
         check_length("priors, radius", self.radius)
+        if not isinstance(self.furniture, tuple) or not all(isinstance(f, Furniture) for f in self.furniture):
+            raise InputError(
+                f"priors, furniture: expected a tuple of Furniture, got {type(self.furniture).__name__}. "
+                "Write furniture=(Furniture.of_part(shape, T_world_shape, sd),)."
+            )
         if self.noise_factor is None:
             return
         check_number("priors, noise_factor", self.noise_factor)

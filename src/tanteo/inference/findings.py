@@ -105,7 +105,7 @@ def about_frames(answer: Answer, scale: Scale, measured: PointMeasurements) -> F
 
 def about_units(scale: Scale) -> Finding | None:
     """The units that would make both sides fit; None if they fit, or none would."""
-    if not scale.span or _fits(scale.span, scale.sizes):
+    if not scale.span or fits_size(scale.span, scale.sizes):
         return None
     guesses = []
     for column, option in product(_others(scale.column), _others(scale.option)):
@@ -114,7 +114,7 @@ def about_units(scale: Scale) -> Finding | None:
         changed = [f"--units {option}"] * (option != scale.option) + [f"columns in {column} (x_{column})"] * (
             column != scale.column
         )
-        if len(changed) == 1 and _fits(span, sizes):
+        if len(changed) == 1 and fits_size(span, sizes):
             guesses.append(changed[0])
     if not guesses:
         return None
@@ -233,7 +233,8 @@ def _others(unit: str) -> tuple[str, ...]:
     return (unit, *(u for u in _UNITS if u != unit)) if unit else (unit,)
 
 
-def _fits(span: float, sizes: Sequence[float]) -> bool:
+def fits_size(span: float, sizes: Sequence[float]) -> bool:
+    """Whether readings of that span may be of a part of one of these sizes [m]."""
     low, high = _LIKELY
     return any(low <= span / size <= high and _HANDLED[0] <= size <= _HANDLED[1] for size in sizes)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from tanteo.answers import Answer, Finding, FindingKind
 from tanteo.errors import TanteoError
+from tanteo.inference.findings import fits_size, scale_of
 from tanteo.inference.prepared import prepare, prepare_all
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part, mirror_part
@@ -83,6 +84,8 @@ def about_conventions(
     if not is_bad(answer):
         return None if placed else _about_image(answer, readings, parts, ask)
     others = [way for way in OTHERS if not (placed and way.kind in ("mirror", "units"))]
+    if _is_of_size(readings, parts):  # in another unit they would be of a small patch, which fits anywhere
+        others = [way for way in others if way.kind != "units"]
     return (
         _about_ways(HANDS, readings, parts, ask)
         or _about_offset(readings, parts, ask)
@@ -90,10 +93,19 @@ def about_conventions(
     )
 
 
+def _is_of_size(readings: Readings, parts: Sequence[Part]) -> bool:
+    """Whether points, where there are some, lie as far apart as those of one of the parts do."""
+    points = readings.points[np.isfinite(readings.points).all(axis=1)]
+    scale = scale_of(points, [one.part for one in prepare_all("parts", parts)])
+    return not len(points) or fits_size(scale.span, scale.sizes)
+
+
 def _about_ways(ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
     """The first of some ways to read the numbers that makes them fit."""
     for way in ways:
         meant = way.undo(readings)
+        if meant is not None and way.kind == "units" and not _is_of_size(meant, parts):
+            continue
         found = None if meant is None else _asked(ask, meant, parts)
         if found is not None and fits(found):
             return Finding(way.kind, f"{_how_many(found)} if {way.words}. {way.advice}")
