@@ -1,9 +1,9 @@
-"""What is answered when the world is not as stated: ``python benchmarks/honesty.py [scenes] [seed]``.
+"""What is answered when the world is not as stated: ``python benchmarks/honesty.py [scenes] [seed] [--rates]``.
 
 A dozen readings of a part of the examples, at a random pose, sensed by touch (no directions) or by laser (with
 directions), 0.3 mm stated. One row for every way in which what was stated is not true. ``scenes`` is the number of
 scenes of each part and sensor, 13 if not given, which are 208 a row. ``--processes`` and ``--keep`` as in
-``campaign.py``.
+``campaign.py``. ``--rates`` asks instead what other outlier rates than the one assumed would answer.
 """
 
 from __future__ import annotations
@@ -68,11 +68,11 @@ def _right(own, h, T):
     return bool((moved < RIGHT[0] and angle < RIGHT[1]) or value < 100 + dof)
 
 
-def _begun(name, s, seed, k, factor=1.0):
+def _begun(name, s, seed, k, factor=1.0, readings=READINGS):
     """Part, pose, points and the generator of one scene; the noise is so many times the stated one."""
     own, rng = catalogue()[PARTS.index(name)], np.random.default_rng((seed, PARTS.index(name), s, k))
     T, sensing = box_centred_pose(rng), replace(SENSORS[s], sd=factor * SD)
-    points = scene(own, T, sensing, READINGS, rng)[0]
+    points = scene(own, T, sensing, readings, rng)[0]
     return own, T, replace(points, covs=points.covs / factor**2, sd=points.sd / factor), rng
 
 
@@ -82,11 +82,12 @@ def noisy(factor, name, s, seed, k):
     return judged(identify_points(points, FreeRays.none(), [own]), own, T)
 
 
-def absent(name, s, seed, k):
+def absent(name, s, seed, k, rate=Priors().outlier_rate):
     """The part is not in the catalogue."""
     own, T, points, _ = _begun(name, s, seed, k)
     others = [p for p in catalogue() if p is not own]
-    return judged(identify_points(points, FreeRays.none(), others), own, T, points.points)
+    answer = identify_points(points, FreeRays.none(), others, priors=Priors(outlier_rate=rate))
+    return judged(answer, own, T, points.points)
 
 
 def mixed(name, s, seed, k):
@@ -100,14 +101,24 @@ def mixed(name, s, seed, k):
     return row
 
 
-def outlier(name, s, seed, k):
+def outlier(name, s, seed, k, rate=Priors().outlier_rate):
     """One reading is 5 mm off."""
     own, T, points, rng = _begun(name, s, seed, k)
     row, way = int(rng.integers(READINGS)), rng.normal(size=3)
     way = points.directions[row] * rng.choice([-1, 1]) if SENSORS[s].directed else way / np.linalg.norm(way)
     places = points.points.copy()
     places[row] += 5e-3 * way
-    return judged(identify_points(replace(points, points=places), FreeRays.none(), catalogue()), own, T)
+    points, priors = replace(points, points=places), Priors(outlier_rate=rate)
+    return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
+
+
+def strays(name, s, seed, k, rate=Priors().outlier_rate):
+    """Three readings of thirty are anywhere, by some centimetres."""
+    own, T, points, rng = _begun(name, s, seed, k, readings=30)
+    places = points.points.copy()
+    places[rng.choice(30, 3, replace=False)] += rng.normal(scale=0.02, size=(3, 3))
+    points, priors = replace(points, points=places), Priors(outlier_rate=rate)
+    return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
 
 
 def table(name, s, seed, k):
@@ -173,10 +184,16 @@ ROWS = {
     **{f"hand: {how}": (partial(hand, how), "hand") for how in HANDS},
 }
 
+BY_RATE = {
+    f"{what}, outlier rate {rate:g}": (partial(scene_of, rate=rate), "")
+    for what, scene_of in (("in no file", absent), ("one reading 5 mm off", outlier), ("three strays of 30", strays))
+    for rate in (0.01, 0.003, 0.001)
+}
+
 
 def case(title, name, s, seed, k):
     """One scene of one row."""
-    return ROWS[title][0](name, s, seed, k)
+    return (ROWS | BY_RATE)[title][0](name, s, seed, k)
 
 
 def summary(title, rows):
@@ -184,7 +201,7 @@ def summary(title, rows):
     sure = [r for r in rows if r["status"] == "recognized"]
     wrong = [r for r in rows if r["P"] > 0.9 and not r["right"]]
     against = sum(r["worst"] > 4 for r in wrong)
-    kind = ROWS[title][1]
+    kind = (ROWS | BY_RATE)[title][1]
     return (
         title, str(len(rows)), str(len(sure)),
         f"{100 * np.mean([r['held'] for r in sure]):.1f} %" if sure else "",
@@ -211,5 +228,7 @@ def run(titles, scenes, seed, keep=None, processes=1):
 
 if __name__ == "__main__":
     rest, keep, processes = options(sys.argv[1:])
+    titles = list(BY_RATE if "--rates" in rest else ROWS)
+    rest = [word for word in rest if word != "--rates"]
     scenes, seed = (int(rest[i]) if len(rest) > i else default for i, default in ((0, 13), (1, 34)))
-    print(run(list(ROWS), scenes, seed, keep, processes).markdown())
+    print(run(titles, scenes, seed, keep, processes).markdown())

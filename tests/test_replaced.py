@@ -81,3 +81,13 @@ def test_where_no_other_file_may_be_the_own_one_is_written(tmp_path, monkeypatch
 def test_a_folder_that_is_not_there_is_said(tmp_path):
     with pytest.raises(FileNotFoundError), replaced(tmp_path / "no" / "r.csv"):
         pass
+
+
+@pytest.mark.parametrize("durable", [True, False])
+def test_what_is_durable_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch, durable):
+    path, there = tmp_path / "r.json", []
+    monkeypatch.setattr(os, "fsync", lambda _: there.append(path.exists()))
+    with replaced(path, durable=durable) as file:
+        file.write_text("new")
+    assert there == ([False, True] if durable else [])
+    assert path.read_text() == "new"

@@ -16,6 +16,7 @@ from tanteo.inference import about_conventions
 from tanteo.io import read_readings
 from tanteo.lie import SE3
 from tanteo.parts import read_part
+from tanteo.sensors import Readings
 from tanteo.shapes import Surface
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -141,3 +142,16 @@ def test_an_impossible_question_costs_the_answer_nothing():
     part = read_part(EXAMPLES / "parts/step_15mm.step")
     readings = read_readings(EXAMPLES / "readings/step_15mm.csv")
     assert about_conventions(Answer("unknown", "", (), 1.0), readings, [part], ask) is None
+
+
+def test_of_many_readings_two_dozen_are_asked_about():
+    asked = []
+
+    def ask(readings, parts, *, bias_sd=None):
+        asked.append(len(readings))
+        raise InputError("no")
+
+    part = read_part(EXAMPLES / "parts/step_15mm.step")
+    readings = Readings.from_columns(points=0.02 * np.random.default_rng(0).normal(size=(100, 3)))
+    assert about_conventions(Answer("unknown", "", (), 1.0), readings, [part], ask) is None
+    assert set(asked) == {24}

@@ -101,7 +101,7 @@ def _write(key: str, kind: str, data: bytes) -> bool:
     entry = _entry(key, kind)
     try:
         entry.parent.mkdir(parents=True, exist_ok=True)
-        with replaced(entry) as file:
+        with replaced(entry, durable=False) as file:
             file.write_bytes(data)
     except OSError:
         return False

@@ -7,6 +7,7 @@ message names file, table, key and value, and the line of a TOML file.
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 import types
 from collections.abc import Callable, Mapping, Sequence
@@ -31,8 +32,12 @@ from tanteo.io.schema import (
     unwrapped,
 )
 from tanteo.typing import FloatArray
+from tanteo.whole import RECORD, read_whole
 
 T = TypeVar("T")
+
+_DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""")
+"""Dotted names of fifty parts."""
 
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
@@ -44,13 +49,14 @@ def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> 
         InputError: It cannot be read, is not TOML, or says something else than its class.
     """
     try:
-        text = path.read_bytes().decode() if text is None else text
-        raw = tomllib.loads(text)
-    except OSError as error:
-        raise InputError(f"{path}: expected a {what}, got: {error.strerror or error}. Check the path.") from None
+        text = read_whole(path, f"a {what}").decode() if text is None else text
+        if _DEEP.search(text):  # which TOML's reader takes minutes for
+            raise InputError(f"{path}: expected a {what}, got a name in fifty others. Correct the file.")
+        return table(kind, tomllib.loads(text), Place(str(path), text=text))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected TOML, got: {error}. Correct the file.") from None
-    return table(kind, raw, Place(str(path), text=text))
+    except RecursionError:
+        raise InputError(f"{path}: expected a {what}, got tables in tables without end. Correct the file.") from None
 
 
 def load_json(path: Path, what: str, kind: type[T], schema: str, advice: str) -> T:
@@ -60,10 +66,8 @@ def load_json(path: Path, what: str, kind: type[T], schema: str, advice: str) ->
         InputError: It cannot be read, is not the JSON of this schema, or says something else than its class.
     """
     try:
-        raw = msgspec.json.decode(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: expected a record, got: {error.strerror or error}. Check the path.") from None
-    except (ValueError, RecursionError) as error:  # what is not UTF-8 is a ValueError too
+        raw = msgspec.json.decode(read_whole(path, "a record", RECORD).decode("utf-8-sig"))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(
             f"{path}: expected the JSON of a whole {what}, got: {show(str(error))}. If the file is cut, take a copy."
         ) from None

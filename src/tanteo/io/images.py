@@ -9,7 +9,8 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.replaced import replaced
 from tanteo.typing import FloatArray
-from tanteo.vision import opencv
+from tanteo.vision import PIXELS, opencv
+from tanteo.whole import RECORD, read_whole
 
 
 def read_image(path: str | Path) -> FloatArray:
@@ -29,15 +30,19 @@ def read_image(path: str | Path) -> FloatArray:
     """
     cv2 = opencv()
     path = Path(path)
-    try:
-        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    except OSError as error:
-        raise InputError(f"{path}: expected an image, got: {error.strerror or error}. Check the path.") from None
+    data = np.frombuffer(read_whole(path, "an image", RECORD), dtype=np.uint8)
     # the file's own turn is not applied: the calibration is of the pixels as they come
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imdecode(data, flags) if len(data) else None
+    try:
+        image = cv2.imdecode(data, flags) if len(data) else None
+    except cv2.error as error:
+        large = "CV_IO_MAX_IMAGE" in str(error)
+        got = f"more than {PIXELS // 10**6} million pixels. Scale it down" if large else "a damaged one. Save it anew"
+        raise InputError(f"{path}: expected an image, got {got}.") from None
     if image is None:
         raise InputError(f"{path}: expected an image (PNG, JPEG, TIFF), got other content. Save it as PNG.")
+    if image.size > PIXELS:
+        raise InputError(f"{path}: expected an image, got more than {PIXELS // 10**6} million pixels. Scale it down.")
     if image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: expected 8 or 16 bits a pixel, got {image.dtype}. Save it with one of these.")
     scale = 255.0 / 65535.0 if image.dtype == np.uint16 else 1.0

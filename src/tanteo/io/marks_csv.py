@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.io.units import LENGTH_UNITS
 from tanteo.typing import FloatArray, Vectors
+from tanteo.whole import read_whole
 
 _FORM = "Write u_px,v_px,x_mm,y_mm and, off the table, z_mm."
 
@@ -29,10 +30,9 @@ def read_marks(path: str | Path) -> tuple[FloatArray, Vectors]:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{path}: expected a file of marks, got: {why}. Check the path.") from None
+        lines = read_whole(path, "a file of marks").decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected a file of marks, got: {error}. Save it as UTF-8.") from None
     rows = [(k, row) for k, row in enumerate(csv.reader(lines), start=1) if row and not row[0].startswith("#")]
     if not rows:
         raise InputError(f"{path}: expected a header and marks, got an empty file. {_FORM}")

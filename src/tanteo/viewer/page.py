@@ -14,6 +14,7 @@ from tanteo.lie import SO3
 from tanteo.typing import Transforms, Vectors
 from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Pause, Restart
 from tanteo.viewer.drawing import LAYERS
+from tanteo.viewer.gate import guarded
 from tanteo.viewer.panel import GRID, legend
 from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive
 
@@ -33,7 +34,7 @@ class LivePage:
     """
 
     def __init__(self, port: int, middle: Vectors, size: float) -> None:
-        with contextlib.redirect_stdout(io.StringIO()):  # it greets
+        with contextlib.redirect_stdout(io.StringIO()), guarded():  # it greets
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="tanteo", verbose=False)
         # the button that asks for a tunnel through somebody else's machine is not shown; nor may a page ask for it
         self._server.request_share_url = _no_tunnel

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tanteo.vision.answers import Question
     from tanteo.vision.camera import (
         DISTORTION_COUNTS,
+        PIXELS,
         USUAL_EDGE_SD,
         Camera,
         on_plane,
@@ -36,12 +37,12 @@ if TYPE_CHECKING:
     from tanteo.vision.table import CameraPose, TableErrors, fit_camera
 
 __all__ = [
-    "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "USUAL_EDGE_SD", "Camera", "CameraPose", "Corners", "Descriptors",
-    "EdgeMap", "EdgePoints", "Look", "Question", "Region", "Rest", "Segments", "Sight", "Sighting", "Stage",
-    "TableErrors", "Thing", "VisionModel", "describe", "draw_sight", "find_corners", "find_edges", "find_regions",
-    "find_segments", "fit_camera", "follow", "image_corner", "image_edge", "like_outline", "map_edges", "on_plane",
-    "opencv", "prepare_vision", "project", "rays", "render", "rests", "rigid", "see", "see_anywhere", "see_table",
-    "silhouette", "thing", "without_distortion",
+    "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "Corners",
+    "Descriptors", "EdgeMap", "EdgePoints", "Look", "Question", "Region", "Rest", "Segments", "Sight", "Sighting",
+    "Stage", "TableErrors", "Thing", "VisionModel", "describe", "draw_sight", "find_corners", "find_edges",
+    "find_regions", "find_segments", "fit_camera", "follow", "image_corner", "image_edge", "like_outline",
+    "map_edges", "on_plane", "opencv", "prepare_vision", "project", "rays", "render", "rests", "rigid", "see",
+    "see_anywhere", "see_table", "silhouette", "thing", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -50,7 +51,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "answers": "Question",
-        "camera": "DISTORTION_COUNTS USUAL_EDGE_SD Camera on_plane opencv project rays rigid without_distortion",
+        "camera": "DISTORTION_COUNTS PIXELS USUAL_EDGE_SD Camera on_plane opencv project rays rigid without_distortion",
         "descriptors": "DESCRIPTOR_NAMES Descriptors describe like_outline",
         "edges": "EdgeMap EdgePoints find_edges map_edges",
         "features": "image_corner image_edge",

@@ -7,6 +7,7 @@ the rational model with tangential terms (Brown 1966; the order of OpenCV and of
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from types import ModuleType
 
@@ -16,13 +17,17 @@ from tanteo.errors import InputError, MissingExtraError
 from tanteo.frames import check_covariance, frozen_array
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
+PIXELS = 64_000_000
+"""An image may have so many: half a gigabyte while it is looked at."""
+
 
 def opencv() -> ModuleType:
-    """The module.
+    """The module, which refuses larger images before it takes memory for them, if nobody has loaded it yet.
 
     Raises:
         MissingExtraError: it is not installed.
     """
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(PIXELS))
     try:
         import cv2
     except ImportError as error:

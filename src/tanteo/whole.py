@@ -1,0 +1,62 @@
+"""Files that people name, read whole: never a pipe, a device or more than a file of its kind may have.
+
+A reader that waits for a pipe hangs, one that reads ``/dev/zero`` takes all memory; both are refused before a byte is
+read. The bound holds for what is read, not for what the file system says.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from tanteo.errors import InputError
+
+DOCUMENT = 4_000_000
+"""Bytes of a file that a person writes (rig, scene, calibration): a thousand times an ordinary one."""
+
+RECORD = 512_000_000
+"""Bytes of a file that programs write (session record, image)."""
+
+
+def read_whole(path: str | Path, what: str, most: int = DOCUMENT) -> bytes:
+    """The content of a file.
+
+    Args:
+        path: the file; links are followed.
+        what: it should be, with its article, for the message.
+        most: bytes that it may have.
+
+    Raises:
+        InputError: it cannot be read, is a folder, a pipe or a device, or too large; the message names it.
+
+    Example:
+        >>> len(read_whole("images/camera.yaml", "a calibration file")) > 100
+        True
+    """
+    check_file(path, what)
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(most + 1)
+    except OSError as error:
+        raise InputError(f"{path}: expected {what}, got: {error.strerror or error}. Check the path.") from None
+    if len(content) > most:
+        raise InputError(f"{path}: expected {what} of up to {most / 1e6:g} MB, got more. Is it the right file?")
+    return content
+
+
+def check_file(path: str | Path, what: str) -> None:
+    """Refuse what is no file, without opening it.
+
+    Raises:
+        InputError: as :func:`read_whole`.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: expected {what}, got: {why}. Check the path.") from None
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{path}: expected {what}, got a folder. Name a file in it.")
+    if not stat.S_ISREG(mode):
+        raise InputError(f"{path}: expected {what}, got a pipe or device. Save it to a file first.")
