@@ -4,6 +4,7 @@
 # make test-all runs the slow tests, too: the statistics over many scenes.
 # make types says how much of the interface has types (at least 99 %).
 # make docs makes the site in build/docs; make core builds the compiled core anew, and nothing else.
+# make fuzz reads ten thousand spoiled files; COUNT and SEED choose others.
 # make wheel makes dist/tanteo-*.whl; make wheel-test tries it elsewhere; make sanitize runs tests/core on a core that is watched.
 PYTHON ?= python3
 VENV   ?= .venv
@@ -23,7 +24,7 @@ ZIG     = $(BIN)/zig-c++
 export CXX = $(abspath $(ZIG))
 endif
 
-.PHONY: demo test test-all check types unit docs bench core wheel wheel-test sanitize clean
+.PHONY: demo test test-all check types unit fuzz docs bench core wheel wheel-test sanitize clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -52,6 +53,11 @@ types: $(VENV)/.test
 # every worker is a process of its own: more threads than that only wait for each other
 unit: $(VENV)/.test
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal $(TESTS)
+
+COUNT ?= 10000
+SEED  ?= 1
+fuzz: $(VENV)/.test
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(abspath $(BIN))/python -m fuzz $(COUNT) $(SEED)
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -W -q -c docs -b html . build/docs

@@ -32,6 +32,7 @@ PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 SD, READINGS = 3e-4, 12
 SENSORS = Sensing("touch", SD, False, ()), Sensing("laser", SD, True, ())
+RATE = Priors().outlier_rate
 RIGHT = 0.003, np.radians(5)
 """A pose this near the truth [m, rad], or within ten sigma, is the right maximum."""
 
@@ -82,7 +83,7 @@ def noisy(factor, name, s, seed, k):
     return judged(identify_points(points, FreeRays.none(), [own]), own, T)
 
 
-def absent(name, s, seed, k, rate=Priors().outlier_rate):
+def absent(name, s, seed, k, rate=RATE):
     """The part is not in the catalogue."""
     own, T, points, _ = _begun(name, s, seed, k)
     others = [p for p in catalogue() if p is not own]
@@ -101,7 +102,7 @@ def mixed(name, s, seed, k):
     return row
 
 
-def outlier(name, s, seed, k, rate=Priors().outlier_rate):
+def outlier(name, s, seed, k, rate=RATE):
     """One reading is 5 mm off."""
     own, T, points, rng = _begun(name, s, seed, k)
     row, way = int(rng.integers(READINGS)), rng.normal(size=3)
@@ -112,7 +113,7 @@ def outlier(name, s, seed, k, rate=Priors().outlier_rate):
     return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
 
 
-def strays(name, s, seed, k, rate=Priors().outlier_rate):
+def strays(name, s, seed, k, rate=RATE):
     """Three readings of thirty are anywhere, by some centimetres."""
     own, T, points, rng = _begun(name, s, seed, k, readings=30)
     places = points.points.copy()

@@ -1,0 +1,157 @@
+"""What is fuzzed: each reader with files that it reads."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import numpy as np
+
+import tanteo
+import tanteo.io
+from tanteo import inference
+from tanteo.catalogue import cache, read_parts
+from tanteo.cli import main
+from tanteo.errors import InputError, PartError
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def read_aside(path, workers=1):
+    """In another process, as CAD files are; what cannot be read is a failure, not an exception."""
+    for failure in read_parts([path], unit="mm", cache=False, workers=workers).failures:
+        raise PartError(failure.reason)
+
+
+def read_mesh(path):
+    """In this process, as few small meshes are."""
+    read_aside(path, workers=0)
+
+
+def read_entry(path):
+    """An entry of the cache that is not what was written: the part is read anew, and is the part."""
+    name, kind = path.name.split(".", 1)
+    entry = cache.cache_folder() / "parts" / name[:2] / f"{name}.{kind}"
+    entry.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(path, entry)
+    source = path.with_name("source.stl")
+    shutil.copy(path.parent / "seeds" / "box.stl", source)
+    part = read_parts([source], unit="mm", workers=0)["source"]
+    inference.prepare(part)
+    assert abs(part.volume - 6e-6) < 1e-12, part.volume
+
+
+def answer(path):
+    """What the command line says of readings: one document or one error, and an exit code."""
+    said, out = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(said):
+        try:
+            main(
+                [
+                    "locate",
+                    str(path),
+                    "--part",
+                    str(EXAMPLES / "parts" / "bracket_left.step"),
+                    "--json",
+                    "--sd",
+                    "0.1mm",
+                ]
+            )
+        except SystemExit as ended:
+            code = ended.code or 0
+    if code == 1:
+        raise InputError(said.getvalue() if not out.getvalue() else "")
+    assert code in (0, 3), code
+    assert json.loads(out.getvalue())["schema"] == "tanteo.recognition/1"
+
+
+READERS = {
+    "readings": tanteo.read_readings, "rig": tanteo.read_rig, "scene": tanteo.io.read_scene,
+    "prior": tanteo.io.read_prior, "record": tanteo.io.read_record, "camera": tanteo.read_camera,
+    "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_aside,
+    "cache": read_entry,
+    "answer": answer,
+}  # fmt: skip
+"""By kind of file."""
+
+SHARES = {"step": 0.2, "answer": 0.2}
+"""Inputs of slow kinds for one of another: a CAD file starts a process, an answer takes a second."""
+
+
+def seeds(folder: Path) -> dict[str, list[Path]]:
+    """Files that are read, by kind, written into a folder."""
+    out = {
+        "readings": [*sorted((EXAMPLES / "readings").glob("*.csv"))], "prior": [EXAMPLES / "scenes" / "feeder.toml"],
+        "scene": [path for path in sorted((EXAMPLES / "scenes").glob("*.toml")) if path.stem != "feeder"],
+        "camera": [EXAMPLES / "images" / "camera.yaml"], "marks": [EXAMPLES / "images" / "marks.csv"],
+        "step": [EXAMPLES / "parts" / "block.step", EXAMPLES / "parts" / "flange.step"],
+    }  # fmt: skip
+    for beside in ("parts", "images", "readings"):  # which scenes name
+        (folder / beside).symlink_to(EXAMPLES / beside)
+    for name, text in TEXTS.items():
+        path = folder / name
+        path.write_text(text)
+        out.setdefault(name.split("-")[0], []).append(path)
+    tanteo.io.write_rig(tanteo.read_rig("paper-gripper"), folder / "rig.toml")
+    out["rig"] = [folder / "rig.toml"]
+    out["mesh"] = list(_meshes(folder))
+    out["image"] = list(_images(folder))
+    out["record"] = [_record(folder)]
+    names = "bracket_bare", "bracket_left", "too_few", "unknown_part"
+    out["answer"] = [EXAMPLES / "readings" / f"{name}.csv" for name in names]
+    out["cache"] = list(_entries(folder))
+    return out
+
+
+TEXTS = {
+    "prior-a.toml": "[table]\ntop_mm = 0\nsd_mm = 1\n\n[box]\nlow_mm = [0, 0, 0]\nhigh_mm = [500, 400, 200]\n",
+    "prior-b.toml": "[pose_prior]\nposition_mm = [400, 200, 0]\nturn_deg = [0, 0, 90]\nsd_mm = [5, 5, 1]\n"
+    "turn_sd_deg = 3\n",
+    "camera-a.json": '{"camera_matrix": [800, 0, 320, 0, 800, 240, 0, 0, 1], '
+    '"image_width": 640, "image_height": 480, "distortion_coefficients": [0, 0, 0, 0, 0]}',
+}
+
+
+def _meshes(folder):
+    import trimesh
+
+    box = trimesh.creation.box((30, 20, 10))
+    for suffix in ("stl", "obj", "ply", "off", "glb", "3mf"):
+        path = folder / f"box.{suffix}"
+        box.export(path)
+        yield path
+    path = folder / "text.stl"
+    path.write_text(trimesh.exchange.stl.export_stl_ascii(box))
+    yield path
+
+
+def _images(folder):
+    rows = np.add.outer(np.arange(30), np.arange(40)) % 256
+    for suffix in ("png", "jpg", "tiff", "bmp"):
+        path = folder / f"image.{suffix}"
+        tanteo.io.write_image(path, rows)
+        yield path
+
+
+def _record(folder):
+    """A session of two readings."""
+    path = folder / "session.json"
+    part = read_parts([folder / "box.stl"], unit="mm", workers=0)["box"]
+    place = tanteo.around([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
+    session = tanteo.Session(place, tanteo.probe_of("keyence_il300"), tanteo.Sensing(sd=3e-4), seed=1)
+    for _ in range(2):
+        session.tell(session.ask().read(0.1))
+    tanteo.io.write_record(session, path)
+    return path
+
+
+def _entries(folder):
+    part = read_parts([folder / "box.stl"], unit="mm", workers=0)["box"]
+    assert inference.prepare(part).shape is not None  # which is remembered beside it
+    for entry in sorted((cache.cache_folder() / "parts").rglob("*.*")):
+        path = folder / entry.name
+        shutil.copy(entry, path)
+        yield path
