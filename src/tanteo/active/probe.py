@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -37,6 +38,8 @@ class Probe:
         approach: direction in which it may look or move, world ``(3,)``; None for any.
         cone: largest angle to ``approach`` [rad].
         workspace: where its start may be.
+        stylus: direction from the ball of a touch probe to what holds it, world ``(3,)``, which the part must leave
+            free all the way; ``"behind"``: back along the motion; None where nothing is known.
         speed: of travelling between readings [m/s].
         seconds: that one reading takes, beside travelling.
 
@@ -61,6 +64,7 @@ class Probe:
     retreat: float = 0.10
     approach: Vectors | None = None
     cone: float = np.pi
+    stylus: Vectors | Literal["behind"] | None = None
     workspace: Workspace = field(default_factory=Workspace.everywhere)
     speed: float = 0.1
     seconds: float = 2.0

@@ -104,9 +104,10 @@ class Words:
             for warning in frame.warnings:
                 complain("warning", f"--wcs: {warning}")
             return frame.text
-        if self.pose_as in io.BRANDS and not io.BRANDS[self.pose_as].verified:
-            complain("warning", f"--as {self.pose_as}: {_UNVERIFIED} ({io.BRANDS[self.pose_as].source}).")
-        return io.write_pose(self.pose_as or "", _uncertain(best)).text + "\n"
+        pose = io.write_pose(self.pose_as or "", _uncertain(best))
+        if not pose.verified:
+            complain("warning", f"--as {pose.name}: {_UNVERIFIED} ({io.BRANDS[pose.name].source}).")
+        return f"{pose.text}\n"
 
     def refused(self, answer: Answer) -> str | None:
         """Why nothing is written of this answer; None if it is."""
@@ -117,8 +118,8 @@ class Words:
         if self.best_guess:
             return None
         return (
-            f"expected a decided answer, got {answer.status}: nothing is written for a program to run in. Sense more, or "
-            "say --best-guess to have the best pose in spite of it."
+            f"expected a decided answer, got {answer.status}: nothing is written for a program to run in. Sense more, "
+            "or say --best-guess to have the best pose in spite of it."
         )
 
     def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.WrittenFrame:

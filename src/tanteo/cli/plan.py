@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -13,18 +15,21 @@ from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.printing import emit, layout, leave, put
-from tanteo.errors import InputError
+from tanteo.errors import InputError, did_you_mean
 from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
     from tanteo.active import Plan, Probe
     from tanteo.parts import Part
-    from tanteo.typing import Vectors
+    from tanteo.typing import Covariances, Vectors
 else:  # the parser resolves annotations, and has to load nothing for that
-    Vectors = Any
+    Covariances = Vectors = Any
 
-_CONFIDENCE, _MOST = 0.95, 30
-"""What holds for a plan where nobody says."""
+_CONFIDENCE, _MOST, _FEED = 0.95, 30, 0.1 / 60
+"""What holds for a plan, and for the guarded motions of a program [m/s], where nobody says."""
+
+_DOWN = (0.0, 0.0, -1.0)
+"""Where the stylus of a 3-axis machine points."""
 
 
 def _approach(text: str) -> tuple[Vectors, float]:
@@ -41,6 +46,24 @@ def _approach(text: str) -> tuple[Vectors, float]:
             "0,0,-1,60deg."
         )
     return np.array(values[:3]), float(np.radians(values[3]))
+
+
+def _program(name: str) -> str:
+    from tanteo.programs import PROGRAMS
+
+    if name not in PROGRAMS:
+        raise InputError(
+            f"--program: expected one of {', '.join(PROGRAMS)}, got '{name}'.{did_you_mean(name, PROGRAMS)}"
+        )
+    return name
+
+
+def _speed(text: str) -> float:
+    """A speed [m/s]."""
+    length, _, time = text.replace(" ", "").partition("/")
+    if time not in ("min", "s"):
+        raise InputError(f"--feed: expected a speed, got '{text}'. Write it as 100mm/min or 2mm/s.")
+    return args.length("--feed", "100mm/min", length) / (60.0 if time == "min" else 1.0)
 
 
 def _place(name: str, typed: str) -> float:
@@ -107,6 +130,26 @@ class Options:
         args.Words(partial(args.at_least, "--max-measurements", 1, f"Leave it out for {_MOST}"), int | None),
     ] = None
     units: Annotated[str | None, args.option("--units", "UNIT", args.UNITS_HELP), args.UNIT] = None
+    program: Annotated[
+        str | None,
+        args.option("--program", "CONTROLLER", "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka or abb."),
+        args.Words(_program),
+    ] = None
+    tip_radius: Annotated[
+        float | None,
+        args.option("--tip-radius", "LENGTH", "Of the ball of a touch probe, as 1.5mm."),
+        args.Words(partial(args.length, "--tip-radius", "1.5mm")),
+    ] = None
+    feed: Annotated[
+        float | None,
+        args.option("--feed", "SPEED", "Of the program's guarded motions, as 100mm/min or 2mm/s: 100mm/min."),
+        args.Words(_speed),
+    ] = None
+    overtravel: Annotated[
+        float | None,
+        args.option("--overtravel", "LENGTH", "How far beyond the expected contact a program searches: 3 sd of it."),
+        args.Words(partial(args.length, "--overtravel", "5mm")),
+    ] = None
     csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table too.")] = None
     seed: Annotated[int, args.option("--seed", None, "Of the places that are tried."), args.SEED] = 0
     report: args.Report = None
@@ -116,15 +159,36 @@ class Options:
         if (self.sensor is None) == (self.sd is None):
             got = "neither" if self.sd is None else "both"
             raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
+        of_programs = {"--feed": self.feed, "--overtravel": self.overtravel}
+        unused = [name for name, value in of_programs.items() if value is not None and self.program is None]
+        if unused:
+            raise MisuseError(f"{unused[0]}: expected with --program, got none. Add --program linuxcnc, or another.")
+        if self.program is not None and self.tip_radius is None:
+            raise MisuseError(
+                "--tip-radius: expected the radius of the probe's ball, got none. Say --tip-radius 1.5mm."
+            )
 
     def probe(self) -> Probe:
         """What senses."""
         from tanteo.active import probe_of
 
-        where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance}
-        where |= dict(zip(("approach", "cone"), self.approach or (), strict=False))
+        where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance, "radius": self.tip_radius}
+        where |= dict(zip(("approach", "cone"), self.approach or (), strict=False)) | self._touching()
         given = {name: value for name, value in where.items() if value is not None}
-        return probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
+        found = probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
+        if self.program is not None and not found.contact:
+            raise MisuseError(f"--program: expected a touch probe, got the sensor '{self.sensor}'. Say --sd instead.")
+        return found
+
+    def _touching(self) -> dict[str, Any]:
+        """What is known of a probe that touches: of a ball, and of the stylus of a program's machine."""
+        touches = {} if self.sd is None or (self.tip_radius, self.program) == (None, None) else {"contact": True}
+        if self.program is None:
+            return touches
+        from tanteo.programs import AXES_3
+
+        above = {} if self.approach else {"approach": _DOWN, "cone": math.pi / 2}
+        return touches | above | {"stylus": [-v for v in _DOWN] if self.program in AXES_3 else "behind"}
 
 
 def check_plan(typed: Mapping[str, Any]) -> None:
@@ -141,7 +205,7 @@ def check_plan(typed: Mapping[str, Any]) -> None:
             f"--discriminate: expected two parts, got {pair[0]} twice. Poses of one part are for a "
             "session (tanteo sense part --image)."
         )
-    of_plans = ("tolerance", "confidence", "feature", "pose_prior", "max_measurements", "csv")
+    of_plans = ("tolerance", "confidence", "feature", "pose_prior", "max_measurements", "csv", "program")
     unused = [f"--{name.replace('_', '-')}" for name in of_plans if typed[name] is not None]
     if pair and unused:
         raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Leave it out.")
@@ -182,14 +246,26 @@ def _plan(part: Part, probe: Probe, options: Options) -> None:
     if options.csv is not None:
         with files.writing("--csv", options.csv), replaced(options.csv) as file:
             file.write_text(io.plan_csv(found), encoding="utf-8", newline="")
+    written = _written(found, part, probe, start.covariances[0], options)
     if options.json:
-        put(io.plan_json(found, tolerance=tolerance, confidence=confidence))
+        put(io.plan_json(found, tolerance=tolerance, confidence=confidence, program=written))
     else:
-        emit(_lines(found, probe, options))
+        emit(_lines(found, probe, options), None if written is None else sys.stderr)
+        put(written or "")
     if options.report is not None:
         page = plan_page(found, part, probe, tolerance, confidence, files.this_run())
         files.write_page(options.report, page, as_json=options.json)
     leave(decided=found.reached)
+
+
+def _written(found: Plan, part: Part, probe: Probe, covariance: Covariances, options: Options) -> str | None:
+    """The probing program of a plan; None if none is asked for."""
+    if options.program is None:
+        return None
+    from tanteo.programs import job_of, write_program
+
+    job = job_of(found, part, probe, covariance, options.feed or _FEED, options.overtravel)
+    return write_program(options.program, job)
 
 
 def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
