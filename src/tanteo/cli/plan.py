@@ -164,21 +164,21 @@ class Options:
         if unused:
             raise MisuseError(f"{unused[0]}: expected with --program, got none. Add --program linuxcnc, or another.")
         if self.program is not None and self.tip_radius is None:
-            raise MisuseError(
-                "--tip-radius: expected the radius of the probe's ball, got none. Say --tip-radius 1.5mm."
-            )
+            raise MisuseError("--tip-radius: expected the ball of a program's probe, got none. Say --tip-radius 1.5mm.")
 
     def probe(self) -> Probe:
         """What senses."""
         from tanteo.active import probe_of
+        from tanteo.sensors import sensor_preset
 
         where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance, "radius": self.tip_radius}
         where |= dict(zip(("approach", "cone"), self.approach or (), strict=False)) | self._touching()
         given = {name: value for name, value in where.items() if value is not None}
-        found = probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
-        if self.program is not None and not found.contact:
-            raise MisuseError(f"--program: expected a touch probe, got the sensor '{self.sensor}'. Say --sd instead.")
-        return found
+        if self.sensor is not None and self.tip_radius is not None and not sensor_preset(self.sensor).is_contact:
+            raise MisuseError(
+                f"--tip-radius: expected a touch probe, got the sensor '{self.sensor}'. Say --sd instead."
+            )
+        return probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
 
     def _touching(self) -> dict[str, Any]:
         """What is known of a probe that touches: of a ball, and of the stylus of a program's machine."""

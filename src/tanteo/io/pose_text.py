@@ -26,7 +26,7 @@ _MATRICES = ("matrix", "gtsam")
 POSE_NAMES = (*BRANDS, *_MATRICES)
 """All that a pose can be written for."""
 
-_SHARE, _LARGEST, _LEAST = 1e-2, 1e-6, 1e-9
+_SHARE, _LARGEST, _LEAST = 1e-2, 1e-6, 1e-12
 """What rounding may change: a share of one standard deviation, at most so many metres or radians, or what is finest."""
 
 _MOST_DIGITS = 15
