@@ -96,7 +96,21 @@ def test_robots_hold_the_whole_pose(name, brand, mark, rng):
 
 
 @pytest.mark.parametrize(
-    "name", ["G53", "G60", "fanuc:12", "kuka:0", "abb:2x", "ur:a b", "grbl:G59.1", "siemens:1", "", "G54:2"]
+    "name",
+    [
+        "G53",
+        "G60",
+        "fanuc:12",
+        "kuka:0",
+        "abb:2x",
+        "ur:a b",
+        "grbl:G59.1",
+        "siemens:1",
+        "",
+        "G54:2",
+        "G54@G54",
+        "G55@G60",
+    ],
 )
 def test_frames_that_are_none(name):
     with pytest.raises(InputError):
@@ -114,3 +128,23 @@ def test_linuxcnc_takes_the_offset(rng, tmp_path):
     assert done.returncode == 0, done.stderr
     offset = re.findall(r"SET_G5X_OFFSET\(2, ([^)]*)\)", done.stdout)[-1]
     np.testing.assert_allclose([float(v) / 1e3 for v in offset.split(",")[:3]], frame.T[:3, 3], atol=1e-6)
+
+
+@pytest.mark.skipif(shutil.which("rs274") is None, reason="rs274 of linuxcnc-uspace is not installed")
+def test_linuxcnc_puts_a_frame_into_another(rng, tmp_path):
+    """Readings in a turned and shifted G54: its offset and turn are in what G55 gets."""
+    frame = upright(rng, 0.0)
+    got = written("G55@G54", frame)
+    assert "taken as those of G54" in got.warnings[-1]
+    lines = "G21\nG10 L2 P1 X100 Y-50 Z20 R30\n" + got.text + "G55\nG0 X0 Y0 Z0\nM2\n"
+    (tmp_path / "wcs.ngc").write_text(lines, encoding="utf-8")
+    (tmp_path / "tool.tbl").write_text("", encoding="utf-8")
+    command = ["rs274", "-g", "-t", "tool.tbl", "wcs.ngc"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=20)
+    assert done.returncode == 0, done.stderr
+    T = SE3.from_parts(SO3.axis_rotation(2, np.radians(30)), np.array([0.1, -0.05, 0.02])) @ frame.T
+    offset = re.findall(r"SET_G5X_OFFSET\(2, ([^)]*)\)", done.stdout)[-1]
+    np.testing.assert_allclose([float(v) / 1e3 for v in offset.split(",")[:3]], T[:3, 3], atol=2e-6)
+    turns = np.radians([float(v) for v in re.findall(r"SET_XY_ROTATION\(([^)]*)\)", done.stdout)])
+    closest = min(np.abs(SO3.axis_rotation(2, turn) - T[:3, :3]).max() for turn in turns)
+    assert closest < 2e-6  # the last is that of G54 again, at the end of the program

@@ -41,10 +41,12 @@ class WorkFrame:
     Attributes:
         controller: ``linuxcnc``, ``grbl``, or a key of :data:`CONTROLLERS`.
         slot: the number of its frame, or a name where frames have names.
+        within: the work coordinate system that the readings were made in; empty for the machine's.
     """
 
     controller: str
     slot: str
+    within: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +63,17 @@ class WrittenFrame:
 
 
 def parse_work_frame(text: str) -> WorkFrame:
-    """``G54`` to ``G59.3``, ``grbl:G54``, ``fanuc:3``, ``kuka:5``, ``abb:wobj_part``, ``ur:part``.
+    """``G54`` to ``G59.3``, ``G55@G54``, ``grbl:G54``, ``fanuc:3``, ``kuka:5``, ``abb:wobj_part``, ``ur:part``.
 
     Raises:
         InputError: Another controller, or a frame that it does not have.
     """
     head, _, slot = text.partition(":")
-    if head.upper() in OFFSETS and not slot:
-        return WorkFrame("linuxcnc", head.upper())
+    frame, _, within = head.upper().partition("@")
+    if frame in OFFSETS and not slot and (not within or within in OFFSETS):
+        if frame == within:
+            raise InputError(f"expected another frame than that of the readings, got '{text}'. Set G55, or another.")
+        return WorkFrame("linuxcnc", frame, within)
     name = head.lower()
     if name not in CONTROLLERS:
         known = (*OFFSETS, *CONTROLLERS)
@@ -97,7 +102,7 @@ def write_work_frame(where: WorkFrame, frame: UncertainFrame, corners: Vectors, 
         InputError: The frame turns about z only, and the part's z is nowhere near that of the machine.
     """
     write = CONTROLLERS[where.controller][3]
-    return write(where.slot, frame, corners, note)
+    return write(where, frame, corners, note)
 
 
 def yaw_only(T: Transforms) -> Transforms:
@@ -107,8 +112,8 @@ def yaw_only(T: Transforms) -> Transforms:
     return SE3.from_parts(SO3.axis_rotation(2, angle), T[:3, 3])
 
 
-def _offset(slot: str, frame: UncertainFrame, corners: Vectors, note: str, *, turns: bool) -> WrittenFrame:
-    T = frame.T
+def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, turns: bool) -> WrittenFrame:
+    T, slot = frame.T, where.slot
     tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
     if tilt > _TILT:
         raise InputError(
@@ -117,25 +122,41 @@ def _offset(slot: str, frame: UncertainFrame, corners: Vectors, note: str, *, tu
         )
     held = yaw_only(T) if turns else SE3.from_parts(np.eye(3), T[:3, 3])
     off = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(held, corners), axis=-1)
-    warnings = ["positions of the readings are taken as machine coordinates (G53), with no work offset in them."]
+    of = f"those of {where.within}" if where.within else "machine coordinates (G53), with no work offset in them"
+    warnings = [f"positions of the readings are taken as {of}."]
     if off.max() > _SPEAKS:
         what = f"a tilt of {np.degrees(tilt):.3g} deg" if turns else "any rotation of the part"
         warnings.insert(
             0, f"{slot} cannot hold {what}: the part's far corner is {1e3 * off.max():.3g} mm from where it will be."
         )
     x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(held, frame.C))
-    turn = f" R{a}" if turns else ""
-    lines = [f"({_gcode_comment(note)})", "(machine coordinates, millimetres)", "G21"]
+    words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turns else "")
+    before: list[str] = []
+    if where.within:
+        unit, words = _after(OFFSETS[where.within], x, y, z, a)
+        before = [unit]
+    lines = [f"({_gcode_comment(note)})", f"(readings in {where.within or 'machine coordinates'}, millimetres)", "G21"]
     lines += [f"(warning: {_gcode_comment(text)})" for text in warnings[:-1]]
-    return WrittenFrame("\n".join([*lines, f"G10 L2 P{OFFSETS[slot]} X{x} Y{y} Z{z}{turn}", ""]), tuple(warnings))
+    return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", ""]), tuple(warnings))
 
 
-def _linuxcnc(slot: str, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
-    return _offset(slot, frame, corners, note, turns=True)
+def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[str, str]:
+    """A line before, and the words of a frame within a work coordinate system.
+
+    LinuxCNC keeps its offset and turn in parameters from 5221 on, 20 a system; lengths in units of the machine.
+    """
+    first = 5201 + 20 * number
+    turn, (ox, oy, oz) = f"#{first + 9}", (f"#<_unit> * #{first + k}" for k in range(3))
+    along = f"X[{ox} + [{x}] * COS[{turn}] - [{y}] * SIN[{turn}]] Y[{oy} + [{x}] * SIN[{turn}] + [{y}] * COS[{turn}]]"
+    return "#<_unit> = [25.4 - 24.4 * [#<_metric_machine> EQ 1]]", f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
 
 
-def _grbl(slot: str, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
-    return _offset(slot, frame, corners, note, turns=False)
+def _linuxcnc(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    return _offset(where, frame, corners, note, turns=True)
+
+
+def _grbl(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    return _offset(where, frame, corners, note, turns=False)
 
 
 def _gcode_comment(text: str) -> str:
@@ -143,36 +164,36 @@ def _gcode_comment(text: str) -> str:
     return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
 
 
-def _fanuc(slot: str, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
     """A TP program: the position register is made Cartesian by ``LPOS`` before its elements are written."""
     register = 100
     values = brand_fields("fanuc", frame)
     steps = [f"!{words[:30]}" for words in re.split("[:,] ", note)] + ["UFRAME_NUM=0", f"PR[{register}]=LPOS"]
     steps += [f"PR[{register},{k}]={value}" for k, value in enumerate(values, 1)]
-    steps += [f"UFRAME[{slot}]=PR[{register}]", f"UFRAME_NUM={slot}"]
+    steps += [f"UFRAME[{where.slot}]=PR[{register}]", f"UFRAME_NUM={where.slot}"]
     body = [f"{n:4d}:  {step} ;" for n, step in enumerate(steps, 1)]
     text = ["/PROG  TANTEO_UF", "/ATTR", 'COMMENT\t\t= "TANTEO";', "/MN", *body, "/POS", "/END", ""]
     return WrittenFrame("\n".join(text), (f"position register {register} is overwritten.",))
 
 
-def _kuka(slot: str, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
     value = BRANDS["kuka"].syntax.format(*brand_fields("kuka", frame)).replace("{X", "{FRAME: X")
-    return WrittenFrame(f"; {note}\nBASE_DATA[{slot}] = {value}\n$BASE = BASE_DATA[{slot}]\n", ())
+    return WrittenFrame(f"; {note}\nBASE_DATA[{where.slot}] = {value}\n$BASE = BASE_DATA[{where.slot}]\n", ())
 
 
-def _abb(slot: str, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _abb(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
     value = BRANDS["abb"].syntax.format(*brand_fields("abb", frame))
     data = f'[FALSE, TRUE, "", {value}, [[0, 0, 0], [1, 0, 0, 0]]]'
-    return WrittenFrame(f"! {note}\nPERS wobjdata {slot} := {data};\n", ())
+    return WrittenFrame(f"! {note}\nPERS wobjdata {where.slot} := {data};\n", ())
 
 
-def _ur(slot: str, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _ur(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
     value = BRANDS["ur"].syntax.format(*brand_fields("ur", frame))
-    use = f"# a point p of the part: movel(pose_trans({slot}, p))"
-    return WrittenFrame(f"# {note}\n{use}\nglobal {slot} = {value}\n", ())
+    use = f"# a point p of the part: movel(pose_trans({where.slot}, p))"
+    return WrittenFrame(f"# {note}\n{use}\nglobal {where.slot} = {value}\n", ())
 
 
-_Writer = Callable[[str, UncertainFrame, Vectors, str], WrittenFrame]
+_Writer = Callable[[WorkFrame, UncertainFrame, Vectors, str], WrittenFrame]
 _NAME = r"[A-Za-z][A-Za-z0-9_]{0,30}"
 _G = r"G5[4-9]"
 

@@ -1,8 +1,9 @@
 """Probing programs of robots: URScript, KRL, RAPID, FANUC TP. The tool's z is the stylus, its TCP the ball's centre.
 
 Read for each: URScript ``to_str`` and threads (Script Manual e-Series, 14.1); RAPID ``SearchL`` with its stop and
-``ERR_WHLSEARCH``, TP ``SKIP CONDITION`` with ``Skip,LBL,PR=LPOS``, in public programs. KRL's interrupt with ``BRAKE``
-and ``RESUME`` is the search of KUKA's expert programming manual, from memory.
+``ERR_WHLSEARCH``, TP ``SKIP CONDITION`` with ``Skip,LBL,PR=LPOS``, in public programs. KRL's search is an
+interrupt with ``BRAKE`` and ``RESUME``, which ends the subprogram that moves and needs ``$ADVANCE`` 0 (KRL reference,
+by way of articles on it); nobody here has run it.
 """
 
 from __future__ import annotations
@@ -172,7 +173,7 @@ def kuka(job: Job) -> str:
     log = [
         "two files: save what is below the line of dashes as TANTEO.DAT beside TANTEO.SRC",
         "log: FOUND[1].. of TANTEO.DAT after the run, positions of the ball's centre in millimetres",
-        "the search by interrupt was written from memory: confirm it on the controller",
+        "the search by interrupt was not verified: try it on the controller with a hand on the stop",
     ]
     lines = ["&ACCESS RVP", "DEF TANTEO( )", *(f"; {text}" for text in _header(job, log)), *_KRL.splitlines()]
     for touch, way in _ways(job):
@@ -192,6 +193,7 @@ def _frame(place: Vectors, tool: Rotations) -> str:
 
 
 _KRL = f"""BAS(#INITMOV,0)
+$ADVANCE=0
 $BASE=$NULLFRAME
 $TOOL=TOOL_DATA[1]
 $VEL.CP={_TRAVEL}"""
