@@ -106,7 +106,7 @@ def steps_kuka(text):
         poses = brand_poses("kuka", re.findall(r"\{(X[^}]*)\}", line))
         if line.startswith("LIN {"):
             yield "move", poses
-        elif re.match(r"START=|GOAL=", line):
+        elif re.match(r"P_START=|P_GOAL=", line):
             kept += poses
         elif re.match(r"TOUCH\(\d", line):
             yield "touch", kept

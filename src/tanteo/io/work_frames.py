@@ -133,22 +133,23 @@ def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str
     words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turns else "")
     before: list[str] = []
     if where.within:
-        unit, words = _after(OFFSETS[where.within], x, y, z, a)
-        before = [unit]
+        before, words = _after(OFFSETS[where.within], x, y, z, a)
     lines = [f"({_gcode_comment(note)})", f"(readings in {where.within or 'machine coordinates'}, millimetres)", "G21"]
     lines += [f"(warning: {_gcode_comment(text)})" for text in warnings[:-1]]
     return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", ""]), tuple(warnings))
 
 
-def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[str, str]:
-    """A line before, and the words of a frame within a work coordinate system.
+def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]:
+    """Lines before, and the words of a frame within a work coordinate system.
 
     LinuxCNC keeps its offset and turn in parameters from 5221 on, 20 a system; lengths in units of the machine.
     """
     first = 5201 + 20 * number
     turn, (ox, oy, oz) = f"#{first + 9}", (f"#<_unit> * #{first + k}" for k in range(3))
-    along = f"X[{ox} + [{x}] * COS[{turn}] - [{y}] * SIN[{turn}]] Y[{oy} + [{x}] * SIN[{turn}] + [{y}] * COS[{turn}]]"
-    return "#<_unit> = [25.4 - 24.4 * [#<_metric_machine> EQ 1]]", f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
+    x_, y_ = "#<_part_x>", "#<_part_y>"
+    along = f"X[{ox} + {x_} * COS[{turn}] - {y_} * SIN[{turn}]] Y[{oy} + {x_} * SIN[{turn}] + {y_} * COS[{turn}]]"
+    before = ["#<_unit> = [25.4 - 24.4 * [#<_metric_machine> EQ 1]]", f"{x_} = {x}", f"{y_} = {y}"]
+    return before, f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
 
 
 def _linuxcnc(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:

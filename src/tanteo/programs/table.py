@@ -6,9 +6,12 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from tanteo.errors import InputError, did_you_mean
+from tanteo.programs.abb import abb
+from tanteo.programs.fanuc import fanuc
 from tanteo.programs.gcode import grbl, linuxcnc
 from tanteo.programs.job import Job
-from tanteo.programs.robots import abb, fanuc, kuka, ur
+from tanteo.programs.kuka import kuka
+from tanteo.programs.ur import ur
 
 PROGRAMS: Mapping[str, Callable[[Job], str]] = MappingProxyType(
     {"linuxcnc": linuxcnc, "grbl": grbl, "ur": ur, "fanuc": fanuc, "kuka": kuka, "abb": abb}
