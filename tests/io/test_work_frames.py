@@ -71,9 +71,11 @@ def test_no_offset_holds_a_part_on_its_side(rng):
         written("G54", upright(rng, np.pi / 2))
 
 
-def test_grbl_has_no_turn(rng):
+@pytest.mark.parametrize("name", ["grbl:G54", "haas:g54"])
+def test_some_offsets_have_no_turn(name, rng):
     frame = upright(rng, 0.0)
-    got = written("grbl:G54", frame)
+    got = written(name, frame)
+    assert "\nG21 G90\n" in got.text
     assert " R" not in got.text.splitlines()[-1]
     assert "cannot hold any rotation" in got.warnings[0]
 

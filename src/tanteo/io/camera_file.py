@@ -177,7 +177,13 @@ def read_camera(path: str | Path, *, rectified: bool = False, shape: tuple[int, 
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{path}: expected a calibration file, got: {why}. Check the path.") from None
-    document = one_layout(_parse(text, path), path, ("camera_matrix", *_MATRIX))
+    try:
+        parsed = _parse(text, path)
+    except RecursionError:
+        raise InputError(
+            f"{path}: expected keys and values, got a thousand levels of them. Correct the file."
+        ) from None
+    document = one_layout(parsed, path, ("camera_matrix", *_MATRIX))
     if not rectified:
         _check_keys(document, path)
     check_place(document, path)

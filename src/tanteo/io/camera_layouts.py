@@ -42,13 +42,13 @@ def read_ini(text: str, path: Path) -> dict[str, Any]:
     Raises:
         InputError: Two cameras in one file.
     """
-    found: dict[str, list[float]] = {}
+    found: dict[str, list[Any]] = {}
     name = ""
     for line in (line.split("#")[0].strip() for line in text.splitlines()):
         if _SECTION.match(line):
             name = ""
         elif line and _NUMBERS.match(line):
-            found.setdefault(name, []).extend(float(word) for word in line.replace(",", " ").split())
+            found.setdefault(name, []).extend(_number(word) for word in line.replace(",", " ").split())
         elif line:
             name = _INI.get(plain(line), "")
             if name in found:

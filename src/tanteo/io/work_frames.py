@@ -1,9 +1,9 @@
 """A part's frame as a machine's work coordinate system or a robot's user frame: what makes the next program run in it.
 
 Read for each: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; ``rs274`` runs the lines in the
-tests), FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public TP programs), KUKA ``BASE_DATA`` and ``$BASE``, ABB ``wobjdata``,
-URScript pose variables. A work offset of a 3-axis machine turns about z only: what it cannot hold of a tilt is said
-where the part shows it most.
+tests), Haas' page on programmable offsets (``G10 L2 P1 G90``, no turn), FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public
+TP programs), KUKA ``BASE_DATA`` and ``$BASE``, ABB ``wobjdata``, URScript pose variables. A work offset of a 3-axis
+machine turns about z only: what it cannot hold of a tilt is said where the part shows it most.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class WrittenFrame:
 
 
 def parse_work_frame(text: str) -> WorkFrame:
-    """``G54`` to ``G59.3``, ``G55@G54``, ``grbl:G54``, ``fanuc:3``, ``kuka:5``, ``abb:wobj_part``, ``ur:part``.
+    """A frame as typed: ``G54``, ``G55@G54``, ``grbl:G54``, ``haas:G54``, ``fanuc:3``, ``kuka:5``, ``abb:w``, ``ur:p``.
 
     Raises:
         InputError: Another controller, or a frame that it does not have.
@@ -83,7 +83,7 @@ def parse_work_frame(text: str) -> WorkFrame:
         )
     pattern, example, usual, _ = CONTROLLERS[name]
     slot = slot or usual
-    slot = slot.upper() if name in ("grbl", "linuxcnc") else slot
+    slot = slot.upper() if name in ("grbl", "haas", "linuxcnc") else slot
     if not re.fullmatch(pattern, slot):
         raise InputError(f"expected {name}:{example}, got '{text}'. Correct the frame's number or name.")
     return WorkFrame(name, slot)
@@ -134,7 +134,11 @@ def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str
     before: list[str] = []
     if where.within:
         before, words = _after(OFFSETS[where.within], x, y, z, a)
-    lines = [f"({_gcode_comment(note)})", f"(readings in {where.within or 'machine coordinates'}, millimetres)", "G21"]
+    lines = [
+        f"({_gcode_comment(note)})",
+        f"(readings in {where.within or 'machine coordinates'}, millimetres)",
+        "G21 G90",
+    ]
     lines += [f"(warning: {_gcode_comment(text)})" for text in warnings[:-1]]
     return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", ""]), tuple(warnings))
 
@@ -156,7 +160,7 @@ def _linuxcnc(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: s
     return _offset(where, frame, corners, note, turns=True)
 
 
-def _grbl(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+def _no_turn(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
     return _offset(where, frame, corners, note, turns=False)
 
 
@@ -201,7 +205,8 @@ _G = r"G5[4-9]"
 CONTROLLERS: Mapping[str, tuple[str, str, str, _Writer]] = MappingProxyType(
     {
         "linuxcnc": (_G + r"|G59\.[1-3]", "G54", "G54", _linuxcnc),
-        "grbl": (_G, "G54", "G54", _grbl),
+        "grbl": (_G, "G54", "G54", _no_turn),
+        "haas": (_G, "G54", "G54", _no_turn),
         "fanuc": ("[1-9]", "1", "1", _fanuc),
         "kuka": (r"[1-9]|[12]\d|3[0-2]", "1", "1", _kuka),
         "abb": (_NAME, "wobj_part", "wobj_part", _abb),
