@@ -29,7 +29,7 @@ _STEPS = 4
 _DRAWS, _LEAST_DRAWS = 64, 8
 """Poses of all modes that a way must keep clear of, and the least of each."""
 
-_TILT_SDS = 2.0
+_TILT_SDS = 3.0
 """Standard deviations of the part's attitude by which it may lean on the stylus."""
 
 _TOO_NEAR = 0.01
