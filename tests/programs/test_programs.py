@@ -24,9 +24,9 @@ C = np.diag([1e-3] * 3 + [5e-3] * 3) ** 2
 NUMBER = r"-?\d+\.\d+"
 
 
-def job_for(part, *, stylus):
+def job_for(part, **stylus):
     probe = probe_of(
-        2e-5, contact=True, radius=RADIUS, approach=[0, 0, -1], cone=np.pi / 2, stylus=stylus, clearance=CLEARANCE
+        2e-5, contact=True, radius=RADIUS, approach=[0, 0, -1], cone=np.pi / 2, clearance=CLEARANCE, **stylus
     )
     found = plan(at_pose(prepare(part), T_EXPECTED, C), probe, 0.3e-3)
     assert found.reached
@@ -40,7 +40,7 @@ def part(parts):
 
 @pytest.fixture(scope="module")
 def jobs(part):
-    upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus="behind")
+    upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_behind=True)
     return {name: upright if name in AXES_3 else behind for name in PROGRAMS}
 
 

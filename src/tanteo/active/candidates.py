@@ -114,7 +114,7 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
     to_part = SE3.inverse(T)
     first = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T).distances
     ok &= np.abs(first - ranges) < 1e-6 + 1e-3 * ranges
-    if probe.stylus is not None:
+    if probe.stylus is not None or probe.stylus_behind:
         tilt = _TILT_SDS * float(np.sqrt(np.linalg.eigvalsh(state.covariances[k][3:, 3:])[-1]))
         contacts = world + probe.radius * outward
         ok[ok] = _stylus_free(target, to_part, origins[ok], contacts[ok], directions[ok], probe, tilt)
@@ -135,8 +135,7 @@ def _stylus_free(
 
     The stylus is taken as half as thick as the ball; the contacts are of the ball's centre.
     """
-    behind = isinstance(probe.stylus, str)
-    up = -directions if behind else np.broadcast_to(np.asarray(probe.stylus, dtype=np.float64), directions.shape)
+    up = -directions if probe.stylus is None else np.broadcast_to(probe.stylus, directions.shape)
     sides = SO3.frame_from_axis(up, 2)[..., :2]
     sides = np.concatenate([np.zeros((len(up), 3, 1)), sides, -sides], axis=-1).swapaxes(-1, -2)  # (n, 5, 3)
     rays = up[:, None] + np.tan(tilt) * sides

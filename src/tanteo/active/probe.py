@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
@@ -39,7 +38,8 @@ class Probe:
         cone: largest angle to ``approach`` [rad].
         workspace: where its start may be.
         stylus: direction from the ball of a touch probe to what holds it, world ``(3,)``, which the part must leave
-            free all the way; ``"behind"``: back along the motion; None where nothing is known.
+            free all the way; None where nothing is known.
+        stylus_behind: it is held from behind instead: back along each motion.
         speed: of travelling between readings [m/s].
         seconds: that one reading takes, beside travelling.
 
@@ -64,7 +64,8 @@ class Probe:
     retreat: float = 0.10
     approach: Vectors | None = None
     cone: float = np.pi
-    stylus: Vectors | Literal["behind"] | None = None
+    stylus: Vectors | None = None
+    stylus_behind: bool = False
     workspace: Workspace = field(default_factory=Workspace.everywhere)
     speed: float = 0.1
     seconds: float = 2.0
@@ -123,7 +124,7 @@ class Probe:
         if self.radius > 0 and not self.contact:
             raise InputError(f"probe '{self.name}', radius: expected none of a beam, got one. Say contact=True.")
         for n in ("approach", "stylus"):
-            if getattr(self, n) is not None and not (n == "stylus" and isinstance(self.stylus, str)):
+            if getattr(self, n) is not None:
                 object.__setattr__(self, n, self._direction(n))
 
     def _direction(self, field: str) -> Vectors:

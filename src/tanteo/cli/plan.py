@@ -188,7 +188,9 @@ class Options:
         from tanteo.programs import AXES_3
 
         above = {} if self.approach else {"approach": _DOWN, "cone": math.pi / 2}
-        return touches | above | {"stylus": [-v for v in _DOWN] if self.program in AXES_3 else "behind"}
+        return (
+            touches | above | ({"stylus": [-v for v in _DOWN]} if self.program in AXES_3 else {"stylus_behind": True})
+        )
 
 
 def check_plan(typed: Mapping[str, Any]) -> None:
