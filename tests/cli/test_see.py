@@ -99,3 +99,20 @@ def test_an_image_may_come_after_the_parts(run, parts):
     result = run("see", "--parts", parts, IMAGES / "none.png", *PLACED, "--units", "mm")
     assert result.code == 1
     assert "none.png" in result.err
+
+
+def test_what_is_taken_of_a_camera_file_is_said(run, tmp_path):
+    """A skew, and a size that the file does not have; and the same image read as a rectified one fits worse."""
+    camera = tmp_path / "intrinsics.yaml"
+    camera.write_text(
+        "intrinsics: [[620, -0.3, 316.8], [0, 621.86, 242.1], [0, 0, 1]]\nD: [-0.12, 0.05, 0.0004, -0.0003]\n",
+        encoding="utf-8",
+    )
+    words = (IMAGES / "three_parts.png", "--camera", camera, "--marks", IMAGES / "marks.csv")
+    part = EXAMPLES / "parts" / "flange.step"
+    got = run("see", *words, "--parts", part)
+    assert "warning: " in got.err
+    assert "taken as of 640 x 480 pixels, as the image" in got.err
+    assert "the skew of the camera matrix is left out" in got.err
+    rectified = run("see", *words, "--rectified", "--parts", part, "--json")
+    assert any("no projection_matrix" in warning for warning in json.loads(rectified.out)["warnings"])
