@@ -161,6 +161,18 @@ def test_a_planned_program_finds_the_part_again(run, models, tmp_path):
     assert total < 48.0
 
 
+def test_the_ball_goes_over_the_part_where_it_is_told(run):
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", "grbl", "--retract-height", "200mm")
+    assert "\nG0 Z200.0000\n" in got.out
+    assert "safe height Z 200.00" in got.out
+
+
+def test_a_plan_without_touches_is_no_program(run):
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", "grbl", "--approach", "0,0,1,20deg")
+    assert (got.code, got.out) == (3, "")
+    assert "warning: --program: the plan has no touches" in got.err
+
+
 @pytest.mark.parametrize("name", ["grbl", "ur", "fanuc", "kuka", "abb"])
 def test_programs_are_in_the_document(name, run):
     got = run(*PLAN, "--pose-prior", PRIOR, "--program", name, "--json", "--feed", "2mm/s", "--overtravel", "6mm")
@@ -175,6 +187,10 @@ def test_programs_are_in_the_document(name, run):
         (("--program", "ur", "--sd", "0.1mm"), "--tip-radius: expected the ball of a program's probe"),
         (("--program", "ur", "--tip-radius", "1mm", "--sensor", "keyence_il300"), "expected a touch probe"),
         (("--feed", "2mm/s", "--sd", "0.1mm"), "--feed: expected with --program"),
+        (
+            ("--program", "ur", "--tip-radius", "1mm", "--sd", "0.1mm", "--retract-height", "20mm"),
+            "--retract-height: expected 172.0 mm or more",
+        ),
         (("--program", "ur", "--tip-radius", "1mm", "--sd", "0.1mm", "--feed", "2mm"), "Write it as 100mm/min"),
     ],
 )

@@ -14,7 +14,7 @@ from tanteo import inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.arguments import MisuseError, misuse
-from tanteo.cli.printing import emit, layout, leave, put
+from tanteo.cli.printing import complain, emit, layout, leave, put
 from tanteo.errors import InputError, did_you_mean
 from tanteo.replaced import replaced
 
@@ -150,6 +150,11 @@ class Options:
         args.option("--overtravel", "LENGTH", "How far beyond the expected contact a program searches: 3 sd of it."),
         args.Words(partial(args.length, "--overtravel", "5mm")),
     ] = None
+    retract_height: Annotated[
+        float | None,
+        args.option("--retract-height", "Z", "World z of the ball over the part, as 150mm: just safe if not said."),
+        args.Words(partial(_place, "--retract-height")),
+    ] = None
     csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table too.")] = None
     seed: Annotated[int, args.option("--seed", None, "Of the places that are tried."), args.SEED] = 0
     report: args.Report = None
@@ -159,7 +164,9 @@ class Options:
         if (self.sensor is None) == (self.sd is None):
             got = "neither" if self.sd is None else "both"
             raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
-        of_programs = {"--feed": self.feed, "--overtravel": self.overtravel}
+        of_programs = {
+            "--feed": self.feed, "--overtravel": self.overtravel, "--retract-height": self.retract_height
+        }  # fmt: skip
         unused = [name for name, value in of_programs.items() if value is not None and self.program is None]
         if unused:
             raise MisuseError(f"{unused[0]}: expected with --program, got none. Add --program linuxcnc, or another.")
@@ -261,13 +268,18 @@ def _plan(part: Part, probe: Probe, options: Options) -> None:
 
 
 def _written(found: Plan, part: Part, probe: Probe, covariance: Covariances, options: Options) -> str | None:
-    """The probing program of a plan; None if none is asked for."""
+    """The probing program of a plan, empty without touches; None if none is asked for."""
     if options.program is None:
         return None
     from tanteo.programs import job_of, write_program
 
-    job = job_of(found, part, probe, covariance, options.feed or _FEED, options.overtravel)
-    return write_program(options.program, job)
+    if not found.readings:
+        complain("warning", "--program: the plan has no touches, so no program is written.")
+        return ""
+    more = options.overtravel, options.retract_height
+    with misuse():
+        job = job_of(found, part, probe, covariance, options.feed or _FEED, *more)
+        return write_program(options.program, job)
 
 
 def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:

@@ -84,7 +84,13 @@ class Job:
 
 
 def job_of(
-    plan: Plan, part: Part, probe: Probe, covariance: Covariances, feed: float, overtravel: float | None = None
+    plan: Plan,
+    part: Part,
+    probe: Probe,
+    covariance: Covariances,
+    feed: float,
+    overtravel: float | None = None,
+    retract_height: float | None = None,
 ) -> Job:
     """The program's numbers for a plan.
 
@@ -96,9 +102,10 @@ def job_of(
         feed: of the guarded motion [m/s].
         overtravel: how far beyond the expected contact it goes on [m]; three standard deviations of the surface's
             place, and 2 mm at least, if not given.
+        retract_height: world z at which the ball goes over the part [m]; the least that is safe, if not given.
 
     Raises:
-        InputError: The plan has no readings.
+        InputError: The plan has no readings, or the retract height is not above part and starts.
     """
     if not plan.readings:
         raise InputError(f"--program: expected a plan with touches, got none. {plan.message}")
@@ -109,6 +116,13 @@ def job_of(
     centre = corners.mean(axis=0)
     around = np.linalg.norm(np.concatenate([corners, starts])[:, :2] - centre[:2], axis=1).max() + room
     heights = max(highest, float(starts[:, 2].max())) + room, min(lowest, float(starts[:, 2].min())) - room
+    if retract_height is not None:
+        if retract_height < heights[0]:
+            raise InputError(
+                f"--retract-height: expected {1e3 * heights[0]:.1f} mm or more, above part and starts with "
+                f"clearance and three sd, got {1e3 * retract_height:g} mm. Leave it out, or say more."
+            )
+        heights = retract_height, heights[1]
     job = Job(part.name, plan.message, (), probe.radius, feed, *heights, centre, float(around))
     surface = Surface(part.vertices, part.triangles)
     touches = []
