@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,22 +13,20 @@ from tanteo import inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.arguments import MisuseError, misuse
-from tanteo.cli.printing import complain, emit, layout, leave, put
-from tanteo.errors import InputError, did_you_mean
+from tanteo.cli.printing import emit, layout, leave, put
+from tanteo.cli.probing import ProgramOptions
+from tanteo.errors import InputError
 from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
     from tanteo.active import Plan, Probe
     from tanteo.parts import Part
-    from tanteo.typing import Covariances, Vectors
+    from tanteo.typing import Vectors
 else:  # the parser resolves annotations, and has to load nothing for that
-    Covariances = Vectors = Any
+    Vectors = Any
 
-_CONFIDENCE, _MOST, _FEED = 0.95, 30, 0.1 / 60
-"""What holds for a plan, and for the guarded motions of a program [m/s], where nobody says."""
-
-_DOWN = (0.0, 0.0, -1.0)
-"""Where the stylus of a 3-axis machine points."""
+_CONFIDENCE, _MOST = 0.95, 30
+"""What holds for a plan where nobody says."""
 
 
 def _approach(text: str) -> tuple[Vectors, float]:
@@ -46,24 +43,6 @@ def _approach(text: str) -> tuple[Vectors, float]:
             "0,0,-1,60deg."
         )
     return np.array(values[:3]), float(np.radians(values[3]))
-
-
-def _program(name: str) -> str:
-    from tanteo.programs import PROGRAMS
-
-    if name not in PROGRAMS:
-        raise InputError(
-            f"--program: expected one of {', '.join(PROGRAMS)}, got '{name}'.{did_you_mean(name, PROGRAMS)}"
-        )
-    return name
-
-
-def _speed(text: str) -> float:
-    """A speed [m/s]."""
-    length, _, time = text.replace(" ", "").partition("/")
-    if time not in ("min", "s"):
-        raise InputError(f"--feed: expected a speed, got '{text}'. Write it as 100mm/min or 2mm/s.")
-    return args.length("--feed", "100mm/min", length) / (60.0 if time == "min" else 1.0)
 
 
 def _place(name: str, typed: str) -> float:
@@ -130,31 +109,6 @@ class Options:
         args.Words(partial(args.at_least, "--max-measurements", 1, f"Leave it out for {_MOST}"), int | None),
     ] = None
     units: Annotated[str | None, args.option("--units", "UNIT", args.UNITS_HELP), args.UNIT] = None
-    program: Annotated[
-        str | None,
-        args.option("--program", "CONTROLLER", "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka or abb."),
-        args.Words(_program),
-    ] = None
-    tip_radius: Annotated[
-        float | None,
-        args.option("--tip-radius", "LENGTH", "Of the ball of a touch probe, as 1.5mm."),
-        args.Words(partial(args.length, "--tip-radius", "1.5mm")),
-    ] = None
-    feed: Annotated[
-        float | None,
-        args.option("--feed", "SPEED", "Of the program's guarded motions, as 100mm/min or 2mm/s: 100mm/min."),
-        args.Words(_speed),
-    ] = None
-    overtravel: Annotated[
-        float | None,
-        args.option("--overtravel", "LENGTH", "How far beyond the expected contact a program searches: 3 sd of it."),
-        args.Words(partial(args.length, "--overtravel", "5mm")),
-    ] = None
-    retract_height: Annotated[
-        float | None,
-        args.option("--retract-height", "Z", "World z of the ball over the part, as 150mm: just safe if not said."),
-        args.Words(partial(_place, "--retract-height")),
-    ] = None
     csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table too.")] = None
     seed: Annotated[int, args.option("--seed", None, "Of the places that are tried."), args.SEED] = 0
     report: args.Report = None
@@ -164,40 +118,18 @@ class Options:
         if (self.sensor is None) == (self.sd is None):
             got = "neither" if self.sd is None else "both"
             raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
-        of_programs = {
-            "--feed": self.feed, "--overtravel": self.overtravel, "--retract-height": self.retract_height
-        }  # fmt: skip
-        unused = [name for name, value in of_programs.items() if value is not None and self.program is None]
-        if unused:
-            raise MisuseError(f"{unused[0]}: expected with --program, got none. Add --program linuxcnc, or another.")
-        if self.program is not None and self.tip_radius is None:
-            raise MisuseError("--tip-radius: expected the ball of a program's probe, got none. Say --tip-radius 1.5mm.")
 
-    def probe(self) -> Probe:
+    def probe(self, program: ProgramOptions) -> Probe:
         """What senses."""
         from tanteo.active import probe_of
         from tanteo.sensors import sensor_preset
 
-        where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance, "radius": self.tip_radius}
-        where |= dict(zip(("approach", "cone"), self.approach or (), strict=False)) | self._touching()
+        beam = self.sensor is not None and not sensor_preset(self.sensor).is_contact
+        where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance}
+        where |= dict(zip(("approach", "cone"), self.approach or (), strict=False))
+        where |= program.of_probe(beam=beam, approached=self.approach is not None)
         given = {name: value for name, value in where.items() if value is not None}
-        if self.sensor is not None and self.tip_radius is not None and not sensor_preset(self.sensor).is_contact:
-            raise MisuseError(
-                f"--tip-radius: expected a touch probe, got the sensor '{self.sensor}'. Say --sd instead."
-            )
         return probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
-
-    def _touching(self) -> dict[str, Any]:
-        """What is known of a probe that touches: of a ball, and of the stylus of a program's machine."""
-        touches = {} if self.sd is None or (self.tip_radius, self.program) == (None, None) else {"contact": True}
-        if self.program is None:
-            return touches
-        from tanteo.programs import AXES_3
-
-        above = {} if self.approach else {"approach": _DOWN, "cone": math.pi / 2}
-        return (
-            touches | above | ({"stylus": [-v for v in _DOWN]} if self.program in AXES_3 else {"stylus_behind": True})
-        )
 
 
 def check_plan(typed: Mapping[str, Any]) -> None:
@@ -222,10 +154,10 @@ def check_plan(typed: Mapping[str, Any]) -> None:
         raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
 
 
-def plan(options: Options) -> None:
+def plan(options: Options, program: ProgramOptions) -> None:
     """Plan the fewest readings that place a part within a tolerance, or the one that discriminates two parts."""
     with misuse():
-        probe = options.probe()
+        probe = options.probe(program)
     files.check_report(options.report)
     files.check_target("--csv", options.csv)
     paths = options.discriminate or [options.part or ""]
@@ -236,10 +168,10 @@ def plan(options: Options) -> None:
     if len(parts) == 2:
         _discriminate(parts, probe, options)
     else:
-        _plan(parts[0], probe, options)
+        _plan(parts[0], probe, options, program)
 
 
-def _plan(part: Part, probe: Probe, options: Options) -> None:
+def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -> None:
     """Plan, print, write."""
     from tanteo.active import at_origin, at_pose, plan
     from tanteo.report import plan_page
@@ -255,7 +187,7 @@ def _plan(part: Part, probe: Probe, options: Options) -> None:
     if options.csv is not None:
         with files.writing("--csv", options.csv), replaced(options.csv) as file:
             file.write_text(io.plan_csv(found), encoding="utf-8", newline="")
-    written = _written(found, part, probe, start.covariances[0], options)
+    written = program.written(found, part, probe, start.covariances[0])
     if options.json:
         put(io.plan_json(found, tolerance=tolerance, confidence=confidence, program=written))
     else:
@@ -265,21 +197,6 @@ def _plan(part: Part, probe: Probe, options: Options) -> None:
         page = plan_page(found, part, probe, tolerance, confidence, files.this_run())
         files.write_page(options.report, page, as_json=options.json)
     leave(decided=found.reached)
-
-
-def _written(found: Plan, part: Part, probe: Probe, covariance: Covariances, options: Options) -> str | None:
-    """The probing program of a plan, empty without touches; None if none is asked for."""
-    if options.program is None:
-        return None
-    from tanteo.programs import job_of, write_program
-
-    if not found.readings:
-        complain("warning", "--program: the plan has no touches, so no program is written.")
-        return ""
-    more = options.overtravel, options.retract_height
-    with misuse():
-        job = job_of(found, part, probe, covariance, options.feed or _FEED, *more)
-        return write_program(options.program, job)
 
 
 def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
