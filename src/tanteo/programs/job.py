@@ -109,23 +109,14 @@ def job_of(
     """
     if not plan.readings:
         raise InputError(f"--program: expected a plan with touches, got none. {plan.message}")
-    T, corners = plan.T_world_part, SE3.apply(plan.T_world_part, box_corners(part))
-    lowest, highest = (float(f(corners[:, 2])) for f in (np.min, np.max))
-    room = probe.clearance + probe.radius + _SDS * _height_sd(T, part, covariance)
-    starts = np.array([r.origin for r in plan.readings])
-    centre = corners.mean(axis=0)
-    around = np.linalg.norm(np.concatenate([corners, starts])[:, :2] - centre[:2], axis=1).max() + room
-    heights = max(highest, float(starts[:, 2].max())) + room, min(lowest, float(starts[:, 2].min())) - room
-    if retract_height is not None:
-        if retract_height < heights[0]:
-            raise InputError(
-                f"--retract-height: expected {1e3 * heights[0]:.1f} mm or more, above part and starts with "
-                f"clearance and three sd, got {1e3 * retract_height:g} mm. Leave it out, or say more."
-            )
-        heights = retract_height, heights[1]
-    job = Job(part.name, plan.message, (), probe.radius, feed, *heights, centre, float(around))
-    surface = Surface(part.vertices, part.triangles)
-    touches = []
+    empty = _surroundings(plan, part, probe, covariance)
+    if retract_height is not None and retract_height < empty.safe_height:
+        raise InputError(
+            f"--retract-height: expected {1e3 * empty.safe_height:.1f} mm or more, above part and starts with "
+            f"clearance and three sd, got {1e3 * retract_height:g} mm. Leave it out, or say more."
+        )
+    job = replace(empty, feed=feed, safe_height=empty.safe_height if retract_height is None else retract_height)
+    surface, T, touches = Surface(part.vertices, part.triangles), plan.T_world_part, []
     for number, r in enumerate(plan.readings, 1):
         way = _way_to_contact(surface, T, r.origin, r.direction, probe.radius)
         beyond = overtravel if overtravel is not None else _beyond(T, covariance, r.point, r.direction)
@@ -133,6 +124,17 @@ def job_of(
         places = r.origin, r.direction, contact, contact + beyond * r.direction
         touches.append(Touch(number, r.face, *places, _leaves(r.origin, -r.direction, job), _tool(r.direction)))
     return replace(job, touches=tuple(touches))
+
+
+def _surroundings(plan: Plan, part: Part, probe: Probe, covariance: Covariances) -> Job:
+    """A job without touches: how high, how low and how far out the part and all starts reach, with room around."""
+    corners = SE3.apply(plan.T_world_part, box_corners(part))
+    starts = np.array([r.origin for r in plan.readings])
+    room = probe.clearance + probe.radius + _SDS * _height_sd(plan.T_world_part, part, covariance)
+    every, centre = np.concatenate([corners, starts]), corners.mean(axis=0)
+    around = float(np.linalg.norm(every[:, :2] - centre[:2], axis=1).max()) + room
+    heights = float(every[:, 2].max()) + room, float(every[:, 2].min()) - room
+    return Job(part.name, plan.message, (), probe.radius, 0.0, *heights, centre, around)
 
 
 def transfer(job: Job, one: Touch, other: Touch) -> list[tuple[Vectors, Rotations]]:
