@@ -99,3 +99,15 @@ def test_an_image_may_come_after_the_parts(run, parts):
     result = run("see", "--parts", parts, IMAGES / "none.png", *PLACED, "--units", "mm")
     assert result.code == 1
     assert "none.png" in result.err
+
+
+def test_what_is_taken_of_a_camera_file_is_said(run, tmp_path):
+    """A size and a projection that the file does not have, and a skew."""
+    camera = tmp_path / "intrinsics.yaml"
+    camera.write_text("intrinsics: [[620, -0.3, 316.8], [0, 621.86, 242.1], [0, 0, 1]]\n", encoding="utf-8")
+    words = ("--camera", camera, "--marks", IMAGES / "marks.csv", "--rectified", "--json")
+    got = run("see", IMAGES / "three_parts.png", *words, "--parts", EXAMPLES / "parts" / "flange.step")
+    assert got.err.count("warning: ") == 3
+    warnings = " ".join(json.loads(got.out)["warnings"])
+    for said in ("640 x 480 pixels, as the image", "no projection_matrix", "the skew of the camera matrix is left out"):
+        assert said in warnings

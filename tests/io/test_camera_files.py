@@ -11,7 +11,7 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.io.camera_keys import WRITE_IT
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 from tanteo.vision import USUAL_EDGE_SD
 
 OPENCV_YAML = """%YAML:1.0
@@ -52,6 +52,94 @@ projection_matrix:
   cols: 4
   data: [620.0, 0.0, 317.0, 0.0, 0.0, 615.0, 243.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 """
+KALIBR = """cam0:
+  T_cam_imu:
+  - [0.0, 1.0, 0.0, 0.07]
+  - [-1.0, 0.0, 0.0, -0.02]
+  - [0.0, 0.0, 1.0, 0.004]
+  - [0.0, 0.0, 0.0, 1.0]
+  cam_overlaps: []
+  camera_model: pinhole
+  distortion_coeffs: [-0.12, 0.05, 0.0004, -0.0003]
+  distortion_model: radtan
+  intrinsics: [620.0, 615.0, 317.0, 243.0]
+  resolution: [640, 480]
+  rostopic: /cam0/image_raw
+  timeshift_cam_imu: 0.08
+"""
+EUROC = """# General sensor definitions.
+sensor_type: camera
+T_BS:
+  cols: 4
+  rows: 4
+  data: [0.0, -1.0, 0.0, -0.02, 1.0, 0.0, 0.0, -0.06, 0.0, 0.0, 1.0, 0.01, 0.0, 0.0, 0.0, 1.0]
+rate_hz: 20
+resolution: [640, 480]
+camera_model: pinhole
+intrinsics: [620.0, 615.0, 317.0, 243.0] #fu, fv, cu, cv
+distortion_model: radial-tangential
+distortion_coefficients: [-0.12, 0.05, 0.0004, -0.0003]
+"""
+FOUR = """image_width: 640
+image_height: 480
+intrinsics: {fx: 620.0, fy: 615.0, cx: 317.0, cy: 243.0}
+distortion: [-0.12, 0.05, 0.0004, -0.0003, 0]
+"""
+OPENCV_XML = """<?xml version="1.0"?>
+<opencv_storage>
+<!-- a comment -->
+<calibration_Time>"Mon Mar 2 2026"</calibration_Time>
+<image_Width>640</image_Width>
+<image_Height>480</image_Height>
+<Camera_Matrix type_id="opencv-matrix">
+  <rows>3</rows><cols>3</cols><dt>d</dt>
+  <data>
+    6.2e+02 0. 317. 0. 615. 243. 0. 0. 1.</data></Camera_Matrix>
+<Distortion_Coefficients type_id="opencv-matrix">
+  <rows>5</rows><cols>1</cols><dt>d</dt>
+  <data>
+    -0.12 0.05 4.e-4 -3.e-4 0.</data></Distortion_Coefficients>
+</opencv_storage>
+"""
+ROS_INI = """# Camera intrinsics
+
+[image]
+
+width
+640
+
+height
+480
+
+[narrow_stereo/left]
+
+camera matrix
+620.0 0.0 317.0
+0.0 615.0 243.0
+0.0 0.0 1.0
+
+distortion
+-0.12 0.05 0.0004 -0.0003 0.0
+
+rectification
+1 0 0
+0 1 0
+0 0 1
+
+projection
+500.0 0.0 320.0 0.0
+0.0 500.0 240.0 0.0
+0.0 0.0 1.0 0.0
+"""
+BINNED = """height: 980
+width: 1300
+distortion_model: plumb_bob
+d: [-0.12, 0.05, 0.0004, -0.0003, 0.0]
+k: [1240.0, 0.0, 644.0, 0.0, 1230.0, 492.0, 0.0, 0.0, 1.0]
+binning_x: 2
+binning_y: 2
+roi: {x_offset: 10, y_offset: 6, height: 960, width: 1280, do_rectify: false}
+"""
 NO_LENS = """image_width: 640
 image_height: 480
 camera_matrix: [[620.0, 0.0, 317.0], [0.0, 615.0, 243.0], [0.0, 0.0, 1.0]]
@@ -81,7 +169,18 @@ OPENCV_JSON = json.dumps(
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [("opencv.yaml", OPENCV_YAML), ("ros.yaml", ROS_YAML), ("message.yaml", ROS_MESSAGE), ("opencv.json", OPENCV_JSON)],
+    [
+        ("opencv.yaml", OPENCV_YAML),
+        ("ros.yaml", ROS_YAML),
+        ("message.yaml", ROS_MESSAGE),
+        ("opencv.json", OPENCV_JSON),
+        ("camchain.yaml", KALIBR),
+        ("sensor.yaml", EUROC),
+        ("four.yaml", FOUR),
+        ("camera.xml", OPENCV_XML),
+        ("left.ini", ROS_INI),
+        ("binned.yaml", BINNED),
+    ],
 )
 def test_every_format_gives_the_same_camera(tmp_path, name, text):
     path = tmp_path / name
@@ -94,8 +193,67 @@ def test_every_format_gives_the_same_camera(tmp_path, name, text):
     assert camera.T_world_camera is None
 
 
-def test_what_opencv_writes_is_read(tmp_path):
-    path = tmp_path / "camera.yml"
+def written(tmp_path, text):
+    path = tmp_path / "camera.txt"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_no_distortion_is_none(tmp_path):
+    none = "distortion_model: none\n"
+    for lens in ("", "distortion_coefficients: {rows: 1, cols: 0, data: []}\n", "D: [0, 0, 0, 0, 0]\n"):
+        assert not len(read_camera(written(tmp_path, NO_LENS + none + lens)).distortion)
+
+
+def test_a_small_skew_counts_as_noise(tmp_path):
+    camera = read_camera(written(tmp_path, ROS_YAML.replace("620.0, 0.0, 317", "620.0, -0.9, 317", 1)))
+    assert camera.K[0, 1] == 0
+    v = np.linspace(0, 480, 1001)
+    moved = -0.9 * (v - 243) / 615
+    assert camera.edge_sd == pytest.approx(np.hypot(USUAL_EDGE_SD, moved.std()), rel=0.01)
+    assert "skew" in camera.notes[0]
+    assert read_camera(written(tmp_path, ROS_YAML)).notes == ()
+
+
+def test_a_rectified_image_has_the_projection(tmp_path):
+    """The pixel of a point is that of the matrices of the file; a stereo base line moves the frame, not the rays."""
+    turn = SO3.exp(np.array([0.02, -0.03, 0.01]))
+    rows = ", ".join(f"{v:.12f}" for v in turn.ravel())
+    text = ROS_YAML.replace("1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\nprojection", f"{rows}]\nprojection")
+    text = text.replace("[620.0, 0.0, 317.0, 0.0, 0.0, 615", "[500.0, 0.0, 320.0, -60.0, 0.0, 505")
+    camera = read_camera(written(tmp_path, text + f"T_world_camera: {UNIT}\n"), rectified=True)
+    assert camera.K.tolist() == [[500, 0, 320], [0, 505, 243], [0, 0, 1]]
+    assert not len(camera.distortion)
+    np.testing.assert_allclose(camera.T_world_camera[:3, :3], turn.T, atol=1e-9)
+    fisheye = read_camera(written(tmp_path, text.replace("plumb_bob", "equidistant")), rectified=True)
+    assert fisheye.K.tolist() == camera.K.tolist()
+    ini = read_camera(written(tmp_path, ROS_INI), rectified=True)
+    assert ini.K.tolist() == [[500, 0, 320], [0, 500, 240], [0, 0, 1]]
+
+
+def test_rectified_without_a_projection_is_said(tmp_path):
+    camera = read_camera(written(tmp_path, NO_LENS), rectified=True)
+    assert camera.K[0].tolist() == [620, 0, 317]
+    assert "no projection_matrix" in camera.notes[0]
+
+
+def test_a_file_without_size_takes_that_of_the_image(tmp_path):
+    path = written(tmp_path, FOUR.split("\n", 2)[2])
+    camera = read_camera(path, shape=(480, 640))
+    assert camera.size == (640, 480)
+    assert "640 x 480 pixels, as the image" in camera.notes[0]
+    with pytest.raises(InputError, match="image_width"):
+        read_camera(path)
+
+
+def test_other_keys_of_stereo_files_are_not_read(tmp_path):
+    """``R`` and ``P`` may be anything where the image is not rectified."""
+    assert read_camera(written(tmp_path, ROS_YAML + "R: [1, 2]\nP: there\n")).size == (640, 480)
+
+
+@pytest.mark.parametrize("suffix", ["yml", "xml", "json"])
+def test_what_opencv_writes_is_read(tmp_path, suffix):
+    path = tmp_path / f"camera.{suffix}"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     K, k = np.array([[700.5, 0, 320.25], [0, 701.5, 239.75], [0, 0, 1]]), np.array([[0.1, -0.2, 1e-3, 2e-3, 0.05]])
     storage.write("image_width", 1280)
@@ -215,11 +373,25 @@ def test_how_exact_the_camera_is_may_be_said(tmp_path, line, sd):
         (NO_LENS + "dist: [0.1, 0, 0]\n", ("0, 4, 5 or 8 coefficients",)),
         (ROS_YAML + "T_world_camera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0, 0.5, 1]\n", ("0 0 0 1",)),
         (ROS_YAML + "edge_sd_mm: 1\n", ("edge_sd_px", "edge_sd_mm")),
-        (ROS_YAML + "fisheye_model: 1\n", ("fisheye_model", "Rectify")),
-        (ROS_YAML + "camera_model: fisheye\n", ("camera_model", "Rectify")),
+        (ROS_YAML + "fisheye_model: 1\n", ("fisheye_model", "Undistort the image first")),
+        (ROS_YAML + "camera_model: fisheye\n", ("camera_model", "the fisheye model", "--rectified")),
         (ROS_YAML + "edge_sd_px: -1\n", ("edge_sd", "0 or more")),
         (ROS_YAML + "edge_sd_px: about one\n", ("edge_sd_px", "about one")),
         (ROS_YAML + "T_world_camera: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n", ("rigid",)),
+        (ROS_YAML.replace("plumb_bob", "none"), ("no distortion of the model 'none'",)),
+        (ROS_YAML.replace("620.0, 0.0, 317", "620.0, 9.0, 317", 1), ("skew", "got 9", "--rectified")),
+        (KALIBR + KALIBR.replace("cam0", "cam1"), ("expected one camera, got cam0, cam1",)),
+        (KALIBR.replace("pinhole", "omni"), ("camera_model", "omni", "Undistort")),
+        (KALIBR.replace("radtan", "equidistant"), ("distortion_model", "equidistant", "fisheye")),
+        (KALIBR.replace("[620.0", "[0.9, 620.0"), ("intrinsics", "5 numbers")),
+        (OPENCV_XML.replace("opencv_storage", "storage"), ("<opencv_storage>",)),
+        (OPENCV_XML.replace("<opencv", "<!DOCTYPE x [<!ENTITY a 'b'>]><opencv"), ("document type",)),
+        (OPENCV_XML[:-12], ("expected XML",)),
+        (ROS_INI + "camera matrix\n1 0 0\n", ("expected one camera, got 'camera matrix' twice",)),
+        (ROS_INI.replace("0.0 615.0", "0.0 615..0"), ("camera_matrix", "615..0")),
+        ("<opencv_storage>" + "<a>" * 5000 + "</a>" * 5000 + "</opencv_storage>", ("levels",)),
+        ("a: " + "[" * 5000, ("levels",)),
+        ('{"a": ' + "[" * 5000, ("levels",)),
         ("{", ("JSON",)),
         ("a: [", ("YAML",)),
         ("- 1\n- 2\n", ("keys",)),

@@ -22,6 +22,8 @@ GOLDEN = {
     "ros": [0.038135, 0.189308, 0.239298, 0.951549],
     "staubli": [-1.116055, 22.242181, 28.451775],
 }
+GOLDEN |= dict.fromkeys(("comau", "doosan", "omron"), GOLDEN["kawasaki"])
+GOLDEN |= dict.fromkeys(("techman", "ufactory"), GOLDEN["fanuc"])
 
 
 @pytest.mark.parametrize("name", GOLDEN)
@@ -35,7 +37,7 @@ def test_golden(name):
 
 
 def test_every_verified_brand_has_a_golden_value():
-    assert {name for name, b in BRANDS.items() if b.verified} == set(GOLDEN) - {"staubli"}
+    assert {name for name, b in BRANDS.items() if b.verified} == set(GOLDEN)
     assert all("confirm" in b.source for b in BRANDS.values() if not b.verified)
 
 

@@ -29,6 +29,9 @@ _STEPS = 4
 _DRAWS, _LEAST_DRAWS = 64, 8
 """Poses of all modes that a way must keep clear of, and the least of each."""
 
+_TILT_SDS = 3.0
+"""Standard deviations of the part's attitude by which it may lean on the stylus."""
+
 _TOO_NEAR = 0.01
 """Probability that a reading is nearer than the sensor's least range, up to which it may be."""
 
@@ -111,8 +114,38 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
     to_part = SE3.inverse(T)
     first = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T).distances
     ok &= np.abs(first - ranges) < 1e-6 + 1e-3 * ranges
+    if probe.stylus is not None or probe.stylus_behind:
+        tilt = _TILT_SDS * float(np.sqrt(np.linalg.eigvalsh(state.covariances[k][3:, 3:])[-1]))
+        contacts = world + probe.radius * outward
+        ok[ok] = _stylus_free(target, to_part, origins[ok], contacts[ok], directions[ok], probe, tilt)
     index = np.flatnonzero(ok)[:count]
     return Candidates(origins[index], directions[index], np.full(len(index), k), faces[index], ranges[index])
+
+
+def _stylus_free(
+    target: PreparedPart,
+    to_part: Transforms,
+    starts: Vectors,
+    contacts: Vectors,
+    directions: Vectors,
+    probe: Probe,
+    tilt: float,
+) -> BoolArray:
+    """Whether the part leaves the stylus free from start to contact, also where it leans by ``tilt`` [rad] ``(n,)``.
+
+    The stylus is taken as half as thick as the ball; the contacts are of the ball's centre.
+    """
+    up = -directions if probe.stylus is None else np.broadcast_to(probe.stylus, directions.shape)
+    sides = SO3.frame_from_axis(up, 2)[..., :2]
+    sides = np.concatenate([np.zeros((len(up), 3, 1)), sides, -sides], axis=-1).swapaxes(-1, -2)  # (n, 5, 3)
+    rays = up[:, None] + np.tan(tilt) * sides
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    free = np.ones(len(up), dtype=bool)
+    for share in (0.0, 0.5, 1.0):
+        centres = starts + share * (contacts - starts)
+        from_here = SE3.apply(to_part, centres[:, None] + 0.5 * probe.radius * sides)
+        free &= np.isinf(target.surface.cast(from_here, rays @ to_part[:3, :3].T).distances).all(axis=1)
+    return free
 
 
 def within_cone(directions: Vectors, probe: Probe) -> Vectors:

@@ -37,6 +37,9 @@ class Probe:
         approach: direction in which it may look or move, world ``(3,)``; None for any.
         cone: largest angle to ``approach`` [rad].
         workspace: where its start may be.
+        stylus: direction from the ball of a touch probe to what holds it, world ``(3,)``, which the part must leave
+            free all the way; None where nothing is known.
+        stylus_behind: it is held from behind instead: back along each motion.
         speed: of travelling between readings [m/s].
         seconds: that one reading takes, beside travelling.
 
@@ -61,6 +64,8 @@ class Probe:
     retreat: float = 0.10
     approach: Vectors | None = None
     cone: float = np.pi
+    stylus: Vectors | None = None
+    stylus_behind: bool = False
     workspace: Workspace = field(default_factory=Workspace.everywhere)
     speed: float = 0.1
     seconds: float = 2.0
@@ -118,14 +123,19 @@ class Probe:
             )
         if self.radius > 0 and not self.contact:
             raise InputError(f"probe '{self.name}', radius: expected none of a beam, got one. Say contact=True.")
-        if self.approach is not None:
-            d = np.asarray(self.approach, dtype=np.float64)
-            if d.shape != (3,) or not (np.isfinite(d).all() and np.abs(d).max() > 0):
-                raise InputError(f"probe '{self.name}', approach: expected a direction, got {d.tolist()}.")
-            d = d if 1e-100 < np.abs(d).max() < 1e100 else d / np.abs(d).max()  # no square overflows
-            if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector stays as it is, to the last bit
-                d = d / np.linalg.norm(d)
-            object.__setattr__(self, "approach", d)
+        for n in ("approach", "stylus"):
+            if getattr(self, n) is not None:
+                object.__setattr__(self, n, self._direction(n))
+
+    def _direction(self, field: str) -> Vectors:
+        """A field's direction, unit."""
+        d = np.asarray(getattr(self, field), dtype=np.float64)
+        if d.shape != (3,) or not (np.isfinite(d).all() and np.abs(d).max() > 0):
+            raise InputError(f"probe '{self.name}', {field}: expected a direction, got {d.tolist()}.")
+        d = d if 1e-100 < np.abs(d).max() < 1e100 else d / np.abs(d).max()  # no square overflows
+        if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector stays as it is, to the last bit
+            d = d / np.linalg.norm(d)
+        return np.asarray(d)
 
     @property
     def standoffs(self) -> FloatArray:

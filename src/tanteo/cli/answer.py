@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tanteo import answers, inference, io, text
 from tanteo.cli import arguments as args
-from tanteo.cli import files
+from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.errors import ReadingsError
@@ -51,6 +51,9 @@ class Options:
     top: args.Top = 5
     as_published: args.AsPublished = False
     report: args.Report = None
+    pose_as: controller.PoseAs = None
+    wcs: controller.Wcs = None
+    best_guess: controller.BestGuess = False
     json: args.Json = False
     seed: args.Seed = 0
     verbose: args.Verbose = False
@@ -64,6 +67,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         raise MisuseError(
             "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
+    words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
     sources = [("the readings", readings), ("--rig", options.rig)]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
@@ -89,11 +93,13 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     if not options.json:  # a person reads while it is thought about what may be wrong; a document has it all
-        print_answer(result, known, verbose=options.verbose)
+        print_answer(result, known, verbose=options.verbose, aside=bool(words))
     if not options.as_published:
         result = _questioned(result, given, ask, placed=known is not None)
     if options.json:
-        print_answer(result, as_json=True)
+        print_answer(result, as_json=True, more=words.document(result, given.parts) if words else {})
+    elif words:
+        put(words.text(result, given.parts))
     if options.report is not None:
         _report(options.report, result, given, options, known)
     leave(decided=result.status == "recognized")
@@ -106,14 +112,29 @@ def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options) -
 
 
 def print_answer(
-    answer: answers.Answer, known: answers.PosePrior | None = None, *, as_json: bool = False, verbose: bool = False
+    answer: answers.Answer,
+    known: answers.PosePrior | None = None,
+    *,
+    as_json: bool = False,
+    verbose: bool = False,
+    aside: bool = False,
+    more: Mapping[str, Any] | None = None,
 ) -> None:
-    """An answer, for a person, or for a program with its status on standard error."""
+    """An answer, for a person, or for a program with its status on standard error.
+
+    Args:
+        answer: what was found.
+        known: what was taken as known of the pose.
+        as_json: as one document.
+        verbose: say more.
+        aside: on standard error, as standard output is for the words of a controller.
+        more: keys of the document beside the answer's.
+    """
     if as_json:
-        put(io.recognition_json(answer, warned()))
+        put(io.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
         say_status(answer)
     else:
-        emit(text.answer_lines(answer, known, verbose=verbose, layout=layout()))
+        emit(text.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if aside else None)
 
 
 def say_status(answer: answers.Answer) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +14,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.printing import emit, layout, leave, put
+from tanteo.cli.probing import ProgramOptions
 from tanteo.errors import InputError
 from tanteo.replaced import replaced
 
@@ -117,12 +119,15 @@ class Options:
             got = "neither" if self.sd is None else "both"
             raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
 
-    def probe(self) -> Probe:
+    def probe(self, program: ProgramOptions) -> Probe:
         """What senses."""
         from tanteo.active import probe_of
+        from tanteo.sensors import sensor_preset
 
+        beam = self.sensor is not None and not sensor_preset(self.sensor).is_contact
         where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance}
         where |= dict(zip(("approach", "cone"), self.approach or (), strict=False))
+        where |= program.of_probe(beam=beam, approached=self.approach is not None)
         given = {name: value for name, value in where.items() if value is not None}
         return probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
 
@@ -141,7 +146,7 @@ def check_plan(typed: Mapping[str, Any]) -> None:
             f"--discriminate: expected two parts, got {pair[0]} twice. Poses of one part are for a "
             "session (tanteo sense part --image)."
         )
-    of_plans = ("tolerance", "confidence", "feature", "pose_prior", "max_measurements", "csv")
+    of_plans = ("tolerance", "confidence", "feature", "pose_prior", "max_measurements", "csv", "program")
     unused = [f"--{name.replace('_', '-')}" for name in of_plans if typed[name] is not None]
     if pair and unused:
         raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Leave it out.")
@@ -149,10 +154,10 @@ def check_plan(typed: Mapping[str, Any]) -> None:
         raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
 
 
-def plan(options: Options) -> None:
+def plan(options: Options, program: ProgramOptions) -> None:
     """Plan the fewest readings that place a part within a tolerance, or the one that discriminates two parts."""
     with misuse():
-        probe = options.probe()
+        probe = options.probe(program)
     files.check_report(options.report)
     files.check_target("--csv", options.csv)
     paths = options.discriminate or [options.part or ""]
@@ -163,10 +168,10 @@ def plan(options: Options) -> None:
     if len(parts) == 2:
         _discriminate(parts, probe, options)
     else:
-        _plan(parts[0], probe, options)
+        _plan(parts[0], probe, options, program)
 
 
-def _plan(part: Part, probe: Probe, options: Options) -> None:
+def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -> None:
     """Plan, print, write."""
     from tanteo.active import at_origin, at_pose, plan
     from tanteo.report import plan_page
@@ -182,10 +187,12 @@ def _plan(part: Part, probe: Probe, options: Options) -> None:
     if options.csv is not None:
         with files.writing("--csv", options.csv), replaced(options.csv) as file:
             file.write_text(io.plan_csv(found), encoding="utf-8", newline="")
+    written = program.written(found, part, probe, start.covariances[0])
     if options.json:
-        put(io.plan_json(found, tolerance=tolerance, confidence=confidence))
+        put(io.plan_json(found, tolerance=tolerance, confidence=confidence, program=written))
     else:
-        emit(_lines(found, probe, options))
+        emit(_lines(found, probe, options), None if written is None else sys.stderr)
+        put(written or "")
     if options.report is not None:
         page = plan_page(found, part, probe, tolerance, confidence, files.this_run())
         files.write_page(options.report, page, as_json=options.json)

@@ -12,7 +12,7 @@ import typer
 from tanteo import io, scenes, text
 from tanteo.cli import arguments as args
 from tanteo.cli import files
-from tanteo.cli.printing import emit, layout, leave, put, say, warned
+from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, CameraPose, Sight
@@ -23,12 +23,15 @@ _DARK, _INEXACT = 32.0, 1.0
 
 def see(
     image: Annotated[str, typer.Argument(metavar="IMAGE", help="Image file (PNG, JPEG, ...).")],
-    camera: Annotated[str, args.option("--camera", "FILE", "Calibration file of OpenCV or ROS (YAML, JSON).")],
+    camera: Annotated[str, args.option("--camera", "FILE", "Calibration file of OpenCV, ROS or Kalibr.")],
     parts: args.PartPaths,
     units: args.Units = None,
     marks: Annotated[
         str | None, args.option("--marks", "FILE", "Known points of the table, to place the camera (CSV).")
     ] = None,
+    rectified: Annotated[
+        bool, args.option("--rectified", None, "The image is rectified: use the projection_matrix of the camera file.")
+    ] = False,
     picture: Annotated[str | None, args.option("--picture", "FILE", "Draw what was seen to this file (PNG).")] = None,
     top: args.Top = 5,
     json: args.Json = False,
@@ -40,12 +43,14 @@ def see(
     files.check_different(
         ("--picture", picture), inputs=[("the image", image), ("--camera", camera), ("--marks", marks)]
     )
-    taken, fit = io.read_camera(camera), None
+    pixels = io.read_image(image)
+    taken, fit = io.read_camera(camera, rectified=rectified, shape=pixels.shape), None
+    for note in taken.notes:
+        complain("warning", f"{camera}: {note}")
     if marks is not None:
         taken, fit = scenes.place_camera(taken, marks)
     if fit is not None and not json:
         emit([_fit_words(fit)], sys.stderr)
-    pixels = io.read_image(image)
     if not json:
         emit(_taken(taken), sys.stderr)
     if pixels.max() < _DARK and not json:
@@ -75,7 +80,7 @@ def _fit_words(fit: CameraPose) -> str:
 
 def _taken(camera: Camera) -> list[str]:
     """What is taken of the camera."""
-    lines = [f"Edges within {camera.edge_sd:g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."]
+    lines = [f"Edges within {camera.edge_sd:.3g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."]
     if camera.T_world_camera is None:
         lines.append(
             "No place of the camera (T_world_camera in its file, or --marks), so no table: one part in any pose is "

@@ -137,6 +137,14 @@ def _read_from(image: str | None, camera: str | None, marks: str | None) -> list
     return [("--image", None if image == "render" else image), ("--camera", camera), ("--marks", marks)]
 
 
+def _view(scene: io.SceneFile, image: str, options: Options | args.SessionOptions) -> scenes.SceneView:
+    """What the image shows of the scene, with a warning for what was taken as something of its camera file."""
+    view = scenes.view_of(scene, image, options.camera, options.marks)
+    for note in view.camera.notes:
+        complain("warning", f"{options.camera or scene.source}: {note}")
+    return view
+
+
 def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
     """The feature that the likeliest part has for the hand; where it should be is said on standard error.
 
@@ -144,7 +152,7 @@ def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
         InputError: Nothing was seen, or the part has no such feature that the hand can come to.
     """
     assert options.image is not None
-    view = scenes.view_of(scene, options.image, options.camera, options.marks)
+    view = _view(scene, options.image, options)
     parts = files.read_all_parts(options.parts or [], options.units, quiet=True)
     seen = view.look(parts)
     say(text.sighting_words(seen), sys.stderr)
@@ -220,7 +228,7 @@ def start_of(
         Exit: An image shows none of them, and nobody says either.
     """
     known = options.known()
-    view = None if options.image is None else scenes.view_of(scene, options.image, options.camera, options.marks)
+    view = None if options.image is None else _view(scene, options.image, options)
     parts = files.read_all_parts(part_paths, options.units, quiet=as_json)
     start, seen = scenes.start_of(
         scene, parts, known, view, outlier_rate=options.outlier_rate, unknown=options.unknown_prior

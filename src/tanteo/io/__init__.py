@@ -3,9 +3,10 @@
 ``read_readings`` and ``write_readings`` for readings files, ``read_rig`` and ``write_rig`` for rig files,
 ``read_prior`` for what is known of a pose,
 ``recognition_json`` for results, ``read_camera``, ``read_marks`` and ``read_image`` for what a camera saw and
-``sight_json`` for what was made of it, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``parse_length`` for
-quantities with units, ``read_record`` and ``write_record`` for sessions. Documents are classes (``schema``), which one
-reader fills (``document``). Nothing is loaded before it is asked for.
+``sight_json`` for what was made of it, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``write_pose`` and
+``write_work_frame`` for the text of controllers, ``parse_length`` for quantities with units, ``read_record`` and
+``write_record`` for sessions. Documents are classes (``schema``), which one reader fills (``document``). Nothing is
+loaded before it is asked for.
 """
 
 from collections.abc import Callable
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
     from tanteo.io.part_files import part_file, parts_of
+    from tanteo.io.pose_text import POSE_NAMES, WrittenPose, check_pose_name, write_pose
     from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
+    from tanteo.io.work_frames import WorkFrame, WrittenFrame, parse_work_frame, write_work_frame
     from tanteo.io.work_json import (
         calibration_document,
         distinction_json,
@@ -51,10 +54,15 @@ if TYPE_CHECKING:
 __all__ = [
     "BRANDS",
     "EMPTY",
+    "POSE_NAMES",
     "Brand",
     "SceneFile",
     "SessionRecord",
+    "WorkFrame",
+    "WrittenFrame",
+    "WrittenPose",
     "calibration_document",
+    "check_pose_name",
     "differences",
     "distinction_json",
     "document_json",
@@ -67,6 +75,7 @@ __all__ = [
     "parse_lengths",
     "parse_pose_prior",
     "parse_table",
+    "parse_work_frame",
     "part_file",
     "part_json",
     "parts_of",
@@ -95,9 +104,11 @@ __all__ = [
     "sight_json",
     "suspect_metres",
     "write_image",
+    "write_pose",
     "write_readings",
     "write_record",
     "write_rig",
+    "write_work_frame",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -109,6 +120,7 @@ __getattr__, __dir__ = lazy(
         "images": "read_image write_image",
         "marks_csv": "read_marks",
         "part_files": "part_file parts_of",
+        "pose_text": "POSE_NAMES WrittenPose check_pose_name write_pose",
         "poses": "BRANDS Brand pose_as_brand pose_from_brand",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
@@ -121,6 +133,7 @@ __getattr__, __dir__ = lazy(
         "record_tables": "SessionRecord",
         "session_record": "load_record read_record resumed session_document write_record",
         "units": "parse_angle parse_length parse_lengths",
+        "work_frames": "WorkFrame WrittenFrame parse_work_frame write_work_frame",
         "work_json": "calibration_document distinction_json part_json plan_csv plan_json rig_document sensed_json",
     },
 )

@@ -1,4 +1,7 @@
-"""Calibration files: cameras as OpenCV (YAML, JSON) and ROS (``camera_info`` YAML) write them (``docs/vision.md``)."""
+"""Calibration files: cameras as OpenCV (YAML, XML, JSON), ROS (``camera_info`` YAML, INI) and Kalibr write them.
+
+The page on it is ``docs/vision.md``; layouts are brought to one in ``camera_layouts``.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,21 @@ import msgspec
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
-from tanteo.io.camera_keys import INVERSES, POSES, WRITE_IT, check_place, distortion, flat, near
+from tanteo.io.camera_keys import INVERSES, POSES, WRITE_IT, check_place, distortion, flat, near, plain
+from tanteo.io.camera_layouts import is_ini, one_layout, read_ini, read_xml, region
 from tanteo.io.document import made, table
 from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision import DISTORTION_COUNTS, USUAL_EDGE_SD, Camera, rigid
 
-_FISHEYE, _RECTIFY = re.compile("fisheye|equidistant|kannala"), "Rectify the image first."
-_MODELS = ("plumb_bob", "rational_polynomial", "")
-_EDGE, _MATRIX = "edge_sd_px", ("cameraMatrix", "mtx", "K", "k", "M1")
+_FISHEYE = re.compile(r"fisheye|equidistant|kannala|\bomni|\bmei\b|\beucm\b|\bds\b|\bunified\b|\bfov\b")
+_RECTIFY = "Undistort the image first, and read it with the projection matrix of that (--rectified)."
+_MODELS = ("plumbbob", "rationalpolynomial", "radtan", "radialtangential", "opencv", "brown", "none", "pinhole", "")
+_MOST_SKEW = 1.0
+"""By how much a skew may move what is at the rim of the image [px]."""
+_EDGE, _MATRIX = "edge_sd_px", ("cameraMatrix", "mtx", "K", "k", "M1", "intrinsic_matrix", "camera_intrinsic")
+_OF_RECTIFIED = ("projection_matrix", "rectification_matrix")
 
 
 class CameraTable(Table, frozen=True, kw_only=True, eq=False):
@@ -30,6 +38,8 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
     camera_matrix: Annotated[FloatArray, Numbers("plain", ((9,),), others=_MATRIX)] | None = None
     distortion_coefficients: Annotated[FloatArray, Numbers("plain", ())] | None = None
     distortion_model: str = ""
+    projection_matrix: Annotated[FloatArray, Numbers("plain", ((12,), (9,)), others=("P", "p"))] | None = None
+    rectification_matrix: Annotated[FloatArray, Numbers("plain", ((9,),), others=("R", "r"))] | None = None
     image_width: Annotated[float, Numbers(others=("width", "imageWidth"))] | None = None
     image_height: Annotated[float, Numbers(others=("height", "imageHeight"))] | None = None
     image_size: Annotated[FloatArray, Numbers("plain", ((2,),))] | None = None
@@ -37,34 +47,96 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
     T_camera_world: Annotated[FloatArray, Numbers("plain", ((16,),), others=INVERSES[1:])] | None = None
     edge_sd_px: Annotated[float, Numbers()] = USUAL_EDGE_SD
 
-    def camera(self) -> Camera:
-        """The camera."""
-        if self.camera_matrix is None:
-            raise self.at.error("expected a key camera_matrix (OpenCV, ROS) or k, got none. Give a calibration file.")
-        if self.distortion_model not in _MODELS:
-            raise self.at.refused("distortion_model", "plumb_bob or rational_polynomial", _RECTIFY)
-        size = (self.image_width, self.image_height)
-        if self.image_width is None and self.image_size is not None:
-            size = (float(self.image_size[0]), float(self.image_size[1]))
-        if None in size:
+    def camera(self, document: Mapping[str, Any], rectified: bool, shape: tuple[int, ...] | None) -> Camera:
+        """The camera of the raw image or of the rectified one; of an image of this shape if the file has no size."""
+        notes: list[str] = []
+        size, K = self._size(shape, notes), self._matrix(rectified, notes)
+        bins, offset, part = region(document)
+        size = part or size
+        K[:2, 2] -= offset
+        K[:2] /= np.array(bins)[:, None]
+        skew = K[0, 1] * size[1] / (bins[1] * K[1, 1]) if K[1, 1] > 0 else 0.0
+        if abs(skew) > 2 * _MOST_SKEW:
             raise self.at.error(
-                f"expected image_width and image_height in pixels, got {size[0]!r} and {size[1]!r}. Add them."
+                f"camera_matrix: expected a skew that moves nothing by more than {_MOST_SKEW:g} px, got {K[0, 1]:g}, "
+                f"which moves the rim by {abs(skew) / 2:.2g} px. Calibrate without skew, or undistort the image and "
+                "say --rectified."
             )
-        if self.distortion_coefficients is None:
+        edge_sd = self.edge_sd_px
+        if skew:
+            edge_sd = float(np.hypot(edge_sd, abs(skew) / np.sqrt(12)))
+            K[0, 1] = 0.0
+            notes.append(
+                f"the skew of the camera matrix is left out: it moves nothing by more than {abs(skew) / 2:.2g} px, "
+                f"which is counted as noise of edges (edge_sd_px {edge_sd:.2g})."
+            )
+        values = {
+            "K": K,
+            "size": tuple(int(v / b) for v, b in zip(size, bins, strict=True)),
+            "T_world_camera": self._rectified_place() if rectified else self._place(),
+        }
+        more = {"distortion": self._lens(rectified), "edge_sd": edge_sd, "notes": tuple(notes)}
+        return made(Camera, values | more, str(self.at))
+
+    def _size(self, shape: tuple[int, ...] | None, notes: list[str]) -> tuple[float, float]:
+        """Width and height."""
+        width, height = self.image_width, self.image_height
+        if width is None and self.image_size is not None:
+            return float(self.image_size[0]), float(self.image_size[1])
+        if width is not None and height is not None:
+            return width, height
+        if shape is None or (width, height) != (None, None):
+            raise self.at.error(
+                f"expected image_width and image_height in pixels, got {width!r} and {height!r}. Add them."
+            )
+        notes.append(
+            f"the camera file has no image size: it is taken as of {shape[1]} x {shape[0]} pixels, as the image."
+        )
+        return float(shape[1]), float(shape[0])
+
+    def _matrix(self, rectified: bool, notes: list[str]) -> FloatArray:
+        """``K`` of the image, ``(3, 3)``."""
+        if rectified and self.projection_matrix is not None and self.projection_matrix.any():
+            return self.projection_matrix.reshape(3, -1)[:, :3].copy()
+        if self.camera_matrix is None:
+            raise self.at.error(
+                "expected a key camera_matrix (OpenCV, ROS), k, or intrinsics (Kalibr; fx, fy, cx, cy), got none. Give "
+                "a calibration file."
+            )
+        if rectified:
+            notes.append(
+                "the camera file has no projection_matrix: camera_matrix is taken as that of the rectified image."
+            )
+        return self.camera_matrix.reshape(3, 3).copy()
+
+    def _lens(self, rectified: bool) -> FloatArray:
+        """The distortion of the image."""
+        if rectified:
+            return np.zeros(0)
+        model, k = plain(self.distortion_model), self.distortion_coefficients
+        if model not in _MODELS:
+            raise self.at.refused("distortion_model", "plumb_bob, rational_polynomial, radtan or none", _RECTIFY)
+        if model == "none" and (k is None or not k.any()):
+            return np.zeros(0)
+        if model == "none":
+            raise self.at.error("expected no distortion of the model 'none', got some. Say plumb_bob, or write zeros.")
+        if k is None:
             raise self.at.error(
                 f"expected the distortion of the lens, got none. Write {WRITE_IT}; [0, 0, 0, 0, 0] if the image is "
-                "rectified."
+                "rectified, or say --rectified."
             )
-        k, more = np.split(self.distortion_coefficients, [max(DISTORTION_COUNTS)])
+        k, more = np.split(k, [max(DISTORTION_COUNTS)])
         if more.any():
             raise self.at.error(f"expected no thin prism and no tilt (k9 to k14), got {more.tolist()}. {_RECTIFY}")
-        values = {
-            "K": self.camera_matrix.reshape(3, 3),
-            "size": tuple(int(v) for v in size if v is not None),
-            "T_world_camera": self._place(),
-        }
-        more_values = {"distortion": k if k.any() else np.zeros(0), "edge_sd": self.edge_sd_px}
-        return made(Camera, values | more_values, str(self.at))
+        return k if k.any() else np.zeros(0)
+
+    def _rectified_place(self) -> Transforms | None:
+        """Where the rectified camera stands: its axes are turned by ``rectification_matrix``."""
+        T, R = self._place(), self.rectification_matrix
+        if T is None or R is None or not R.any():
+            return T
+        turn = SE3.from_parts(R.reshape(3, 3).T, np.zeros(3))
+        return np.asarray(T @ turn)
 
     def _place(self) -> Transforms | None:
         """Where the camera stands, by its pose or by the inverse of it."""
@@ -74,17 +146,21 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         return SE3.inverse(made(rigid, values, str(self.at)))
 
 
-def read_camera(path: str | Path) -> Camera:
+def read_camera(path: str | Path, *, rectified: bool = False, shape: tuple[int, ...] | None = None) -> Camera:
     """Read a calibration file.
 
-    Known are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``), ROS
-    ``camera_info`` (the file of ``camera_calibration``, or one message as text), other names of the distortion
-    (``docs/vision.md``), and besides theirs two keys: ``T_world_camera``, where the camera stands, 4 x 4, metres, or
-    its inverse ``T_camera_world``, and ``edge_sd_px``, by how much lens and calibration move a whole edge in the
-    image.
+    Known are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``; YAML, XML and
+    JSON), ROS ``camera_info`` (the file of ``camera_calibration``, YAML or INI, or one message as text, whose binning
+    and region are applied), Kalibr's ``camchain.yaml`` of one pinhole camera, ``intrinsics`` with ``fx fy cx cy``,
+    other names of the distortion (``docs/vision.md``), and besides theirs two keys: ``T_world_camera``, where the
+    camera stands, 4 x 4, metres, or its inverse ``T_camera_world``, and ``edge_sd_px``, by how much lens and
+    calibration move a whole edge in the image.
 
     Args:
-        path: The file, YAML or JSON.
+        path: The file, YAML, XML, JSON or INI.
+        rectified: The image is rectified: ``projection_matrix`` is its camera, without distortion; ``camera_matrix`` if
+            the file has none.
+        shape: Rows and columns of the image, for a file without size: what is taken so is in the camera's ``notes``.
 
     Raises:
         InputError: The file cannot be read, or lacks what a camera needs; the message names file and key.
@@ -101,18 +177,26 @@ def read_camera(path: str | Path) -> Camera:
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{path}: expected a calibration file, got: {why}. Check the path.") from None
-    document = _parse(text, path)
-    _check_keys(document, path)
-    return table(CameraTable, _known(document, path), Place(str(path))).camera()
+    try:
+        parsed = _parse(text, path)
+    except RecursionError:
+        raise InputError(
+            f"{path}: expected keys and values, got a thousand levels of them. Correct the file."
+        ) from None
+    document = one_layout(parsed, path, ("camera_matrix", *_MATRIX))
+    if not rectified:
+        _check_keys(document, path)
+    check_place(document, path)
+    return table(CameraTable, _known(document, path, rectified), Place(str(path))).camera(document, rectified, shape)
 
 
-def _known(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
+def _known(document: Mapping[str, Any], path: Path, rectified: bool) -> dict[str, Any]:
     """The keys that a camera needs, each once, with their numbers in one row."""
     known: dict[str, tuple[str, Any]] = {}
     for key, (name, _) in keys_of(CameraTable).items():
-        if key in document and name not in known:
+        if key in document and name not in known and (rectified or name not in _OF_RECTIFIED):
             known[name] = key, flat(document[key])
-    lens = distortion(document, path, keys_of(CameraTable))
+    lens = None if rectified else distortion(document, path, keys_of(CameraTable))
     return dict(known.values()) | ({} if lens is None else {"distortion_coefficients": lens})
 
 
@@ -124,11 +208,14 @@ def _check_keys(document: Mapping[str, Any], path: Path) -> None:
             raise InputError(f"{path}: expected a key {_EDGE}, got '{name}'. Correct its name.")
         kind = f"{name} {value}".lower() if "model" in name.lower() else ""
         if _FISHEYE.search(kind) and value not in (0, False, None):
-            raise InputError(f"{path}, {name}: expected a lens that is no fisheye, got {value!r}. {_RECTIFY}")
-    check_place(document, path)
+            raise InputError(f"{path}, {name}: expected a pinhole lens, got the fisheye model {value!r}. {_RECTIFY}")
 
 
 def _parse(text: str, path: Path) -> Mapping[str, Any]:
+    if is_ini(text):
+        return read_ini(text, path)
+    if text.lstrip("\ufeff \t\r\n").startswith("<"):
+        return read_xml(text, path)
     if text.lstrip().startswith("{"):
         try:
             document = msgspec.json.decode(text)

@@ -50,8 +50,9 @@ def part_json(part: Part) -> str:
     })  # fmt: skip
 
 
-def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
-    """A document ``tanteo.plan/1``; world frame, covariances in the part frame."""
+def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str | None = None) -> str:
+    """A document ``tanteo.plan/1``; world frame, covariances in the part frame; with the probing program, if any."""
+    more = {} if program is None else {"program": program}
     last = plan.readings[-1] if plan.readings else None
     own = {} if plan.feature is None else {"feature_sd_m"}
     rows = [
@@ -70,6 +71,7 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float) -> str:
         "feature_sd_before_m" if own else "corner_sd_before_m": float(plan.before), "readings": rows,
         "within_tolerance": None if last is None else float(last.within), "all_meet": float(plan.all_meet),
         "room": float(plan.room), "covariance": None if last is None else covariance_document(last.covariance),
+        **more,
     }, indent=1)  # fmt: skip
 
 

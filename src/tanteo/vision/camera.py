@@ -58,6 +58,7 @@ class Camera:
         T_world_camera: where the camera stands ``(4, 4)``; None where that is not known.
         covariance: of that ``(6, 6)``, camera frame, right [m, rad]; None where it is taken as exact.
         edge_sd: by how much lens and calibration move a whole edge in the image, standard deviation [px].
+        notes: what was taken as something when it was read, one sentence each.
 
     Raises:
         InputError: for a matrix that is no camera's, a number of coefficients that no model has, or a deviation
@@ -75,6 +76,7 @@ class Camera:
     T_world_camera: Transforms | None = None
     covariance: Covariances | None = None
     edge_sd: float = USUAL_EDGE_SD
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         K, distortion = frozen_array(self.K), frozen_array(self.distortion).reshape(-1)

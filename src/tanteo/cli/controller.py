@@ -1,0 +1,154 @@
+"""The answer in the words of a controller: ``--as`` and ``--wcs`` of ``identify`` and ``locate``.
+
+Only a decided answer is written: a program that runs in a frame does not know how sure it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tanteo import io
+from tanteo.cli import arguments as args
+from tanteo.cli.arguments import MisuseError
+from tanteo.cli.printing import complain
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tanteo.answers import Answer, Hypothesis
+    from tanteo.parts import Part
+
+
+def _named(option: str, read: Callable[[str], Any], text: str) -> Any:
+    try:
+        return read(text)
+    except InputError as error:
+        raise MisuseError(f"{option}: {error}") from None
+
+
+_output = partial(args.option, rich_help_panel="Output")
+
+PoseAs = Annotated[
+    str | None,
+    _output("--as", "CONTROLLER", "Print the best pose as this controller writes it: kuka, ur, ros, gtsam, matrix .."),
+    args.Words(partial(_named, "--as", io.check_pose_name)),
+]
+Wcs = Annotated[
+    "io.WorkFrame | None",
+    _output("--wcs", "FRAME", "Print the lines that set this frame to it: G54, fanuc:1, kuka:1, abb:NAME, ur:NAME."),
+    args.Words(partial(_named, "--wcs", io.parse_work_frame)),
+]
+BestGuess = Annotated[
+    bool, _output("--best-guess", None, "With --as or --wcs: write the best pose of an ambiguous answer, too.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """What ``--as`` and ``--wcs`` ask for.
+
+    Attributes:
+        pose_as: a controller, or None.
+        wcs: a frame of a controller, or None.
+        best_guess: the best pose is written where the answer is ambiguous or insufficient, too.
+    """
+
+    pose_as: str | None
+    wcs: io.WorkFrame | None
+    best_guess: bool
+
+    def __post_init__(self) -> None:
+        if self.pose_as is not None and self.wcs is not None:
+            raise MisuseError("--as, --wcs: expected one of the two, got both. Run it once for each.")
+        if self.best_guess and not self:
+            raise MisuseError("--best-guess: expected with --as or --wcs, got neither. Add one, or leave it out.")
+
+    def __bool__(self) -> bool:
+        return self.pose_as is not None or self.wcs is not None
+
+    @property
+    def option(self) -> str:
+        """The option that asks."""
+        return "--as" if self.wcs is None else "--wcs"
+
+    def document(self, answer: Answer, parts: Sequence[Part]) -> dict[str, Any]:
+        """For ``--json``: ``text`` and what it is, or ``text: null`` with ``refused``, a sentence."""
+        key = "as" if self.wcs is None else "wcs"
+        why = self.refused(answer)
+        if why is not None:
+            return {key: {"text": None, "refused": why}}
+        best = answer.hypotheses[0]
+        if self.wcs is not None:
+            frame = self._frame(answer, parts)
+            where = {"controller": self.wcs.controller, "frame": self.wcs.slot}
+            return {key: {**where, "text": frame.text, "warnings": [*_doubts(answer), *frame.warnings]}}
+        pose = io.write_pose(self.pose_as or "", _uncertain(best))
+        facts = {"name": pose.name, "units": pose.units, "verified": pose.verified, "values": pose.values}
+        return {key: {**facts, "text": pose.text, "warnings": _doubts(answer)}}
+
+    def text(self, answer: Answer, parts: Sequence[Part]) -> str:
+        """The words for standard output, with warnings on the way; nothing where they are refused."""
+        why = self.refused(answer)
+        if why is not None:
+            complain("error", f"{self.option}: {why}")
+            return ""
+        best = answer.hypotheses[0]
+        for doubt in _doubts(answer):
+            complain("warning", f"{self.option}: {doubt}")
+        if self.wcs is not None:
+            frame = self._frame(answer, parts)
+            for warning in frame.warnings:
+                complain("warning", f"--wcs: {warning}")
+            return frame.text
+        pose = io.write_pose(self.pose_as or "", _uncertain(best))
+        if not pose.verified:
+            complain("warning", f"--as {pose.name}: {_UNVERIFIED} ({io.BRANDS[pose.name].source}).")
+        return f"{pose.text}\n"
+
+    def refused(self, answer: Answer) -> str | None:
+        """Why nothing is written of this answer; None if it is."""
+        if answer.status == "recognized":
+            return None
+        if answer.status == "unknown" or not answer.hypotheses:
+            return f"expected an answer that names a part and its pose, got {answer.status}. Nothing is written."
+        if self.best_guess:
+            return None
+        return (
+            f"expected a decided answer, got {answer.status}: nothing is written for a program to run in. Sense more, "
+            "or say --best-guess to have the best pose in spite of it."
+        )
+
+    def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.WrittenFrame:
+        from tanteo.answers import box_corners
+
+        assert self.wcs is not None
+        best = answer.hypotheses[0]
+        part = next(p for p in parts if (p.name, p.source) == (best.part, best.file))
+        sure = f"{best.probability:.1%}, largest corner sd {1e3 * best.corner_sd:.3g} mm"
+        note = f"{best.part}: {answer.status}, {sure}"
+        return io.write_work_frame(self.wcs, _uncertain(best), box_corners(part), note)
+
+
+_UNVERIFIED = "the convention was not verified in the brand's documentation: confirm one pose on your controller"
+
+
+def _doubts(answer: Answer) -> list[str]:
+    """What a program should know of the pose that it will run in."""
+    best, doubts = answer.hypotheses[0], []
+    if answer.status != "recognized":
+        doubts.append(f"the answer is {answer.status}; this is its best guess.")
+    if best.symmetry_axis is not None:
+        doubts.append("the part is a solid of revolution: the turn about its axis is arbitrary.")
+    elif best.symmetry_order > 1:
+        doubts.append(f"the part looks the same in {best.symmetry_order} poses; this is one of them.")
+    return doubts
+
+
+def _uncertain(best: Hypothesis) -> Any:
+    from tanteo.frames import UncertainFrame
+
+    return UncertainFrame(best.T_world_part, best.covariance)

@@ -1,0 +1,126 @@
+"""``--program`` of ``tanteo plan``: the touches of a plan as a program of a machine or a robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tanteo import io
+from tanteo.cli import arguments as args
+from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.printing import complain
+from tanteo.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from tanteo.active import Plan, Probe
+    from tanteo.parts import Part
+    from tanteo.typing import Covariances
+
+_FEED = 0.1 / 60
+"""Of guarded motions, where nobody says [m/s]."""
+
+_DOWN = (0.0, 0.0, -1.0)
+"""Where the stylus of a 3-axis machine points."""
+
+
+def _program(name: str) -> str:
+    from tanteo.programs import PROGRAMS
+
+    if name not in PROGRAMS:
+        raise InputError(
+            f"--program: expected one of {', '.join(PROGRAMS)}, got '{name}'.{did_you_mean(name, PROGRAMS)}"
+        )
+    return name
+
+
+def _speed(text: str) -> float:
+    """A speed [m/s]."""
+    length, _, time = text.replace(" ", "").partition("/")
+    if time not in ("min", "s"):
+        raise InputError(f"--feed: expected a speed, got '{text}'. Write it as 100mm/min or 2mm/s.")
+    return args.length("--feed", "100mm/min", length) / (60.0 if time == "min" else 1.0)
+
+
+def _height(text: str) -> float:
+    return io.parse_length(text, "--retract-height")
+
+
+_option = partial(args.option, rich_help_panel="Probing program")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramOptions:
+    """Options of the probing program of a plan, and of the ball that touches."""
+
+    program: Annotated[
+        str | None,
+        _option("--program", "CONTROLLER", "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka or abb."),
+        args.Words(_program),
+    ] = None
+    tip_radius: Annotated[
+        float | None,
+        _option("--tip-radius", "LENGTH", "Of the ball of a touch probe, as 1.5mm."),
+        args.Words(partial(args.length, "--tip-radius", "1.5mm")),
+    ] = None
+    feed: Annotated[
+        float | None,
+        _option("--feed", "SPEED", "Of the program's guarded motions, as 100mm/min or 2mm/s: 100mm/min."),
+        args.Words(_speed),
+    ] = None
+    overtravel: Annotated[
+        float | None,
+        _option("--overtravel", "LENGTH", "How far beyond the expected contact a program searches: 3 sd of it."),
+        args.Words(partial(args.length, "--overtravel", "5mm")),
+    ] = None
+    retract_height: Annotated[
+        float | None,
+        _option("--retract-height", "Z", "World z of the ball over the part, as 150mm: just safe if not said."),
+        args.Words(_height),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if self.program is not None and self.tip_radius is None:
+            raise MisuseError("--tip-radius: expected the ball of a program's probe, got none. Say --tip-radius 1.5mm.")
+        for name in ("feed", "overtravel", "retract_height"):
+            if getattr(self, name) is not None and self.program is None:
+                option = f"--{name.replace('_', '-')}"
+                raise MisuseError(f"{option}: expected with --program, got none. Add --program linuxcnc, or another.")
+
+    def of_probe(self, *, beam: bool, approached: bool) -> dict[str, Any]:
+        """What they say of the probe.
+
+        Args:
+            beam: the sensor that is named has one.
+            approached: somebody says from where it may come.
+
+        Raises:
+            MisuseError: a beam has no ball.
+        """
+        if self.tip_radius is None:
+            return {}
+        if beam:
+            raise MisuseError("--tip-radius: expected a touch probe, got a sensor with a beam. Say --sd instead.")
+        said: dict[str, Any] = {"contact": True, "radius": self.tip_radius}
+        if self.program is None:
+            return said
+        from tanteo.programs import AXES_3
+
+        above = {} if approached else {"approach": _DOWN, "cone": math.pi / 2}
+        held = {"stylus": [-v for v in _DOWN]} if self.program in AXES_3 else {"stylus_behind": True}
+        return said | above | held
+
+    def written(self, found: Plan, part: Part, probe: Probe, covariance: Covariances) -> str | None:
+        """The probing program of a plan, empty without touches; None if none is asked for."""
+        if self.program is None:
+            return None
+        if not found.readings:
+            complain("warning", "--program: the plan has no touches, so no program is written.")
+            return ""
+        from tanteo.programs import job_of, write_program
+
+        with misuse():
+            more = self.overtravel, self.retract_height
+            job = job_of(found, part, probe, covariance, self.feed or _FEED, *more)
+            return write_program(self.program, job)

@@ -1,0 +1,181 @@
+"""The pose of an answer as a controller or a program writes it: one value of its language, with enough digits.
+
+A number is rounded so that the pose, read back, is off by less than a hundredth of its standard deviation, and by less
+than a micrometre a metre away. ROS and GTSAM take the covariance along, each in its own convention
+(``tanteo.frames``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.errors import InputError, did_you_mean
+from tanteo.frames import UncertainFrame, as_gtsam_covariance, as_ros_covariance
+from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
+from tanteo.lie import SO3
+
+if TYPE_CHECKING:
+    from tanteo.typing import FloatArray, Transforms
+
+_MATRICES = ("matrix", "gtsam")
+
+POSE_NAMES = (*BRANDS, *_MATRICES)
+"""All that a pose can be written for."""
+
+_SHARE, _LARGEST, _LEAST = 1e-2, 1e-6, 1e-12
+"""What rounding may change: a share of one standard deviation, at most so many metres or radians, or what is finest."""
+
+_MOST_DIGITS = 15
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenPose:
+    """A pose in the words of a controller.
+
+    Attributes:
+        name: of the controller.
+        text: the value, in one line or more, without a line break at its end.
+        values: its numbers in their order, rounded as in the text; for ``matrix`` and ``gtsam`` the matrix, row by row.
+        units: of position and rotation.
+        verified: the convention was read in documentation; else compare one pose on the controller first.
+    """
+
+    name: str
+    text: str
+    values: tuple[float, ...]
+    units: str
+    verified: bool
+
+
+def check_pose_name(name: str) -> str:
+    """The name, if a pose can be written for it.
+
+    Raises:
+        InputError: It is none; the message lists the nearest.
+    """
+    if name not in POSE_NAMES:
+        raise InputError(f"expected one of {', '.join(POSE_NAMES)}, got '{name}'.{did_you_mean(name, POSE_NAMES)}")
+    return name
+
+
+def write_pose(name: str, frame: UncertainFrame, parent: str = "world") -> WrittenPose:
+    """The pose of a frame as a controller writes it.
+
+    Args:
+        name: one of :data:`POSE_NAMES`.
+        frame: the pose in its parent and its covariance.
+        parent: name of the parent frame, for messages of ROS.
+
+    Raises:
+        InputError: No such controller.
+
+    Example:
+        >>> import numpy as np
+        >>> from tanteo.frames import UncertainFrame
+        >>> from tanteo.io import write_pose
+        >>> at = UncertainFrame(np.eye(4), np.diag([1e-8] * 3 + [1e-6] * 3))
+        >>> write_pose("kuka", at).text
+        '{X 0.000, Y 0.000, Z 0.000, A 0.00000, B 0.00000, C 0.00000}'
+    """
+    check_pose_name(name)
+    if name in _MATRICES:
+        rows = _matrix_rows(frame)
+        text = _gtsam(rows, frame) if name == "gtsam" else "\n".join(" ".join(row) for row in rows)
+        return WrittenPose(name, text, tuple(float(v) for row in rows for v in row), "m", True)
+    brand = BRANDS[name]
+    fields = brand_fields(name, frame)
+    text = brand.syntax.format(*fields) if name != "ros" else _ros(fields, frame, parent)
+    return WrittenPose(name, text, tuple(map(float, fields)), units_of(brand), brand.verified)
+
+
+def units_of(brand: Brand) -> str:
+    """Units of a brand's position and rotation, as ``mm deg``."""
+    turn = {"euler": "rad" if brand.radian == 1 else "deg", "rotation vector": "rad"}.get(brand.rule, "quaternion")
+    return f"{'m' if brand.metre == 1 else 'mm'} {turn}"
+
+
+def brand_fields(name: str, frame: UncertainFrame) -> list[str]:
+    """The fields of a brand for a pose, each with as many digits as its standard deviation is worth."""
+    brand, values = BRANDS[name], pose_as_brand(name, frame.T)
+    place, turn = _limits(frame)
+    decimals = max(3 if brand.metre < 1 else 6, _decimals(place / brand.metre))
+    for of_turn in range(5 if brand.rule == "euler" and brand.radian < 1 else 6, _MOST_DIGITS + 1):
+        fields = [f"{v:.{decimals}f}" for v in values[:3]] + [f"{v:.{of_turn}f}" for v in values[3:]]
+        if _turned(frame.T, pose_from_brand(name, np.array([float(v) for v in fields]))) <= turn:
+            break
+    return [_no_minus_zero(field) for field in fields]
+
+
+def _limits(frame: UncertainFrame) -> tuple[float, float]:
+    """What rounding may change of the position [m] and the rotation [rad]."""
+    sds = (np.sqrt(max(np.linalg.eigvalsh(block)[0], 0.0)) for block in (frame.C[:3, :3], frame.C[3:, 3:]))
+    place, turn = (float(np.clip(_SHARE * sd, _LEAST, _LARGEST)) for sd in sds)
+    return place, turn
+
+
+def _decimals(limit: float) -> int:
+    """Decimals with which three coordinates are together off by no more."""
+    return int(np.ceil(-np.log10(2 * limit / np.sqrt(3))))
+
+
+def _turned(T: Transforms, other: Transforms) -> float:
+    """Angle between two poses [rad]."""
+    return float(np.linalg.norm(SO3.log(T[:3, :3].T @ other[:3, :3])))
+
+
+def _no_minus_zero(field: str) -> str:
+    return field[1:] if field.startswith("-") and not float(field) else field
+
+
+def _matrix_rows(frame: UncertainFrame) -> list[list[str]]:
+    place, turn = _limits(frame)
+    of_turn, of_place = _decimals(turn) + 1, max(6, _decimals(place))
+    rows = [[f"{v:.{of_turn}f}" for v in row[:3]] + [f"{row[3]:.{of_place}f}"] for row in frame.T[:3]]
+    return [[_no_minus_zero(v) for v in row] for row in rows] + [["0", "0", "0", "1"]]
+
+
+def _numbers(values: FloatArray) -> str:
+    return ", ".join(f"{v:.9g}" for v in values)
+
+
+def _gtsam(rows: list[list[str]], frame: UncertainFrame) -> str:
+    """Python of GTSAM; its covariance is of ``pose * Expmap(xi)``, ``xi = rx ry rz x y z``."""
+    return "\n".join(_gtsam_lines(rows, as_gtsam_covariance(frame)))
+
+
+def _gtsam_lines(rows: list[list[str]], covariance: FloatArray) -> Iterator[str]:
+    yield "# metres and radians; covariance of xi = (rx, ry, rz, x, y, z), pose * Pose3.Expmap(xi)"
+    yield "import gtsam"
+    yield "import numpy as np"
+    yield ""
+    yield "pose = gtsam.Pose3(np.array(["
+    yield from (f"    [{', '.join(row)}]," for row in rows)
+    yield "]))"
+    yield "covariance = np.array(["
+    yield from (f"    [{_numbers(row)}]," for row in covariance)
+    yield "])"
+    yield "noise = gtsam.noiseModel.Gaussian.Covariance(covariance)"
+
+
+def _ros(fields: list[str], frame: UncertainFrame, parent: str) -> str:
+    """A ``geometry_msgs/PoseWithCovarianceStamped``; covariance along the axes of the header's frame."""
+    x, y, z, qx, qy, qz, qw = fields
+    C = as_ros_covariance(frame).reshape(6, 6)
+    return "\n".join(
+        [
+            "header:",
+            "  stamp: {sec: 0, nanosec: 0}",
+            f"  frame_id: {parent}",
+            "pose:",
+            "  pose:",
+            f"    position: {{x: {x}, y: {y}, z: {z}}}",
+            f"    orientation: {{x: {qx}, y: {qy}, z: {qz}, w: {qw}}}",
+            "  covariance: [",
+            *(f"    {', '.join(f'{v:.9e}' for v in row)}," for row in C[:-1]),
+            f"    {', '.join(f'{v:.9e}' for v in C[-1])}]",
+        ]
+    )

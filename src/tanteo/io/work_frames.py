@@ -1,0 +1,216 @@
+"""A part's frame as a machine's work coordinate system or a robot's user frame: what makes the next program run in it.
+
+Read for each: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; ``rs274`` runs the lines in the
+tests), Haas' page on programmable offsets (``G10 L2 P1 G90``, no turn), FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public
+TP programs), KUKA ``BASE_DATA`` and ``$BASE``, ABB ``wobjdata``, URScript pose variables. A work offset of a 3-axis
+machine turns about z only: what it cannot hold of a tilt is said where the part shows it most.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from tanteo.errors import InputError, did_you_mean
+from tanteo.frames import UncertainFrame
+from tanteo.io.pose_text import brand_fields
+from tanteo.io.poses import BRANDS
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Transforms, Vectors
+
+OFFSETS: Mapping[str, int] = MappingProxyType(
+    {f"G{n}": n - 53 for n in range(54, 60)} | {f"G59.{n}": 6 + n for n in range(1, 4)}
+)
+"""Work coordinate systems of LinuxCNC, and the ``P`` of ``G10 L2`` for each."""
+
+_TILT = np.radians(45.0)
+"""Tilt of the part's z from the machine's, from which on a turn about z means nothing."""
+
+_SPEAKS = 1e-6
+"""Error at the far corner from which on a person is told [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkFrame:
+    """Which frame of which controller.
+
+    Attributes:
+        controller: ``linuxcnc``, ``grbl``, or a key of :data:`CONTROLLERS`.
+        slot: the number of its frame, or a name where frames have names.
+        within: the work coordinate system that the readings were made in; empty for the machine's.
+    """
+
+    controller: str
+    slot: str
+    within: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenFrame:
+    """Lines of a program that set a frame.
+
+    Attributes:
+        text: the lines, each ending in a line break.
+        warnings: what the frame cannot hold, and what must be so before it is used.
+    """
+
+    text: str
+    warnings: tuple[str, ...]
+
+
+def parse_work_frame(text: str) -> WorkFrame:
+    """A frame as typed: ``G54``, ``G55@G54``, ``grbl:G54``, ``haas:G54``, ``fanuc:3``, ``kuka:5``, ``abb:w``, ``ur:p``.
+
+    Raises:
+        InputError: Another controller, or a frame that it does not have.
+    """
+    head, _, slot = text.partition(":")
+    frame, _, within = head.upper().partition("@")
+    if frame in OFFSETS and not slot and (not within or within in OFFSETS):
+        if frame == within:
+            raise InputError(f"expected another frame than that of the readings, got '{text}'. Set G55, or another.")
+        return WorkFrame("linuxcnc", frame, within)
+    name = head.lower()
+    if name not in CONTROLLERS:
+        known = (*OFFSETS, *CONTROLLERS)
+        raise InputError(
+            f"expected G54 to G59.3 or one of {', '.join(CONTROLLERS)} (as fanuc:1), got '{text}'."
+            f"{did_you_mean(head, known)}"
+        )
+    pattern, example, usual, _ = CONTROLLERS[name]
+    slot = slot or usual
+    slot = slot.upper() if name in ("grbl", "haas", "linuxcnc") else slot
+    if not re.fullmatch(pattern, slot):
+        raise InputError(f"expected {name}:{example}, got '{text}'. Correct the frame's number or name.")
+    return WorkFrame(name, slot)
+
+
+def write_work_frame(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    """The lines that set a frame of a controller to a pose.
+
+    Args:
+        where: which frame.
+        frame: the part's pose in the machine's or the robot's world, and its covariance.
+        corners: of the part's box, in its own frame ``(n, 3)`` [m].
+        note: one line of comment: what part, how sure.
+
+    Raises:
+        InputError: The frame turns about z only, and the part's z is nowhere near that of the machine.
+    """
+    write = CONTROLLERS[where.controller][3]
+    return write(where, frame, corners, note)
+
+
+def yaw_only(T: Transforms) -> Transforms:
+    """The pose nearest to this that turns about z alone: same origin, least square error over all directions."""
+    R = T[:3, :3]
+    angle = np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
+    return SE3.from_parts(SO3.axis_rotation(2, angle), T[:3, 3])
+
+
+def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, turns: bool) -> WrittenFrame:
+    T, slot = frame.T, where.slot
+    tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
+    if tilt > _TILT:
+        raise InputError(
+            f"--wcs: expected a part whose z axis points up, as that of a work offset does, got one tilted by "
+            f"{np.degrees(tilt):.1f} deg. Turn the part's frame in CAD, or write its pose (--as matrix)."
+        )
+    held = yaw_only(T) if turns else SE3.from_parts(np.eye(3), T[:3, 3])
+    off = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(held, corners), axis=-1)
+    of = f"those of {where.within}" if where.within else "machine coordinates (G53), with no work offset in them"
+    warnings = [f"positions of the readings are taken as {of}."]
+    if off.max() > _SPEAKS:
+        what = f"a tilt of {np.degrees(tilt):.3g} deg" if turns else "any rotation of the part"
+        warnings.insert(
+            0, f"{slot} cannot hold {what}: the part's far corner is {1e3 * off.max():.3g} mm from where it will be."
+        )
+    x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(held, frame.C))
+    words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turns else "")
+    before: list[str] = []
+    if where.within:
+        before, words = _after(OFFSETS[where.within], x, y, z, a)
+    lines = [
+        f"({_gcode_comment(note)})",
+        f"(readings in {where.within or 'machine coordinates'}, millimetres)",
+        "G21 G90",
+    ]
+    lines += [f"(warning: {_gcode_comment(text)})" for text in warnings[:-1]]
+    return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", ""]), tuple(warnings))
+
+
+def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]:
+    """Lines before, and the words of a frame within a work coordinate system.
+
+    LinuxCNC keeps its offset and turn in parameters from 5221 on, 20 a system; lengths in units of the machine.
+    """
+    first = 5201 + 20 * number
+    turn, (ox, oy, oz) = f"#{first + 9}", (f"#<_unit> * #{first + k}" for k in range(3))
+    x_, y_ = "#<_part_x>", "#<_part_y>"
+    along = f"X[{ox} + {x_} * COS[{turn}] - {y_} * SIN[{turn}]] Y[{oy} + {x_} * SIN[{turn}] + {y_} * COS[{turn}]]"
+    before = ["#<_unit> = [25.4 - 24.4 * [#<_metric_machine> EQ 1]]", f"{x_} = {x}", f"{y_} = {y}"]
+    return before, f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
+
+
+def _linuxcnc(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    return _offset(where, frame, corners, note, turns=True)
+
+
+def _no_turn(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    return _offset(where, frame, corners, note, turns=False)
+
+
+def _gcode_comment(text: str) -> str:
+    """Without what ends a comment or begins another."""
+    return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
+
+
+def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    """A TP program: the position register is made Cartesian by ``LPOS`` before its elements are written."""
+    register = 100
+    values = brand_fields("fanuc", frame)
+    steps = [f"!{words[:30]}" for words in re.split("[:,] ", note)] + ["UFRAME_NUM=0", f"PR[{register}]=LPOS"]
+    steps += [f"PR[{register},{k}]={value}" for k, value in enumerate(values, 1)]
+    steps += [f"UFRAME[{where.slot}]=PR[{register}]", f"UFRAME_NUM={where.slot}"]
+    body = [f"{n:4d}:  {step} ;" for n, step in enumerate(steps, 1)]
+    text = ["/PROG  TANTEO_UF", "/ATTR", 'COMMENT\t\t= "TANTEO";', "/MN", *body, "/POS", "/END", ""]
+    return WrittenFrame("\n".join(text), (f"position register {register} is overwritten.",))
+
+
+def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    value = BRANDS["kuka"].syntax.format(*brand_fields("kuka", frame)).replace("{X", "{FRAME: X")
+    return WrittenFrame(f"; {note}\nBASE_DATA[{where.slot}] = {value}\n$BASE = BASE_DATA[{where.slot}]\n", ())
+
+
+def _abb(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    value = BRANDS["abb"].syntax.format(*brand_fields("abb", frame))
+    data = f'[FALSE, TRUE, "", {value}, [[0, 0, 0], [1, 0, 0, 0]]]'
+    return WrittenFrame(f"! {note}\nPERS wobjdata {where.slot} := {data};\n", ())
+
+
+def _ur(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    value = BRANDS["ur"].syntax.format(*brand_fields("ur", frame))
+    use = f"# a point p of the part: movel(pose_trans({where.slot}, p))"
+    return WrittenFrame(f"# {note}\n{use}\nglobal {where.slot} = {value}\n", ())
+
+
+_Writer = Callable[[WorkFrame, UncertainFrame, Vectors, str], WrittenFrame]
+_NAME = r"[A-Za-z][A-Za-z0-9_]{0,30}"
+_G = r"G5[4-9]"
+
+CONTROLLERS: Mapping[str, tuple[str, str, str, _Writer]] = MappingProxyType(
+    {
+        "linuxcnc": (_G + r"|G59\.[1-3]", "G54", "G54", _linuxcnc),
+        "grbl": (_G, "G54", "G54", _no_turn),
+        "haas": (_G, "G54", "G54", _no_turn),
+        "fanuc": ("[1-9]", "1", "1", _fanuc),
+        "kuka": (r"[1-9]|[12]\d|3[0-2]", "1", "1", _kuka),
+        "abb": (_NAME, "wobj_part", "wobj_part", _abb),
+        "ur": (_NAME, "part_frame", "part_frame", _ur),
+    }
+)
+"""Controllers: what their frames are called, an example, the usual one, and who writes it."""

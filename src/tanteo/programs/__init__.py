@@ -1,0 +1,10 @@
+"""Probing programs: the touches of a plan in the language of a machine or a robot, and what they write as readings.
+
+``job_of`` turns a plan into starts, contacts and ends of guarded motions, ``write_program`` into text; ``PROGRAMS``
+names the controllers.
+"""
+
+from tanteo.programs.job import Job, Touch, first_way, job_of, transfer
+from tanteo.programs.table import AXES_3, PROGRAMS, write_program
+
+__all__ = ["AXES_3", "PROGRAMS", "Job", "Touch", "first_way", "job_of", "transfer", "write_program"]

@@ -1,0 +1,214 @@
+"""Answers in the words of controllers, and the whole loop: plan, program, machine, log, answer."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tanteo.io import pose_from_brand
+from tanteo.lie import SE3, SO3
+from tanteo.shapes import Surface, signed_distance
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+READINGS = EXAMPLES / "readings" / "bracket_left.csv"
+BRACKET = EXAMPLES / "parts" / "bracket_left.step"
+LOCATE = ("locate", READINGS, "--part", BRACKET, "--sd", "0.1mm")
+NUMBER = re.compile(r"-?\d+\.\d+")
+
+
+def test_only_the_pose_is_on_standard_output(run):
+    got = run(*LOCATE, "--as", "kuka")
+    assert got.code == 0
+    assert re.fullmatch(r"\{X \S+, Y \S+, Z \S+, A \S+, B \S+, C \S+\}\n", got.out)
+    assert "bracket_left at x 420.03" in got.err
+    document = json.loads(run(*LOCATE, "--as", "kuka", "--json").out)
+    assert document["as"]["text"] + "\n" == got.out
+    assert document["as"]["units"] == "mm deg"
+    T = pose_from_brand("kuka", np.array(document["as"]["values"]))
+    np.testing.assert_allclose(T, document["hypotheses"][0]["pose"]["matrix"], atol=2e-6)
+
+
+def test_an_unverified_convention_is_told(run):
+    got = run(*LOCATE, "--as", "denso")
+    assert got.code == 0
+    assert "warning: --as denso: the convention was not verified" in got.err
+    assert "confirm one pose on your controller" in got.err
+
+
+def test_a_work_offset_with_its_tilt(run):
+    got = run(*LOCATE, "--wcs", "G54")
+    assert got.code == 0
+    assert "\nG10 L2 P1 X420.0" in got.out
+    assert "warning: --wcs: G54 cannot hold a tilt of" in got.err
+    assert "taken as machine coordinates" in got.err
+    document = json.loads(run(*LOCATE, "--wcs", "G54", "--json").out)
+    assert document["wcs"]["text"] == got.out
+    assert "far corner" in document["wcs"]["warnings"][0]
+
+
+@pytest.mark.parametrize("words", [("--as", "ur"), ("--wcs", "G54")])
+def test_what_is_not_decided_is_not_written(words, run, tmp_path):
+    few = tmp_path / "few.csv"
+    few.write_text("".join(READINGS.read_text(encoding="utf-8").splitlines(keepends=True)[:8]), encoding="utf-8")
+    got = run("locate", few, "--part", BRACKET, "--sd", "0.1mm", *words)
+    assert got.code == 3
+    assert got.out == ""
+    assert f"error: {words[0]}: expected a decided answer, got insufficient" in got.err
+    document = json.loads(run("locate", few, "--part", BRACKET, "--sd", "0.1mm", *words, "--json").out)
+    assert document[words[0].strip("-")]["text"] is None
+    guess = run("locate", few, "--part", BRACKET, "--sd", "0.1mm", "--as", "ur", "--best-guess")
+    assert guess.code == 3
+    assert guess.out.startswith("p[")
+    assert "the answer is insufficient; this is its best guess" in guess.err
+
+
+def test_an_unknown_object_has_no_pose_at_all(run):
+    unknown = EXAMPLES / "readings" / "unknown_part.csv"
+    got = run("locate", unknown, "--part", BRACKET, "--as", "matrix", "--best-guess")
+    assert (got.code, got.out) == (3, "")
+    assert "got unknown. Nothing is written." in got.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--as", "kukka"), "Did you mean 'kuka'?"),
+        (("--wcs", "G60"), "--wcs: expected G54 to G59.3"),
+        (("--as", "ur", "--wcs", "G54"), "expected one of the two, got both"),
+        (("--best-guess",), "--best-guess: expected with --as or --wcs"),
+    ],
+)
+def test_misuse(words, message, run):
+    got = run(*LOCATE, *words)
+    assert (got.code, got.out) == (2, "")
+    assert message in got.err
+
+
+PLAN = ("plan", "--part", BRACKET, "--tolerance", "0.3mm", "--sd", "0.02mm", "--tip-radius", "1.5mm")
+PRIOR = "420,-130,35mm 0,0,33deg +- 1mm 0.5deg"
+
+
+class Machine:
+    """A LinuxCNC machine with a part on it: runs ``G0`` and ``G38.2`` and writes what ``PROBEOPEN`` would."""
+
+    def __init__(self, part, T_true, rng):
+        self.surface, self.to_part, self.rng = Surface(part.vertices, part.triangles), SE3.inverse(T_true), rng
+        self.at, self.log = np.full(3, np.nan), []
+
+    def gap(self, place):
+        return float(signed_distance(self.surface, SE3.apply(self.to_part, place[None]))[0][0]) - 1.5e-3
+
+    def run(self, program):
+        for line in program.splitlines():
+            if line.startswith(("G0 ", "G38.2")):
+                goal = self.at.copy()
+                for axis, value in re.findall(r"([XYZ])(-?[\d.]+)", line):
+                    goal["XYZ".index(axis)] = float(value) / 1e3
+                self.search(goal) if line.startswith("G38.2") else self.go(goal)
+
+    def go(self, goal):
+        if np.isfinite(self.at).all() and self.gap(self.at) > 1e-4:
+            way = self.at + np.linspace(0, 1, 40)[:, None] * (goal - self.at)
+            assert min(map(self.gap, way)) > 0, "the ball met the part in a motion without a search"
+        self.at = goal
+
+    def search(self, goal):
+        way = np.linalg.norm(goal - self.at)
+        along, gone = (goal - self.at) / way, 0.0
+        while (gap := self.gap(self.at + gone * along)) > 1e-7:
+            gone += gap
+            assert gone < way, "nothing was met"
+        self.at = self.at + gone * along
+        tripped = 1e3 * (self.at + self.rng.normal(size=3) * 2e-5)
+        self.log.append(" ".join(f"{v:f}" for v in [*tripped, *[0.0] * 6]))
+
+
+def readings_of(log, plan_csv):
+    """Our columns of a PROBEOPEN log, with the directions of the plan."""
+    lines = (line for line in plan_csv.read_text(encoding="utf-8").splitlines() if not line.startswith("#"))
+    ways = [[row[name] for name in ("dx", "dy", "dz")] for row in csv.DictReader(lines)]
+    assert len(ways) == len(log)
+    rows = [",".join([*line.split()[:3], "1.5", *way]) for line, way in zip(log, ways, strict=True)]
+    return "\n".join(["x_mm,y_mm,z_mm,radius_mm,dx,dy,dz", *rows, ""])
+
+
+def test_a_planned_program_finds_the_part_again(run, models, tmp_path):
+    """NEES of three placements below what a chi-square of 18 passes once in ten thousand."""
+    table, readings = tmp_path / "plan.csv", tmp_path / "readings.csv"
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", "linuxcnc", "--csv", table)
+    assert got.code == 0
+    assert got.out.startswith("(tanteo plan")
+    assert "readings bring all corners" in got.err
+    T_expected = SE3.from_parts(SO3.axis_rotation(2, np.radians(33)), np.array([0.42, -0.13, 0.035]))
+    total = 0.0
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        sds = np.repeat([1e-3, np.radians(0.5)], 3)
+        machine = Machine(models["bracket_left"].part, T_expected @ SE3.exp(rng.normal(size=6) * sds), rng)
+        machine.run(got.out)
+        readings.write_text(readings_of(machine.log, table), encoding="utf-8")
+        found = run("locate", readings, "--part", BRACKET, "--sd", "0.02mm", "--pose-prior", PRIOR, "--json")
+        assert found.code == 0, found.err
+        best = json.loads(found.out)["hypotheses"][0]
+        error = SE3.log(SE3.inverse(SE3.inverse(machine.to_part)) @ np.array(best["pose"]["matrix"]))
+        total += error @ np.linalg.solve(np.array(best["covariance"]["matrix"]), error)
+        assert best["corner_sd_m"] < 0.3e-3
+    assert total < 48.0
+
+
+def test_the_ball_goes_over_the_part_where_it_is_told(run):
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", "grbl", "--retract-height", "200mm")
+    assert "\nG0 Z200.0000\n" in got.out
+    assert "safe height Z 200.00" in got.out
+
+
+def test_a_plan_without_touches_is_no_program(run):
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", "grbl", "--approach", "0,0,1,20deg")
+    assert (got.code, got.out) == (3, "")
+    assert "warning: --program: the plan has no touches" in got.err
+
+
+@pytest.mark.parametrize("name", ["grbl", "ur", "fanuc", "kuka", "abb"])
+def test_programs_are_in_the_document(name, run):
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", name, "--json", "--feed", "2mm/s", "--overtravel", "6mm")
+    assert got.code == 0
+    assert "tanteo plan" in json.loads(got.out)["program"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--program", "linuxnc", "--tip-radius", "1mm", "--sd", "0.1mm"), "Did you mean 'linuxcnc'"),
+        (("--program", "ur", "--sd", "0.1mm"), "--tip-radius: expected the ball of a program's probe"),
+        (("--program", "ur", "--tip-radius", "1mm", "--sensor", "keyence_il300"), "expected a touch probe"),
+        (("--feed", "2mm/s", "--sd", "0.1mm"), "--feed: expected with --program"),
+        (
+            ("--program", "ur", "--tip-radius", "1mm", "--sd", "0.1mm", "--retract-height", "20mm"),
+            "--retract-height: expected 172.0 mm or more",
+        ),
+        (("--program", "ur", "--tip-radius", "1mm", "--sd", "0.1mm", "--feed", "2mm"), "Write it as 100mm/min"),
+    ],
+)
+def test_misuse_of_programs(words, message, run):
+    got = run("plan", "--part", BRACKET, "--tolerance", "0.3mm", *words)
+    assert (got.code, got.out) == (2, "")
+    assert message in got.err
+
+
+def test_the_log_of_a_robot_is_a_readings_file(run, tmp_path):
+    """What URScript's ``textmsg`` writes, columns and rows, is read."""
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", "ur")
+    columns = re.search(r'textmsg\("(id.*)"\)', got.out)[1]
+    facts = re.findall(r'touch\("(\d+)".*"([^"]*)"\)', got.out)
+    rows = [f"{number},0.42,-0.13,0.1,{fact}" for number, fact in facts]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([columns, *rows, ""]), encoding="utf-8")
+    from tanteo.io import read_readings
+
+    read = read_readings(path)
+    assert len(read) == len(rows)

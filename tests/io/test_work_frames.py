@@ -1,0 +1,152 @@
+"""Frames of machines and robots: read back, what a turn about z cannot hold, LinuxCNC's own interpreter."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from tanteo.errors import InputError
+from tanteo.frames import UncertainFrame
+from tanteo.io import parse_work_frame, pose_from_brand, write_work_frame
+from tanteo.lie import SE3, SO3
+
+C = np.diag([1e-8] * 3 + [1e-7] * 3)
+CORNERS = np.stack(np.meshgrid([0, 0.1], [0, 0.2], [0, 0.05]), axis=-1).reshape(8, 3)
+NUMBER = re.compile(r"-?\d+\.\d+")
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(35)
+
+
+def upright(rng, tilt):
+    turn = SO3.axis_rotation(2, rng.uniform(-3, 3)) @ SO3.axis_rotation(0, tilt)
+    return UncertainFrame(SE3.from_parts(turn, rng.uniform(-1, 1, 3)), C)
+
+
+def written(name, frame):
+    return write_work_frame(parse_work_frame(name), frame, CORNERS, "block: recognized (99 %)")
+
+
+def words(line):
+    return {letter: float(value) for letter, value in re.findall(r"([A-Z])(-?[\d.]+)", line)}
+
+
+def test_an_offset_holds_place_and_turn(rng):
+    frame = upright(rng, 0.0)
+    got = written("G54", frame)
+    line = got.text.splitlines()[-1]
+    said = words(line)
+    assert line.startswith("G10 L2 P1 X")
+    R = SO3.axis_rotation(2, np.radians(said["R"]))
+    np.testing.assert_allclose([said[a] / 1e3 for a in "XYZ"], frame.T[:3, 3], atol=1e-6)
+    np.testing.assert_allclose(R, frame.T[:3, :3], atol=1e-6)
+    assert "(block: recognized [99 %])" in got.text
+    assert len(got.warnings) == 1
+
+
+@pytest.mark.parametrize(("name", "p"), [("G55", 2), ("g59", 6), ("G59.1", 7), ("G59.3", 9), ("linuxcnc:G59.2", 8)])
+def test_every_offset_has_its_number(name, p, rng):
+    assert f"G10 L2 P{p} X" in written(name, upright(rng, 0.0)).text
+
+
+def test_a_tilt_is_told_at_the_far_corner(rng):
+    frame = upright(rng, np.radians(2.0))
+    got = written("G54", frame)
+    told = float(re.search(r"far corner is ([\d.e-]+) mm", got.warnings[0])[1])
+    said = words(got.text.splitlines()[-1])
+    held = SE3.from_parts(SO3.axis_rotation(2, np.radians(said["R"])), frame.T[:3, 3])
+    worst = np.linalg.norm(SE3.apply(frame.T, CORNERS) - SE3.apply(held, CORNERS), axis=1).max()
+    assert told == pytest.approx(1e3 * worst, rel=0.01)
+    assert told == pytest.approx(np.radians(2) * np.hypot(200, 50), rel=0.01)
+
+
+def test_no_offset_holds_a_part_on_its_side(rng):
+    with pytest.raises(InputError, match="tilted by 90"):
+        written("G54", upright(rng, np.pi / 2))
+
+
+@pytest.mark.parametrize("name", ["grbl:G54", "haas:g54"])
+def test_some_offsets_have_no_turn(name, rng):
+    frame = upright(rng, 0.0)
+    got = written(name, frame)
+    assert "\nG21 G90\n" in got.text
+    assert " R" not in got.text.splitlines()[-1]
+    assert "cannot hold any rotation" in got.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "brand", "mark"),
+    [
+        ("kuka:5", "kuka", "BASE_DATA[5] = {FRAME: X"),
+        ("abb:w1", "abb", "PERS wobjdata w1 := [FALSE, TRUE,"),
+        ("ur:fixture", "ur", "global fixture = p["),
+        ("fanuc:3", "fanuc", "UFRAME[3]=PR[100]"),
+    ],
+)
+def test_robots_hold_the_whole_pose(name, brand, mark, rng):
+    frame = upright(rng, 1.2)
+    text = written(name, frame).text
+    assert mark in text
+    T = pose_from_brand(brand, np.array([float(v) for v in NUMBER.findall(text)][: 7 if brand == "abb" else 6]))
+    np.testing.assert_allclose(T, frame.T, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "G53",
+        "G60",
+        "fanuc:12",
+        "kuka:0",
+        "abb:2x",
+        "ur:a b",
+        "grbl:G59.1",
+        "siemens:1",
+        "",
+        "G54:2",
+        "G54@G54",
+        "G55@G60",
+    ],
+)
+def test_frames_that_are_none(name):
+    with pytest.raises(InputError):
+        parse_work_frame(name)
+
+
+@pytest.mark.skipif(shutil.which("rs274") is None, reason="rs274 of linuxcnc-uspace is not installed")
+def test_linuxcnc_takes_the_offset(rng, tmp_path):
+    frame = upright(rng, 0.01)
+    (tmp_path / "wcs.ngc").write_text(written("G55", frame).text + "G55\nG0 X0 Y0 Z0\nM2\n", encoding="utf-8")
+    (tmp_path / "tool.tbl").write_text("", encoding="utf-8")
+    done = subprocess.run(
+        ["rs274", "-g", "-t", "tool.tbl", "wcs.ngc"], cwd=tmp_path, capture_output=True, text=True, timeout=20
+    )
+    assert done.returncode == 0, done.stderr
+    offset = re.findall(r"SET_G5X_OFFSET\(2, ([^)]*)\)", done.stdout)[-1]
+    np.testing.assert_allclose([float(v) / 1e3 for v in offset.split(",")[:3]], frame.T[:3, 3], atol=1e-6)
+
+
+@pytest.mark.skipif(shutil.which("rs274") is None, reason="rs274 of linuxcnc-uspace is not installed")
+def test_linuxcnc_puts_a_frame_into_another(rng, tmp_path):
+    """Readings in a turned and shifted G54: its offset and turn are in what G55 gets."""
+    frame = upright(rng, 0.0)
+    got = written("G55@G54", frame)
+    assert "taken as those of G54" in got.warnings[-1]
+    lines = "G21\nG10 L2 P1 X100 Y-50 Z20 R30\n" + got.text + "G55\nG0 X0 Y0 Z0\nM2\n"
+    (tmp_path / "wcs.ngc").write_text(lines, encoding="utf-8")
+    (tmp_path / "tool.tbl").write_text("", encoding="utf-8")
+    command = ["rs274", "-g", "-t", "tool.tbl", "wcs.ngc"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=20)
+    assert done.returncode == 0, done.stderr
+    T = SE3.from_parts(SO3.axis_rotation(2, np.radians(30)), np.array([0.1, -0.05, 0.02])) @ frame.T
+    offset = re.findall(r"SET_G5X_OFFSET\(2, ([^)]*)\)", done.stdout)[-1]
+    np.testing.assert_allclose([float(v) / 1e3 for v in offset.split(",")[:3]], T[:3, 3], atol=2e-6)
+    turns = np.radians([float(v) for v in re.findall(r"SET_XY_ROTATION\(([^)]*)\)", done.stdout)])
+    closest = min(np.abs(SO3.axis_rotation(2, turn) - T[:3, :3]).max() for turn in turns)
+    assert closest < 2e-6  # the last is that of G54 again, at the end of the program
