@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.answers import STATED, Answer, Priors, check_question, with_elapsed
+from tanteo.answers import STATED, Answer, Finding, Priors, check_question, with_elapsed
 from tanteo.errors import InputError
 from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, prepare_all, scale_of
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure, unstated_sd
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
 
 if TYPE_CHECKING:
     from tanteo.fitting import LabelledFeatures
@@ -85,6 +85,7 @@ def identify(
     start = time.perf_counter()
     check_length("tolerance", tolerance)
     parts = check_question(parts, significance, top, seed, priors)
+    given, readings = len(readings), thinned(readings)
     unstated = unstated_sd(readings, sensor=sensor, sd=sd, rig=rig)
     stated_sd, sd = sd, sd if unstated is None else unstated
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig)
@@ -101,6 +102,9 @@ def identify(
     if unstated is not None and answer.best is not None:
         answer = _told_sd(answer, unstated)
     found = about_readings(answer, readings, measured, rays, parts)
+    if len(readings) < given:
+        used = f"{len(readings):,} of the {given:,} readings were used, spread evenly over all of them."
+        found = (*found, Finding("many", used))
     answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
     frames = about_frames(
         answer, scale_of(measured.points, [one.part for one in prepare_all("parts", parts)]), measured

@@ -12,7 +12,8 @@ from tanteo.typing import Covariances, FloatArray, Transforms
 Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
 
 FindingKind = Literal[
-    "units", "spread", "directions", "normals", "mirror", "hand", "offset", "free_space", "repeated", "stuck"
+    "units", "spread", "directions", "normals", "mirror", "hand", "offset", "free_space", "repeated", "stuck",
+    "many",
 ]  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from tanteo.inference.mistakes import HANDED, HANDS, OTHERS, Way
 from tanteo.inference.prepared import prepare, prepare_all
 from tanteo.lie import SE3
 from tanteo.parts import Part, mirror_part
-from tanteo.sensors import Readings
+from tanteo.sensors import Readings, thinned
 from tanteo.typing import BoolArray
 
 _SURE = 0.95
@@ -68,19 +68,13 @@ def about_conventions(
     others = [way for way in OTHERS if not (placed and way.kind in ("mirror", "units"))]
     if _is_of_size(readings, parts):  # in another unit they would be of a small patch, which fits anywhere
         others = [way for way in others if way.kind != "units"]
-    some = _some(readings)
+    some = thinned(readings, _ENOUGH)
     found = (
         _about_ways(HANDS, some, parts, ask) or _about_offset(some, parts, ask) or _about_ways(others, some, parts, ask)
     )
     if found is None or len(some) == len(readings):
         return found
     return replace(found, message=f"{found.message} ({len(some)} of the {len(readings)} readings were asked about.)")
-
-
-def _some(readings: Readings) -> Readings:
-    """Enough of the readings, spread over all of them."""
-    n = len(readings)
-    return readings if n <= _ENOUGH else readings.take(np.linspace(0, n - 1, _ENOUGH).round().astype(int))
 
 
 def _is_of_size(readings: Readings, parts: Sequence[Part]) -> bool:

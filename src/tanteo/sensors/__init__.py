@@ -42,7 +42,7 @@ from tanteo.sensors.presets import (
     sensor_preset,
     sensor_presets,
 )
-from tanteo.sensors.readings import Readings, check_readings_kind, concatenate
+from tanteo.sensors.readings import Readings, check_readings_kind, concatenate, thinned
 from tanteo.sensors.rig import Rig, RigSensor
 
 __all__ = [
@@ -86,5 +86,6 @@ __all__ = [
     "sensor_error_cov",
     "sensor_preset",
     "sensor_presets",
+    "thinned",
     "unstated_sd",
 ]  # fmt: skip

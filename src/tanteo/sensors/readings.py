@@ -175,6 +175,16 @@ def check_readings_kind(name: str, value: object) -> None:
     check_kind(name, value, Readings, how)
 
 
+ENOUGH = 5000
+"""More readings tell nothing: a pose is then known seventy times better than one of them, and no part is made so."""
+
+
+def thinned(readings: Readings, most: int = ENOUGH) -> Readings:
+    """As many of the readings as are enough, spread evenly over all of them; all, if they are no more."""
+    n = len(readings)
+    return readings if n <= most else readings.take(np.linspace(0, n - 1, most).round().astype(int))
+
+
 def concatenate(parts: Sequence[Readings]) -> Readings:
     """Several sets of readings as one, in order; their names must differ.
 
