@@ -7,16 +7,17 @@ import struct
 import subprocess
 import sys
 import zlib
+from itertools import pairwise
 
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.io import load_record, read_image, read_marks, read_prior, read_rig, read_scene
+from tanteo.io import load_record, read_camera, read_image, read_marks, read_prior, read_rig, read_scene
 from tanteo.whole import DOCUMENT, read_whole
 
 READERS = {
     "rig.toml": read_rig, "scene.toml": read_scene, "prior.toml": read_prior, "marks.csv": read_marks,
-    "image.png": read_image, "session.json": load_record,
+    "image.png": read_image, "session.json": load_record, "camera.yaml": read_camera,
 }  # fmt: skip
 
 
@@ -71,6 +72,17 @@ def test_nested_records_are_refused(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InputError, match=r"session\.json"):
         load_record(path)
+
+
+def test_references_that_grow_are_refused(tmp_path):
+    pytest.importorskip("yaml", reason="the extra tanteo[vision] is not installed")
+    path, rows = tmp_path / "camera.yaml", ["a: &a [x, x, x, x, x, x, x, x, x]"]
+    rows += [f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]" for a, b in pairwise("abcdefghij")]
+    path.write_text("\n".join([*rows, "model: *j"]))
+    with pytest.raises(InputError, match="references"):
+        read_camera(path)
+    path.write_text("size: &k [640, 480]\nimage_size: *k\nK: [800, 0, 320, 0, 800, 240, 0, 0, 1]\nD: [0, 0, 0, 0, 0]\n")
+    assert read_camera(path).size == (640, 480)
 
 
 def png(width, height, rows=0):

@@ -22,12 +22,18 @@ from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision import DISTORTION_COUNTS, USUAL_EDGE_SD, Camera, rigid
+from tanteo.whole import read_whole
 
 _FISHEYE = re.compile(r"fisheye|equidistant|kannala|\bomni|\bmei\b|\beucm\b|\bds\b|\bunified\b|\bfov\b")
 _RECTIFY = "Undistort the image first, and read it with the projection matrix of that (--rectified)."
 _MODELS = ("plumbbob", "rationalpolynomial", "radtan", "radialtangential", "opencv", "brown", "none", "pinhole", "")
 _MOST_SKEW = 1.0
 """By how much a skew may move what is at the rim of the image [px]."""
+_MOST_BYTES = 2_000_000
+"""Of a calibration file, with all points of all its images; YAML takes seconds for so many."""
+
+_ALIAS, _MOST_ALIASES = re.compile(r"(?:^|[\s\[,:])\*\w", re.MULTILINE), 20
+"""References of YAML, and how many there may be: references to references grow without end."""
 _EDGE, _MATRIX = "edge_sd_px", ("cameraMatrix", "mtx", "K", "k", "M1", "intrinsic_matrix", "camera_intrinsic")
 _OF_RECTIFIED = ("projection_matrix", "rectification_matrix")
 
@@ -173,12 +179,9 @@ def read_camera(path: str | Path, *, rectified: bool = False, shape: tuple[int, 
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{path}: expected a calibration file, got: {why}. Check the path.") from None
-    try:
-        parsed = _parse(text, path)
+        parsed = _parse(read_whole(path, "a calibration file", _MOST_BYTES).decode(), path)
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected a calibration file, got: {error}. Save it as UTF-8.") from None
     except RecursionError:
         raise InputError(
             f"{path}: expected keys and values, got a thousand levels of them. Correct the file."
@@ -223,6 +226,10 @@ def _parse(text: str, path: Path) -> Mapping[str, Any]:
             raise InputError(f"{path}: expected JSON, got: {error}. Correct the file.") from None
     else:
         yaml = _yaml()
+        if len(_ALIAS.findall(text)) > _MOST_ALIASES:
+            raise InputError(
+                f"{path}: expected YAML, got more than {_MOST_ALIASES} references (*name). Write them out."
+            )
         # OpenCV writes a directive that YAML does not know
         lines = [line for line in text.splitlines() if not line.startswith(("%YAML", "---"))]
         try:
