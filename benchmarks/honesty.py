@@ -113,7 +113,7 @@ def outlier(name, s, seed, k, rate=RATE):
     return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
 
 
-def strays(name, s, seed, k, rate=RATE):
+def several(name, s, seed, k, rate=RATE):
     """Three readings of thirty are anywhere, by some centimetres."""
     own, T, points, rng = _begun(name, s, seed, k, readings=30)
     places = points.points.copy()
@@ -187,7 +187,7 @@ ROWS = {
 
 BY_RATE = {
     f"{what}, outlier rate {rate:g}": (partial(scene_of, rate=rate), "")
-    for what, scene_of in (("in no file", absent), ("one reading 5 mm off", outlier), ("three strays of 30", strays))
+    for what, scene_of in (("in no file", absent), ("one reading 5 mm off", outlier), ("three outliers of 30", several))
     for rate in (0.01, 0.003, 0.001)
 }
 
