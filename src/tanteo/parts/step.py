@@ -13,10 +13,11 @@ from OCP.Standard import Standard_Failure
 
 from tanteo.errors import PartError
 from tanteo.parts.brep import brep_faces, diagonal_of, healed, read_shape, solids_of
+from tanteo.parts.cuts import wound_alike
 from tanteo.parts.planes import face_normals
 from tanteo.parts.repair import merge_vertices
 from tanteo.parts.surfaces import Kinds, merge_faces, surface_offsets
-from tanteo.parts.topology import Draft, edge_counts, volume_and_centroid, wound_alike
+from tanteo.parts.topology import Draft, edge_counts, volume_and_centroid
 from tanteo.typing import FloatArray, IntArray
 
 LINEAR_DEFLECTION = 3e-4
