@@ -102,12 +102,12 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
         from tanteo.parts.mesh_faces import sort_faces  # the same
         from tanteo.parts.repair import sound_mesh
 
-        vertices, triangles, own = load_mesh(file, unit, label)
+        vertices, triangles, own, notes = load_mesh(file, unit, label)
         stated = unit is None or own != unit_name(unit)
         if len(triangles):
             check_size(_diagonal(vertices[triangles.reshape(-1)]) * METRES[own], own, label, stated=stated)
         points, faces, repairs = sound_mesh(vertices, triangles, label)
-        draft = sort_faces(points * METRES[own], faces)
+        draft, repairs = sort_faces(points * METRES[own], faces), notes + repairs
     check_size(_diagonal(draft.vertices), own, label, stated=stated)
     return build_part(draft, name=name or file.stem, source=os.fspath(path), unit=own, repairs=tuple(repairs))
 
