@@ -57,12 +57,14 @@ def test_a_part_of_eighty_metres_is_asked_about(tmp_path, solids, unit, hint):
         read_part(solids.write_stl(tmp_path / "q.stl", *solids.box()), unit="um")
 
 
-@pytest.mark.parametrize("unit", [None, "mm"])
-def test_a_file_that_states_its_unit_is_told_to_state_another(tmp_path, solids, unit):
+def test_a_file_that_states_a_wrong_unit_can_be_overridden(tmp_path, solids):
     path = tmp_path / "p.glb"
     as_trimesh(solids.box()).export(path)
-    with pytest.raises(PartError, match=r"too large\. The unit is the file's own: export the part again, in mm"):
-        read_part(path, unit=unit)
+    with pytest.raises(PartError, match=r"too large\. The unit is the file's own. If it is wrong, pass unit='mm'"):
+        read_part(path)
+    part = read_part(path, unit="mm")
+    np.testing.assert_allclose(part.box[1], [0.08, 0.06, 0.05], atol=1e-8)
+    assert part.repairs == ("Read in mm as asked: the file itself says m.",)
 
 
 def test_off_with_comments_and_polygons(tmp_path):

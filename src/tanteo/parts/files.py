@@ -64,7 +64,7 @@ def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
     size = "too large" if diagonal > LARGEST_DIAGONAL else "too small"
     hint = f"Did you mean {' or '.join(f'unit={name!r}' for name in plausible)}?" if plausible else "Check it."
     if stated and plausible:
-        hint = f"The unit is the file's own: export the part again, in {' or '.join(plausible)}."
+        hint = f"The unit is the file's own. If it is wrong, pass {' or '.join(f'unit={n!r}' for n in plausible)}."
     raise PartError(
         f"{label}: expected a part of {SMALLEST_DIAGONAL * 1e3:g} mm to {LARGEST_DIAGONAL:g} m, got a diagonal of "
         f"{diagonal:.4g} m in unit {unit!r}, which is {size}. {hint}"
@@ -75,6 +75,11 @@ UNITLESS = (".stl", ".obj", ".ply", ".off")
 """Mesh formats that carry no unit."""
 
 MESH_SUFFIXES = (*UNITLESS, ".glb", ".3mf")
+
+STEP_SUFFIXES = (".step", ".stp")
+
+KERNEL_SUFFIXES = (*STEP_SUFFIXES, ".igs", ".iges")
+"""Formats that the CAD kernel reads."""
 
 
 def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, IntArray, str, list[str]]:

@@ -89,7 +89,7 @@ def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: lis
 def _wound(points: FloatArray, faces: IntArray, repairs: list[str], diagonal: float) -> tuple[FloatArray, IntArray]:
     """Turn the surface outward, unite its bodies, and say where its sides are not known or it crosses itself."""
     if open_edges(faces):
-        points, faces, said = with_sides(points, faces)
+        points, faces, _, said = with_sides(points, faces)
     else:
         alike = "Made the winding of the triangles consistent." not in repairs
         total = volume_and_centroid(points, faces)[0]

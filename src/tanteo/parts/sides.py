@@ -119,14 +119,14 @@ def _boxes_meet(points: FloatArray, shells: list[IntArray]) -> bool:
     return False
 
 
-def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, list[str]]:
+def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, IntArray, list[str]]:
     """Turn the front of an open surface outside, or give it two fronts where that is not known.
 
     What is just in front of a surface that nearly closes has the winding number 0 if that is outside, and -1 if it is
     inside (Jacobson and others, 2013); of a flat sheet it is -1/2, and nothing is known.
 
     Returns:
-        Vertices, triangles, and sentences about them.
+        Vertices; triangles, of which the last ones are those that were doubled, by their numbers; and sentences.
     """
     labels = bodies(faces)
     normals, areas = triangle_geometry(points, faces)
@@ -153,7 +153,7 @@ def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
         said.append(f"Which side of {share:.3g} % of it is outside is not known: that part counts on both sides.")
     else:
         said.append("Its outside was found by winding numbers.")
-    return points, faces, said
+    return points, faces, np.flatnonzero(unknown[labels]), said
 
 
 def _open_pieces(faces: IntArray, labels: IntArray) -> BoolArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -131,3 +131,13 @@ class Draft:
     triangle_face: IntArray
     kinds: tuple[tuple[SurfaceKind, dict[str, Any]], ...]
     round_edges: IntArray | None
+
+
+def scaled(draft: Draft, factor: float) -> Draft:
+    """The same in another unit of length."""
+    lengths = ("axis_point", "radius", "minor_radius")
+    kinds = tuple(
+        (kind, {name: value * factor if name in lengths else value for name, value in fields.items()})
+        for kind, fields in draft.kinds
+    )
+    return replace(draft, vertices=draft.vertices * factor, kinds=kinds)
