@@ -295,7 +295,7 @@ CALLS = [
         "two missing parts",
         ["identify", "r.csv", "--sd", "1mm", "--parts", "a", "b"],
         FAILED,
-        "a: expected a file or a folder, got nothing there.",
+        "a: expected a file, got nothing there.",
     ),
     ("locate a folder", ["locate", "r.csv", "--sd", "1mm", "--part", "parts"], FAILED, "expected one CAD file"),
     ("locate nothing", ["locate", "r.csv"], MISUSED, "--part"),

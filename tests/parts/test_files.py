@@ -98,7 +98,7 @@ def test_files_that_are_not_what_they_say_are_refused(tmp_path, suffix, content)
 
 
 def test_what_is_no_readable_file_is_refused(tmp_path):
-    with pytest.raises(PartError, match="got nothing at"):
+    with pytest.raises(PartError, match="got nothing there"):
         read_part(tmp_path / "missing.stl", unit="mm")
     (tmp_path / "part.sldprt").write_text("x")
     with pytest.raises(PartError, match=r"expected one of \.step.*got '\.sldprt'"):

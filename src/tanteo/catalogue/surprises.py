@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -22,10 +23,10 @@ def cad_files(paths: Iterable[str | Path]) -> list[Path]:
 def skipped_folders(paths: Iterable[str | Path]) -> list[str]:
     """A sentence for each folder in the folders that holds CAD files, which are not read unless it is named, too."""
     paths = list(paths)
-    named = {Path(path).resolve() for path in paths}
+    named = {os.path.realpath(path) for path in paths}
     said = []
     for folder in (f for path in paths for f in _inside(path)):
-        if folder.resolve() not in named and (count := len(cad_files([folder]))):
+        if os.path.realpath(folder) not in named and (count := len(cad_files([folder]))):
             files = "1 CAD file in it is" if count == 1 else f"{count} CAD files in it are"
             said.append(f"{folder}: {files} not read, as folders in a folder are not looked into. Name it, too.")
     return said

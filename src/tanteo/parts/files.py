@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -34,6 +35,9 @@ _SPELLINGS: dict[str, str] = {
 
 SMALLEST_DIAGONAL = 5e-4
 """Bounding-box diagonal below which a part was probably read in too small a unit [m]."""
+
+LARGEST_FILE = 1_000_000_000
+"""Bytes of a file that is read."""
 
 LARGEST_DIAGONAL = 50.0
 """Bounding-box diagonal above which a part was probably read in too large a unit [m]."""
@@ -69,6 +73,22 @@ def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
         f"{label}: expected a part of {SMALLEST_DIAGONAL * 1e3:g} mm to {LARGEST_DIAGONAL:g} m, got a diagonal of "
         f"{diagonal:.4g} m in unit {unit!r}, which is {size}. {hint}"
     )
+
+
+def check_file(file: Path, label: str) -> None:
+    """Refuse what is no file: a link that leads nowhere or in a circle, a folder, a device, a pipe, or nothing.
+
+    Raises:
+        PartError: it is none.
+    """
+    if file.is_file():
+        return
+    got, advice = "nothing there", "Check the path"
+    if os.path.exists(file):
+        got, advice = "a folder" if file.is_dir() else "a device or a pipe", "Name a file"
+    elif os.path.islink(file):
+        got, advice = "a link that leads nowhere", "Mend it, or name another"
+    raise PartError(f"{label}: expected a file, got {got}. {advice}.")
 
 
 UNITLESS = (".stl", ".obj", ".ply", ".off")
@@ -112,6 +132,10 @@ def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, Int
 
 def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
     """Read STL, text or binary; bytes behind the last triangle of a binary one are left unread."""
+    with path.open("rb") as stream:
+        head = stream.read(84)
+    if len(head) == 84 and head[80:] == b"\0\0\0\0":
+        raise PartError(f"{label}: expected triangles, got an STL file that says it has none. Export it again.")
     found = _read_with_trimesh(path, label)
     if len(found[1]):
         return found

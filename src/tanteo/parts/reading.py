@@ -10,7 +10,17 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError, PartError
-from tanteo.parts.files import KERNEL_SUFFIXES, MESH_SUFFIXES, METRES, UNITLESS, check_size, load_mesh, unit_name
+from tanteo.parts.files import (
+    KERNEL_SUFFIXES,
+    LARGEST_FILE,
+    MESH_SUFFIXES,
+    METRES,
+    UNITLESS,
+    check_file,
+    check_size,
+    load_mesh,
+    unit_name,
+)
 from tanteo.parts.part import Part
 from tanteo.parts.topology import Draft, scaled
 
@@ -83,8 +93,7 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     label = file.name
     if unit is not None:
         unit_name(unit)
-    if not file.is_file():
-        raise PartError(f"{label}: expected a file, got nothing at {str(file)!r}. Check the path.")
+    check_file(file, label)
     suffix = file.suffix.lower()
     if suffix not in READABLE:
         raise PartError(f"{label}: expected one of {', '.join(READABLE)}, got {suffix!r}. Export it as STEP.")
@@ -136,12 +145,16 @@ def _check_content(file: Path, label: str) -> None:
     """Refuse what may not be read, or holds nothing."""
     try:
         with file.open("rb") as stream:
-            first = stream.read(1)
+            first, size = stream.read(1), os.fstat(stream.fileno()).st_size
     except OSError as error:
         why = error.strerror or error
         raise PartError(f"{label}: expected a file that may be read, got: {why}. Check its permissions.") from None
     if not first:
         raise PartError(f"{label}: expected a CAD file, got an empty one. Export the part again.")
+    if size > LARGEST_FILE:
+        raise PartError(
+            f"{label}: expected a file of up to {LARGEST_FILE / 1e9:g} GB, got {size / 1e9:.3g} GB. Simplify the part."
+        )
 
 
 def _diagonal(points: np.typing.NDArray[np.float64]) -> float:
