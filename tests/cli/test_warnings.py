@@ -50,12 +50,16 @@ def test_a_folder_within_the_folder(run, parts, touches):
     assert "2 CAD files in it are not read" in err
 
 
-def test_a_unit_that_was_not_used(run, touches):
+def test_a_unit_instead_of_that_of_the_file(run, touches, parts):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     part = EXAMPLES / "parts" / "wedge.step"
-    (warning,) = told(run, "locate", touches, "--part", part, "--units", "in")
-    assert warning == "--units in was not used: the file says itself that it is in mm."
+    (warning, *_) = told(run, "locate", touches, "--part", part, "--units", "in")
+    assert warning.startswith(f"{part}: Read in in as asked: the file itself says mm.")
     assert told(run, "locate", touches, "--part", part, "--units", "millimetres") == []
+    step = parts / "x.step"
+    step.write_bytes(part.read_bytes())
+    (warning, *_) = told(run, "identify", touches, "--parts", parts, "--units", "in")
+    assert warning == f"--units in is of the files that say no unit; others are as they say: {step} in mm."
 
 
 def test_a_command_does_not_tell_the_warnings_of_the_one_before(run, parts, touches):

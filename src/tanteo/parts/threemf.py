@@ -24,7 +24,7 @@ UNITS = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "
 _READ = ("/production/", "/material/", "/trianglesets/", "/core/")
 """Namespaces of extensions that are read, or change no surface."""
 
-_DEEPEST, _MOST_COPIES = 32, 20_000
+_DEEPEST, _MOST_COPIES, _MOST_TRIANGLES = 32, 20_000, 5_000_000
 
 
 @dataclass(slots=True)
@@ -71,7 +71,7 @@ class _Package:
     def __init__(self, archive: Archive, label: str) -> None:
         self._archive, self._label = archive, label
         self._models: dict[str, _Model] = {}
-        self._copies = 0
+        self._copies = self._copied = 0
 
     def built(self) -> tuple[FloatArray, IntArray, str, list[str]]:
         root = self._root()
@@ -109,6 +109,11 @@ class _Package:
         found = self._object(path, index)
         metres = _metres(self._models[path].unit)
         if found.vertices is not None and found.triangles is not None and len(found.triangles):
+            self._copied += len(found.triangles)
+            if self._copied > _MOST_TRIANGLES:
+                raise PartError(
+                    f"{self._label}: expected up to {_MOST_TRIANGLES} triangles, got more. Simplify the part."
+                )
             turned = found.triangles[:, ::-1] if np.linalg.det(T[:3, :3]) < 0.0 else found.triangles
             yield (found.vertices @ T[:3, :3] + T[3, :3]) * metres, turned
         for other, inner, placed in found.components:
