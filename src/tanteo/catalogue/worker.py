@@ -52,7 +52,7 @@ def attempt(read: Callable[..., Part], path: str, unit: str | None, name: str, m
         return str(error)
     except MemoryError:
         size = f"{memory / 1e9:.3g} GB of memory" if memory else "the memory that there is"
-        return f"{label}: expected a file that is read with {size}, got one that needs more. Simplify the part."
+        return f"{label}: expected to be read with {size}, needs more. Simplify the part."
     except Exception as error:  # noqa: BLE001 - see above
         what = f"{type(error).__name__}: {error}".splitlines()[0][:200]
         return f"{label}: expected a file that can be read, but its reader fails ({what}). Export it again."
