@@ -98,7 +98,7 @@ def test_an_open_box_has_its_outside_from_winding_numbers(solids, read_mesh, wou
     assert outward(part).all()
     assert int(mesh_edges(part.triangles).rims.sum()) == 4
     np.testing.assert_array_equal(np.diff(part.planes.boundary_start), 4)
-    assert part.repairs[0].startswith("The surface is open: 4 edges have one triangle")
+    assert part.repairs[0].startswith("The surface is open: it ends at 4 edges")
 
 
 def test_a_sheet_counts_on_both_sides(solids, read_mesh):

@@ -143,7 +143,7 @@ def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
     unknown = (front >= OUTSIDE) & (front <= WITHIN)
     share = 100.0 * float(areas[open_[labels]].sum() / areas.sum())
     rims = mesh_edges(faces).rims.sum()
-    said = [f"The surface is open: {rims} edges have one triangle ({share:.3g} % of the area does not close)."]
+    said = [f"The surface is open: it ends at {rims} edges ({share:.3g} % of the area is of pieces that do not close)."]
     if unknown.any():
         twice = faces[unknown[labels]]
         used, corners = np.unique(twice, return_inverse=True)

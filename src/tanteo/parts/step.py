@@ -60,7 +60,10 @@ def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
     if sheets:
         mesh, said = surface_mesh(compound(sheets), diagonal, label)
         meshes.append(mesh)
-        repairs += [f"Its {len(sheets)} faces enclose nothing.", *said]
+        repairs += [
+            "Its only face encloses nothing." if len(sheets) == 1 else f"Its {len(sheets)} faces enclose nothing.",
+            *said,
+        ]
     if given:
         meshes, said = _beside(meshes, given, label)
         repairs += said
