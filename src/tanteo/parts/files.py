@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -162,6 +163,7 @@ def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tup
     with reader_of_others(path, label):
         import trimesh  # slow to import
 
+        logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it raises, with tracebacks
         scene = trimesh.load_scene(source, file_type=path.suffix[1:].lower(), process=False)
         mesh = scene.to_mesh()
         vertices = np.asarray(getattr(mesh, "vertices", np.zeros((0, 3))), dtype=np.float64).reshape(-1, 3)

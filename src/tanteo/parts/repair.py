@@ -30,8 +30,9 @@ def sound_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[F
         PartError: empty, not finite, or without area.
     """
     if not len(triangles):
+        got = f"{len(vertices):,} points alone" if len(vertices) else "an empty mesh"
         raise PartError(
-            f"{label}: expected triangles, got an empty mesh. Is the file a mesh? Export the part again as a solid."
+            f"{label}: expected triangles, got {got}. Is the file a mesh? Export the part again as a solid."
         )
     used = vertices[np.unique(triangles)]
     if not np.isfinite(used).all():

@@ -17,6 +17,7 @@ import numpy as np
 
 from tanteo.errors import PartError
 from tanteo.parts.archives import Archive
+from tanteo.parts.files import METRES, reader_of_others
 from tanteo.typing import FloatArray, IntArray
 
 UNITS = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft", "meter": "m"}
@@ -55,14 +56,8 @@ def read_3mf(path: Path, label: str) -> tuple[FloatArray, IntArray, str, list[st
     Raises:
         PartError: it is damaged, is not what the specification says, or needs an extension that is not read.
     """
-    try:
-        with zipfile.ZipFile(path) as file:
-            package = _Package(Archive(file, path.stat().st_size, label), label)
-            return package.built()
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError) as error:
-        raise PartError(
-            f"{label}: expected a 3MF file (a zip archive), got another or a damaged one ({error})."
-        ) from None
+    with reader_of_others(path, label), zipfile.ZipFile(path) as file:
+        return _Package(Archive(file, path.stat().st_size, label), label).built()
 
 
 class _Package:
@@ -93,7 +88,7 @@ class _Package:
             return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), model.unit, notes
         starts = np.cumsum([0] + [len(vertices) for vertices, _ in pieces])[:-1]
         triangles = np.concatenate([t + start for (_, t), start in zip(pieces, starts, strict=True)])
-        return np.concatenate([v for v, _ in pieces]) / _metres(model.unit), triangles, model.unit, notes
+        return np.concatenate([v for v, _ in pieces]) / METRES[model.unit], triangles, model.unit, notes
 
     def _meshes(
         self, path: str, index: str, T: FloatArray, above: tuple[tuple[str, str], ...]
@@ -107,7 +102,7 @@ class _Package:
                 f"{self._label}: expected up to {_MOST_COPIES} copies of objects, got more. Export one part."
             )
         found = self._object(path, index)
-        metres = _metres(self._models[path].unit)
+        metres = METRES[self._models[path].unit]
         if found.vertices is not None and found.triangles is not None and len(found.triangles):
             self._copied += len(found.triangles)
             if self._copied > _MOST_TRIANGLES:
@@ -148,12 +143,6 @@ class _Package:
 
 def _plain(path: str) -> str:
     return posixpath.normpath(path).lstrip("/")
-
-
-def _metres(unit: str) -> float:
-    from tanteo.parts.files import METRES
-
-    return METRES[unit]
 
 
 def _tree(data: bytes, label: str) -> Any:
