@@ -17,7 +17,7 @@ from tanteo.parts import READABLE, UNITLESS, Part, check_file, read_part, unit_n
 TIME_LIMIT = 120.0
 """Seconds that one file may take."""
 
-FEW_MESHES, SMALL_FILE = 16, 2_000_000
+FEW_MESHES, SMALL_FILE = 16, 300_000
 """Up to this many mesh files of up to this many bytes are read in this process."""
 
 

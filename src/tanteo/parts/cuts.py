@@ -11,6 +11,9 @@ import numpy as np
 from tanteo.parts.topology import components, directed_edges, edge_counts
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
+_MANY = 32
+"""Triangles at one edge of which each is paired with its neighbour, and no more thought is given to them."""
+
 
 def crowded_edges(triangles: IntArray) -> int:
     """Count the edges that three or more triangles share."""
@@ -78,6 +81,8 @@ def _around(vertices: FloatArray, triangles: IntArray, mine: IntArray, forward: 
         # Counter-clockwise about the edge, material begins at a triangle that runs back and ends at one ahead.
         opens = [not bool(forward[k]) for k in ranks]
         return [(int(mine[ranks[i]]), int(mine[ranks[j]])) for i, j in _brackets(opens)]
+    if len(mine) > _MANY:
+        return [(int(mine[a]), int(mine[b])) for a, b in zip(ranks[::2], ranks[1::2], strict=False)]
     found: list[tuple[int, int]] = []
     left = list(range(len(mine)))
     while True:

@@ -14,6 +14,10 @@ _PASSES = 8
 """Times that triangles are split, each at one of their sides at most."""
 
 
+_MOST_OPEN = 20_000
+"""Open edges of a mesh that is looked at: one with more is a heap of triangles."""
+
+
 def open_edges(triangles: IntArray) -> int:
     """Count the edges that an odd number of triangles share."""
     _, ahead, back = edge_counts(triangles)
@@ -53,7 +57,7 @@ def _on_sides(points: FloatArray, edges: IntArray, distance: float) -> dict[tupl
     """A vertex of other open edges that lies on an open edge, for each that has one."""
     from scipy.spatial import cKDTree  # slow to import, and seldom needed
 
-    if not len(edges):
+    if not 0 < len(edges) <= _MOST_OPEN:
         return {}
     rim = np.unique(edges)
     tree = cKDTree(points[rim])
@@ -101,17 +105,14 @@ def fill_holes(points: FloatArray, faces: IntArray, diagonal: float) -> tuple[Fl
     loops = [loop for loop in _rims(faces) if _length(points[loop]) < SMALL_HOLE * diagonal]
     if not loops:
         return points, faces, []
-    widest = 0.0
-    for loop in loops:
-        ring = points[loop]
-        widest = max(widest, float(2.0 * np.linalg.norm(ring - ring.mean(axis=0), axis=1).max()))
-        if len(loop) > 3:
-            points = np.vstack([points, ring.mean(axis=0)])
-            ends = np.roll(loop, -1)
-            fan = np.stack([ends, loop, np.full(len(loop), len(points) - 1)], axis=1)
-        else:
-            fan = loop[None, ::-1]
-        faces = np.vstack([faces, fan])
+    widest, middles, fans = 0.0, [points], [faces]
+    for k, loop in enumerate(loops):
+        middle = points[loop].mean(axis=0)
+        widest = max(widest, float(2.0 * np.linalg.norm(points[loop] - middle, axis=1).max()))
+        middles.append(middle[None])
+        fan = np.stack([np.roll(loop, -1), loop, np.full(len(loop), len(points) + k)], axis=1)
+        fans.append(fan if len(loop) > 3 else loop[None, ::-1])
+    points, faces = np.concatenate(middles), np.concatenate(fans)
     holes = "1 small hole" if len(loops) == 1 else f"{len(loops)} small holes"
     return points, faces, [f"Filled {holes}, up to {100.0 * widest / diagonal:.2g} % of the size wide."]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.parts.topology import components, mesh_edges, triangle_geometry, volume_and_centroid
+from tanteo.parts.topology import components, mesh_edges, triangle_geometry
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 LOOSE = 1e-3
@@ -59,17 +59,23 @@ def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
         as_wound: the file's own winding is consistent: only bodies are turned that it has inside out.
     """
     labels = bodies(faces)
-    shells = [faces[labels == label] for label in range(labels.max() + 1)]
-    inverted = [volume_and_centroid(points, shell)[0] < 0.0 for shell in shells]
-    result = faces.copy()
-    for label, shell in enumerate(shells):
-        if as_wound and not inverted[label]:
-            continue
-        around = [other for k, other in enumerate(shells) if k != label]
-        inside = sum(int(abs(_winding(points, other, points[shell[0, :1]])[0]) > 0.5) for other in around)
-        if inverted[label] != (inside % 2 == 1):
-            result[labels == label] = shell[:, ::-1]
-    return result
+    normals, areas = triangle_geometry(points, faces)
+    inverted = _volumes(points, faces, labels) < 0.0
+    if as_wound and not inverted.any():
+        return faces
+    turned = np.where(inverted[labels][:, None], faces[:, ::-1], faces)
+    # Just outside of each body, the winding number counts the other ones that surround it.
+    largest = np.lexsort((-areas, labels))[np.searchsorted(np.sort(labels), np.arange(len(inverted)))]
+    away = np.where(inverted[:, None], -1.0, 1.0) * normals[largest] * 1e-3 * np.sqrt(areas[largest])[:, None]
+    around = np.rint(_winding(points, turned, points[faces[largest]].mean(axis=1) + away)).astype(np.int64)
+    inward = (around % 2 == 1) & (inverted | (not as_wound))
+    return np.where(inward[labels][:, None], turned[:, ::-1], turned)
+
+
+def _volumes(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
+    """What each closed body encloses, negative if it is inside out."""
+    a, b, c = (points[faces[:, k]] - points.mean(axis=0) for k in range(3))
+    return np.asarray(np.bincount(labels, np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0))
 
 
 def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, list[str]]:
@@ -81,8 +87,11 @@ def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, l
     labels = bodies(faces)
     if labels.max() == 0:
         return points, faces, []
-    shells = [faces[labels == label] for label in range(labels.max() + 1)]
-    if not _boxes_meet(points, shells) or min(volume_and_centroid(points, shell)[0] for shell in shells) <= 0.0:
+    if _volumes(points, faces, labels).min() <= 0.0:
+        return points, faces, []
+    order = np.argsort(labels, kind="stable")
+    shells = np.split(faces[order], np.cumsum(np.bincount(labels))[:-1])
+    if not _boxes_meet(points, shells):
         return points, faces, []
     import manifold3d  # slow to import, and seldom needed
 
