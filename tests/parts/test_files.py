@@ -177,6 +177,23 @@ def test_separate_closed_bodies_are_one_part(tmp_path, solids):
     assert (len(part.planes), len(part.edges), len(part.corners)) == (12, 24, 16)
 
 
+@pytest.mark.parametrize("kind", ["stl_ascii", "ply", "off"])
+def test_texts_of_an_old_mac_are_read(tmp_path, solids, kind):
+    mesh = as_trimesh(solids.box())
+    text = trimesh.exchange.ply.export_ply(mesh, encoding="ascii") if kind == "ply" else mesh.export(file_type=kind)
+    path = tmp_path / f"part.{kind[:3]}"
+    path.write_bytes((text if isinstance(text, bytes) else text.encode()).replace(b"\n", b"\r"))
+    assert len(read_part(path, unit="mm").planes) == 6
+
+
+def test_off_files_with_colours_are_read(tmp_path):
+    corners = [(x, y, z) for x in (0, 60) for y in (0, 40) for z in (0, 20)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    rows = [f"{x} {y} {z} 255 0 0 255" for x, y, z in corners] + ["4 {} {} {} {}".format(*f) for f in faces]
+    (tmp_path / "part.off").write_text("COFF\n8 6 0\n" + "\n".join(rows))
+    assert len(read_part(tmp_path / "part.off", unit="mm").planes) == 6
+
+
 def test_a_binary_stl_that_breaks_off_is_said_to(tmp_path, solids):
     path = tmp_path / "cut.stl"
     whole = as_trimesh(solids.box()).export(file_type="stl")

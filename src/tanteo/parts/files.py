@@ -159,6 +159,7 @@ def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
 
 def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tuple[FloatArray, IntArray]:
     """Read what trimesh reads; ``data`` instead of the file's own bytes."""
+    data = _old_text(path) if data is None else data
     source = str(path) if data is None else BytesIO(data)
     with reader_of_others(path, label):
         import trimesh  # slow to import
@@ -171,6 +172,15 @@ def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tup
     if len(triangles) and (triangles.min() < 0 or triangles.max() >= len(vertices)):
         raise PartError(f"{label}: expected corner indices below {len(vertices)}, got others. Export it again.")
     return vertices, triangles
+
+
+def _old_text(path: Path) -> bytes | None:
+    """A text whose lines end as on an old Mac, with newlines; None for any other file."""
+    with path.open("rb") as stream:
+        head = stream.read(4096)
+    if b"\r" not in head or b"\n" in head or b"\0" in head:
+        return None
+    return path.read_bytes().replace(b"\r", b"\n")
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,14 +13,14 @@ from tanteo.typing import FloatArray, IntArray
 
 
 def read_off(path: Path, label: str) -> tuple[FloatArray, IntArray]:
-    """Read OFF, with comments, and with colours behind the corners.
+    """Read OFF, with comments, and with colours, normals or textures behind coordinates (COFF, NOFF, STOFF).
 
     Raises:
         PartError: it breaks off, or holds something else.
     """
-    text = path.read_text(encoding="utf-8", errors="replace")
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
     lines = [words for line in text.splitlines() if (words := line.split("#", 1)[0].split())]
-    if not lines or lines[0][0].upper() != "OFF":
+    if not lines or not re.fullmatch("(ST)?C?N?OFF", lines[0][0].upper()):
         got = lines[0][0][:20] if lines else "an empty file"
         raise PartError(f"{label}: expected the word OFF at the start, got {got!r}. Export it as plain OFF.")
     lines = ([lines[0][1:]] if len(lines[0]) > 1 else []) + lines[1:]
@@ -50,7 +51,7 @@ def read_obj(path: Path, label: str) -> tuple[FloatArray, IntArray]:
     Raises:
         PartError: it holds no faces, indices of no vertices, or weights of rational surfaces.
     """
-    text = path.read_bytes().decode("utf-8", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
     rows: list[list[str]] = []
     rings: list[IntArray] = []
     other: set[str] = set()
