@@ -44,26 +44,22 @@ def bodies_of(shape: Any, label: str) -> tuple[list[Any], list[Any], list[str]]:
     Raises:
         PartError: there is no face.
     """
-    bodies, said = explore(shape, TopAbs_SOLID), []
     shells = [TopoDS.Shell(shell) for shell in explore(shape, TopAbs_SHELL, TopAbs_SOLID)]
     closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if BRep_Tool.IsClosed_s(shell)]
-    if closed:
-        said.append(
-            f"Made solids of {len(closed)} closed shells." if len(closed) > 1 else "Made a solid of a closed shell."
-        )
     loose = [face for shell in shells if not BRep_Tool.IsClosed_s(shell) for face in explore(shell, TopAbs_FACE)]
     loose += explore(shape, TopAbs_FACE, TopAbs_SHELL)
     sewn, rest = _sewn(loose, diagonal_of([shape])) if len(loose) > 1 else ([], loose)
+    bodies, said = [*explore(shape, TopAbs_SOLID), *closed, *sewn], []
+    if closed:
+        said.append("Made a solid of a closed shell." if len(closed) == 1 else f"Made solids of {len(closed)} shells.")
     if sewn:
         into = "a closed body" if len(sewn) == 1 else f"{len(sewn)} closed bodies"
         said.append(f"Sewed {len(loose) - len(rest)} faces to {into}.")
-    bodies = [*bodies, *closed, *sewn]
     if bodies and rest:
         said.append(f"Left out {_counted(rest)}, which enclose nothing beside the solids.")
-        rest = []
     if not bodies and not rest:
         raise PartError(f"{label}: expected a solid, got curves or points only. Export the part as a solid.")
-    return bodies, rest, said
+    return bodies, [] if bodies else rest, said
 
 
 def _sewn(faces: list[Any], diagonal: float) -> tuple[list[Any], list[Any]]:

@@ -138,31 +138,32 @@ def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
         Vertices; triangles, of which the last ones are those that were doubled, by their numbers; and sentences.
     """
     labels = bodies(faces)
+    _, areas = triangle_geometry(points, faces)
+    open_, front = _open_pieces(faces, labels), _in_front(points, faces, labels)
+    faces = np.where((open_ & (front > WITHIN))[labels][:, None], faces[:, ::-1], faces)
+    unknown = (open_ & (front >= OUTSIDE) & (front <= WITHIN))[labels]
+    rims, share = int(mesh_edges(faces).rims.sum()), 100.0 * float(areas[open_[labels]].sum() / areas.sum())
+    said = [f"The surface is open: it ends at {rims} edges ({share:.3g} % of the area is of pieces that do not close)."]
+    if not unknown.any():
+        return points, faces, np.flatnonzero(unknown), [*said, "Its outside was found by winding numbers."]
+    share = 100.0 * float(areas[unknown].sum() / areas.sum())
+    said.append(f"Which side of {share:.3g} % of it is outside is not known: that part counts on both sides.")
+    used, corners = np.unique(faces[unknown], return_inverse=True)
+    back = corners.reshape(-1, 3)[:, ::-1] + len(points)
+    return np.concatenate([points, points[used]]), np.concatenate([faces, back]), np.flatnonzero(unknown), said
+
+
+def _in_front(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
+    """Mean winding number, but for its sign, just in front of each piece of a mesh."""
     normals, areas = triangle_geometry(points, faces)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     rng = np.random.default_rng(0)
     some = np.arange(len(faces)) if len(faces) <= _PROBES else np.sort(rng.choice(len(faces), _PROBES, replace=False))
     places = points[faces[some]].mean(axis=1) + _LIFT * diagonal * normals[some]
-    total = np.bincount(labels[some], areas[some], labels.max() + 1)
-    numbers = _winding(points, faces, places)
-    mean = np.bincount(labels[some], areas[some] * numbers, labels.max() + 1) / np.maximum(total, 1e-300)
-    open_ = _open_pieces(faces, labels)
-    front = np.where(open_, -mean, 0.0)
-    faces = np.where((front > WITHIN)[labels][:, None], faces[:, ::-1], faces)
-    unknown = (front >= OUTSIDE) & (front <= WITHIN)
-    share = 100.0 * float(areas[open_[labels]].sum() / areas.sum())
-    rims = mesh_edges(faces).rims.sum()
-    said = [f"The surface is open: it ends at {rims} edges ({share:.3g} % of the area is of pieces that do not close)."]
-    if unknown.any():
-        twice = faces[unknown[labels]]
-        used, corners = np.unique(twice, return_inverse=True)
-        faces = np.concatenate([faces, corners.reshape(-1, 3)[:, ::-1] + len(points)])
-        points = np.concatenate([points, points[used]])
-        share = 100.0 * float(areas[unknown[labels]].sum() / areas.sum())
-        said.append(f"Which side of {share:.3g} % of it is outside is not known: that part counts on both sides.")
-    else:
-        said.append("Its outside was found by winding numbers.")
-    return points, faces, np.flatnonzero(unknown[labels]), said
+    count = int(labels.max()) + 1
+    total = np.bincount(labels[some], areas[some], count)
+    summed = np.bincount(labels[some], areas[some] * _winding(points, faces, places), count)
+    return np.asarray(-summed / np.maximum(total, 1e-300))
 
 
 def _open_pieces(faces: IntArray, labels: IntArray) -> BoolArray:
