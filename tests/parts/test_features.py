@@ -198,5 +198,5 @@ def test_a_real_bone_with_crowded_edges_is_closed():
     part = read_part(DATA / "field_cases" / "t01_pa4_bone_nonmanifold" / "bone.ply", unit="mm")
     fixed = read_part(DATA / "field_cases" / "t01_pa4_bone_nonmanifold" / "bone_fixed.ply", unit="mm")
     assert part.closed
-    assert part.area == pytest.approx(fixed.area, rel=1e-3)
-    assert part.volume == pytest.approx(fixed.volume, rel=1e-3)
+    assert part.area == pytest.approx(fixed.area, rel=5e-3)
+    assert part.volume == pytest.approx(fixed.volume, rel=5e-3)
