@@ -1,7 +1,9 @@
 """Reads every CAD file of the example and data folders and prints a table as markdown.
 
-``python benchmarks/reading.py [data folder]``. Times are those of one fresh call each: in this process, in one worker
-process per core, and from the cache (kept in a temporary folder).
+``python benchmarks/reading.py [data folder] [another folder]...``. Times are those of one fresh call each: in this
+process, in one worker process per core, and from the cache (kept in a temporary folder). Other folders are read too,
+each as one set, in millimetres where its files say no unit. Files that cannot be read are listed with the reason, and
+those whose surface is not just as they have it.
 """
 
 from __future__ import annotations
@@ -13,32 +15,40 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tanteo.catalogue import Parts, read_parts
+from tanteo.catalogue import Parts, cad_files, read_parts, repaired
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def sets(data: Path) -> dict[str, tuple[list[Path], str]]:
+def sets(data: Path, more: list[Path]) -> dict[str, tuple[list[Path], str | None]]:
     """Name, files or folders, and unit of the files that carry none."""
     meshes = [data / "bracket", data / "cmm_block", data / "fixture_touches"]
     found = {
-        "examples (STEP)": ([ROOT / "examples" / "parts"], "mm"),
-        "step_parts": ([data / "step_parts"], "mm"),
-        "step_nist": ([data / "step_nist"], "mm"),
-        "step_confusable": ([data / "step_confusable"], "mm"),
+        "examples (STEP)": ([ROOT / "examples" / "parts"], None),
+        "step_parts": ([data / "step_parts"], None),
+        "step_nist": ([data / "step_nist"], None),
+        "step_confusable": ([data / "step_confusable"], None),
         "bracket, block, fixture (STL)": (meshes, "mm"),
         "fingertip models (OFF)": ([data / "fingertip_touches" / "models"], "m"),
+        "field cases": (cad_files(sorted((data / "field_cases").glob("[0-9t]*"))), "mm"),
     }
-    return {name: given for name, given in found.items() if all(path.exists() for path in given[0])}
+    found.update({folder.name: ([folder], None if _states_units(folder) else "mm") for folder in more})
+    return {name: given for name, given in found.items() if given[0] and all(path.exists() for path in given[0])}
 
 
-def timed(paths: list[Path], unit: str, **rest: object) -> tuple[Parts, float]:
+def _states_units(folder: Path) -> bool:
+    return all(
+        file.suffix.lower() in (".step", ".stp", ".igs", ".iges", ".glb", ".3mf") for file in cad_files([folder])
+    )
+
+
+def timed(paths: list[Path], unit: str | None, **rest: object) -> tuple[Parts, float]:
     start = time.perf_counter()
     parts = read_parts(paths, unit=unit, **rest)  # type: ignore[arg-type]
     return parts, time.perf_counter() - start
 
 
-def row(name: str, paths: list[Path], unit: str) -> tuple[str, Parts]:
+def row(name: str, paths: list[Path], unit: str | None) -> tuple[str, Parts]:
     serial, alone = timed(paths, unit, workers=0, cache=False)
     parts, together = timed(paths, unit, cache=True)
     again, cached = timed(paths, unit, cache=True)
@@ -57,6 +67,7 @@ def row(name: str, paths: list[Path], unit: str) -> tuple[str, Parts]:
         sum(len(part.corners) for part in parts),
         sum(part.symmetry.order > 1 or part.symmetry.continuous for part in parts),
         sum(bool(part.repairs) for part in parts),
+        sum(not part.closed for part in parts),
         f"{alone:.2f}",
         f"{together:.2f}",
         f"{cached:.2f}",
@@ -64,23 +75,27 @@ def row(name: str, paths: list[Path], unit: str) -> tuple[str, Parts]:
     return "| " + " | ".join(map(str, cells)) + " |", parts
 
 
-def main(data: Path) -> None:
+def main(data: Path, *more: Path) -> None:
     read_parts([ROOT / "examples" / "parts" / "block.step"], workers=0, cache=False)  # Imports are not reading.
-    columns = "set, files, read, failed, planes, curved, of them free, edges, corners, symmetric, repaired"
+    columns = "set, files, read, refused, planes, curved, of them free, edges, corners, symmetric, repaired, open"
     columns += ", s in one process, s in workers, s from the cache"
     print("| " + " | ".join(columns.split(", ")) + " |")
     print("|" + " --- |" * len(columns.split(", ")))
-    failures = []
+    failures, odd = [], []
     with tempfile.TemporaryDirectory() as folder:
         os.environ["TANTEO_CACHE"] = folder
-        for name, (paths, unit) in sets(data).items():
+        for name, (paths, unit) in sets(data, list(more)).items():
             line, parts = row(name, paths, unit)
             failures += parts.failures
+            odd += list(repaired(parts))
             print(line, flush=True)
-    print("\nFailed:\n")
+    print("\nRefused:\n")
     for failure in failures:
         print(f"- {failure.reason}")
+    print("\nNot just as the file has it:\n")
+    for sentence in odd:
+        print(f"- {Path(sentence.split(': ', 1)[0]).name}: {sentence.split(': ', 1)[1]}")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT.parent / "shared" / "data")
+    main(*(map(Path, sys.argv[1:]) if len(sys.argv) > 1 else [ROOT.parent / "shared" / "data"]))

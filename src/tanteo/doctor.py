@@ -23,7 +23,19 @@ if TYPE_CHECKING:
     from tanteo.sensors import Readings
     from tanteo.typing import Transforms
 
-NEEDED = ("numpy", "scipy", "libigl", "embreex", "trimesh", "lxml", "networkx", "msgspec", "typer", "rich")
+NEEDED = (
+    "numpy",
+    "scipy",
+    "libigl",
+    "embreex",
+    "manifold3d",
+    "trimesh",
+    "lxml",
+    "networkx",
+    "msgspec",
+    "typer",
+    "rich",
+)
 """Distributions without which nothing works."""
 
 EXTRAS = {

@@ -40,7 +40,7 @@ class InputError(TanteoError, ValueError):
         ...     tanteo.read_part("no_such_file.step")
         ... except tanteo.InputError as error:
         ...     print(error)
-        no_such_file.step: expected a file, got nothing at 'no_such_file.step'. Check the path.
+        no_such_file.step: expected a file, got nothing there. Check the path.
     """
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -50,12 +51,16 @@ def test_a_folder_within_the_folder(run, parts, touches):
     assert "2 CAD files in it are not read" in err
 
 
-def test_a_unit_that_was_not_used(run, touches):
+def test_a_unit_instead_of_that_of_the_file(run, touches, parts):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     part = EXAMPLES / "parts" / "wedge.step"
-    (warning,) = told(run, "locate", touches, "--part", part, "--units", "in")
-    assert warning == "--units in was not used: the file says itself that it is in mm."
+    (warning, *_) = told(run, "locate", touches, "--part", part, "--units", "in")
+    assert warning.startswith(f"{part}: Read in in as asked: the file itself says mm.")
     assert told(run, "locate", touches, "--part", part, "--units", "millimetres") == []
+    step = parts / "x.step"
+    step.write_bytes(part.read_bytes())
+    (warning, *_) = told(run, "identify", touches, "--parts", parts, "--units", "in")
+    assert warning == f"--units in is of the files that say no unit; others are as they say: {step} in mm."
 
 
 def test_a_command_does_not_tell_the_warnings_of_the_one_before(run, parts, touches):
@@ -106,3 +111,23 @@ def test_a_folder_that_may_not_be_read(run, parts, touches, monkeypatch):
     code, out, err = run("identify", touches, "--parts", locked, "--units", "mm", "--report", parts / "r.html")
     assert (code, out) == (1, "")
     assert "expected a folder that may be read" in err
+
+
+def test_a_file_that_says_inches_and_holds_millimetres(run, tmp_path):
+    box = trimesh.creation.box((80, 60, 50))
+    rows = "".join('<vertex x="{}" y="{}" z="{}"/>'.format(*v) for v in box.vertices)
+    corners = "".join('<triangle v1="{}" v2="{}" v3="{}"/>'.format(*t) for t in box.faces)
+    path = tmp_path / "box.3mf"
+    with zipfile.ZipFile(path, "w") as file:
+        head = '<model unit="inch" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>'
+        mesh = f"<mesh><vertices>{rows}</vertices><triangles>{corners}</triangles></mesh>"
+        build = '</resources><build><item objectid="1"/></build></model>'
+        file.writestr("3D/3dmodel.model", f'{head}<object id="1">{mesh}</object>{build}')
+    points = box.sample(20, seed=1)
+    (tmp_path / "r.csv").write_text("x_mm,y_mm,z_mm\n" + "\n".join(",".join(f"{x:.3f}" for x in p) for p in points))
+    _, _, err = run("locate", tmp_path / "r.csv", "--sd", "0.1mm", "--part", path)
+    assert "did you mean --units mm" in err
+    code, out, err = run("locate", tmp_path / "r.csv", "--sd", "0.1mm", "--part", path, "--units", "mm")
+    assert code in (0, 3)
+    assert "box at x" in out
+    assert "Read in mm as asked: the file itself says in." in err

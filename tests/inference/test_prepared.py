@@ -75,7 +75,7 @@ def test_a_damaged_entry_is_made_again(content):
     entry.unlink()
     entry.write_bytes(right[:-64] if content is None else content)
     assert PreparedPart(flange()).shape.bytes() == right
-    assert entry.read_bytes() == right
+    assert entry.read_bytes()[:-8] == right  # and a checksum
 
 
 def test_a_part_that_is_not_of_the_cache_leaves_nothing_there(tmp_path):
@@ -120,7 +120,7 @@ def test_a_writer_that_is_killed_leaves_the_old_entry_or_new_one():
         writer.kill()
         writer.wait()
         writer.stdout.close()
-        assert entry_of(part).read_bytes() in (right, b"other" * 200_000)
+        assert entry_of(part).read_bytes()[:-8] in (right, b"other" * 200_000)
         assert PreparedPart(flange()).shape.bytes() == right
 
 

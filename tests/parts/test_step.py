@@ -29,7 +29,7 @@ from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.Interface import Interface_Static
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
-from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
@@ -180,9 +180,18 @@ def test_pieces_of_a_plane_become_one(tmp_path):
 @pytest.mark.parametrize(("unit", "name"), [("MM", "mm"), ("M", "m"), ("INCH", "in"), ("CM", "cm")])
 def test_the_unit_of_the_file_is_read_and_the_part_is_in_metres(tmp_path, unit, name):
     path = write(tmp_path / "box.step", BRepPrimAPI_MakeBox(80, 60, 50).Shape(), unit=unit)
-    part = read_part(path, unit="m")
+    part = read_part(path)
     assert part.unit == name
     np.testing.assert_allclose(part.box[1], [0.08, 0.06, 0.05], atol=1e-9)
+
+
+def test_another_unit_than_that_of_the_file_can_be_asked_for(tmp_path):
+    inches = write(tmp_path / "plate.step", plate(), unit="INCH")
+    part = read_part(inches, unit="mm")
+    assert part.unit == "mm"
+    np.testing.assert_allclose(np.ptp(part.box, axis=0), np.array([0.1, 0.06, 0.012]) / 25.4, rtol=1e-6)
+    assert sorted(face.radius for face in part.faces if face.radius) == pytest.approx([8e-3 / 25.4] * 2)
+    assert part.repairs == ("Read in mm as asked: the file itself says in.",)
 
 
 def test_a_solid_written_inside_out_is_turned(tmp_path):
@@ -200,11 +209,10 @@ def test_several_solids_are_one_part_even_where_they_touch(tmp_path):
     assert part.volume == pytest.approx((40 * 40 * 40 + 50 * 40 * 30) * 1e-9)
 
 
-def test_files_without_a_solid_are_refused(tmp_path):
+def test_files_without_a_face_are_refused(tmp_path):
     box = BRepPrimAPI_MakeBox(80, 60, 50).Shape()
-    face = TopExp_Explorer(box, TopAbs_FACE).Current()
-    with pytest.raises(PartError, match=r"sheet\.step: expected a solid, got 1 faces that enclose nothing"):
-        read_part(write(tmp_path / "sheet.step", face))
+    with pytest.raises(PartError, match=r"line\.step: expected a solid, got curves or points only"):
+        read_part(write(tmp_path / "line.step", TopExp_Explorer(box, TopAbs_EDGE).Current()))
     (tmp_path / "text.step").write_text("this is not STEP")
     with pytest.raises(PartError, match="without ISO-10303-21"):
         read_part(tmp_path / "text.step")
@@ -226,7 +234,7 @@ def test_a_file_that_contradicts_itself_is_refused(tmp_path):
 
 
 def test_without_the_kernel_the_pip_command_is_named(monkeypatch):
-    for module in ("tanteo.parts.step", "tanteo.parts.brep"):
+    for module in ("tanteo.parts.step", "tanteo.parts.exchange"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "OCP.STEPControl", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'tanteo\[step\]'"):

@@ -2,7 +2,7 @@
 
 from tanteo.catalogue.cache import cache_folder
 from tanteo.catalogue.reading import Failure, Parts, read_parts
-from tanteo.catalogue.surprises import cad_files, coarse_meshes, skipped_folders, unused_unit
+from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
 __all__ = [
     "Failure",
@@ -11,6 +11,7 @@ __all__ = [
     "cad_files",
     "coarse_meshes",
     "read_parts",
+    "repaired",
     "skipped_folders",
     "unused_unit",
 ]

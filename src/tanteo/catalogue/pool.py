@@ -2,8 +2,9 @@
 
 Each worker has a thread here that hands it one file at a time. A worker that dies or exceeds the time limit is
 replaced, and its file becomes a sentence. Workers are plain ``python -c`` processes and not ``multiprocessing``
-ones, so a script that calls this needs no ``if __name__ == "__main__"``. A request is one line of JSON; a reply is a
-letter (``P`` part, ``E`` error), eight bytes of length, and that many bytes.
+ones, so a script that calls this needs no ``if __name__ == "__main__"``. The first line to a worker says what it may
+use, each other one is a request, as JSON; a reply is a letter (``P`` part, ``E`` error), eight bytes of length, and
+that many bytes.
 """
 
 from __future__ import annotations
@@ -15,31 +16,16 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from tanteo.catalogue.archive import part_from_bytes, part_to_bytes
-from tanteo.errors import InputError, TanteoError
-from tanteo.parts import Part, read_part
+from tanteo.catalogue.archive import part_from_bytes
+from tanteo.catalogue.worker import memory_for
+from tanteo.errors import InputError
+from tanteo.parts import Part
 
-
-def main() -> None:
-    """Serve requests until standard input closes."""
-    # The kernel prints to standard output: give it standard error and keep the pipe for replies.
-    pipe = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    for line in sys.stdin.buffer:
-        request = json.loads(line)
-        try:
-            part = read_part(request["path"], unit=request["unit"], name=request["name"])
-            letter, reply = b"P", part_to_bytes(part)
-        except (TanteoError, RuntimeError, OSError, MemoryError) as error:
-            letter, reply = b"E", str(error).encode()
-        pipe.write(letter + len(reply).to_bytes(8, "big") + reply)
-        pipe.flush()
-
-
-_COMMAND = "from tanteo.catalogue.pool import main; main()"
+_COMMAND = "from tanteo.catalogue.worker import main; main()"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +44,7 @@ def read_in_processes(
     workers: int,
     time_limit: float,
     command: str = _COMMAND,
+    memory: int | None = None,
 ) -> None:
     """Read files in worker processes.
 
@@ -67,14 +54,16 @@ def read_in_processes(
         workers: how many processes.
         time_limit: for one file [s].
         command: what a worker runs; tests put a worse one here.
+        memory: that each worker may use [bytes]; 0 for no limit, by the machine where left out.
     """
+    rules = {"parent": os.getpid(), "memory": memory_for(workers) if memory is None else memory}
     waiting: queue.SimpleQueue[tuple[int, Request]] = queue.SimpleQueue()
     done: queue.SimpleQueue[tuple[int, Part | str]] = queue.SimpleQueue()
     for item in requests.items():
         waiting.put(item)
     stopped = threading.Event()
     threads = [
-        threading.Thread(target=_serve, args=(waiting, done, stopped, time_limit, command), daemon=True)
+        threading.Thread(target=_serve, args=(waiting, done, stopped, time_limit, command, rules), daemon=True)
         for _ in range(workers)
     ]
     for thread in threads:
@@ -94,6 +83,7 @@ def _serve(
     stopped: threading.Event,
     time_limit: float,
     command: str,
+    rules: Mapping[str, int],
 ) -> None:
     worker: subprocess.Popen[bytes] | None = None
     while not stopped.is_set():
@@ -102,8 +92,8 @@ def _serve(
         except queue.Empty:
             break
         if worker is None:
-            worker = _started(command)
-        result, alive = _ask(worker, request, time_limit)
+            worker = _started(command, rules)
+        result, alive = _ask(worker, request, time_limit, rules)
         if not alive:
             _end(worker)
             worker = None
@@ -112,15 +102,20 @@ def _serve(
         _end(worker)
 
 
-def _started(command: str) -> subprocess.Popen[bytes]:
+def _started(command: str, rules: Mapping[str, int]) -> subprocess.Popen[bytes]:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    return subprocess.Popen(
-        [sys.executable, "-c", command],
+    worker = subprocess.Popen(
+        [sys.executable, "-P", "-c", command],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
     )
+    assert worker.stdin is not None
+    with suppress(OSError):  # a worker that died at its start is found out by what it is asked
+        worker.stdin.write(json.dumps(rules).encode() + b"\n")
+        worker.stdin.flush()
+    return worker
 
 
 def _end(worker: subprocess.Popen[bytes]) -> None:
@@ -131,7 +126,13 @@ def _end(worker: subprocess.Popen[bytes]) -> None:
             pipe.close()
 
 
-def _ask(worker: subprocess.Popen[bytes], request: Request, time_limit: float) -> tuple[Part | str, bool]:
+def _limit(rules: Mapping[str, int]) -> str:
+    return f" (it may use {rules['memory'] / 1e9:.3g} GB of memory)" if rules["memory"] else ""
+
+
+def _ask(
+    worker: subprocess.Popen[bytes], request: Request, time_limit: float, rules: Mapping[str, int]
+) -> tuple[Part | str, bool]:
     """Send one request and wait for its reply; say whether the worker can be used again."""
     label = Path(request.path).name
     assert worker.stdin is not None
@@ -157,7 +158,7 @@ def _ask(worker: subprocess.Popen[bytes], request: Request, time_limit: float) -
     if late.is_set():
         return f"{label}: expected to be read within {time_limit:g} s, got no end. Simplify the part.", False
     if len(head) < 9 or len(reply) < size:
-        return f"{label}: expected a part, got a crash of the CAD reader. Export the part again.", False
+        return f"{label}: expected a part, got a crash of the CAD reader{_limit(rules)}. Export the part again.", False
     if head[:1] == b"E":
         return reply.decode(), True
     try:

@@ -10,13 +10,14 @@ from pathlib import Path
 
 from tanteo.catalogue import cache as remembered
 from tanteo.catalogue.pool import Request, read_in_processes
-from tanteo.errors import InputError, TanteoError, UnitError, check_kind
-from tanteo.parts import READABLE, UNITLESS, Part, read_part, unit_name
+from tanteo.catalogue.worker import attempt
+from tanteo.errors import InputError, PartError, UnitError, check_kind
+from tanteo.parts import READABLE, UNITLESS, Part, check_file, read_part, unit_name
 
 TIME_LIMIT = 120.0
 """Seconds that one file may take."""
 
-FEW_MESHES, SMALL_FILE = 16, 2_000_000
+FEW_MESHES, SMALL_FILE = 16, 300_000
 """Up to this many mesh files of up to this many bytes are read in this process."""
 
 
@@ -75,12 +76,13 @@ def read_parts(
 ) -> Parts:
     """Read CAD files and folders of them.
 
-    STEP files and large sets are read in worker processes, so that a crash of the CAD kernel or a file that never
-    ends costs that file only.
+    STEP, IGES and GLB files and large sets are read in worker processes, so that a crash of the CAD kernel, a file
+    that never ends or one that fills the memory costs that file only.
 
     Args:
         paths: files, and folders whose readable files are taken in alphabetical order (subfolders are not).
-        unit: of files that carry none (STL, OBJ, PLY, OFF); required where there are such files.
+        unit: of files that carry none (STL, OBJ, PLY, OFF); required where there are such files. Where there are none,
+            it is taken instead of the files' own, and their repairs say so.
         workers: processes to read with; as many as processors where left out; 0 reads everything in this process.
         cache: whether to remember parts on disk and use what is remembered.
         progress: called with (files done, files in all) after each file.
@@ -108,7 +110,9 @@ def read_parts(
             f"unit: expected the length unit of {needy[0].name}{others}, whose format has none, got none. "
             "Pass unit='mm' (or um, cm, m, in, ft)."
         )
-    requests = [Request(str(file), short, name) for file, name in zip(files, _names(files), strict=True)]
+    # Where some files need a unit, it is theirs; the others keep their own.
+    units = [short if file in needy or not needy else None for file in files]
+    requests = [Request(str(f), u, name) for f, u, name in zip(files, units, _names(files), strict=True)]
     results: dict[int, Part | str] = {}
 
     def settle(index: int, result: Part | str) -> None:
@@ -116,7 +120,7 @@ def read_parts(
         if progress is not None:
             progress(len(results), len(files))
 
-    keys = [remembered.cache_key(file, short) if cache else None for file in files]
+    keys = [remembered.cache_key(file, u) if cache else None for file, u in zip(files, units, strict=True)]
     for index, (request, key) in enumerate(zip(requests, keys, strict=True)):
         found = remembered.load(key, name=request.name, source=request.path) if key else None
         if found is not None:
@@ -160,11 +164,13 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
                 kinds = ", ".join(READABLE)
                 reason = f"{given}: expected CAD files ({kinds}), got none in this folder. Name files, or another."
                 failures.append(Failure(str(given), reason))
-        elif given.is_file():
-            files.setdefault(os.path.realpath(given), given)
+            continue
+        try:
+            check_file(given, str(given))
+        except PartError as error:
+            failures.append(Failure(str(given), str(error)))
         else:
-            reason = f"{given}: expected a file or a folder, got nothing there. Check the path."
-            failures.append(Failure(str(given), reason))
+            files.setdefault(os.path.realpath(given), given)
     return list(files.values()), failures
 
 
@@ -172,11 +178,12 @@ def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
     """Files of a folder that can be read, each once, by where they really are; and those that lead nowhere."""
     root = os.path.realpath(folder)
     with os.scandir(folder) as every:
-        entries = [e for e in every if os.path.splitext(e.name)[1].lower() in READABLE and not e.is_dir()]
+        named = [e for e in every if os.path.splitext(e.name)[1].lower() in READABLE]
+    entries = [e for e in named if not os.path.isdir(e.path)]
     files: dict[str, Path] = {}
     nowhere = []
     for entry in sorted(entries, key=lambda e: e.name):
-        if not entry.is_file():
+        if not os.path.isfile(entry.path):
             nowhere.append(folder / entry.name)
             continue
         real = os.path.realpath(entry.path) if entry.is_symlink() else os.path.join(root, entry.name)
@@ -200,13 +207,10 @@ def _inline(todo: dict[int, Request], workers: int | None) -> list[int]:
     """Choose what to read in this process: everything with ``workers=0``, else a few small meshes."""
     if workers == 0:
         return list(todo)
-    meshes = [index for index, request in todo.items() if not request.path.lower().endswith((".step", ".stp"))]
+    meshes = [index for index, request in todo.items() if request.path.lower().endswith((*UNITLESS, ".3mf"))]
     small = [index for index in meshes if Path(todo[index].path).stat().st_size <= SMALL_FILE]
     return small if len(meshes) <= FEW_MESHES else []
 
 
 def _read_here(request: Request) -> Part | str:
-    try:
-        return read_part(request.path, unit=request.unit, name=request.name)
-    except (TanteoError, OSError, RuntimeError, MemoryError) as error:
-        return str(error)
+    return attempt(read_part, request.path, request.unit, request.name)

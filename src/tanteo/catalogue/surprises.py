@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tanteo.parts import FLOAT32, READABLE, UNITLESS, Part
+from tanteo.parts import FLOAT32, READABLE, Part, unit_name
 
 _SINGLE = (".stl", ".glb")
 """Formats whose coordinates are of single precision, as a rule."""
@@ -22,10 +23,10 @@ def cad_files(paths: Iterable[str | Path]) -> list[Path]:
 def skipped_folders(paths: Iterable[str | Path]) -> list[str]:
     """A sentence for each folder in the folders that holds CAD files, which are not read unless it is named, too."""
     paths = list(paths)
-    named = {Path(path).resolve() for path in paths}
+    named = {os.path.realpath(path) for path in paths}
     said = []
     for folder in (f for path in paths for f in _inside(path)):
-        if folder.resolve() not in named and (count := len(cad_files([folder]))):
+        if os.path.realpath(folder) not in named and (count := len(cad_files([folder]))):
             files = "1 CAD file in it is" if count == 1 else f"{count} CAD files in it are"
             said.append(f"{folder}: {files} not read, as folders in a folder are not looked into. Name it, too.")
     return said
@@ -43,13 +44,26 @@ def coarse_meshes(parts: Iterable[Part]) -> Iterator[str]:
 
 
 def unused_unit(parts: Iterable[Part], unit: str | None) -> list[str]:
-    """That the unit that was stated is not that of the files, which all say their own; nothing if it is."""
-    parts = list(parts)
-    own = sorted({part.unit for part in parts})
-    if unit is None or not own or own == [unit] or any(Path(p.source).suffix.lower() in UNITLESS for p in parts):
+    """That a stated unit is not that of files which say their own, as others need it; nothing if it is."""
+    if unit is None:
         return []
-    says = "the file says itself that it is" if len(parts) == 1 else "the files say themselves that they are"
-    return [f"--units {unit} was not used: {says} in {', '.join(own)}."]
+    other = [part for part in parts if part.unit != unit_name(unit)]
+    said = ", ".join(f"{part.source} in {part.unit}" for part in other[:5]) + (", ..." if len(other) > 5 else "")
+    return [f"--units {unit} is of the files that say no unit; others are as they say: {said}."] if other else []
+
+
+def repaired(parts: Iterable[Part]) -> Iterator[str]:
+    """What was repaired, left out or taken otherwise, for each part whose surface is not just what its file says."""
+    for part in parts:
+        if any(not any(word in said for word in _HARMLESS) for said in part.repairs):
+            yield f"{part.source}: {' '.join(part.repairs)}"
+
+
+_HARMLESS = (
+    "no area", "corners coincide", "duplicate", "winding of the triangles", "no point moved", "Made a solid",
+    "Made solids", "Meshed a solid",
+)  # fmt: skip
+"""In sentences about what changes no surface; ``tanteo part show`` says those, too."""
 
 
 def _inside(path: str | Path) -> list[Path]:

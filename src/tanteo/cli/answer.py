@@ -154,6 +154,12 @@ class _Given(NamedTuple):
     doubted: bool
 
 
+def _own_unit(parts: Sequence[Part]) -> str:
+    """The unit that the files of all parts say."""
+    units = {part.unit for part in parts}
+    return units.pop() if len(units) == 1 else ""
+
+
 def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
     """Read everything, with a warning where it hardly goes together; what may take long comes last."""
     from tanteo.parts import READABLE
@@ -177,7 +183,7 @@ def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
     parts = files.read_all_parts(part_paths, options.units, quiet=options.json)
     with open(path, encoding="utf-8", errors="replace") as file:
         column = _HEADER.search(file.read(20_000))
-    scale = inference.scale_of(measured.points, parts, column[1] if column else "", options.units or "")
+    scale = inference.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
     doubt = inference.about_size(measured.points, scale) or inference.about_spread(measured.covs, scale)
     if doubt is not None:
         complain("warning", doubt.message)

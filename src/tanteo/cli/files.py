@@ -97,7 +97,7 @@ def require_file(name: str, path: str) -> None:
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
     """The parts; files of a folder that cannot be read are warnings as long as one can."""
-    from tanteo.catalogue import coarse_meshes, read_parts, skipped_folders, unused_unit
+    from tanteo.catalogue import coarse_meshes, read_parts, repaired, skipped_folders, unused_unit
 
     try:
         with progress("reading parts", quiet=quiet) as tick:
@@ -110,7 +110,7 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
         raise PartError(reasons[0])
     named = {Path(path) for path in paths if not Path(path).is_dir()}
     lost = [r for r, failure in zip(reasons, parts.failures, strict=True) if Path(failure.path) in named]
-    odd = [*skipped, *unused_unit(parts.parts, units), *coarse_meshes(parts.parts)]
+    odd = [*skipped, *unused_unit(parts.parts, units), *coarse_meshes(parts.parts), *repaired(parts.parts)]
     for reason in [r for r in reasons if r not in lost[:1]] + odd:
         complain("warning", reason)
     if lost:  # an answer would say nothing of a part that was asked for by name

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tanteo import inference, io, text
@@ -141,7 +141,7 @@ def check_plan(typed: Mapping[str, Any]) -> None:
         )
     if pair and len(pair) != 2:
         raise InputError(f"--discriminate: expected two CAD files, got {len(pair)}. Name both.")
-    if pair and Path(pair[0]).resolve() == Path(pair[1]).resolve():
+    if pair and os.path.realpath(pair[0]) == os.path.realpath(pair[1]):
         raise InputError(
             f"--discriminate: expected two parts, got {pair[0]} twice. Poses of one part are for a "
             "session (tanteo sense part --image)."

@@ -13,7 +13,7 @@ from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
 from tanteo.io.poses import BRANDS, pose_from_brand
 from tanteo.io.table import LARGEST
 from tanteo.io.units import parse_lengths, parse_lengths_angles
-from tanteo.parts import read_part
+from tanteo.parts import UNITLESS, read_part
 from tanteo.typing import FloatArray, Transforms
 
 _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"
@@ -57,7 +57,8 @@ def read_furniture(text: str, unit: str | None = None, name: str = "furniture") 
     if len(sds) != 1 or sds[0] <= 0:
         raise InputError(f"{name}: expected one positive sd behind +-, got '{sd}'. Write it as {_FURNITURE}.")
     T = _as_printed(pose, name) if pose.strip() else np.eye(4)
-    return Furniture.of_part(read_part(path.strip(), unit=unit), T, sds[0])
+    needed = unit if path.strip().lower().endswith(UNITLESS) else None  # it may be meant for the parts
+    return Furniture.of_part(read_part(path.strip(), unit=needed), T, sds[0])
 
 
 def parse_box(text: str, name: str = "box") -> FloatArray:

@@ -1,4 +1,4 @@
-"""CAD file -> :class:`Part`: a closed mesh in metres, its planes, straight edges, corners and symmetry."""
+"""CAD file -> :class:`Part`: a mesh in metres, its planes, straight edges, corners and symmetry."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -8,16 +8,16 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.parts.building import mirror_part
     from tanteo.parts.facets import FLOAT32
-    from tanteo.parts.files import UNITLESS, unit_name
+    from tanteo.parts.files import LARGEST_FILE, UNITLESS, check_file, unit_name
     from tanteo.parts.part import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SurfaceKind, SymmetryGroup
     from tanteo.parts.reading import READABLE, as_part, as_parts, read_part
     from tanteo.parts.surfaces import exact_faces
     from tanteo.parts.topology import components, mesh_edges, near_groups
 
 __all__ = [
-    "FLOAT32", "READABLE", "UNITLESS", "Face", "ModelEdges", "ModelPlanes", "ModelVertices", "Part", "SurfaceKind",
-    "SymmetryGroup", "as_part", "as_parts", "components", "exact_faces", "mesh_edges", "mirror_part", "near_groups",
-    "read_part", "unit_name",
+    "FLOAT32", "LARGEST_FILE", "READABLE", "UNITLESS", "Face", "ModelEdges", "ModelPlanes", "ModelVertices", "Part",
+    "SurfaceKind", "SymmetryGroup", "as_part", "as_parts", "check_file", "components", "exact_faces", "mesh_edges",
+    "mirror_part", "near_groups", "read_part", "unit_name",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -27,7 +27,7 @@ __getattr__, __dir__ = lazy(
     {
         "building": "mirror_part",
         "facets": "FLOAT32",
-        "files": "UNITLESS unit_name",
+        "files": "LARGEST_FILE UNITLESS check_file unit_name",
         "part": "Face ModelEdges ModelPlanes ModelVertices Part SurfaceKind SymmetryGroup",
         "reading": "READABLE as_part as_parts read_part",
         "surfaces": "exact_faces",

@@ -1,101 +1,23 @@
-"""STEP files -> solids of the CAD kernel (OpenCASCADE), healed where they do not join, and their faces [mm]."""
+"""Faces of a meshed shape of the CAD kernel (OpenCASCADE): triangles [mm], and the surfaces behind them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from OCP import GeomAbs
-from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
-from OCP.BRepBndLib import BRepBndLib
-from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
-from OCP.collections import Sequence_TCollection_AsciiString as Names
 from OCP.GeomAbs import GeomAbs_Line
 from OCP.GeomLib import GeomLib_IsPlanarSurface
-from OCP.IFSelect import IFSelect_RetDone
-from OCP.Message import Message, Message_Gravity
-from OCP.ShapeFix import ShapeFix_Shape, ShapeFix_Solid
-from OCP.STEPControl import STEPControl_Reader
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHELL, TopAbs_SOLID
-from OCP.TopExp import TopExp_Explorer
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
-from tanteo.errors import PartError, UnitError
-from tanteo.parts.files import unit_name
+from tanteo.parts.bodies import explore
 from tanteo.parts.part import SurfaceKind
 from tanteo.typing import FloatArray, IntArray
-
-
-def read_shape(path: Path, label: str) -> tuple[Any, str]:
-    """Read the file; OpenCASCADE turns every unit into millimetres."""
-    for printer in Message.DefaultMessenger_s().Printers():
-        printer.SetTraceLevel(Message_Gravity.Message_Fail)
-    with path.open("rb") as stream:
-        head = stream.read(4096)
-    if b"ISO-10303-21" not in head:
-        raise PartError(f"{label}: expected a STEP file, got one without ISO-10303-21 at its start. Check it.")
-    reader = STEPControl_Reader()
-    if reader.ReadFile(str(path)) != IFSelect_RetDone:
-        raise PartError(f"{label}: expected a STEP file, got one that the CAD kernel cannot parse. Export it again.")
-    lengths, angles, solid_angles = Names(), Names(), Names()
-    reader.FileUnits(lengths, angles, solid_angles)
-    reader.TransferRoots()
-    if not reader.NbShapes():
-        raise PartError(f"{label}: expected a solid, got a STEP file without shapes. Export the part as a solid.")
-    try:
-        unit = unit_name(lengths.Value(1).ToCString()) if lengths.Length() else "mm"
-    except UnitError:
-        unit = "mm"
-    return reader.OneShape(), unit
-
-
-def solids_of(shape: Any, label: str) -> tuple[list[Any], list[str]]:
-    """Return the solids of a shape; closed shells without a solid become one."""
-    solids = _explore(shape, TopAbs_SOLID)
-    if solids:
-        return solids, []
-    shells = [TopoDS.Shell(shell) for shell in _explore(shape, TopAbs_SHELL)]
-    closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if shell.Closed()]
-    if closed:
-        return closed, [f"Made solids of {len(closed)} closed shells."]
-    faces = len(_explore(shape, TopAbs_FACE))
-    got = f"{faces} faces that enclose nothing" if faces else "curves or points only"
-    raise PartError(f"{label}: expected a solid, got {got}. Export the part as a solid.")
-
-
-def _explore(shape: Any, kind: Any) -> list[Any]:
-    found = []
-    explorer = TopExp_Explorer(shape, kind)
-    while explorer.More():
-        found.append(explorer.Current())
-        explorer.Next()
-    return found
-
-
-def diagonal_of(solids: list[Any]) -> float:
-    """Of the box that holds them [mm]."""
-    box = Bnd_Box()
-    for solid in solids:
-        BRepBndLib.Add_s(solid, box)
-    return float(np.sqrt(box.SquareExtent()))
-
-
-def healed(solid: Any, diagonal: float) -> Any:
-    """Sew the faces of a solid together and fix what ShapeFix knows to fix."""
-    sewing = BRepBuilderAPI_Sewing(1e-5 * diagonal)
-    for face in _explore(solid, TopAbs_FACE):
-        sewing.Add(face)
-    sewing.Perform()
-    fix = ShapeFix_Shape(sewing.SewedShape())
-    fix.Perform()
-    shells = _explore(fix.Shape(), TopAbs_SHELL)
-    return ShapeFix_Solid().SolidFromShell(TopoDS.Shell(shells[0])) if len(shells) == 1 else fix.Shape()
-
 
 _MM = 1e-3
 
@@ -126,22 +48,30 @@ def brep_faces(shape: Any, diagonal: float) -> list[BrepFace]:
         One entry for each face; without triangles where the mesher failed.
     """
     faces = []
-    for face in map(TopoDS.Face, _explore(shape, TopAbs_FACE)):
+    for face in map(TopoDS.Face, explore(shape, TopAbs_FACE)):
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
-        if mesh is None:
-            faces.append(BrepFace("freeform", {}, np.zeros((0, 3)), _no_rows(3), _no_rows(2)))
+        points, triangles = face_mesh(face)
+        if not len(triangles):
+            faces.append(BrepFace("freeform", {}, points, triangles, _no_rows(2)))
             continue
-        move = location.Transformation()
-        nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
-        points = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
-        corners = [mesh.Triangle(i) for i in range(1, mesh.NbTriangles() + 1)]
-        triangles = np.array([(t.Value(1), t.Value(2), t.Value(3)) for t in corners], dtype=np.int64) - 1
-        if face.Orientation() == TopAbs_REVERSED:
-            triangles = triangles[:, ::-1]
         kind, fields = surface_of(face, diagonal)
         faces.append(BrepFace(kind, fields, points, triangles, _chords(face, mesh, location, diagonal)))
     return faces
+
+
+def face_mesh(face: Any) -> tuple[FloatArray, IntArray]:
+    """The triangulation of a face, outward by its orientation: points [mm] and triangles; empty where it has none."""
+    location = TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(face, location)
+    if mesh is None or not mesh.NbTriangles():
+        return np.zeros((0, 3)), _no_rows(3)
+    move = location.Transformation()
+    nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
+    points = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
+    corners = [mesh.Triangle(i) for i in range(1, mesh.NbTriangles() + 1)]
+    triangles = np.array([(t.Value(1), t.Value(2), t.Value(3)) for t in corners], dtype=np.int64) - 1
+    return points, triangles[:, ::-1] if face.Orientation() == TopAbs_REVERSED else triangles
 
 
 def surface_of(face: Any, diagonal: float) -> tuple[SurfaceKind, dict[str, Any]]:
@@ -193,7 +123,7 @@ def _axis(axis: Any) -> dict[str, Any]:
 def _chords(face: Any, mesh: Any, location: Any, diagonal: float) -> IntArray:
     """Return the mesh edges of a face that lie on curved edges of the B-rep."""
     pairs = []
-    for edge in map(TopoDS.Edge, _explore(face, TopAbs_EDGE)):
+    for edge in map(TopoDS.Edge, explore(face, TopAbs_EDGE)):
         if BRep_Tool.Degenerated_s(edge) or _straight(edge, diagonal):
             continue
         polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)

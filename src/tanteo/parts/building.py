@@ -1,4 +1,4 @@
-"""A closed mesh whose triangles are sorted into faces -> :class:`Part`, and the mirror image of a part."""
+"""A mesh whose triangles are sorted into faces -> :class:`Part`, and the mirror image of a part."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from tanteo.parts.topology import Draft, mesh_edges, triangle_geometry, volume_a
 
 
 def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tuple[str, ...]) -> Part:
-    """Take features, measures and symmetry from a closed mesh whose triangles are sorted into faces."""
+    """Take features, measures and symmetry from a mesh whose triangles are sorted into faces."""
     links = mesh_edges(draft.triangles)
     faces = build_faces(draft, links)
     planes = build_planes(draft, faces, links)
     edges, corners = build_edges(draft, faces, links)
-    volume, centroid = volume_and_centroid(draft.vertices, draft.triangles)
     _, areas = triangle_geometry(draft.vertices, draft.triangles)
+    volume, centroid = volume_and_centroid(draft.vertices, draft.triangles)
+    if links.rims.any():  # an open surface encloses nothing
+        volume, centroid = 0.0, areas @ draft.vertices[draft.triangles].mean(axis=1) / areas.sum()
     box = np.stack([draft.vertices.min(axis=0), draft.vertices.max(axis=0)])
     part = Part(
         name=name,

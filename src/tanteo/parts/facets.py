@@ -44,7 +44,7 @@ class MeshFacets:
 
 
 def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> MeshFacets:
-    """The facets of a closed mesh: vertices ``(V, 3)`` [m], triangles ``(T, 3)``, and the edges of these."""
+    """The facets of a mesh: vertices ``(V, 3)`` [m], triangles ``(T, 3)``, and the edges of these."""
     normals, areas = triangle_geometry(vertices, triangles)
     labels = _flat_components(vertices, triangles, edges, normals, areas)
     count = int(labels.max()) + 1

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import struct
-import zipfile
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
-from tanteo.errors import PartError, UnitError
+from tanteo.errors import PartError, TanteoError, UnitError
+from tanteo.parts.polygons import read_obj, read_off
 from tanteo.typing import FloatArray, IntArray
 
 METRES: dict[str, float] = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -33,6 +36,9 @@ _SPELLINGS: dict[str, str] = {
 
 SMALLEST_DIAGONAL = 5e-4
 """Bounding-box diagonal below which a part was probably read in too small a unit [m]."""
+
+LARGEST_FILE = 1_000_000_000
+"""Bytes of a file that is read."""
 
 LARGEST_DIAGONAL = 50.0
 """Bounding-box diagonal above which a part was probably read in too large a unit [m]."""
@@ -63,11 +69,27 @@ def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
     size = "too large" if diagonal > LARGEST_DIAGONAL else "too small"
     hint = f"Did you mean {' or '.join(f'unit={name!r}' for name in plausible)}?" if plausible else "Check it."
     if stated and plausible:
-        hint = f"The unit is the file's own: export the part again, in {' or '.join(plausible)}."
+        hint = f"The unit is the file's own. If it is wrong, pass {' or '.join(f'unit={n!r}' for n in plausible)}."
     raise PartError(
         f"{label}: expected a part of {SMALLEST_DIAGONAL * 1e3:g} mm to {LARGEST_DIAGONAL:g} m, got a diagonal of "
         f"{diagonal:.4g} m in unit {unit!r}, which is {size}. {hint}"
     )
+
+
+def check_file(file: Path, label: str) -> None:
+    """Refuse what is no file: a link that leads nowhere or in a circle, a folder, a device, a pipe, or nothing.
+
+    Raises:
+        PartError: it is none.
+    """
+    if file.is_file():
+        return
+    got, advice = "nothing there", "Check the path"
+    if os.path.exists(file):
+        got, advice = "a folder" if file.is_dir() else "a device or a pipe", "Name a file"
+    elif os.path.islink(file):
+        got, advice = "a link that leads nowhere", "Mend it, or name another"
+    raise PartError(f"{label}: expected a file, got {got}. {advice}.")
 
 
 UNITLESS = (".stl", ".obj", ".ply", ".off")
@@ -75,38 +97,50 @@ UNITLESS = (".stl", ".obj", ".ply", ".off")
 
 MESH_SUFFIXES = (*UNITLESS, ".glb", ".3mf")
 
+STEP_SUFFIXES = (".step", ".stp")
 
-def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, IntArray, str]:
+KERNEL_SUFFIXES = (*STEP_SUFFIXES, ".igs", ".iges")
+"""Formats that the CAD kernel reads."""
+
+
+def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, IntArray, str, list[str]]:
     """Read a mesh file.
 
     Returns:
-        Vertices ``(V, 3)`` in the returned unit, triangles ``(T, 3)``, and the short name of the unit.
+        Vertices ``(V, 3)`` in the returned unit, triangles ``(T, 3)``, the short name of the unit, and sentences about
+        what was left out.
 
     Raises:
         UnitError: no unit where the format has none, or one that is not known.
         PartError: the file is not what its suffix says, or holds no triangles.
     """
     suffix = path.suffix.lower()
-    if suffix in UNITLESS:
-        if unit is None:
-            raise UnitError(
-                f"unit: expected the length unit of {label}, got none, and {suffix[1:].upper()} files carry none. "
-                "Pass unit='mm' (or um, cm, m, in, ft)."
-            )
-        read = {".off": _read_off, ".stl": _read_stl}.get(suffix, _read_with_trimesh)
-        vertices, triangles, _ = read(path, label)
-        return vertices, triangles, unit_name(unit)
-    vertices, triangles, stated = _read_with_trimesh(path, label)
-    own = "m" if suffix == ".glb" else unit_name(stated or "mm")
-    return vertices, triangles, own
+    if suffix in UNITLESS and unit is None:
+        raise UnitError(
+            f"unit: expected the length unit of {label}, got none, and {suffix[1:].upper()} files carry none. "
+            "Pass unit='mm' (or um, cm, m, in, ft)."
+        )
+    if suffix == ".3mf":
+        from tanteo.parts.threemf import read_3mf
+
+        return read_3mf(path, label)
+    if suffix in (".off", ".obj"):
+        read = read_off if suffix == ".off" else read_obj
+        return *read(path, label), unit_name(str(unit)), []
+    read = _read_stl if suffix == ".stl" else _read_with_trimesh
+    return *read(path, label), unit_name(str(unit)) if suffix in UNITLESS else "m", []
 
 
-def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray, str | None]:
+def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
     """Read STL, text or binary; bytes behind the last triangle of a binary one are left unread."""
+    with path.open("rb") as stream:
+        head = stream.read(84)
+    if len(head) == 84 and head[80:] == b"\0\0\0\0":
+        raise PartError(f"{label}: expected triangles, got an STL file that says it has none. Export it again.")
     found = _read_with_trimesh(path, label)
-    data = path.read_bytes()
     if len(found[1]):
         return found
+    data = path.read_bytes()
     if b"\0" not in data:
         if b"facet" in data.lower() and b"endsolid" not in data.lower():
             raise PartError(
@@ -123,71 +157,49 @@ def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray, str | None]
     return _read_with_trimesh(path, label, data[:promised])
 
 
-def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tuple[FloatArray, IntArray, str | None]:
+def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tuple[FloatArray, IntArray]:
     """Read what trimesh reads; ``data`` instead of the file's own bytes."""
-    import trimesh  # slow to import
-
+    data = _old_text(path) if data is None else data
     source = str(path) if data is None else BytesIO(data)
-    try:
+    with reader_of_others(path, label):
+        import trimesh  # slow to import
+
+        logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it raises, with tracebacks
         scene = trimesh.load_scene(source, file_type=path.suffix[1:].lower(), process=False)
         mesh = scene.to_mesh()
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, EOFError, UnicodeError) as error:
-        raise _unreadable(path, label, error) from error
-    except (struct.error, zipfile.BadZipFile, RuntimeError, OSError, ImportError) as error:
-        raise _unreadable(path, label, error) from error
-    vertices = np.asarray(getattr(mesh, "vertices", np.zeros((0, 3))), dtype=np.float64).reshape(-1, 3)
-    triangles = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3)
+        vertices = np.asarray(getattr(mesh, "vertices", np.zeros((0, 3))), dtype=np.float64).reshape(-1, 3)
+        triangles = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3)
     if len(triangles) and (triangles.min() < 0 or triangles.max() >= len(vertices)):
         raise PartError(f"{label}: expected corner indices below {len(vertices)}, got others. Export it again.")
-    return vertices, triangles, scene.units
+    return vertices, triangles
 
 
-def _unreadable(path: Path, label: str, error: BaseException) -> PartError:
-    detail = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-    kind = path.suffix[1:].upper()
-    return PartError(f"{label}: expected a {kind} mesh, got a file that cannot be read as one ({detail}).")
+def _old_text(path: Path) -> bytes | None:
+    """A text whose lines end as on an old Mac, with newlines; None for any other file."""
+    with path.open("rb") as stream:
+        head = stream.read(4096)
+    if b"\r" not in head or b"\n" in head or b"\0" in head:
+        return None
+    return path.read_bytes().replace(b"\r", b"\n")
 
 
-def _read_off(path: Path, label: str) -> tuple[FloatArray, IntArray, None]:
-    """Read OFF with comments and polygons of any number of corners, cut into fans."""
-    text = path.read_text(encoding="utf-8", errors="replace")
-    lines = [words for line in text.splitlines() if (words := line.split("#", 1)[0].split())]
-    if not lines or lines[0][0].upper() != "OFF":
-        got = lines[0][0] if lines else "an empty file"
-        raise PartError(f"{label}: expected the word OFF at the start, got {got!r}. Export it as plain OFF.")
-    lines = ([lines[0][1:]] if len(lines[0]) > 1 else []) + lines[1:]
+@contextmanager
+def reader_of_others(path: Path, label: str) -> Iterator[None]:
+    """Where a library reads a file: whatever it raises at a damaged one becomes a sentence about the file.
+
+    Nobody lists what trimesh or a CAD kernel can raise, and each exception that is missing in a list would be a
+    traceback: this is the one place that takes them all (``docs/decisions/0067``).
+
+    Raises:
+        PartError: something was raised.
+    """
     try:
-        count, polygons = int(lines[0][0]), int(lines[0][1])
-        if len(lines) < 1 + count + polygons:
-            raise IndexError
-        vertices = np.array([line[:3] for line in lines[1 : 1 + count]], dtype=np.float64).reshape(-1, 3)
-        rows = lines[1 + count : 1 + count + polygons]
-        corners = [np.array(row[1 : 1 + int(row[0])], dtype=np.int64) for row in rows]
-        if any(len(ring) != int(row[0]) for ring, row in zip(corners, rows, strict=True)):
-            raise IndexError
-    except (ValueError, IndexError) as error:
+        yield
+    except (TanteoError, MemoryError):
+        raise
+    except Exception as error:
+        detail = next(iter(str(error).strip().splitlines()), "") or type(error).__name__
+        kind = path.suffix[1:].upper()
         raise PartError(
-            f"{label}: expected OFF counts, coordinates and faces, got a file that breaks off or holds other words. "
-            "Export it again."
+            f"{label}: expected {kind}, got a file that cannot be read as {kind} ({detail[:200]}). Export it again."
         ) from error
-    if any(len(ring) and (ring.min() < 0 or ring.max() >= count) for ring in corners):
-        raise PartError(f"{label}: expected corner indices from 0 to {count - 1}, got others. Export it again.")
-    triangles = [triangle for ring in corners for triangle in _fan(vertices, ring, label)]
-    return vertices, np.array(triangles, dtype=np.int64).reshape(-1, 3), None
-
-
-def _fan(vertices: FloatArray, ring: IntArray, label: str) -> list[tuple[int, int, int]]:
-    """Cut a polygon into a fan from the first corner that sees all others."""
-    if len(ring) <= 3:
-        return [(int(ring[0]), int(ring[1]), int(ring[2]))] if len(ring) == 3 else []
-    points = vertices[ring]
-    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
-    for shift in range(len(ring)):
-        turned, at = np.roll(ring, -shift), np.roll(points, -shift, axis=0)
-        areas = np.cross(at[1:-1] - at[0], at[2:] - at[0]) @ normal
-        if (areas >= -1e-9 * np.abs(areas).max()).all():
-            return [(int(turned[0]), int(turned[i]), int(turned[i + 1])) for i in range(1, len(ring) - 1)]
-    raise PartError(
-        f"{label}: expected polygons that a fan of triangles can fill, got one that no corner sees whole. "
-        "Export it as triangles."
-    )

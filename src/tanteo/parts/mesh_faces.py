@@ -34,7 +34,7 @@ CRUMB = 1e-6
 
 
 def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
-    """Sort the triangles of a closed mesh into planes and curved faces.
+    """Sort the triangles of a mesh into planes and curved faces.
 
     Returns:
         The mesh with a face for each triangle; faces are numbered by their first triangle.

@@ -1,4 +1,4 @@
-"""What a CAD file becomes: a closed mesh in metres with its faces, planes, straight edges and corners."""
+"""What a CAD file becomes: a mesh in metres with its faces, planes, straight edges and corners."""
 
 from __future__ import annotations
 
@@ -206,16 +206,17 @@ class Part:
         source: the path as it was given.
         unit: the unit the file was read in (``mm``, ``m``, ``in``, ...).
         vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, a closed mesh, corners counter-clockwise seen from outside.
+        triangles: ``(T, 3)``, corners counter-clockwise seen from outside. A closed mesh, as a rule; a surface that
+            does not close ends at rims, and has its triangles twice, facing both ways, where its outside is not known.
         triangle_face: ``(T,)``, the entry of :attr:`faces` that each triangle belongs to.
         faces: all faces, planar and curved.
         planes: the planar ones as arrays.
         edges: the sharp straight edges as arrays.
         corners: the corners as arrays.
         symmetry: the rotations that map the part onto itself.
-        volume: of the mesh [m^3].
+        volume: of the mesh [m^3]; 0 of one that does not close.
         area: of the mesh [m^2].
-        centroid: ``(3,)``, centre of volume of the mesh [m].
+        centroid: ``(3,)``, centre of volume of the mesh [m]; of area where it does not close.
         box: ``(2, 3)``, lowest and highest coordinates [m].
         radius: of the sphere about :attr:`centroid` that holds every vertex [m].
         repairs: one sentence for each thing that was repaired on reading.
@@ -275,6 +276,11 @@ class Part:
     def __post_init__(self) -> None:
         _freeze(self, vertices=np.float64, triangles=np.int64, triangle_face=np.int64)
         _freeze(self, centroid=np.float64, box=np.float64)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the mesh has an inside; a surface that does not close has none."""
+        return self.volume > 0.0
 
     @property
     def diagonal(self) -> float:

@@ -106,7 +106,7 @@ def _principal_frames(normals: FloatArray, second: FloatArray) -> tuple[FloatArr
 def _hulls(draft: Draft, edges: MeshEdges, chosen: IntArray, Ts: FloatArray) -> list[FloatArray]:
     """Return the corners of each plane's convex outline, counter-clockwise seen from outside."""
     left, right = draft.triangle_face[edges.left], draft.triangle_face[edges.right]
-    border = left != right
+    border = (left != right) | edges.rims
     owners = np.concatenate([left[border], right[border]]).repeat(2)
     vertices = np.concatenate([edges.ends[border], edges.ends[border]]).reshape(-1)
     pairs = np.unique(np.stack([owners, vertices], axis=1), axis=0)

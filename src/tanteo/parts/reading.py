@@ -10,8 +10,19 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError, PartError
-from tanteo.parts.files import MESH_SUFFIXES, METRES, check_size, load_mesh, unit_name
+from tanteo.parts.files import (
+    KERNEL_SUFFIXES,
+    LARGEST_FILE,
+    MESH_SUFFIXES,
+    METRES,
+    UNITLESS,
+    check_file,
+    check_size,
+    load_mesh,
+    unit_name,
+)
 from tanteo.parts.part import Part
+from tanteo.parts.topology import Draft, scaled
 
 
 def as_parts(name: str, parts: Any) -> tuple[Any, ...]:
@@ -49,29 +60,29 @@ def as_part(name: str, part: Any) -> Any:
     return found[0]
 
 
-STEP_SUFFIXES = (".step", ".stp")
-
-READABLE = (*STEP_SUFFIXES, *MESH_SUFFIXES)
+READABLE = (*KERNEL_SUFFIXES, *MESH_SUFFIXES)
 """Suffixes of the formats that can be read."""
 
 
 def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: str | None = None) -> Part:
-    """Read a CAD file into a part: its closed mesh, faces, straight edges, corners and symmetry.
+    """Read a CAD file into a part: its mesh, faces, straight edges, corners and symmetry.
 
     Args:
-        path: STEP (``.step``, ``.stp``) or a mesh (``.stl``, ``.obj``, ``.ply``, ``.off``, ``.glb``, ``.3mf``).
-        unit: what one step of a coordinate means in formats that carry no unit (STL, OBJ, PLY, OFF): ``mm``,
-            ``m``, ``in``, ``um``, ``cm`` or ``ft``; required there. Other formats state
-            their own, and ``unit`` is not used.
+        path: STEP (``.step``, ``.stp``), IGES (``.igs``, ``.iges``) or a mesh (``.stl``, ``.obj``, ``.ply``, ``.off``,
+            ``.glb``, ``.3mf``).
+        unit: what one step of a coordinate means: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``. Required for
+            formats that carry no unit (STL, OBJ, PLY, OFF); instead of their own for those that state one, which
+            the part's repairs then say.
         name: of the part; the file's stem where left out.
 
     Returns:
-        The part in metres, in the file's own frame. Several bodies in one file make one part.
+        The part in metres, in the file's own frame. Several bodies in one file make one part. A surface that does not
+        close is one too, and its repairs say so.
 
     Raises:
-        PartError: the file does not describe a closed solid of a plausible size; the message says why.
+        PartError: the file does not describe a surface of a plausible size; the message says why.
         UnitError: the format carries no unit and none was given, or the unit is not known.
-        MissingExtraError: a STEP file, and the extra ``tanteo[step]`` is not installed.
+        MissingExtraError: a STEP or IGES file, and the extra ``tanteo[step]`` is not installed.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -82,46 +93,68 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     label = file.name
     if unit is not None:
         unit_name(unit)
-    if not file.is_file():
-        raise PartError(f"{label}: expected a file, got nothing at {str(file)!r}. Check the path.")
+    check_file(file, label)
     suffix = file.suffix.lower()
     if suffix not in READABLE:
         raise PartError(f"{label}: expected one of {', '.join(READABLE)}, got {suffix!r}. Export it as STEP.")
     _check_content(file, label)
     from tanteo.parts.building import build_part  # not needed where a part is remembered
 
-    if suffix in STEP_SUFFIXES:
-        try:
-            from tanteo.parts.step import load_step
-        except ImportError as error:
-            how = "Run pip install 'tanteo[step]'."
-            raise MissingExtraError(f"{label}: expected the CAD kernel to read STEP, got {error}. {how}") from error
-        stated = True
-        draft, own, repairs = load_step(file, label)
-    else:
-        from tanteo.parts.mesh_faces import sort_faces  # the same
-        from tanteo.parts.repair import closed_mesh
-
-        vertices, triangles, own = load_mesh(file, unit, label)
-        stated = unit is None or own != unit_name(unit)
-        if len(triangles):
-            check_size(_diagonal(vertices[triangles.reshape(-1)]) * METRES[own], own, label, stated=stated)
-        points, faces, repairs = closed_mesh(vertices, triangles, label)
-        draft = sort_faces(points * METRES[own], faces)
+    read = _from_kernel if suffix in KERNEL_SUFFIXES else _from_mesh
+    draft, own, repairs = read(file, None if unit is None else unit_name(unit), label)
+    stated = suffix not in UNITLESS and unit is None
     check_size(_diagonal(draft.vertices), own, label, stated=stated)
     return build_part(draft, name=name or file.stem, source=os.fspath(path), unit=own, repairs=tuple(repairs))
+
+
+def _from_kernel(file: Path, unit: str | None, label: str) -> tuple[Draft, str, list[str]]:
+    """A part from STEP or IGES, in the unit of the file, or another that is asked for."""
+    try:
+        from tanteo.parts.step import load_step
+    except ImportError as error:
+        how = "Run pip install 'tanteo[step]'."
+        raise MissingExtraError(
+            f"{label}: expected the CAD kernel to read STEP and IGES, got {error}. {how}"
+        ) from error
+    draft, own, repairs = load_step(file, label)
+    if unit in (None, own):
+        return draft, own, repairs
+    return scaled(draft, METRES[unit] / METRES[own]), unit, [_asked(unit, own), *repairs]
+
+
+def _from_mesh(file: Path, unit: str | None, label: str) -> tuple[Draft, str, list[str]]:
+    """A part from a mesh file, in the unit of the file, or another that is asked for."""
+    from tanteo.parts.mesh_faces import sort_faces  # not needed where a part is remembered
+    from tanteo.parts.repair import sound_mesh
+
+    vertices, triangles, own, notes = load_mesh(file, unit, label)
+    if unit not in (None, own):
+        notes, own = [_asked(unit, own), *notes], unit
+    if len(triangles):
+        size = _diagonal(vertices[triangles.reshape(-1)]) * METRES[own]
+        check_size(size, own, label, stated=file.suffix.lower() not in UNITLESS and unit is None)
+    points, faces, repairs = sound_mesh(vertices, triangles, label)
+    return sort_faces(points * METRES[own], faces), own, notes + repairs
+
+
+def _asked(unit: str, own: str) -> str:
+    return f"Read in {unit} as asked: the file itself says {own}."
 
 
 def _check_content(file: Path, label: str) -> None:
     """Refuse what may not be read, or holds nothing."""
     try:
         with file.open("rb") as stream:
-            first = stream.read(1)
+            first, size = stream.read(1), os.fstat(stream.fileno()).st_size
     except OSError as error:
         why = error.strerror or error
         raise PartError(f"{label}: expected a file that may be read, got: {why}. Check its permissions.") from None
     if not first:
         raise PartError(f"{label}: expected a CAD file, got an empty one. Export the part again.")
+    if size > LARGEST_FILE:
+        raise PartError(
+            f"{label}: expected a file of up to {LARGEST_FILE / 1e9:g} GB, got {size / 1e9:.3g} GB. Simplify the part."
+        )
 
 
 def _diagonal(points: np.typing.NDArray[np.float64]) -> float:

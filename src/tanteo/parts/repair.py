@@ -1,11 +1,15 @@
-"""Triangles as a file lists them -> a closed mesh with outward winding, or a sentence that says why not."""
+"""Triangles as a file lists them -> a mesh with outward winding whose edges have one triangle or two."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from tanteo.errors import PartError
-from tanteo.parts.topology import components, directed_edges, edge_counts, near_groups, volume_and_centroid, wound_alike
+from tanteo.parts.crossings import crossings
+from tanteo.parts.cuts import crowded_edges, cut, wound_alike
+from tanteo.parts.gaps import fill_holes, open_edges, split_sides
+from tanteo.parts.sides import outward, united, with_sides, without_loose
+from tanteo.parts.topology import directed_edges, edge_counts, near_groups, triangle_geometry, volume_and_centroid
 from tanteo.typing import FloatArray, IntArray
 
 MERGE_STEPS = (1e-8, 1e-6, 1e-5)
@@ -14,22 +18,21 @@ MERGE_STEPS = (1e-8, 1e-6, 1e-5)
 NEEDLE = 1e-7
 """A triangle this much lower than long (relative to the diagonal) has no area."""
 
-SMALL_HOLE = 0.03
-"""A hole is filled when its rim is shorter than this share of the diagonal."""
 
-
-def closed_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[FloatArray, IntArray, list[str]]:
-    """Merge, clean, wind and check the triangles of a file.
+def sound_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[FloatArray, IntArray, list[str]]:
+    """Merge, clean, cut, close and wind the triangles of a file.
 
     Returns:
-        Vertices, triangles (closed, outward) and one sentence for each repair.
+        Vertices; triangles, outward, of which at most two share an edge; and one sentence for each repair. A surface
+        that does not close stays open, or has each triangle twice where its outside is not known.
 
     Raises:
-        PartError: empty, not finite, open, non-manifold, not orientable, or without volume.
+        PartError: empty, not finite, or without area.
     """
     if not len(triangles):
+        got = f"{len(vertices):,} points alone" if len(vertices) else "an empty mesh"
         raise PartError(
-            f"{label}: expected triangles, got an empty mesh. Is the file a mesh? Export the part again as a solid."
+            f"{label}: expected triangles, got {got}. Is the file a mesh? Export the part again as a solid."
         )
     used = vertices[np.unique(triangles)]
     if not np.isfinite(used).all():
@@ -37,22 +40,68 @@ def closed_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[
     diagonal = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0)))
     if diagonal == 0.0:
         raise PartError(f"{label}: expected a part, got {len(used)} points in one place. Export it again.")
+    points, faces, repairs = _merged(vertices, triangles, diagonal)
+    if not len(faces) or triangle_geometry(points, faces)[1].sum() < 1e-9 * diagonal**2:
+        raise PartError(f"{label}: expected a surface, got triangles without area. Export the part as a solid.")
+    points, faces = _manifold(points, faces, diagonal, repairs)
+    return (*_wound(points, faces, repairs, diagonal), repairs)
+
+
+def _merged(vertices: FloatArray, triangles: IntArray, diagonal: float) -> tuple[FloatArray, IntArray, list[str]]:
+    """Merge vertices no farther than it takes to close the mesh, or as far as leaves the fewest open edges."""
+    best: tuple[int, FloatArray, IntArray, list[str]] | None = None
     for step in MERGE_STEPS:
         points, faces, repairs = _cleaned(vertices, triangles, step * diagonal, diagonal)
-        if len(faces) and not open_edges(faces):
+        gaps = open_edges(faces) if len(faces) else len(triangles)
+        if best is None or gaps < best[0]:
+            best = gaps, points, faces, repairs
+        if not gaps:
             break
-    points, faces = _filled(points, faces, diagonal, repairs)
-    faces = _wound(points, faces, label, repairs)
-    volume, _ = volume_and_centroid(points, faces)
-    if volume < 1e-9 * diagonal**3:
-        raise PartError(f"{label}: expected a solid, got a mesh without volume. Export the part as a solid.")
+    assert best is not None
+    gaps, points, faces, repairs = best
+    if gaps and len(faces):
+        faces, split = split_sides(points, faces, MERGE_STEPS[-1] * diagonal)
+        if split:
+            repairs.append(f"Split {split} triangles at corners of others that lie on their sides; no point moved.")
+            faces = _without_duplicates(faces)
     return points, faces, repairs
 
 
-def open_edges(triangles: IntArray) -> int:
-    """Count the edges that an odd number of triangles share."""
-    _, ahead, back = edge_counts(triangles)
-    return int(((ahead + back) % 2 == 1).sum())
+def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: list[str]) -> tuple[FloatArray, IntArray]:
+    """Cut the surface where more than two triangles meet, drop what hangs loose, and fill small holes."""
+    _, ahead, back = edge_counts(faces)
+    if ((ahead == 1) & (back == 1)).all():
+        return points, faces
+    crowded = crowded_edges(faces)
+    alike = wound_alike(faces)
+    turned = (alike != faces).any()
+    points, faces, _ = cut(points, alike)
+    if crowded:
+        edges = "1 edge" if crowded == 1 else f"{crowded} edges"
+        repairs.append(f"Cut the surface at {edges} of three or more triangles; no point moved.")
+    faces, dropped = without_loose(points, faces)
+    points, faces, filled = fill_holes(points, faces, diagonal)
+    repairs += dropped + filled
+    if turned:
+        repairs.append("Made the winding of the triangles consistent.")
+    return points, faces
+
+
+def _wound(points: FloatArray, faces: IntArray, repairs: list[str], diagonal: float) -> tuple[FloatArray, IntArray]:
+    """Turn the surface outward, unite its bodies, and say where its sides are not known or it crosses itself."""
+    if open_edges(faces):
+        points, faces, _, said = with_sides(points, faces)
+    else:
+        alike = "Made the winding of the triangles consistent." not in repairs
+        total = volume_and_centroid(points, faces)[0]
+        faces = outward(points, faces[:, ::-1] if alike and total < 0.0 else faces, as_wound=alike)
+        if alike and total < 0.0:
+            repairs.append("Turned the surface inside out: its normals pointed into the material.")
+        points, faces, said = united(points, faces)
+    repairs += said
+    if count := crossings(points, faces):
+        repairs.append(f"The surface crosses itself at {count} edges or more: it is taken as it is.")
+    return points, np.ascontiguousarray(faces)
 
 
 def merge_vertices(points: FloatArray, distance: float) -> tuple[FloatArray, IntArray]:
@@ -95,7 +144,9 @@ def _without_duplicates(faces: IntArray) -> IntArray:
     even = (order == [0, 1, 2]).all(1) | (order == [1, 2, 0]).all(1) | (order == [2, 0, 1]).all(1)
     _, first, group = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_inverse=True)
     net = np.bincount(group.reshape(-1), weights=np.where(even, 1.0, -1.0))
-    return faces[np.sort(first[net != 0.0])]
+    # where each triangle has its like, it is a sheet that was drawn from both sides
+    kept = net != 0.0 if (net != 0.0).any() else np.ones(len(first), dtype=np.bool_)
+    return faces[np.sort(first[kept])]
 
 
 def _without_needles(points: FloatArray, faces: IntArray, height: float) -> tuple[IntArray, int]:
@@ -118,7 +169,10 @@ def _without_needles(points: FloatArray, faces: IntArray, height: float) -> tupl
 
 def _flip_needles(faces: IntArray, needles: IntArray, sides: FloatArray) -> int:
     edges, owner = directed_edges(faces)
-    across = {(int(a), int(b)): int(t) for (a, b), t in zip(edges, owner, strict=True)}
+    count, longest = int(faces.max()) + 1, np.argmax(sides[needles], axis=1)
+    starts, ends = faces[needles, longest], faces[needles, (longest + 1) % 3]
+    beside = np.isin(edges[:, 0] * count + edges[:, 1], ends * count + starts)
+    across = {(int(a), int(b)): int(t) for (a, b), t in zip(edges[beside], owner[beside], strict=True)}
     touched: set[int] = set()
     for needle in map(int, needles):
         k = int(np.argmax(sides[needle]))
@@ -133,83 +187,3 @@ def _flip_needles(faces: IntArray, needles: IntArray, sides: FloatArray) -> int:
         faces[needle], faces[other] = (b, a, d), (c, b, d)
         touched.update((needle, other))
     return len(touched) // 2
-
-
-def _filled(points: FloatArray, faces: IntArray, diagonal: float, repairs: list[str]) -> tuple[FloatArray, IntArray]:
-    """Close small holes with a fan of triangles about the middle of their rim."""
-    if not len(faces) or not open_edges(faces):
-        return points, faces
-    edges, _ = directed_edges(faces)
-    following = {(int(a), int(b)) for a, b in edges}
-    rim = {b: a for a, b in following if (b, a) not in following}
-    filled = 0
-    while rim:
-        start, end = next(iter(rim.items()))
-        loop = [start]
-        while end != start and end in rim and len(loop) <= len(rim):
-            loop.append(end)
-            end = rim[end]
-        for vertex in loop:
-            rim.pop(vertex, None)
-        ring = points[loop]
-        length = np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1).sum()
-        if end != start or len(loop) < 3 or length > SMALL_HOLE * diagonal:
-            continue
-        points = np.vstack([points, ring.mean(axis=0)])
-        fan = [(loop[i], loop[(i + 1) % len(loop)], len(points) - 1) for i in range(len(loop))]
-        faces = np.vstack([faces, np.array(fan, dtype=np.int64)])
-        filled += 1
-    if filled:
-        repairs.append(f"Filled {filled} small holes.")
-    return points, faces
-
-
-def _wound(points: FloatArray, faces: IntArray, label: str, repairs: list[str]) -> IntArray:
-    """Make the winding consistent and outward; refuse what has no inside."""
-    _, ahead, back = edge_counts(faces)
-    total = ahead + back
-    if (total == 1).any():
-        raise PartError(
-            f"{label}: expected a closed surface, got {int((total == 1).sum())} open edges. "
-            "Repair the mesh or export the part as a solid."
-        )
-    if (total != 2).any():
-        raise PartError(
-            f"{label}: expected two triangles at every edge, got {int((total != 2).sum())} non-manifold edges. "
-            "Unite the bodies in CAD and export them again."
-        )
-    if (ahead != back).any():
-        alike = wound_alike(faces)
-        if alike is None:
-            raise PartError(f"{label}: expected two sides, got a surface that cannot be oriented. Repair it.")
-        faces = _outward(points, alike)
-        repairs.append("Made the winding of the triangles consistent.")
-    elif volume_and_centroid(points, faces)[0] < 0.0:
-        faces = faces[:, ::-1].copy()
-        repairs.append("Turned the surface inside out: its normals pointed into the material.")
-    return faces
-
-
-def _outward(points: FloatArray, faces: IntArray) -> IntArray:
-    """Turn each closed shell outward, and inward where an odd number of other shells surrounds it."""
-    import igl  # slow to import, and seldom needed
-
-    labels = bodies(faces)
-    shells = [faces[labels == label] for label in range(labels.max() + 1)]
-    result = faces.copy()
-    for label, shell in enumerate(shells):
-        inside = 0
-        for other, outer in enumerate(shells):
-            if other != label:
-                probe = points[shell[0, :1]]
-                inside += int(abs(igl.winding_number(points, outer, probe)[0]) > 0.5)
-        if (volume_and_centroid(points, shell)[0] < 0.0) != (inside % 2 == 1):
-            result[labels == label] = shell[:, ::-1]
-    return result
-
-
-def bodies(faces: IntArray) -> IntArray:
-    """Label the connected shells of a mesh: ``(T,)`` from 0."""
-    count = int(faces.max()) + 1
-    labels = components(count, faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1))[faces[:, 0]]
-    return np.unique(labels, return_inverse=True)[1].reshape(-1).astype(np.int64)

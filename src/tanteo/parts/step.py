@@ -1,32 +1,25 @@
-"""STEP files -> a closed mesh whose triangles are sorted into the faces of the B-rep, through OpenCASCADE."""
+"""STEP and IGES files -> a mesh whose triangles are sorted into the faces of the B-rep, through OpenCASCADE."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from OCP.BRepMesh import BRepMesh_IncrementalMesh
-from OCP.BRepTools import BRepTools
-from OCP.Standard import Standard_Failure
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopoDS import TopoDS
 
 from tanteo.errors import PartError
-from tanteo.parts.brep import brep_faces, diagonal_of, healed, read_shape, solids_of
+from tanteo.parts.bodies import bodies_of, compound, diagonal_of, explore, tessellated
+from tanteo.parts.brep import face_mesh
+from tanteo.parts.brep_mesh import BrepMesh, joined, meshed, surface_mesh
+from tanteo.parts.exchange import read_shape
+from tanteo.parts.files import reader_of_others
+from tanteo.parts.mesh_faces import sort_faces
 from tanteo.parts.planes import face_normals
-from tanteo.parts.repair import merge_vertices
-from tanteo.parts.surfaces import Kinds, merge_faces, surface_offsets
-from tanteo.parts.topology import Draft, edge_counts, volume_and_centroid, wound_alike
-from tanteo.typing import FloatArray, IntArray
-
-LINEAR_DEFLECTION = 3e-4
-"""How far the mesh may lie off a curved face, relative to the diagonal of the box."""
-
-ANGULAR_DEFLECTION = 0.25
-"""How far neighbouring facets of a curved face may turn [rad]."""
-
-WELDS = (1e-7, 1e-6, 1e-5, 1e-4)
-"""Distances below which corners of neighbouring faces are one, tried in turn, relative to the diagonal."""
+from tanteo.parts.repair import sound_mesh
+from tanteo.parts.surfaces import merge_faces, surface_offsets
+from tanteo.parts.topology import Draft, mesh_edges, volume_and_centroid
 
 FLATNESS = 2e-4
 """How thick the mesh of a planar face may be, relative to the diagonal."""
@@ -37,57 +30,88 @@ ROUNDNESS = 1e-3
 _MM = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _SolidMesh:
-    """A closed mesh [mm], the face each triangle belongs to, and the chords of curved edges."""
-
-    vertices: FloatArray
-    triangles: IntArray
-    owners: IntArray
-    kinds: Kinds
-    chords: IntArray
-
-
 def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
-    """Read a STEP file.
+    """Read a STEP or IGES file.
 
     Returns:
         The mesh in metres with the faces of the B-rep, the short name of the file's unit, and repairs.
 
     Raises:
-        MissingExtraError: the CAD kernel is not installed.
-        PartError: not a STEP file, no solid in it, or a solid that cannot be closed.
+        PartError: not such a file, no face in it, or faces that contradict themselves.
     """
-    shape, unit = read_shape(path, label)
-
-    try:
+    with reader_of_others(path, label):
+        shape, unit, notes = read_shape(path, label)
         draft, repairs = _draft(shape, label)
-    except Standard_Failure as error:
-        raise PartError(f"{label}: expected a sound solid, got a failure of the CAD kernel ({error}).") from error
-    return draft, unit, repairs
+    return draft, unit, notes + repairs
 
 
 def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
-    """Mesh every solid of a shape and sort the triangles into the faces of the B-rep."""
-    solids, repairs = solids_of(shape, label)
-    diagonal = diagonal_of(solids)
-    meshes = []
-    for solid in solids:
-        mesh = _mesh(solid, diagonal)
-        if mesh is None:
-            mesh = _mesh(healed(solid, diagonal), diagonal)
-            repairs.append("Sewed and healed the faces of a solid: they did not join.")
-        if mesh is None:
-            raise PartError(f"{label}: expected a closed solid, got faces that do not join. Export it again.")
+    """Mesh every body of a shape and sort the triangles into the faces of the B-rep."""
+    given = tessellated(shape)
+    if given and len(given) == len(explore(shape, TopAbs_FACE)):
+        return _of_triangles(given, label)
+    bodies, sheets, repairs = bodies_of(_exact(shape) if given else shape, label)
+    diagonal = diagonal_of([*bodies, *sheets])
+    meshes: list[BrepMesh] = []
+    for body in bodies:
+        mesh, said = meshed(body, diagonal, label)
         meshes.append(mesh)
-    whole = _joined(meshes)
-    if volume_and_centroid(whole.vertices, whole.triangles)[0] < 1e-9 * diagonal**3:
+        repairs += [sentence for sentence in said if sentence not in repairs]
+    if sheets:
+        mesh, said = surface_mesh(compound(sheets), diagonal, label)
+        meshes.append(mesh)
+        repairs += [
+            "Its only face encloses nothing." if len(sheets) == 1 else f"Its {len(sheets)} faces enclose nothing.",
+            *said,
+        ]
+    if given:
+        meshes, said = _beside(meshes, given, label)
+        repairs += said
+    whole = joined(meshes)
+    closed = not mesh_edges(whole.triangles).rims.any()
+    if closed and volume_and_centroid(whole.vertices, whole.triangles)[0] < 1e-9 * diagonal**3:
         raise PartError(f"{label}: expected a solid, got one without volume. Export the part again.")
     labels, kinds = merge_faces(whole.vertices, whole.triangles, whole.owners, whole.kinds)
     draft = Draft(whole.vertices * _MM, whole.triangles, labels, kinds, whole.chords)
     _check_flat(draft, diagonal * _MM, label)
     _check_curved(draft, diagonal * _MM, label)
     return draft, repairs
+
+
+def _exact(shape: Any) -> Any:
+    """What is left of a shape without bodies, shells and faces that have triangles alone."""
+    every = [
+        *explore(shape, TopAbs_SOLID),
+        *explore(shape, TopAbs_SHELL, TopAbs_SOLID),
+        *explore(shape, TopAbs_FACE, TopAbs_SHELL),
+    ]
+    return compound([one for one in every if not tessellated(one)])
+
+
+def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[BrepMesh], list[str]]:
+    """Put faces of triangles beside those with surfaces, but for those that are the same body over again."""
+    draft, said = _of_triangles(given, label)
+    exact = joined(meshes)
+    volumes = [volume_and_centroid(exact.vertices * _MM, exact.triangles)[0]]
+    volumes.append(volume_and_centroid(draft.vertices, draft.triangles)[0])
+    boxes = [np.stack([v.min(axis=0), v.max(axis=0)]) for v in (exact.vertices * _MM, draft.vertices)]
+    size = float(np.linalg.norm(boxes[0][1] - boxes[0][0]))
+    if np.abs(boxes[0] - boxes[1]).max() < 0.01 * size and abs(volumes[0] - volumes[1]) < 0.02 * size**3:
+        return meshes, [f"Left out {len(given)} faces of triangles: they are the body over again."]
+    edges = mesh_edges(draft.triangles)
+    curved = np.array([kind != "plane" for kind, _ in draft.kinds])[draft.triangle_face]
+    chords = edges.ends[curved[edges.left] | curved[edges.right]]
+    more = BrepMesh(draft.vertices / _MM, draft.triangles, draft.triangle_face, list(draft.kinds), chords)
+    return [*meshes, more], said
+
+
+def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
+    """Tessellated faces, as a mesh file has them."""
+    pieces = [face_mesh(TopoDS.Face(face)) for face in faces]
+    starts = np.cumsum([0] + [len(points) for points, _ in pieces])[:-1]
+    triangles = np.concatenate([t + start for (_, t), start in zip(pieces, starts, strict=True)])
+    points, corners, repairs = sound_mesh(np.concatenate([p for p, _ in pieces]), triangles, label)
+    return sort_faces(points * _MM, corners), ["The file has triangles and no surfaces.", *repairs]
 
 
 def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
@@ -118,49 +142,3 @@ def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
                 f"{label}: expected a {kind} where the file says so, got a face that leaves it by "
                 f"{worst * 1e3:.3g} mm. Export the part again."
             )
-
-
-def _mesh(solid: Any, diagonal: float) -> _SolidMesh | None:
-    """Mesh a solid and weld its faces; None where the result is not closed."""
-    BRepTools.Clean_s(solid)
-    BRepMesh_IncrementalMesh(solid, LINEAR_DEFLECTION * diagonal, False, ANGULAR_DEFLECTION, False)
-    faces = brep_faces(solid, diagonal)
-    if not faces or not all(len(face.triangles) for face in faces):
-        return None
-    starts = np.cumsum([0] + [len(face.points) for face in faces])[:-1]
-    points = np.concatenate([face.points for face in faces])
-    corners = np.concatenate([face.triangles + start for face, start in zip(faces, starts, strict=True)])
-    chords = np.concatenate([face.chords + start for face, start in zip(faces, starts, strict=True)])
-    owners = np.repeat(np.arange(len(faces)), [len(face.triangles) for face in faces])
-    for weld in WELDS:
-        vertices, index = merge_vertices(points, weld * diagonal)
-        triangles = index[corners]
-        kept = ~(triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
-        _, ahead, back = edge_counts(triangles[kept])
-        if (ahead + back == 2).all():
-            kinds = [(face.kind, face.fields) for face in faces]
-            return _outward(_SolidMesh(vertices, triangles[kept], owners[kept], kinds, np.sort(index[chords])))
-    return None
-
-
-def _outward(mesh: _SolidMesh) -> _SolidMesh | None:
-    """Turn the mesh of a solid outward; None where its sides cannot be discriminated."""
-    triangles = wound_alike(mesh.triangles)
-    if triangles is None:
-        return None
-    if volume_and_centroid(mesh.vertices, triangles)[0] < 0.0:
-        triangles = triangles[:, ::-1]
-    return replace(mesh, triangles=np.ascontiguousarray(triangles))
-
-
-def _joined(meshes: list[_SolidMesh]) -> _SolidMesh:
-    """Put the meshes of several solids side by side."""
-    rows = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])[:-1]
-    firsts = np.cumsum([0] + [len(mesh.kinds) for mesh in meshes])[:-1]
-    return _SolidMesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.triangles + row for mesh, row in zip(meshes, rows, strict=True)]),
-        np.concatenate([mesh.owners + first for mesh, first in zip(meshes, firsts, strict=True)]),
-        [kind for mesh in meshes for kind in mesh.kinds],
-        np.concatenate([mesh.chords + row for mesh, row in zip(meshes, rows, strict=True)]),
-    )

@@ -23,6 +23,9 @@ LOOSE = 5e-3
 _FEW = 500
 """Vectors up to this number are compared each with each."""
 
+_MOST_PAIRS = 20_000_000
+"""Pairs of equal vectors that are listed; of more, cells of a grid are enough."""
+
 MOST_CANDIDATES = 4000
 """Pairs of vectors that are tried at most."""
 
@@ -195,7 +198,10 @@ def _clusters(marks: FloatArray) -> IntArray:
     else:
         from scipy.spatial import cKDTree  # slow to import
 
-        pairs = cKDTree(marks).query_pairs(LOOSE, p=np.inf, output_type="ndarray")
+        tree = cKDTree(marks)
+        if tree.count_neighbors(tree, LOOSE, p=np.inf) > _MOST_PAIRS:  # of a heap of triangles
+            return np.unique(np.rint(marks / LOOSE), axis=0, return_inverse=True)[1].reshape(-1)
+        pairs = tree.query_pairs(LOOSE, p=np.inf, output_type="ndarray")
     return components(len(marks), pairs[:, 0], pairs[:, 1])
 
 

@@ -1,30 +1,36 @@
-"""The bookkeeping of a closed mesh, as arrays: which triangles share which edges, and which face each belongs to."""
+"""The bookkeeping of a mesh, as arrays: which triangles share which edges, and which face each belongs to."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from tanteo.parts.part import SurfaceKind
-from tanteo.typing import FloatArray, IntArray
+from tanteo.typing import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshEdges:
-    """The edges of a closed, consistently wound mesh.
+    """The edges of a consistently wound mesh, of which no more than two triangles share one.
 
     Attributes:
         ends: ``(N, 2)``, vertex indices; the first is the lower one.
         left: ``(N,)``, triangle that runs through the edge from first to second end: it lies to the left of that
             direction, seen from outside.
-        right: ``(N,)``, triangle that runs through it the other way.
+        right: ``(N,)``, triangle that runs through it the other way. At a rim, where the surface ends, the only
+            triangle is both.
     """
 
     ends: IntArray
     left: IntArray
     right: IntArray
+
+    @property
+    def rims(self) -> BoolArray:
+        """``(N,)``: where the surface ends."""
+        return np.asarray(self.left == self.right)
 
 
 def directed_edges(triangles: IntArray) -> tuple[IntArray, IntArray]:
@@ -50,14 +56,16 @@ def edge_counts(triangles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def mesh_edges(triangles: IntArray) -> MeshEdges:
-    """Pair the triangles of a closed, consistently wound manifold across their edges."""
+    """Pair the triangles of a consistently wound mesh across their edges."""
     edges, owner = directed_edges(triangles)
+    count = int(triangles.max(initial=0)) + 1
     forward = edges[:, 0] < edges[:, 1]
-    ahead, back = edges[forward], edges[~forward][:, ::-1]
-    first = np.lexsort((ahead[:, 1], ahead[:, 0]))
-    second = np.lexsort((back[:, 1], back[:, 0]))
-    assert np.array_equal(ahead[first], back[second]), "the mesh is not a closed manifold"
-    return MeshEdges(ahead[first], owner[forward][first], owner[~forward][second])
+    keys, index = np.unique(edges.min(axis=1) * count + edges.max(axis=1), return_inverse=True)
+    left, right = np.full(len(keys), -1), np.full(len(keys), -1)
+    left[index[forward]], right[index[~forward]] = owner[forward], owner[~forward]
+    assert (left >= 0).sum() + (right >= 0).sum() == len(edges), "an edge is run through twice in one direction"
+    ends = np.stack([keys // count, keys % count], axis=1)
+    return MeshEdges(ends, np.where(left < 0, right, left), np.where(right < 0, left, right))
 
 
 def components(count: int, first: IntArray, second: IntArray) -> IntArray:
@@ -75,18 +83,6 @@ def components(count: int, first: IntArray, second: IntArray) -> IntArray:
         np.minimum.at(root, np.maximum(a, b)[apart], np.minimum(a, b)[apart])
         while np.any(root != root[root]):
             root = root[root]
-
-
-def wound_alike(triangles: IntArray) -> IntArray | None:
-    """The triangles of closed surfaces in one sense of winding; None where there is none, as for a Klein bottle."""
-    _, ahead, back = edge_counts(triangles)
-    if (ahead == back).all():
-        return triangles
-    import igl  # slow to import, and seldom needed
-
-    triangles = np.asarray(igl.bfs_orient(triangles)[0], dtype=np.int64)
-    _, ahead, back = edge_counts(triangles)
-    return triangles if (ahead == back).all() else None
 
 
 def near_groups(points: FloatArray, distance: float) -> IntArray:
@@ -119,11 +115,11 @@ def volume_and_centroid(vertices: FloatArray, triangles: IntArray) -> tuple[floa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draft:
-    """A closed mesh whose triangles are sorted into faces, before features are taken from it.
+    """A mesh whose triangles are sorted into faces, before features are taken from it.
 
     Attributes:
         vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, closed and outward.
+        triangles: ``(T, 3)``, outward.
         triangle_face: ``(T,)``, index into ``kinds``.
         kinds: kind of each face and the fields of :class:`Face` that describe it.
         round_edges: ``(R, 2)``, mesh edges (lower vertex first) known to be chords of a curved edge; None where a
@@ -135,3 +131,13 @@ class Draft:
     triangle_face: IntArray
     kinds: tuple[tuple[SurfaceKind, dict[str, Any]], ...]
     round_edges: IntArray | None
+
+
+def scaled(draft: Draft, factor: float) -> Draft:
+    """The same in another unit of length."""
+    lengths = ("axis_point", "radius", "minor_radius")
+    kinds = tuple(
+        (kind, {name: value * factor if name in lengths else value for name, value in fields.items()})
+        for kind, fields in draft.kinds
+    )
+    return replace(draft, vertices=draft.vertices * factor, kinds=kinds)

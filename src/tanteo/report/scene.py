@@ -83,7 +83,7 @@ def feature_lines(part: Part, feature: str) -> FloatArray:
 def _lines(part: Part) -> FloatArray:
     """Edges of the mesh between two faces of the part, the sharpest first ``(L, 2, 3)``."""
     edges, normals = mesh_edges(part.triangles), Surface(part.vertices, part.triangles).normals
-    between = part.triangle_face[edges.left] != part.triangle_face[edges.right]
+    between = (part.triangle_face[edges.left] != part.triangle_face[edges.right]) | edges.rims
     cosines = np.sum(normals[edges.left] * normals[edges.right], axis=1)[between]
     return part.vertices[edges.ends[between]][np.argsort(cosines, kind="stable")]
 

@@ -32,7 +32,7 @@ def part_lines(part: Part, *, verbose: bool = False, layout: Layout = PLAIN) -> 
         ),
         f"  file      {printable(part.source)} (read in {part.unit})",
         f"  box       from ({low}) mm in the part's frame",
-        f"  volume    {part.volume * 1e6:.6g} cm3, area {part.area * 1e4:.6g} cm2, {len(part.triangles)} triangles",
+        f"  volume    {_volume(part)}, area {part.area * 1e4:.6g} cm2, {len(part.triangles)} triangles",
         f"  symmetry  {_symmetry(part)}",
         f"  repairs   {printable(' '.join(part.repairs)) or 'none'}",
     ]
@@ -43,6 +43,10 @@ def part_lines(part: Part, *, verbose: bool = False, layout: Layout = PLAIN) -> 
             if len(shown) < len(rows):
                 lines.append(f"... and {len(rows) - len(shown)} more (-v shows all)")
     return lines
+
+
+def _volume(part: Part) -> str:
+    return f"{part.volume * 1e6:.6g} cm3" if part.closed else "none (the surface is open)"
 
 
 def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:

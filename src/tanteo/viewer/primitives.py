@@ -147,10 +147,10 @@ def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntAr
 
 
 def outline(vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    """Edges of a closed mesh at which its surface turns sharply ``(n, 2, 3)``."""
+    """Edges of a mesh at which its surface turns sharply, or ends ``(n, 2, 3)``."""
     edges, normals = mesh_edges(triangles), Surface(vertices, triangles).normals
     sharp = np.sum(normals[edges.left] * normals[edges.right], axis=1) < _SHARP
-    return np.asarray(vertices[edges.ends[sharp]])
+    return np.asarray(vertices[edges.ends[sharp | edges.rims]])
 
 
 def dashed(starts: Vectors, ends: Vectors, dash: float) -> FloatArray:

@@ -77,7 +77,7 @@ def wireframe(part: Part, samples: int = SAMPLES) -> Wireframe:
     normals = np.stack([surface.normals[edges.left], surface.normals[edges.right]], axis=1)
     turn = np.arccos(np.clip(np.sum(normals[:, 0] * normals[:, 1], axis=1), -1.0, 1.0))
     faces = np.sort(np.stack([part.triangle_face[edges.left], part.triangle_face[edges.right]], axis=1), axis=1)
-    sharp = (turn > SHARP) & (faces[:, 0] != faces[:, 1])
+    sharp = (turn > SHARP) & (faces[:, 0] != faces[:, 1]) | edges.rims
     pieces = [_sampled(part, edges.ends, chosen, samples) for chosen in (sharp, ~sharp & (turn > FLAT))]
     edge = np.concatenate([piece[0] for piece in pieces])
     _, groups = np.unique(faces[edge], axis=0, return_inverse=True)

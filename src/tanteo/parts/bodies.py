@@ -1,0 +1,123 @@
+"""A shape of the CAD kernel -> bodies that enclose something: solids, closed shells, faces that are sewn to some."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
+from OCP.BRepGProp import BRepGProp
+from OCP.GProp import GProp_GProps
+from OCP.ShapeFix import ShapeFix_Shape, ShapeFix_Solid
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SHAPE, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Compound
+
+from tanteo.errors import PartError
+
+
+def explore(shape: Any, kind: Any, outside: Any = TopAbs_SHAPE) -> list[Any]:
+    """Shapes of one kind in a shape; only those that are in none of another kind, if that is named."""
+    found = []
+    explorer = TopExp_Explorer(shape, kind, outside)
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    return found
+
+
+def bodies_of(shape: Any, label: str) -> tuple[list[Any], list[Any], list[str]]:
+    """Everything in a shape that has a surface, and nothing dropped without a word.
+
+    Args:
+        shape: as read.
+        label: name of the file.
+
+    Returns:
+        Bodies; without any body, the faces that enclose nothing; and sentences about what was sewn or left out.
+
+    Raises:
+        PartError: there is no face.
+    """
+    shells = [TopoDS.Shell(shell) for shell in explore(shape, TopAbs_SHELL, TopAbs_SOLID)]
+    closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if BRep_Tool.IsClosed_s(shell)]
+    loose = [face for shell in shells if not BRep_Tool.IsClosed_s(shell) for face in explore(shell, TopAbs_FACE)]
+    loose += explore(shape, TopAbs_FACE, TopAbs_SHELL)
+    sewn, rest = _sewn(loose, diagonal_of([shape])) if len(loose) > 1 else ([], loose)
+    bodies, said = [*explore(shape, TopAbs_SOLID), *closed, *sewn], []
+    if closed:
+        said.append("Made a solid of a closed shell." if len(closed) == 1 else f"Made solids of {len(closed)} shells.")
+    if sewn:
+        into = "a closed body" if len(sewn) == 1 else f"{len(sewn)} closed bodies"
+        said.append(f"Sewed {len(loose) - len(rest)} faces to {into}.")
+    if bodies and rest:
+        said.append(f"Left out {_counted(rest)}, which enclose nothing beside the solids.")
+    if not bodies and not rest:
+        raise PartError(f"{label}: expected a solid, got curves or points only. Export the part as a solid.")
+    return bodies, [] if bodies else rest, said
+
+
+def _sewn(faces: list[Any], diagonal: float) -> tuple[list[Any], list[Any]]:
+    """Closed bodies that faces enclose when they are sewn together, and the faces that are in none."""
+    whole = _sewing(faces, 1e-5 * diagonal)
+    shells = [TopoDS.Shell(shell) for shell in explore(whole, TopAbs_SHELL)]
+    closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if BRep_Tool.IsClosed_s(shell)]
+    rest = [face for shell in shells if not BRep_Tool.IsClosed_s(shell) for face in explore(shell, TopAbs_FACE)]
+    return closed, rest + explore(whole, TopAbs_FACE, TopAbs_SHELL)
+
+
+def _sewing(faces: Iterable[Any], tolerance: float) -> Any:
+    sewing = BRepBuilderAPI_Sewing(tolerance)
+    for face in faces:
+        sewing.Add(face)
+    sewing.Perform()
+    return sewing.SewedShape()
+
+
+def _counted(faces: list[Any]) -> str:
+    """How many faces, and how large."""
+    area = 0.0
+    for face in faces:
+        measured = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(face, measured)
+        area += abs(measured.Mass())
+    return f"{len(faces)} loose {'face' if len(faces) == 1 else 'faces'} ({area:.3g} mm2)"
+
+
+def diagonal_of(shapes: Iterable[Any]) -> float:
+    """Of the box that holds them [mm]."""
+    box = Bnd_Box()
+    for shape in shapes:
+        BRepBndLib.Add_s(shape, box)
+    return 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
+
+
+def compound(shapes: Iterable[Any]) -> Any:
+    """Shapes as one."""
+    whole, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(whole)
+    for shape in shapes:
+        builder.Add(whole, shape)
+    return whole
+
+
+def healed(solid: Any, diagonal: float) -> Any:
+    """Sew the faces of a solid together and fix what ShapeFix knows to fix."""
+    fix = ShapeFix_Shape(_sewing(explore(solid, TopAbs_FACE), 1e-5 * diagonal))
+    fix.Perform()
+    shells = explore(fix.Shape(), TopAbs_SHELL)
+    return ShapeFix_Solid().SolidFromShell(TopoDS.Shell(shells[0])) if len(shells) == 1 else fix.Shape()
+
+
+def tessellated(shape: Any) -> list[Any]:
+    """Faces that have triangles alone and no surface, as AP242 allows."""
+    return [face for face in map(TopoDS.Face, explore(shape, TopAbs_FACE)) if _surfaceless(face)]
+
+
+def _surfaceless(face: Any) -> bool:
+    return BRep_Tool.Surface_s(face) is None and BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None
