@@ -18,10 +18,12 @@ if TYPE_CHECKING:
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
     from tanteo.io.part_files import part_file, parts_of
+    from tanteo.io.pose_text import brand_word, parse_pose
     from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
-    from tanteo.io.readings_csv import read_readings, write_readings
+    from tanteo.io.readings_csv import write_readings
+    from tanteo.io.readings_file import format_names, read_readings
     from tanteo.io.record_tables import SessionRecord
     from tanteo.io.result_json import (
         EMPTY,
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
+    from tanteo.io.stated import Direction, as_pose, parse_direction
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
     from tanteo.io.work_json import (
         calibration_document,
@@ -52,19 +55,25 @@ __all__ = [
     "BRANDS",
     "EMPTY",
     "Brand",
+    "Direction",
     "SceneFile",
     "SessionRecord",
+    "as_pose",
+    "brand_word",
     "calibration_document",
     "differences",
     "distinction_json",
     "document_json",
     "executed_json",
     "explanation_document",
+    "format_names",
     "load_record",
     "parse_angle",
     "parse_box",
+    "parse_direction",
     "parse_length",
     "parse_lengths",
+    "parse_pose",
     "parse_pose_prior",
     "parse_table",
     "part_file",
@@ -112,7 +121,10 @@ __getattr__, __dir__ = lazy(
         "poses": "BRANDS Brand pose_as_brand pose_from_brand",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
-        "readings_csv": "read_readings write_readings",
+        "pose_text": "brand_word parse_pose",
+        "readings_csv": "write_readings",
+        "readings_file": "format_names read_readings",
+        "stated": "Direction as_pose parse_direction",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
         "rig_checks": "suspect_metres",
