@@ -47,14 +47,12 @@ def _normal_sd(text: str) -> float:
     return io.parse_angle(text, "--normal-sd")
 
 
-def _pose(name: str, text: str) -> Any:
-    return io.parse_pose(text, name)
+def _pose(name: str, attitude: bool, text: str) -> Any:
+    return io.parse_pose(text, name, attitude=attitude)
 
 
 def _brand(name: str) -> str:
-    from tanteo.io.poses import brand
-
-    found = brand(name)
+    found = io.brand(name)
     if not found.verified:
         complain("warning", f"--brand: the angle convention of {found.name} was not checked. Compare one pose first.")
     return found.name
@@ -92,12 +90,12 @@ class FileOptions:
     tool: Annotated[
         Transforms | None,
         _file("--tool", "POSE", "The tip on the hand, as 0,0,150mm."),
-        Words(partial(_pose, "--tool")),
+        Words(partial(_pose, "--tool", False)),
     ] = None
     hand: Annotated[
         Transforms | None,
         _file("--hand", "POSE", "The hand, of a file without its pose, as '400,200,300mm 180,0,0deg'."),
-        Words(partial(_pose, "--hand")),
+        Words(partial(_pose, "--hand", True)),
     ] = None
     max_points: Annotated[
         int,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tanteo.io.marks_csv import read_marks
     from tanteo.io.part_files import part_file, parts_of
     from tanteo.io.pose_text import brand_word, parse_pose
-    from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
+    from tanteo.io.poses import BRANDS, Brand, brand, pose_as_brand, pose_from_brand
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
     from tanteo.io.readings_csv import write_readings
@@ -59,6 +59,7 @@ __all__ = [
     "SceneFile",
     "SessionRecord",
     "as_pose",
+    "brand",
     "brand_word",
     "calibration_document",
     "differences",
@@ -118,7 +119,7 @@ __getattr__, __dir__ = lazy(
         "images": "read_image write_image",
         "marks_csv": "read_marks",
         "part_files": "part_file parts_of",
-        "poses": "BRANDS Brand pose_as_brand pose_from_brand",
+        "poses": "BRANDS Brand brand pose_as_brand pose_from_brand",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
         "pose_text": "brand_word parse_pose",

@@ -165,6 +165,9 @@ def _release_labels(columns: dict[str, Any], notes: list[str]) -> None:
     if features is None or kinds is None:
         return
     counts = Counter(f for f, kind in zip(features, kinds, strict=True) if f and kind == "plane")
+    for f, kind in zip(features, kinds, strict=True):
+        if kind != "plane":
+            counts.pop(f, None)  # of several kinds, which is refused
     few = [f for f, count in counts.items() if count < _LEAST_OF_PLANE]
     if not few:
         return

@@ -27,11 +27,12 @@ def brand_word(text: str) -> str:
     return match[1] if match else ""
 
 
-def parse_pose(text: str, name: str = "pose") -> Transforms:
+def parse_pose(text: str, name: str = "pose", *, attitude: bool = True) -> Transforms:
     """A pose, ``'400,200,0mm 0,0,90deg'`` or in a controller's syntax: ``'kuka {X 400, ..}'``, ``'ur p[0.4, ..]'``.
 
-    Without a name of a brand: x, y, z and roll, pitch, yaw, which may be left out. Behind ``abb`` brackets of a robtarget.
-    Fields that are named may come in any order, and those that are no part of the pose (S, T, E1) are passed over.
+    Without a name of a brand: x, y, z and roll, pitch, yaw, which may be left out unless ``attitude``. Behind ``abb``
+    brackets as of a robtarget. Fields that are named may come in any order; those that are no part of the pose (S, T,
+    E1) are passed over.
 
     Raises:
         InputError: Numbers are missing, of a brand that is not known, or probably in another unit.
@@ -41,7 +42,7 @@ def parse_pose(text: str, name: str = "pose") -> Transforms:
     if word:
         return _branded(word, text.strip()[len(word) :].lstrip(": "), name)
     place, turn = parse_lengths_angles(text, name)
-    if len(place) != 3 or len(turn) not in (0, 3):
+    if len(place) != 3 or len(turn) not in ((3,) if attitude else (0, 3)):
         raise InputError(
             f"{name}: expected x, y, z and roll, pitch, yaw, got {len(place)} lengths and {len(turn)} angles. "
             f"Write it as {_WRITTEN}."

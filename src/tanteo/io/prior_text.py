@@ -10,7 +10,7 @@ import numpy.typing as npt
 from tanteo.answers import Furniture, Table
 from tanteo.errors import InputError
 from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
-from tanteo.io.pose_text import brand_word, parse_pose
+from tanteo.io.pose_text import parse_pose
 from tanteo.io.units import parse_lengths, parse_lengths_angles
 from tanteo.parts import read_part
 from tanteo.typing import FloatArray, Transforms
@@ -55,7 +55,7 @@ def read_furniture(text: str, unit: str | None = None, name: str = "furniture") 
     sds = parse_lengths(sd, name)
     if len(sds) != 1 or sds[0] <= 0:
         raise InputError(f"{name}: expected one positive sd behind +-, got '{sd}'. Write it as {_FURNITURE}.")
-    T = _whole_pose(pose, name) if pose.strip() else np.eye(4)
+    T = parse_pose(pose, name) if pose.strip() else np.eye(4)
     return Furniture.of_part(read_part(path.strip(), unit=unit), T, sds[0])
 
 
@@ -80,14 +80,15 @@ def parse_pose_prior(text: str, name: str = "pose_prior") -> UncertainFrame:
     """``'400,200,0mm 0,0,90deg +- 5mm 3deg'`` or ``'kuka 400,200,0,90,0,0 +- 5mm 3deg'``: a prior pose and its sds.
 
     Before ``+-``: x, y, z and roll, pitch, yaw, as answers are printed; or the name of a brand and its fields, also as
-    its controller writes them: ``kuka {X 400, Y 200, ..}``, ``ur p[0.4, ..]``, ``abb [[..],[..]]``. Behind it: one length or three, one angle or three; see :func:`spread_pose`.
+    its controller writes them: ``kuka {X 400, Y 200, ..}``, ``ur p[0.4, ..]``, ``abb [[..],[..]]``.
+    Behind it: one length or three, one angle or three; see :func:`spread_pose`.
 
     Raises:
         InputError: Numbers are missing, or a standard deviation is not positive.
         UnitError: No unit, or one that is none.
     """
     pose, sds = _value_and_sd(text, name, _NEAR)
-    return spread_pose(_whole_pose(pose, name), *parse_lengths_angles(sds, name), name)
+    return spread_pose(parse_pose(pose, name), *parse_lengths_angles(sds, name), name)
 
 
 def spread_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name: str = "pose_prior") -> UncertainFrame:
@@ -145,11 +146,3 @@ def _value_and_sd(text: str, name: str, example: str) -> tuple[str, str]:
             "Say behind +- how well it is known."
         )
     return halves[0], halves[1]
-
-
-def _whole_pose(text: str, name: str) -> Transforms:
-    """A pose with its attitude."""
-    lengths_only = not brand_word(text) and not parse_lengths_angles(text, name)[1]
-    if lengths_only:
-        raise InputError(f"{name}: expected x, y, z and roll, pitch, yaw, got no angles. Write it as {_NEAR}.")
-    return parse_pose(text, name)

@@ -17,8 +17,7 @@ from tanteo.io.headers import units_row
 from tanteo.io.stated import Stated
 from tanteo.io.table import Table
 from tanteo.lie import SO3
-from tanteo.logs import TableText, sniff
-from tanteo.logs.table_text import HEAD_BYTES, Lines
+from tanteo.logs import HEAD_BYTES, Lines, TableText, sniff
 from tanteo.replaced import replaced
 from tanteo.sensors import Readings
 from tanteo.typing import FloatArray
@@ -69,8 +68,8 @@ def _read_rows(
         below = units_row((second or [])[: len(header)], _UNITS)
         columns = read_header(header, place, units=stated.units, brand=stated.brand, below=below or ())
         table = Table(path, columns, how, 1 if below is None else 2)
-        rows = rows if below is not None or second is None else chain([second], rows)
-        while chunk := list(islice(rows, CHUNK)):
+        rest = rows if below is not None or second is None else chain([second], rows)
+        while chunk := list(islice(rest, CHUNK)):
             table.add(chunk)
             if progress is not None:
                 progress(table.count)

@@ -83,7 +83,7 @@ def parse_direction(text: str, name: str = "direction") -> Direction:
     """``down``, ``-z``, ``0,0,-1``, ``ijk`` (I J K point into the material), ``-ijk``, ``tool``, ``from:0,0,500mm``.
 
     Raises:
-        InputError: None of these.
+        InputError: It is something else.
     """
     word = text.strip().lower()
     if word in ("tool", "ijk", "-ijk"):
@@ -121,7 +121,7 @@ def as_direction(value: str | Vectors | Direction | None) -> Direction | None:
 def as_pose(name: str, value: str | Transforms | Vectors | None) -> Transforms | None:
     """A pose as an argument gives it: words, a matrix ``(4, 4)`` [m], or of a tool its offset ``(3,)`` [m]."""
     if value is None or isinstance(value, str):
-        return None if value is None else parse_pose(value, name)
+        return None if value is None else parse_pose(value, name, attitude=name != "tool")
     array = np.asarray(value, dtype=np.float64)
     if array.shape == (3,):
         T = np.eye(4)

@@ -17,8 +17,7 @@ from tanteo.io.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERN
 from tanteo.io.hand_columns import ABB, MATRIX, brand_of, hand_poses, way_of
 from tanteo.io.poses import FULL_TURN, in_radians
 from tanteo.io.stated import Stated
-from tanteo.logs import TableText
-from tanteo.logs.table_text import Lines
+from tanteo.logs import Lines, TableText
 from tanteo.sensors import Readings, reading_kinds
 from tanteo.typing import BoolArray, FloatArray
 

@@ -8,8 +8,9 @@ once what the file lacks is known. Nothing here opens a file but :class:`TableTe
 from tanteo.logs.contents import Contents
 from tanteo.logs.formats import FORMATS, format_named, recognise, register_format
 from tanteo.logs.log import Log, LogFormat
-from tanteo.logs.table_text import TableText, sniff
+from tanteo.logs.table_text import HEAD_BYTES, Lines, TableText, sniff
 
 __all__ = [
-    "FORMATS", "Contents", "Log", "LogFormat", "TableText", "format_named", "recognise", "register_format", "sniff",
+    "FORMATS", "HEAD_BYTES", "Contents", "Lines", "Log", "LogFormat", "TableText", "format_named", "recognise",
+    "register_format", "sniff",
 ]  # fmt: skip

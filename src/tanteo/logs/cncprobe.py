@@ -11,7 +11,7 @@ import numpy as np
 
 from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log
-from tanteo.logs.numbers import all_rows, are_colours, are_unit, first_rows
+from tanteo.logs.numbers import all_rows, are_unit, first_rows
 
 _AXES = "XYZABCUVW"
 _STILL = 1e-6
@@ -19,14 +19,14 @@ _STILL = 1e-6
 
 
 def recognise(contents: Contents) -> bool:
-    """Four to nine numbers a row, of which those behind Z do not look like vectors or colours."""
+    """Four to nine numbers a row, of which those behind Z do not look like vectors."""
     rows = first_rows(contents)
     if rows is None or rows.names or not 4 <= rows.values.shape[1] <= 9:
         return False
     rest = rows.values[:, 3:]
     if not np.ptp(rest, axis=0).any() and not rest[0].any():
         return True
-    return rest.shape[1] == 6 and not are_unit(rest[:, 3:]) and not are_colours(rest[:, :3])
+    return rest.shape[1] == 6 and not are_unit(rest[:, 3:])
 
 
 def read(contents: Contents) -> Log:

@@ -37,7 +37,7 @@ def read(contents: Contents) -> Log:
     points = contents.numbers(rows, lines, "a probe report")
     if points.shape[1] != 3:
         contents.fail("three coordinates or more of a probe report", str(points.shape[1]), "Correct it.", lines[0])
-    said = [word for word in _INCHES.findall(contents.text)]
+    said = list(_INCHES.findall(contents.text))
     inches = bool(said) and said[-1].lower() in ("1", "true", "on", "yes")
     notes = []
     if missed:

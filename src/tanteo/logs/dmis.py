@@ -23,7 +23,7 @@ _HINT = re.compile(
 _CALLED = {
     "FA": "",
     "PTDATA": "Points of PTDATA are taken: the file has no actual points (FA).",
-    "PTMEAS": "Points of PTMEAS are taken as measured: the file has no actual ones (FA). In a program they are nominal.",
+    "PTMEAS": "Points of PTMEAS are taken as measured: there are no actual ones (FA). In a program they are nominal.",
     "F": "Nominal points F(...) are taken as measured: the file has no actual ones, FA(...).",
 }
 

@@ -1,4 +1,4 @@
-"""Positions of KUKA data lists (``.dat``) and programs (``.src``): ``{X 1,Y 2,Z 3,A 0,B 90,C 0,..}``, mm and degrees."""
+"""Positions of KUKA data lists (``.dat``) and programs (``.src``): ``{X 1,Y 2,Z 3,A 0,B 90,C 0}``, mm and degrees."""
 
 from __future__ import annotations
 

@@ -90,8 +90,3 @@ def _names(lines: list[str], count: int) -> tuple[str, ...]:
 def are_unit(vectors: FloatArray, slack: float = 2e-2) -> bool:
     """Whether all are of length one, as directions are written."""
     return bool(len(vectors) and np.all(np.abs(np.linalg.norm(vectors, axis=1) - 1) < slack))
-
-
-def are_colours(values: FloatArray) -> bool:
-    """Whether all are whole numbers from 0 to 255."""
-    return bool(np.all((values >= 0) & (values <= 255) & (values == np.round(values))))

@@ -29,7 +29,8 @@ def recognise(contents: Contents) -> bool:
 def read(contents: Contents) -> Log:
     """Measured points of all results in the document."""
     root = _parsed(contents)
-    points, normals, names, others = [], [], [], 0
+    points, normals, others = list[np.ndarray](), list[np.ndarray](), 0
+    names: list[str] = []
     for element in root.iter("{*}*"):
         tag = _tag(element)
         if tag.endswith(_ENDS):
