@@ -147,6 +147,8 @@ def _read(path: str, part_paths: Sequence[str], options: Options, file: FileOpti
     if rig is None and (question := misspelt(readings)):
         complain("warning", question)
     units = units_of_parts(list(part_paths), options.units, used)
+    if used and units is not None:
+        complain("warning", f"--units {units} holds for the readings and for the parts: neither have their own.")
     parts = files.read_all_parts(part_paths, units, quiet=options.json)
     with open(path, encoding="utf-8", errors="replace") as text_file:
         column = _HEADER.search(text_file.read(20_000))

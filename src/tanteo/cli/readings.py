@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 else:  # the parser resolves annotations, and has to load nothing for that
     Direction = Transforms = Any
 
-MAX_POINTS = 2000
+MAX_POINTS = 1000
 """Readings without labels beyond this are drawn from: more of a dense cloud say little more, and take longer."""
 
 _file = partial(option, rich_help_panel="File of readings")

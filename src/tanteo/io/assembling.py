@@ -44,6 +44,7 @@ def assemble(
     _give_directions(columns, n, outward, stated, source, notes)
     _give_normal_sds(columns, stated, source, notes)
     _release_labels(columns, notes)
+    n = _draw(columns, n, stated.max_points, notes)
     try:
         radii = columns["radii"]
         columns["radii"] = None if radii is None else np.nan_to_num(radii)
@@ -51,7 +52,7 @@ def assemble(
         check_features(readings)
     except ReadingsError as error:
         raise ReadingsError(f"{source}: {error}") from None
-    return _drawn(readings, stated.max_points)
+    return readings
 
 
 def _place(columns: dict[str, Any], stated: Stated, source: str, notes: list[str]) -> None:
@@ -180,11 +181,16 @@ def _release_labels(columns: dict[str, Any], notes: list[str]) -> None:
     notes.append(f"Fewer than three rows of a plane are no plane: those of {named} are used as unlabelled points.")
 
 
-def _drawn(readings: Readings, most: int | None) -> Readings:
-    """No more readings than that, drawn at random with a fixed seed; all where labels tie them together."""
-    if most is None or len(readings) <= most or any(readings.features):
-        return readings
-    rows = np.sort(np.random.default_rng(0).choice(len(readings), most, replace=False))
-    note = f"{most:,} of {len(readings):,} readings are used, drawn at random; --max-points sets how many."
-    kept = readings.take(rows)
-    return kept.with_notes(note)
+def _draw(columns: dict[str, Any], n: int, most: int | None, notes: list[str]) -> int:
+    """Keep no more rows than that, drawn at random with a fixed seed; all where labels tie them together."""
+    if most is None or n <= most or any(columns.get("features") or ()):
+        return n
+    rows = np.sort(np.random.default_rng(0).choice(n, most, replace=False))
+    columns["ids"] = columns["ids"] or range(1, n + 1)
+    for name, values in columns.items():
+        if isinstance(values, np.ndarray):
+            columns[name] = values[rows]
+        elif values is not None:
+            columns[name] = [str(values[k]) for k in rows]
+    notes.append(f"{most:,} of {n:,} readings are used, drawn at random; --max-points sets how many.")
+    return most

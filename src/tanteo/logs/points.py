@@ -1,8 +1,8 @@
 """Lists of points: X Y Z, with vectors I J K, or with what CloudCompare writes beside them (``.asc``, ``.xyz``).
 
 Columns are known by a comment above them (``//X Y Z Nx Ny Nz``), else by what they hold: the last three of length one
-are vectors; what else there is, as colours, is left out. Six numbers whose last three are a unit vector are X Y Z I J K as
-coordinate measuring machines write them: I J K points out of the material.
+are vectors; what else there is, as colours, is left out. Six numbers whose last three are a unit vector are X Y Z I J K
+as coordinate measuring machines write them: I J K points out of the material.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -147,10 +147,6 @@ class Readings:
         arrays = {k: getattr(self, k)[index] for k in _COLUMNS}
         names: dict[str, Any] = {k: tuple(getattr(self, k)[i] for i in index) for k in _NAMES}
         return Readings(**names, **arrays, is_free=self.is_free[index], source=self.source, notes=self.notes)
-
-    def with_notes(self, *notes: str) -> Readings:
-        """The same with more said of how they were read."""
-        return replace(self, notes=(*self.notes, *notes))
 
     @property
     def has_point(self) -> BoolArray:
