@@ -65,9 +65,9 @@ def way_of(names: Iterable[str]) -> Way:
 def as_hand(names: list[str]) -> list[str]:
     """Names with ``hand_`` before a pose that is written without it: X, Y, Z, W, P, R or the elements of a matrix."""
     names = [f"hand_{n}" if n in ("qw", "qx", "qy", "qz") else n for n in names]
-    if any(n.startswith("hand_") and n.rpartition("_")[0] in PLACE for n in names):
-        return names
     bases = [_base(n) for n in names]
+    if not set(PLACE).isdisjoint(bases):
+        return names
     if {*_ELEMENTS} <= {b.removeprefix("hand_") for b in bases}:
         return [_renamed(n, b, _ELEMENTS[b.removeprefix("hand_")]) if b.removeprefix("hand_") in _ELEMENTS else n
                 for n, b in zip(names, bases, strict=True)]  # fmt: skip

@@ -15,7 +15,7 @@ from tanteo.typing import FloatArray, Transforms
 _WRITTEN = "400,200,0mm 0,0,90deg"
 _BRANDED = "kuka 400,200,0,90,0,0"
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-_NAMED = re.compile(rf"([A-Za-z]\w*)\s*[:=]?\s*({_NUMBER})\s*(mm|deg|rad|m|°)?(?![\w.])", re.ASCII)
+_NAMED = re.compile(rf"(?<![\w.])([A-Za-z]\w*)\s*[:=]?\s*({_NUMBER})\s*(mm|deg|rad|m|°)?(?![\w.])", re.ASCII)
 _PLAIN = re.compile(_NUMBER, re.ASCII)
 _GROUP = re.compile(r"\[([^\[\]]*)\]")
 _UNITS = {"mm": "mm", "m": "m", "deg": "deg", "rad": "rad", "°": "deg"}
