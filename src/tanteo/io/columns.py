@@ -121,7 +121,7 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
         return Column(name, written, float("nan"))
     if name in PLAIN:
         return Column(name, written, 1.0)
-    base, _, own = name.rpartition("_")
+    written, (base, _, own) = written[:60], name.rpartition("_")
     for bases, units in ((LENGTHS, LENGTH_UNITS), (ANGLES, ANGLE_UNITS)):
         if base in bases and own in units:
             return Column(base, written, units[own])

@@ -13,6 +13,9 @@ _UNIT_WORDS = {
     "metre": "m", "metres": "m", "inch": "in", "inches": "in", '"': "in", "micron": "um", "microns": "um",
     "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad",
 }  # fmt: skip
+_LONGEST = 100
+"""Characters of a name; what is longer is none."""
+
 _NO_UNIT = ("", "-", "1", "/")
 _WHOLE = re.compile(r"(?:\w*_)?(position|translation|orientation|rotation|normal|direction)_([xyzw])(_\w+)?")
 _GROUPS = {"position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
@@ -32,6 +35,8 @@ _ADVICE = (
 def canonical(cell: str) -> str:
     """``X (mm)``, ``X [mm]``, ``X_MM`` and ``x mm`` as ``x_mm``; ``pose.position.x`` as ``hand_x``."""
     text = cell.strip().strip("\"'").strip().lower().replace("µ", "u").replace("μ", "u")
+    if len(text) > _LONGEST:
+        return text
     match = _BRACKETS.fullmatch(text) or _SLASH.fullmatch(text)
     unit = ""
     if match:

@@ -30,6 +30,7 @@ _SHORTEST, _LONGEST = 1e-9, 1e9
 _POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd")
 _QUATERNION_SLACK = 1e-3
 _MATRIX_SLACK = 1e-2
+_ROUND = ("circle", "hole", "bore", "cylinder", "arc", "slot")
 _STATUSES = ("ok", "none")
 
 
@@ -84,7 +85,9 @@ class Table:
         valid = {"kind": reading_kinds(), "status": _STATUSES}.get(column.base)
         if valid is not None and (strange := set(names) - {*valid, ""}):
             k = next(i for i, name in enumerate(names) if name in strange)
-            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}")
+            round_one = " (the centre of a circle is no point of the surface: leave these rows out)"
+            hint = round_one if column.base == "kind" and names[k].lower() in _ROUND else ""
+            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}{hint}")
         return [pool.setdefault(name, name) for name in names]
 
     def _check_ids(self, names: list[str]) -> None:

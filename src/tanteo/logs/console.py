@@ -13,7 +13,7 @@ from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log, counted
 
 _REPORT = re.compile(r"\[PRB:([^\]:\n]{0,200}):([01])\]")
-_INCHES = re.compile(r"^\s*(?:>*\s*)?\$(?:13|Report/Inches)=(\w+)", re.MULTILINE)
+_INCHES = re.compile(r"^[ \t>]*\$(?:13|Report/Inches)=(\w+)", re.MULTILINE)
 
 
 def recognise(contents: Contents) -> bool:

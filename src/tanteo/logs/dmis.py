@@ -17,7 +17,7 @@ _UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
 _FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
 _POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
 _HINT = re.compile(
-    r"^\s*(?:DMISMN\s*/|DMISMD\s*/|FILNAM\s*/|FA?\([^()\n]{1,80}\)\s*=\s*FEAT\s*/|PTMEAS\s*/|PTDATA\s*/)",
+    r"^[ \t]*(?:DMISMN\s*/|DMISMD\s*/|FILNAM\s*/|FA?\([^()\n]{1,80}\)\s*=\s*FEAT\s*/|PTMEAS\s*/|PTDATA\s*/)",
     re.MULTILINE | re.IGNORECASE,
 )
 _CALLED = {

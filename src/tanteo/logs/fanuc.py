@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 
 from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log, counted, unique
 
-_HINT = re.compile(r"^/PROG\b|^/POS\b|^\s*P\[\d+[^\]\n]*\]\s*\{|\bPOSREG\b", re.MULTILINE)
+_HINT = re.compile(r"^/PROG\b|^/POS\b|^[ \t]*P\[\d+[^\]\n]*\]\s*\{|\bPOSREG\b", re.MULTILINE)
 _BLOCK = re.compile(r"P\[\s*(\d+)\s*(?::\s*\"([^\"\n]{0,80})\")?\s*\]\s*\{([^{}]{0,4000})\}")
 _REGISTER = re.compile(r"\[\d+,\s*(\d+)\]\s*=\s*'([^'\n]{0,80})'([^\[]{0,2000})")
 _FIELD = re.compile(r"\b([XYZWPR])\s*[=:]\s*([-+*.\dEe]+)")
@@ -25,13 +26,14 @@ def read(contents: Contents) -> Log:
     rows, lines, names, frames, left = [], [], [], set(), 0
     text = contents.text
     blocks = list(_BLOCK.finditer(text)) or list(_REGISTER.finditer(text))
+    ends = [match.start() for match in re.finditer("\n", text)]
     for match in blocks:
         fields = dict(_FIELD.findall(match[3]))
         if not set(_FIELDS) <= fields.keys() or any("*" in value for value in fields.values()):
             left += 1
             continue
         rows.append([fields[name] for name in _FIELDS])
-        lines.append(text.count("\n", 0, match.start()) + 1)
+        lines.append(bisect_left(ends, match.start()) + 1)
         names.append(match[2] or match[1])
         frames.update(_FRAME.findall(match[3]))
     if not rows:

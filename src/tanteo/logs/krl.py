@@ -7,7 +7,7 @@ import re
 from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log, counted, unique
 
-_HINT = re.compile(r"^\s*(?:DEFDAT|DEF|&ACCESS)\b|\bDECL\s+(?:GLOBAL\s+)?(?:E6POS|POS|FRAME|E6AXIS)\b|\{\s*X\s+-?\d",
+_HINT = re.compile(r"^[ \t]*(?:DEFDAT|DEF|&ACCESS)\b|\bDECL\s+(?:GLOBAL\s+)?(?:E6POS|POS|FRAME|E6AXIS)\b|\{\s*X\s+-?\d",
                    re.MULTILINE | re.IGNORECASE)  # fmt: skip
 _FRAME = re.compile(
     r"(?:(\w+)(?:\[\d+\])?\s*=\s*|(\b(?:PTP|LIN|CIRC|SPTP|SLIN)(?:_REL)?)\s*)?\{([^{}\n]{0,1000})\}", re.IGNORECASE

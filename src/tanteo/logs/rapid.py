@@ -10,7 +10,7 @@ from tanteo.logs.log import Log, unique
 _HINT = re.compile(
     r"\brobtarget\b|\bMODULE\s+\w+|\[\s*\[[^\[\]\n]{3,100}\]\s*,\s*\[[^\[\]\n]{3,120}\]\s*,\s*\[", re.IGNORECASE
 )
-_TARGET = re.compile(r"(?:(\w+)\s*:=\s*)?\[\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[")
+_TARGET = re.compile(r"(?:\b(\w+)\s*:=\s*)?\[\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[")
 _WORK = re.compile(r"\\WObj\s*:=\s*(\w+)", re.IGNORECASE)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log, counted, unique
 
-_LINE = re.compile(r"^\s*G80[01](?!\d)", re.MULTILINE)
+_LINE = re.compile(r"^[ \t]*G80[01](?!\d)", re.MULTILINE)
 _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+))")
 _FRAME = ("G330", "G331")
 

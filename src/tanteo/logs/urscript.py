@@ -7,7 +7,7 @@ import re
 from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log, unique
 
-_POSE = re.compile(r"(?:(\w+)\s*[:=]\s*)?\bp\[([^\[\]\n]{5,300})\]")
+_POSE = re.compile(r"(?:\b(\w+)\s*[:=]\s*)?\bp\[([^\[\]\n]{5,300})\]")
 
 
 def recognise(contents: Contents) -> bool:
