@@ -119,3 +119,12 @@ def test_three_two_one_is_usable(tmp_path):
     assert readings.kinds == ("plane",) * 3 + ("point",) * 3
     (note,) = readings.notes
     assert "those of 'front' (2), 'left' (1) are used as unlabelled points" in note
+
+
+def test_a_report_of_a_machine_is_read_and_what_is_beside_it_said(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("Point;Actual X [mm];Actual Y [mm];Actual Z [mm];Nominal X;Dev X;Time\nP1;1,5;2;3;1;0,5;12:01\n")
+    readings = read_readings(path)
+    assert readings.ids == ("P1",)
+    np.testing.assert_allclose(readings.points, [[1.5e-3, 2e-3, 3e-3]])
+    assert "Columns left out: Nominal X, Dev X, Time." in readings.notes

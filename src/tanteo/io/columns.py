@@ -9,7 +9,7 @@ from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.hand_columns import ANGLES as HAND_ANGLES
 from tanteo.io.hand_columns import PLACE, WAYS, as_hand, way_of
 from tanteo.io.hand_columns import PLAIN as HAND_PLAIN
-from tanteo.io.headers import advice, canonical, with_unit
+from tanteo.io.headers import advice, canonical, is_beside, with_id, with_unit
 from tanteo.io.poses import BRANDS
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
@@ -45,11 +45,13 @@ class Column:
         base: Name without the unit.
         written: Name in the file.
         factor: To metres or radians; NaN for text.
+        left_out: It says nothing of readings.
     """
 
     base: str
     written: str
     factor: float
+    left_out: bool = False
 
     @property
     def is_text(self) -> bool:
@@ -84,7 +86,7 @@ def read_header(
         raise ReadingsError(f"{place}: expected a header that names the columns, got '{','.join(written)}'. Add one.")
     if len(written) == 1 and "|" in written[0]:
         raise ReadingsError(f"{place}: expected commas between columns, got '{written[0]}'. Write it comma-separated.")
-    names = as_hand([canonical(name) for name in written])
+    names = as_hand(with_id([canonical(name) for name in written]))
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     own = {name: _brand_unit(name, brand, names) for name in names}
     columns = tuple(
@@ -119,6 +121,8 @@ def _brand_unit(name: str, brand: str | None, names: Sequence[str]) -> str | Non
 def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
     if name in TEXTS:
         return Column(name, written, float("nan"))
+    if is_beside(name):
+        return Column(f"left out: {place}", written, float("nan"), left_out=True)
     if name in PLAIN:
         return Column(name, written, 1.0)
     written, (base, _, own) = written[:60], name.rpartition("_")

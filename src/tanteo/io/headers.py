@@ -13,6 +13,13 @@ _UNIT_WORDS = {
     "metre": "m", "metres": "m", "inch": "in", "inches": "in", '"': "in", "micron": "um", "microns": "um",
     "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad",
 }  # fmt: skip
+_ACTUAL = re.compile(r"^(?:actual|act|measured|meas)_|_(?:actual|act|measured|meas)(?=_|$)")
+_BESIDE = re.compile(
+    r"(?:time|timestamp|time_stamp|date|datetime|comments?|remarks?|notes?|operator|temp|temperature|feed|feedrate|speed"
+    r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|dev|deviation)_\w+"
+    r"|\w+_(?:nominal|nom|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
+)
+_NAMES = ("no", "nr", "num", "number", "index", "point", "points", "point_no", "point_nr", "pt", "name", "point_name")
 _LONGEST = 100
 """Characters of a name; what is longer is none."""
 
@@ -27,7 +34,7 @@ _ADVICE = (
     (r"(?:v[xyz]|u|v|w)", "Name vectors nx, ny, nz if they point out of the material, dx, dy, dz if into it."),
     (r"(?:dist|distance|depth|length)", "Of a range sensor name the column range_mm, with sensor and hand columns."),
     (r"(?:type|category)", "Name the column kind: plane, edge, vertex, point or free."),
-    (r"(?:label|name|face|surface|point|no|nr|number|index)",
+    (r"(?:label|face|surface)",
      "Name it id if it differs in each row, feature if rows on one face share it."),
 )  # fmt: skip
 
@@ -46,8 +53,22 @@ def canonical(cell: str) -> str:
     if head and last in _UNIT_WORDS:
         text = f"{head}_{_UNIT_WORDS[last]}"
     text = with_unit(text, unit)
+    text = _ACTUAL.sub("", text)
     whole = _WHOLE.fullmatch(text)
     return f"{_GROUPS[whole[1]]}{whole[2]}{whole[3] or ''}" if whole else text
+
+
+def is_beside(name: str) -> bool:
+    """Whether a column says nothing of where something is: the time, a remark, nominal values and deviations."""
+    return len(name) <= _LONGEST and _BESIDE.fullmatch(name) is not None
+
+
+def with_id(names: list[str]) -> list[str]:
+    """A column ``No`` or ``Point`` names the rows, where no other does."""
+    if "id" in names:
+        return names
+    first = next((name for name in names if name in _NAMES), None)
+    return ["id" if name == first else name for name in names]
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -65,8 +65,8 @@ def _read_rows(
             header.pop()
         place = f"{path}, line {lines.number}"
         second = next(rows, None)
-        below = units_row((second or [])[: len(header)], _UNITS)
-        columns = read_header(header, place, units=stated.units, brand=stated.brand, below=below or ())
+        below = units_row(second, _UNITS) if second and len(second) >= len(header) else None
+        columns = read_header(header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)])
         table = Table(path, columns, how, 1 if below is None else 2)
         rest = rows if below is not None or second is None else chain([second], rows)
         while chunk := list(islice(rest, CHUNK)):

@@ -48,7 +48,7 @@ class Table:
         """
         self.path, self.columns, self.count = path, columns, 0
         self._text, self._above = text, above
-        self._numbers: dict[str, list[FloatArray]] = {c.base: [] for c in columns if not c.is_text}
+        self._numbers: dict[str, list[FloatArray]] = {c.base: [] for c in columns if not c.is_text and not c.left_out}
         self._texts: dict[str, list[str]] = {c.base: [] for c in columns if c.is_text}
         self._pool: dict[str, str] = {}
         self._written = {c.base: c.written for c in columns}
@@ -68,6 +68,8 @@ class Table:
             )
         chunk: dict[str, FloatArray] = {}
         for column, cells in zip(self.columns, zip(*rows, strict=True), strict=True):
+            if column.left_out:
+                continue
             if column.is_text:
                 self._texts[column.base] += self._names(column, cells)
             else:
@@ -283,7 +285,9 @@ class Table:
             "is_free": None if status is None else np.array([s == "none" for s in status]),
         }  # fmt: skip
         said = self._text.said()
+        left = [c.written for c in self.columns if c.left_out]
         notes = [said] if said else []
+        notes += [f"Columns left out: {', '.join(left)}."] if left else []
         return assemble(columns, self.count, stated, str(self.path), notes, outward=vectors(OUTWARD))
 
     def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
