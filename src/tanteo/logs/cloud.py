@@ -10,6 +10,9 @@ from tanteo.typing import FloatArray
 
 PLACE, NORMALS = ("x", "y", "z"), (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _LONGEST_HEADER = 10_000
+_MOST_NUMBERS = 10_000
+"""Numbers of one point; histograms of features have some hundreds."""
+
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
 _LETTERS = {"F": "f", "I": "i", "U": "u"}
 
@@ -28,6 +31,8 @@ def read(contents: Contents) -> Log:
     words = [*sizes, *counts, *head.get("POINTS", [""])]
     if not len(names) == len(sizes) == len(kinds) == len(counts) or not all(w.isdigit() for w in words):
         contents.fail("FIELDS, SIZE, TYPE, COUNT and POINTS that agree", "others", "Export it again.")
+    if sum(int(n) for n in counts) > _MOST_NUMBERS:
+        contents.fail(f"a COUNT of up to {_MOST_NUMBERS} in all", " ".join(counts)[:60], "Export it again.")
     encoding, total = (head.get("DATA") or [""])[0], int(words[-1])
     if encoding == "ascii":
         wide = [f"{name}.{k}" if k else name for name, n in zip(names, counts, strict=True) for k in range(int(n))]
@@ -91,6 +96,8 @@ def columns(contents: Contents, body: bytes, dtype: np.dtype, count: int) -> dic
 
 def text_columns(contents: Contents, body: bytes, names: list[str], count: int) -> dict[str, FloatArray]:
     """Columns of rows of text, as many as the header says; what follows is of other elements."""
+    if count > len(body):
+        contents.fail(f"{count} points", f"{len(body)} bytes", "Is this the whole file?")
     lines = [line for line in body.decode("latin-1").split("\n", count)[:count] if line.strip()]
     if len(lines) < count:
         contents.fail(f"{count} points", f"{len(lines)} lines", "Is this the whole file?")
