@@ -128,6 +128,9 @@ def pose_of(b: Brand, places: FloatArray, turns: FloatArray) -> Transforms:
 FULL_TURN = 2.02 * np.pi
 """No angle in radians is larger: a full turn, and a little beyond it."""
 
+MANY_TURNS = 200.5 * np.pi
+"""Angles in degrees may have wound up, but not more than this [rad]."""
+
 _QUARTER, _CLOSE = np.pi / 2, 2e-3
 
 
@@ -153,6 +156,8 @@ def _check_turns(b: Brand, turns: FloatArray) -> None:
             f"pose of {b.name}: expected a rotation vector of at most a full turn, got one of "
             f"{np.linalg.norm(turns, axis=-1).max():.3g} rad: are these roll, pitch and yaw, or degrees? Convert them."
         )
+    if (np.abs(turns) * b.radian > MANY_TURNS).any():
+        raise InputError(f"pose of {b.name}: expected angles of up to 36000 degrees, got more. Correct them.")
     if b.radian != 1 and in_radians(turns):
         listed = ", ".join(f"{angle:g}" for angle in np.ravel(turns)[:3])
         raise InputError(

@@ -15,7 +15,7 @@ from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.assembling import LARGEST, assemble
 from tanteo.io.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
 from tanteo.io.hand_columns import ABB, MATRIX, brand_of, hand_poses, way_of
-from tanteo.io.poses import FULL_TURN, in_radians
+from tanteo.io.poses import FULL_TURN, MANY_TURNS, in_radians
 from tanteo.io.stated import Stated
 from tanteo.logs import Lines, TableText
 from tanteo.sensors import Readings, reading_kinds
@@ -178,6 +178,8 @@ class Table:
                 self._wrong_angle(
                     column, chunk, far, f"{column.base}_deg", "rad is more than a full turn: are these degrees"
                 )
+        for name in (c.base for c in self.columns if c.base in ANGLES):
+            self._require(~(np.abs(chunk[name]) > MANY_TURNS), name, chunk, "an angle of up to 36000 degrees")
         turned = [c for c in self.columns if c.base in way_of(chunk).names and c.base in ANGLES]
         degrees = [c for c in turned if c.factor != 1]
         if degrees and in_radians(np.concatenate([chunk[c.base] / c.factor for c in degrees])):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.logs.contents import Contents
+from tanteo.logs.contents import Contents, is_whole
 from tanteo.logs.log import Log
 
 _GRID = 3
@@ -23,7 +23,7 @@ def recognise(contents: Contents) -> bool:
     head = [line.split() for line in contents.head.splitlines()[:10] if line.strip()][:_GRID]
     if len(head) < _GRID or any(len(row) != 3 for row in head):
         return False
-    if not all(row[2].isascii() and row[2].isdigit() and int(row[2]) > 1 for row in head[:2]):
+    if not all(is_whole(row[2]) and int(row[2]) > 1 for row in head[:2]):
         return False
     return len(_kept(contents)) == _GRID + int(head[0][2]) * int(head[1][2])
 

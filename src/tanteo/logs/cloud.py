@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.logs.contents import Contents
+from tanteo.logs.contents import Contents, is_whole
 from tanteo.logs.log import Log, counted
 from tanteo.typing import FloatArray
 
@@ -29,7 +29,7 @@ def read(contents: Contents) -> Log:
     names, sizes, kinds = (head.get(key, []) for key in ("FIELDS", "SIZE", "TYPE"))
     counts = head.get("COUNT", ["1"] * len(names))
     words = [*sizes, *counts, *head.get("POINTS", [""])]
-    if not len(names) == len(sizes) == len(kinds) == len(counts) or not all(w.isdigit() for w in words):
+    if not len(names) == len(sizes) == len(kinds) == len(counts) or not all(is_whole(w) for w in words):
         contents.fail("FIELDS, SIZE, TYPE, COUNT and POINTS that agree", "others", "Export it again.")
     if sum(int(n) for n in counts) > _MOST_NUMBERS:
         contents.fail(f"a COUNT of up to {_MOST_NUMBERS} in all", " ".join(counts)[:60], "Export it again.")

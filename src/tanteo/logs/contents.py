@@ -14,6 +14,9 @@ from tanteo.typing import FloatArray
 HEAD = 16_384
 """Bytes that recognition looks at."""
 
+_DIGITS = 18
+"""Of the longest whole number."""
+
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 
 
@@ -109,6 +112,11 @@ class Contents:
             k, i = bad[0]
             self.fail(f"finite numbers of {what}", f"'{rows[k][i][:30]}'", "Correct the line.", lines[k])
         return values
+
+
+def is_whole(word: str) -> bool:
+    """Whether it is a whole number in plain digits, and no longer than any count."""
+    return word.isascii() and word.isdigit() and len(word) <= _DIGITS
 
 
 def _number(word: str) -> float:

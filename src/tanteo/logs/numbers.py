@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.logs.contents import Contents
+from tanteo.logs.contents import Contents, is_whole
 from tanteo.typing import FloatArray
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -41,7 +41,7 @@ def first_rows(contents: Contents) -> NumberRows | None:
     if len(contents.data) > len(contents.head.encode()):
         lines = lines[:-1] or lines
     rows = [line for line in lines if line and not _is_comment(line)]
-    if rows and rows[0].isdigit():
+    if rows and is_whole(rows[0]):
         rows = rows[1:]  # CloudCompare writes how many there are
     if not rows or not all(_ROW.fullmatch(row) or _DECIMAL_COMMA.fullmatch(row) for row in rows):
         return None
@@ -58,7 +58,7 @@ def all_rows(contents: Contents, what: str) -> NumberRows:
         ReadingsError: A line is none of numbers, or has another count; the message names it.
     """
     kept = [(k, line) for k, line in enumerate(contents.lines, start=1) if line and not _is_comment(line)]
-    if kept and kept[0][1].isdigit():
+    if kept and is_whole(kept[0][1]):
         kept = kept[1:]
     names = _names(contents.lines, len(_words(kept[0][1])) if kept else 0)
     text = [line.replace(",", " ").replace(";", " ") for _, line in kept]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.logs.cloud import PLACE, columns, of_columns, text_columns
-from tanteo.logs.contents import Contents
+from tanteo.logs.contents import Contents, is_whole
 from tanteo.logs.log import Log
 
 _TYPES = {
@@ -61,7 +61,7 @@ def _header(contents: Contents) -> tuple[int, str, list[tuple[str, int, dict[str
         words = line.split()
         if words[:1] == ["format"] and len(words) > 1:
             encoding = words[1]
-        elif words[:1] == ["element"] and len(words) == 3 and words[2].isdigit():
+        elif words[:1] == ["element"] and len(words) == 3 and is_whole(words[2]):
             elements.append((words[1], int(words[2]), {}))
         elif words[:1] == ["property"] and len(words) > 2 and elements:
             kind = words[1]

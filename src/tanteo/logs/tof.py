@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.logs.contents import Contents
+from tanteo.logs.contents import Contents, is_whole
 from tanteo.logs.log import Log, counted
 
 VALID, NO_TARGET = (5, 9), 255
@@ -27,8 +27,10 @@ LEAST_CONFIDENCE = 20
 FARTHEST = 6_000
 """Millimetres; no such device ranges farther."""
 
-_ZONE = re.compile(r"Zone\s*:\s*(\d+)\s*,\s*Status\s*:\s*(\d+)\s*,\s*Distance\s*:\s*(-?\d+)\s*mm", re.IGNORECASE)
-_CELL = re.compile(r"\|\s*(-?\d+|X)\s*:\s*(\d+|X)(?=\s*(?:\||$))")
+_ZONE = re.compile(
+    r"Zone\s*:\s*(\d{1,6})\s*,\s*Status\s*:\s*(\d{1,6})\s*,\s*Distance\s*:\s*(-?\d{1,6})\s*mm", re.IGNORECASE
+)
+_CELL = re.compile(r"\|\s*(-?\d{1,6}|X)\s*:\s*(\d{1,6}|X)(?=\s*(?:\||$))")
 _COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
 _GRID = re.compile(r"\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?(?:[\s,]+\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?)*,?")
 _WORD = re.compile(r"(\d+)(?:\s*\(\s*(\d+)\s*\))?")
@@ -185,7 +187,7 @@ def _objects(contents: Contents, text: str) -> list[_Seen]:
         if not line.startswith("#Obj"):
             continue
         words = line.strip().split(",")
-        if len(words) != 78 or not all(word.isdigit() for word in words[1:]):
+        if len(words) != 78 or not all(is_whole(word) for word in words[1:]):
             contents.fail("#Obj with 77 whole numbers", f"{len(words) - 1}", "Remove the line; was it cut off?", k)
         capture = int(words[2]) % 4
         pairs = np.array([int(word) for word in words[6:]]).reshape(-1, 2)[_RESULTS]
