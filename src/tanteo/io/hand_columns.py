@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.errors import ReadingsError
 from tanteo.io.poses import BRANDS, pose_of
 from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Transforms
@@ -14,6 +15,9 @@ from tanteo.typing import FloatArray, Transforms
 PLACE = ("hand_x", "hand_y", "hand_z")
 MATRIX = tuple(f"hand_r{i}{j}" for i in "123" for j in "123")
 QUATERNION = ("hand_qw", "hand_qx", "hand_qy", "hand_qz")
+_SLACK = 1e-2
+"""How far a matrix may be from a rotation, by rounding."""
+
 ABB = ("hand_q1", "hand_q2", "hand_q3", "hand_q4")
 
 
@@ -90,11 +94,40 @@ def _renamed(name: str, base: str, new: str) -> str:
     return new + name[len(base) :]
 
 
-def brand_of(way: Way, stated: str | None) -> str | None:
-    """Who writes the way: the brand that was stated, else the one that is meant without; None if that is open."""
+def stated_brand(names: Iterable[str], stated: str | None, place: str) -> str:
+    """Who writes the rotation of these columns so: the brand that was stated, else the one that is meant without.
+
+    Raises:
+        ReadingsError: It is open whose they are, or another brand was stated.
+    """
+    given = set(names)
+    way = way_of(given)
+    if way.names[0] not in given:
+        return ""
     if stated in way.brands:
-        return stated
-    return (way.brands[0] or None) if way.brands else ""
+        return str(stated)
+    if (stated is None and way.brands and not way.brands[0]) or stated is not None:
+        listed = ", ".join(b for b in way.brands if b) or "no brand"
+        advice = next((f"Say --brand {b}." for b in way.brands if b), "Drop --brand.")
+        raise ReadingsError(
+            f"{place}: expected whose pose the columns {', '.join(way.names)} are ({listed}), got {stated or 'none'}. "
+            f"{advice}"
+        )
+    return way.brands[0] if way.brands else ""
+
+
+def skewed_row(values: Mapping[str, FloatArray]) -> int | None:
+    """The first row whose matrix scales, shears or mirrors; None without."""
+    if MATRIX[0] not in values:
+        return None
+    R = np.stack([values[name] for name in MATRIX], axis=-1).reshape(-1, 3, 3)
+    given = ~np.isnan(R[:, 0, 0])
+    R = np.where(given[:, None, None], R, np.eye(3))
+    off = np.asarray(~(np.abs(R) < 2).all(axis=(1, 2)))
+    R = np.where(off[:, None, None], 2 * np.eye(3), R)
+    off |= np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2)) > _SLACK
+    off |= np.linalg.det(R) < 0
+    return int(np.argmax(off)) if off.any() else None
 
 
 def hand_poses(values: Mapping[str, FloatArray], brand: str) -> Transforms | None:

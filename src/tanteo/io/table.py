@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.assembling import LARGEST, assemble
 from tanteo.io.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
-from tanteo.io.hand_columns import ABB, MATRIX, brand_of, hand_poses, way_of
+from tanteo.io.hand_columns import ABB, hand_poses, skewed_row, stated_brand, way_of
 from tanteo.io.poses import FULL_TURN, MANY_TURNS, in_radians
 from tanteo.io.stated import Stated
 from tanteo.logs import Lines, TableText
@@ -29,7 +29,6 @@ _SHORTEST, _LONGEST = 1e-9, 1e9
 
 _POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd")
 _QUATERNION_SLACK = 1e-3
-_MATRIX_SLACK = 1e-2
 _ROUND = ("circle", "hole", "bore", "cylinder", "arc", "slot")
 _STATUSES = ("ok", "none")
 
@@ -293,32 +292,13 @@ class Table:
         return assemble(columns, self.count, stated, str(self.path), notes, outward=vectors(OUTWARD))
 
     def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
-        """Who writes the hand's rotation so."""
-        way = way_of(numbers)
-        if MATRIX[0] in numbers:
-            self._check_matrices(numbers)
-        if way.names[0] not in numbers:
-            return ""
-        brand = brand_of(way, stated.brand)
-        if brand is None or (stated.brand and stated.brand not in way.brands):
-            listed = ", ".join(b for b in way.brands if b) or "no brand"
+        """Who writes the hand's rotation so; a matrix that is none is refused."""
+        if (row := skewed_row(numbers)) is not None:
             raise ReadingsError(
-                f"{self.path}: expected whose pose the columns {', '.join(way.names)} are ({listed}), got "
-                f"{stated.brand or 'none'}. Say --brand {next((b for b in way.brands if b), 'ur')}."
+                f"{self.path}, line {self.line_of(row)}: expected a rotation matrix, got one that scales, shears or "
+                "mirrors. Correct it."
             )
-        return brand
-
-    def _check_matrices(self, numbers: dict[str, FloatArray]) -> None:
-        R = np.stack([numbers[name] for name in MATRIX], axis=-1).reshape(-1, 3, 3)
-        off = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2)) > _MATRIX_SLACK
-        off |= np.linalg.det(np.nan_to_num(R, nan=1.0)) < 0
-        off &= ~np.isnan(R[:, 0, 0])
-        if off.any():
-            line = self.line_of(int(np.argmax(off)))
-            raise ReadingsError(
-                f"{self.path}, line {line}: expected a rotation matrix, got one that scales, shears or mirrors. "
-                "Correct it."
-            )
+        return stated_brand(numbers, stated.brand, str(self.path))
 
 
 def _norms(chunk: dict[str, FloatArray], group: tuple[str, ...]) -> FloatArray:
