@@ -64,7 +64,7 @@ READINGS = [
     ),
     readings("metres for millimetres", GOOD.replace("_mm", "_m"), "Check the units in the names of the columns"),
     readings("misspelt column", with_column("featrue"), "Did you mean 'feature'"),
-    readings("wrong column", with_column("temperature"), "expected one of id, feature, kind"),
+    readings("wrong column", with_column("colour"), "expected one of id, feature, kind"),
     readings("diameter", with_column("diameter_mm", "3", "3", "3"), "name the column radius_mm and halve"),
     readings("nameless column", with_column(""), "column 5: expected a name"),
     readings("missing z", "x_mm,y_mm\n1,2\n", "got only x_mm, y_mm. Add z"),
