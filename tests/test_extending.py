@@ -13,11 +13,14 @@ from bare_scenes import box_centred_pose, inside, nees, surface_points
 from tanteo import Action, Session, around, read_part
 from tanteo.active import POLICIES, UTILITIES, DecisionContext, Probe, begin, policy_named, propose, register_utility
 from tanteo.constraints import CONSTRAINT_KINDS, PAIR_RELATIONS, relate_all
+from tanteo.errors import InputError
 from tanteo.features import KINDS, PLANE, Feature, SharedError, SharedTerm
 from tanteo.fitting import FITS, fit_labelled
 from tanteo.inference import identify_points
+from tanteo.io import read_readings
 from tanteo.lie import SE3
 from tanteo.localization import RELATIONS, ModelFeature, Pairing, estimate_pose
+from tanteo.logs import FORMATS, register_format
 from tanteo.measurements import FreeRays
 from tanteo.sensors import NoiseLaw, Readings, measure
 from tanteo.session import Sensing
@@ -27,7 +30,7 @@ ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n# (\w+)\.py\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
-REGISTRIES = (KINDS, FITS, RELATIONS, CONSTRAINT_KINDS, PAIR_RELATIONS, UTILITIES, POLICIES)
+REGISTRIES = (KINDS, FITS, RELATIONS, CONSTRAINT_KINDS, PAIR_RELATIONS, UTILITIES, POLICIES, FORMATS)
 
 
 @pytest.fixture
@@ -170,3 +173,15 @@ def test_a_utility_of_ones_own_chooses(added, part):
         hit = surface.cast(origin[None], along[None])
         session.tell(action.read(float(hit.distances[0])))
     assert session.count == 2
+
+
+def test_a_format_of_ones_own_is_recognised_and_read(added, tmp_path):
+    path = tmp_path / "arm.txt"
+    path.write_text("CALIPER ARM 2\nT 1 2 3\nwarm\nT 4 5 6\n")
+    with pytest.raises(InputError, match=r"expected --radius with a log of the caliper arm.*--radius 1\.5mm"):
+        read_readings(path)
+    readings = read_readings(path, radius=0.001)
+    np.testing.assert_allclose(readings.points, np.array([[1, 2, 3], [4, 5, 6]]) * 0.0254)
+    assert readings.notes == ("1 remarks were left out.",)
+    with pytest.raises(InputError, match="which is taken"):
+        register_format(FORMATS["grbl"])

@@ -8,7 +8,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tanteo import answers, inference, io, text
@@ -16,7 +15,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
-from tanteo.errors import ReadingsError
+from tanteo.cli.readings import FileOptions, read_file, units_of_parts
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
@@ -59,7 +58,7 @@ class Options:
     verbose: args.Verbose = False
 
 
-def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options) -> None:
+def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
     """Say which of the parts was sensed, where it is and how sure that is."""
     known = args.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
@@ -71,7 +70,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     files.check_report(options.report)
     sources = [("the readings", readings), ("--rig", options.rig)]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
-    given = _read(readings, parts, options)
+    given = _read(readings, parts, options, file)
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
@@ -105,10 +104,10 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     leave(decided=result.status == "recognized")
 
 
-def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options) -> None:
+def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
     """Say where a known part is and how sure that is."""
     files.require_file("--part", part)
-    identify(readings, [part], options)
+    identify(readings, [part], options, file)
 
 
 def print_answer(
@@ -160,18 +159,12 @@ def _own_unit(parts: Sequence[Part]) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
-def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
+def _read(path: str, part_paths: Sequence[str], options: Options, file: FileOptions) -> _Given:
     """Read everything, with a warning where it hardly goes together; what may take long comes last."""
-    from tanteo.parts import READABLE
     from tanteo.sensors import measure, misspelt, unstated_sd
 
-    if Path(path).suffix.lower() in READABLE:
-        raise ReadingsError(
-            f"READINGS: expected a table of readings (CSV), got the CAD file '{path}'. Readings come first, CAD files "
-            "behind --parts or --part."
-        )
     rig = None if options.rig is None else files.read_asked_rig(options.rig)
-    readings = io.read_readings(path)
+    readings, used = read_file(path, file, options.units, rig)
     sd = unstated_sd(readings, sensor=options.sensor, sd=options.sd, rig=rig) or options.sd
     with misuse():
         measured = measure(
@@ -180,9 +173,12 @@ def _read(path: str, part_paths: Sequence[str], options: Options) -> _Given:
         )  # fmt: skip
     if rig is None and (question := misspelt(readings)):
         complain("warning", question)
-    parts = files.read_all_parts(part_paths, options.units, quiet=options.json)
-    with open(path, encoding="utf-8", errors="replace") as file:
-        column = _HEADER.search(file.read(20_000))
+    units = units_of_parts(list(part_paths), options.units, used)
+    if used and units is not None:
+        complain("warning", f"--units {units} holds for the readings and for the parts: neither have their own.")
+    parts = files.read_all_parts(part_paths, units, quiet=options.json)
+    with open(path, encoding="utf-8", errors="replace") as text_file:
+        column = _HEADER.search(text_file.read(20_000))
     scale = inference.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
     doubt = inference.about_size(measured.points, scale) or inference.about_spread(measured.covs, scale)
     if doubt is not None:

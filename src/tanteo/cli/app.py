@@ -22,7 +22,10 @@ from tanteo.errors import TanteoError
 _FAILED, _MISUSED, _INTERRUPTED = 1, 2, 130
 
 _MANY = ("--parts", "--discriminate")
-_READINGS_SUFFIXES = (".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+_READINGS_SUFFIXES = (
+    ".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".log", ".tsv", ".asc", ".xyz", ".pts",
+    ".pcd", ".probe", ".qif", ".dmi", ".dms", ".dmo", ".ls", ".va", ".dat", ".src", ".mod", ".script",
+)  # fmt: skip
 
 
 class Grouped(TyperCommand):

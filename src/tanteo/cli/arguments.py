@@ -220,11 +220,11 @@ _answer = partial(option, rich_help_panel="Answer")
 _output = partial(option, rich_help_panel="Output")
 
 SENSOR_HELP, ROBOT_HELP = "Preset with the sensor's errors.", "Preset with the robot's errors."
-UNITS_HELP = "Unit of STL, OBJ, PLY and OFF: mm, cm, m, um, in, ft."
+UNITS_HELP = "Unit of files without one (logs, clouds, STL, OBJ, OFF): mm, m, um, in; of parts cm, ft too."
 _seed = partial(at_least, "--seed", 0, "Use 0")
 SEED, UNIT, PRESET, ROBOT, STANDOFF = Words(_seed, int), Words(_unit), Words(_preset), Words(_robot), Words(_standoff)
 
-ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="Readings file (CSV).")]
+ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="File of readings: CSV, probe log, cloud, ...")]
 PartPaths = Annotated[list[str], _readings("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them.")]
 PartPath = Annotated[str, _readings("--part", "FILE", "CAD file of the part (STEP, STL, ...).")]
 Units = Annotated[str | None, _readings("--units", "UNIT", UNITS_HELP), UNIT]

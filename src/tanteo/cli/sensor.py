@@ -136,6 +136,8 @@ def fit(
         errors = None if robot is None else robot_preset(robot)
     nominal = None if rig is None else files.read_asked_rig(rig)
     readings = io.read_readings(log)
+    for note in readings.notes:
+        complain("warning", note)
     with misuse():
         found = calibrate(readings, rig=nominal, sensor=unlike, robot=errors)
     calibrated = found.status == "calibrated"

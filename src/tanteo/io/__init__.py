@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
     from tanteo.io.part_files import part_file, parts_of
+    from tanteo.io.pose_syntax import brand_word, parse_pose
     from tanteo.io.pose_text import POSE_NAMES, WrittenPose, check_pose_name, write_pose
-    from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
+    from tanteo.io.poses import BRANDS, Brand, brand, pose_as_brand, pose_from_brand
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
-    from tanteo.io.readings_csv import read_readings, write_readings
+    from tanteo.io.readings_csv import write_readings
+    from tanteo.io.readings_file import format_names, read_readings
     from tanteo.io.record_tables import SessionRecord
     from tanteo.io.result_json import (
         EMPTY,
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
+    from tanteo.io.stated import Direction, as_pose, parse_direction
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
     from tanteo.io.work_frames import WorkFrame, WrittenFrame, parse_work_frame, write_work_frame
     from tanteo.io.work_json import (
@@ -56,11 +59,15 @@ __all__ = [
     "EMPTY",
     "POSE_NAMES",
     "Brand",
+    "Direction",
     "SceneFile",
     "SessionRecord",
     "WorkFrame",
     "WrittenFrame",
     "WrittenPose",
+    "as_pose",
+    "brand",
+    "brand_word",
     "calibration_document",
     "check_pose_name",
     "differences",
@@ -68,11 +75,14 @@ __all__ = [
     "document_json",
     "executed_json",
     "explanation_document",
+    "format_names",
     "load_record",
     "parse_angle",
     "parse_box",
+    "parse_direction",
     "parse_length",
     "parse_lengths",
+    "parse_pose",
     "parse_pose_prior",
     "parse_table",
     "parse_work_frame",
@@ -121,10 +131,13 @@ __getattr__, __dir__ = lazy(
         "marks_csv": "read_marks",
         "part_files": "part_file parts_of",
         "pose_text": "POSE_NAMES WrittenPose check_pose_name write_pose",
-        "poses": "BRANDS Brand pose_as_brand pose_from_brand",
+        "poses": "BRANDS Brand brand pose_as_brand pose_from_brand",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
-        "readings_csv": "read_readings write_readings",
+        "pose_syntax": "brand_word parse_pose",
+        "readings_csv": "write_readings",
+        "readings_file": "format_names read_readings",
+        "stated": "Direction as_pose parse_direction",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
         "rig_checks": "suspect_metres",

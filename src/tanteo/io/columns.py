@@ -1,43 +1,40 @@
-"""The columns of a readings file: names, units in the names, groups that come together; and its lines that count."""
+"""The columns of a readings file: names, units in the names, groups that come together."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TextIO
 
 from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
+from tanteo.io.hand_columns import ANGLES as HAND_ANGLES
+from tanteo.io.hand_columns import PLACE, WAYS, as_hand, way_of
+from tanteo.io.hand_columns import PLAIN as HAND_PLAIN
+from tanteo.io.headers import advice, canonical, is_beside, with_id, with_unit
+from tanteo.io.poses import BRANDS
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
 LENGTHS = ("x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z")
-PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "hand_qw", "hand_qx", "hand_qy", "hand_qz")
+PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "i", "j", "k", *HAND_PLAIN)
 TEXTS = ("id", "feature", "kind", "sensor", "status")
 
 POINT = ("x", "y", "z")
 DIRECTION = ("dx", "dy", "dz")
 NORMAL = ("nx", "ny", "nz")
-HAND = ("hand_x", "hand_y", "hand_z", "hand_qw", "hand_qx", "hand_qy", "hand_qz")
-QUATERNION = HAND[3:]
-VECTOR = ("hand_rx", "hand_ry", "hand_rz")
-ROLL_PITCH_YAW = ("hand_roll", "hand_pitch", "hand_yaw")
-ANGLES = ("normal_sd", *VECTOR, *ROLL_PITCH_YAW)
-
-_WAYS = (
-    "hand_qw .. hand_qz (a unit quaternion), hand_rx_rad .. hand_rz_rad (a rotation vector) or hand_roll_deg, "
-    "hand_pitch_deg, hand_yaw_deg"
-)
+OUTWARD = ("i", "j", "k")
+QUATERNION = WAYS[0].names
+HAND = (*PLACE, *QUATERNION)
+ANGLES = ("normal_sd", *HAND_ANGLES)
+_OF_BRANDS = tuple(name for way in WAYS[3:] for name in way.names)
 
 
 def hand_group(names: Iterable[str]) -> tuple[str, ...]:
     """The columns of the hand's pose: its place, and its rotation in the way that the names have, or as quaternion."""
-    given = set(names)
-    way = next((way for way in (QUATERNION, VECTOR, ROLL_PITCH_YAW) if given.intersection(way)), QUATERNION)
-    return (*HAND[:3], *way)
+    return (*PLACE, *way_of(names).names)
 
 
 def groups(names: Iterable[str]) -> tuple[tuple[str, ...], ...]:
     """Columns that are filled together or not at all."""
-    return (POINT, DIRECTION, NORMAL, hand_group(names))
+    return (POINT, DIRECTION, NORMAL, OUTWARD, hand_group(names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +45,13 @@ class Column:
         base: Name without the unit.
         written: Name in the file.
         factor: To metres or radians; NaN for text.
+        left_out: It says nothing of readings.
     """
 
     base: str
     written: str
     factor: float
+    left_out: bool = False
 
     @property
     def is_text(self) -> bool:
@@ -63,26 +62,37 @@ class Column:
 def known_columns() -> str:
     """All column names, for messages."""
     lengths = [f"{name}_mm" for name in LENGTHS]
-    return ", ".join([*TEXTS, *lengths, *(f"{name}_deg" for name in ANGLES), *PLAIN])
+    return ", ".join([*TEXTS, *lengths, *(f"{name}_deg" for name in ANGLES if name not in _OF_BRANDS), *PLAIN[:13]])
 
 
-def read_header(cells: Sequence[str], place: str) -> tuple[Column, ...]:
+def read_header(
+    cells: Sequence[str], place: str, *, units: str | None = None, brand: str | None = None, below: Sequence[str] = ()
+) -> tuple[Column, ...]:
     """The columns that a header names.
 
     Args:
         cells: The header's cells.
         place: File and line, for messages.
+        units: Of lengths whose name has none.
+        brand: Whose pose the ``hand_`` columns are; their units are those of the brand where the name has none.
+        below: Units that stand in the row below the header.
 
     Raises:
         ReadingsError: An unknown column (with the nearest name), one that comes twice, or a group that is incomplete.
         UnitError: A unit that is missing, unknown, or contradicts another column.
     """
-    names = [cell.strip() for cell in cells]
-    if any(_is_number(name) for name in names):
-        raise ReadingsError(f"{place}: expected a header that names the columns, got '{','.join(names)}'. Add one.")
-    if len(names) == 1 and any(mark in names[0] for mark in ";\t|"):
-        raise ReadingsError(f"{place}: expected commas between columns, got '{names[0]}'. Write it comma-separated.")
-    columns = tuple(_read_name(name, f"{place}, column {i + 1}") for i, name in enumerate(names))
+    written = [cell.strip() for cell in cells]
+    if any(_is_number(name) for name in written):
+        raise ReadingsError(f"{place}: expected a header that names the columns, got '{','.join(written)}'. Add one.")
+    if len(written) == 1 and "|" in written[0]:
+        raise ReadingsError(f"{place}: expected commas between columns, got '{written[0]}'. Write it comma-separated.")
+    names = as_hand(with_id([canonical(name) for name in written]))
+    names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
+    own = {name: _brand_unit(name, brand, names) for name in names}
+    columns = tuple(
+        _read_name(name, shown, f"{place}, column {k + 1}", own[name] or units)
+        for k, (name, shown) in enumerate(zip(names, written, strict=True))
+    )
     seen: dict[str, Column] = {}
     for column in columns:
         twin = seen.setdefault(column.base, column)
@@ -96,46 +106,78 @@ def read_header(cells: Sequence[str], place: str) -> tuple[Column, ...]:
     return columns
 
 
-def _read_name(name: str, place: str) -> Column:
+def _brand_unit(name: str, brand: str | None, names: Sequence[str]) -> str | None:
+    """Unit of a ``hand_`` column without one: of the brand that was stated, or degrees where only brands write so."""
+    way = way_of(names)
+    if name in way.names and name in ANGLES:
+        if brand in way.brands:
+            return "rad" if BRANDS[str(brand)].radian == 1 else "deg"
+        return "deg" if name in _OF_BRANDS else None
+    if name in PLACE and brand in way.brands:
+        return "m" if BRANDS[str(brand)].metre == 1 else "mm"
+    return None
+
+
+def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
     if name in TEXTS:
-        return Column(name, name, float("nan"))
+        return Column(name, written, float("nan"))
+    if is_beside(name):
+        return Column(f"left out: {place}", written, float("nan"), left_out=True)
     if name in PLAIN:
-        return Column(name, name, 1.0)
-    base, _, unit = name.rpartition("_")
+        return Column(name, written, 1.0)
+    written, (base, _, own) = written[:60], name.rpartition("_")
     for bases, units in ((LENGTHS, LENGTH_UNITS), (ANGLES, ANGLE_UNITS)):
-        if base in bases and unit in units:
-            return Column(base, name, units[unit])
+        if base in bases and own in units:
+            return Column(base, written, units[own])
+        if name in bases and unit in units:
+            return Column(name, written, units[unit])
         if name in bases:
             listed = ", ".join(f"{name}_{u}" for u in units)
-            raise UnitError(f"{place}: expected a unit in the name ({listed}), got '{name}'. Add it.")
+            how = "Add it, or say --units mm." if bases is LENGTHS else "Add it."
+            raise UnitError(f"{place}: expected a unit in the name ({listed}), got '{written}'. {how}")
         if base in bases:
             listed = ", ".join(f"{base}_{u}" for u in units)
-            raise UnitError(f"{place}: expected one of the units {listed}, got '{name}'. Convert the values.")
+            raise UnitError(f"{place}: expected one of the units {listed}, got '{written}'. Convert the values.")
     if not name:
         raise ReadingsError(f"{place}: expected a name, got nothing. Remove the comma or name the column.")
-    hint = did_you_mean(name, known_columns().split(", "))
-    raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{name}'.{hint}")
+    if words := advice(written):
+        raise ReadingsError(f"{place}: expected a column that is known, got '{written}'.{words}")
+    hint = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""
+    raise ReadingsError(
+        f"{place}: expected one of {known_columns()}, got '{written}'.{hint or ' Rename the column or leave it out.'}"
+    )
 
 
 def _check_groups(columns: dict[str, Column], place: str) -> None:
-    ways = [[name for name in way if name in columns] for way in (QUATERNION, VECTOR, ROLL_PITCH_YAW)]
-    if sum(map(bool, ways)) > 1:
-        have = ", ".join(columns[name].written for way in ways for name in way)
-        raise ReadingsError(f"{place}: expected the hand's rotation in one way, got {have}. Keep one of {_WAYS}.")
+    way = way_of(columns)
+    others = [name for one in WAYS for name in one.names if name in columns and name not in way.names]
+    if others:
+        have = ", ".join(dict.fromkeys(columns[n].written for one in WAYS for n in one.names if n in columns))
+        listed = ", ".join(one.words for one in WAYS[:3])
+        raise ReadingsError(
+            f"{place}: expected the hand's rotation in one way, got {have}. Keep one of {listed}, or of a brand."
+        )
     for group in groups(columns):
         missing = [name for name in group if name not in columns]
         if missing and len(missing) < len(group):
             have = ", ".join(columns[name].written for name in group if name in columns)
-            instead = "" if group[0] != HAND[0] or any(ways) else f" The rotation may be {_WAYS}."
+            turned = any(name in columns for name in way.names)
+            ways = ", ".join(one.words for one in WAYS[:2]) + f" or {WAYS[2].words}, or that of a brand"
+            instead = "" if group[0] != PLACE[0] or turned else f" The rotation may be {ways}."
             raise ReadingsError(
                 f"{place}: expected {', '.join(group)} together, got only {have}. Add {', '.join(missing)} (with unit "
                 f"where it is a length or an angle).{instead}"
             )
-    if "x" not in columns and not {"range", "sensor", "hand_x"} <= columns.keys():
+    if "x" not in columns and not {"range", "sensor", "hand_x"} <= columns.keys() and _lacks_points(columns):
         raise ReadingsError(
             f"{place}: expected x_mm, y_mm, z_mm (or range_mm, sensor and the hand_ columns), got "
             f"{', '.join(c.written for c in columns.values())}. Add where the points are."
         )
+
+
+def _lacks_points(columns: dict[str, Column]) -> bool:
+    """A pose of the hand is where its tip is; with a range it is not."""
+    return PLACE[0] not in columns or not columns.keys().isdisjoint(("range", "sensor", "status"))
 
 
 def _is_number(text: str) -> bool:
@@ -144,17 +186,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-class Lines:
-    """The lines of a file without comments and blank ones; knows the number of the last."""
-
-    def __init__(self, text: TextIO) -> None:
-        self._text = text
-        self.number = 0
-
-    def __iter__(self) -> Iterator[str]:
-        for self.number, line in enumerate(self._text, start=1):  # noqa: B020
-            # letters, digits and signs come after '#': most lines need no second look
-            if line[0] > "#" or ((bare := line.lstrip()) and bare[0] != "#"):
-                yield line

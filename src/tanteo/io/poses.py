@@ -99,12 +99,16 @@ BRANDS: Mapping[str, Brand] = MappingProxyType({b.name: b for b in _ROWS})
 """All conventions by name."""
 
 
+_ALIASES = {"staeubli": "staubli", "stäubli": "staubli", "motoman": "yaskawa", "universal": "ur"}
+
+
 def brand(name: str) -> Brand:
     """The convention of this name.
 
     Raises:
         InputError: No such brand; the message lists the nearest.
     """
+    name = _ALIASES.get(name.lower(), name.lower())
     if name not in BRANDS:
         raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{name}'.{did_you_mean(name, BRANDS)}")
     return BRANDS[name]
@@ -128,7 +132,54 @@ def pose_from_brand(name: str, values: FloatArray) -> Transforms:
             f"pose of {name}: expected {len(b.fields)} finite numbers ({' '.join(b.fields)}), got shape {values.shape} "
             "or a number that is not finite. Give all the fields."
         )
+    _check_turns(b, values[..., 3:])
     return SE3.from_parts(_rotation(b, values[..., 3:]), values[..., :3] * b.metre)
+
+
+def pose_of(b: Brand, places: FloatArray, turns: FloatArray) -> Transforms:
+    """Poses ``(*batch, 4, 4)`` of places ``(*batch, 3)`` [m] and the brand's angles [rad] or quaternions."""
+    return SE3.from_parts(_rotation(b, turns / b.radian), places)
+
+
+FULL_TURN = 2.02 * np.pi
+"""No angle in radians is larger: a full turn, and a little beyond it."""
+
+MANY_TURNS = 200.5 * np.pi
+"""Angles in degrees may have wound up, but not more than this [rad]."""
+
+_QUARTER, _CLOSE = np.pi / 2, 2e-3
+
+
+def in_radians(degrees: FloatArray) -> bool:
+    """Whether angles that are written as degrees are probably radians: none beyond half a turn, and quarters of it."""
+    sizes = np.abs(degrees[np.isfinite(degrees)])
+    quarters = (sizes > 1) & (np.abs(sizes - _QUARTER * np.round(sizes / _QUARTER)) < _CLOSE)
+    return bool(len(sizes) and sizes.max() < np.pi + _CLOSE and quarters.any())
+
+
+def _check_turns(b: Brand, turns: FloatArray) -> None:
+    """Refuse degrees for radians and the other way round, with what is probably meant."""
+    if b.rule not in ("euler", "rotation vector"):
+        return
+    if b.radian == 1 and (np.abs(turns) > FULL_TURN).any():
+        worst = float(turns.flat[int(np.argmax(np.abs(turns)))])
+        raise InputError(
+            f"pose of {b.name}: expected angles in radians, got {worst:g}, more than a full turn: are these degrees? "
+            "Write them in radians."
+        )
+    if b.rule == "rotation vector" and (np.linalg.norm(turns, axis=-1) > FULL_TURN).any():
+        raise InputError(
+            f"pose of {b.name}: expected a rotation vector of at most a full turn, got one of "
+            f"{np.linalg.norm(turns, axis=-1).max():.3g} rad: are these roll, pitch and yaw, or degrees? Convert them."
+        )
+    if (np.abs(turns) * b.radian > MANY_TURNS).any():
+        raise InputError(f"pose of {b.name}: expected angles of up to 36000 degrees, got more. Correct them.")
+    if b.radian != 1 and in_radians(turns):
+        listed = ", ".join(f"{angle:g}" for angle in np.ravel(turns)[:3])
+        raise InputError(
+            f"pose of {b.name}: expected angles in degrees, got {listed}: are these radians? Write them in degrees, "
+            "or with other digits if they are."
+        )
 
 
 def pose_as_brand(name: str, T: Transforms) -> FloatArray:

@@ -10,8 +10,7 @@ import numpy.typing as npt
 from tanteo.answers import Furniture, Table
 from tanteo.errors import InputError
 from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
-from tanteo.io.poses import BRANDS, pose_from_brand
-from tanteo.io.table import LARGEST
+from tanteo.io.pose_syntax import parse_pose
 from tanteo.io.units import parse_lengths, parse_lengths_angles
 from tanteo.parts import UNITLESS, read_part
 from tanteo.typing import FloatArray, Transforms
@@ -56,7 +55,7 @@ def read_furniture(text: str, unit: str | None = None, name: str = "furniture") 
     sds = parse_lengths(sd, name)
     if len(sds) != 1 or sds[0] <= 0:
         raise InputError(f"{name}: expected one positive sd behind +-, got '{sd}'. Write it as {_FURNITURE}.")
-    T = _as_printed(pose, name) if pose.strip() else np.eye(4)
+    T = parse_pose(pose, name) if pose.strip() else np.eye(4)
     needed = unit if path.strip().lower().endswith(UNITLESS) else None  # it may be meant for the parts
     return Furniture.of_part(read_part(path.strip(), unit=needed), T, sds[0])
 
@@ -81,17 +80,16 @@ def parse_box(text: str, name: str = "box") -> FloatArray:
 def parse_pose_prior(text: str, name: str = "pose_prior") -> UncertainFrame:
     """``'400,200,0mm 0,0,90deg +- 5mm 3deg'`` or ``'kuka 400,200,0,90,0,0 +- 5mm 3deg'``: a prior pose and its sds.
 
-    Before ``+-``: x, y, z and roll, pitch, yaw, as answers are printed; or the name of a brand and its fields. Behind
-    it: one length or three, one angle or three; see :func:`spread_pose`.
+    Before ``+-``: x, y, z and roll, pitch, yaw, as answers are printed; or the name of a brand and its fields, also as
+    its controller writes them: ``kuka {X 400, Y 200, ..}``, ``ur p[0.4, ..]``, ``abb [[..],[..]]``.
+    Behind it: one length or three, one angle or three; see :func:`spread_pose`.
 
     Raises:
         InputError: Numbers are missing, or a standard deviation is not positive.
         UnitError: No unit, or one that is none.
     """
     pose, sds = _value_and_sd(text, name, _NEAR)
-    word = pose.split(maxsplit=1)[0].rstrip(":") if pose else ""
-    T = _branded(word, pose[len(word) :], name) if word.isalpha() else _as_printed(pose, name)
-    return spread_pose(T, *parse_lengths_angles(sds, name), name)
+    return spread_pose(parse_pose(pose, name), *parse_lengths_angles(sds, name), name)
 
 
 def spread_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name: str = "pose_prior") -> UncertainFrame:
@@ -149,35 +147,3 @@ def _value_and_sd(text: str, name: str, example: str) -> tuple[str, str]:
             "Say behind +- how well it is known."
         )
     return halves[0], halves[1]
-
-
-def _as_printed(text: str, name: str) -> Transforms:
-    place, turn = parse_lengths_angles(text, name)
-    if len(place) != 3 or len(turn) != 3:
-        raise InputError(
-            f"{name}: expected x, y, z and roll, pitch, yaw, got {len(place)} lengths and {len(turn)} angles. "
-            f"Write it as {_NEAR}."
-        )
-    return pose_from_brand("paper", np.array([*place, *turn]))
-
-
-def _branded(word: str, fields: str, name: str) -> Transforms:
-    values = fields.lstrip(": ").replace(",", " ").split()
-    try:
-        numbers = np.array([float(value) for value in values])
-    except ValueError:
-        raise InputError(
-            f"{name}: expected plain numbers behind '{word}', whose units are its own, got '{fields.strip()}'. "
-            f"Write it as kuka 400,200,0,90,0,0 +- 5mm 3deg; brands: {', '.join(BRANDS)}."
-        ) from None
-    try:
-        T = pose_from_brand(word, numbers)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
-    if not np.all(np.abs(T[:3, 3]) <= LARGEST):
-        unit = "metres" if BRANDS[word].metre == 1 else "millimetres"
-        raise InputError(
-            f"{name}: expected a place within {LARGEST:g} m of the origin, got '{fields.strip()}', which {word} "
-            f"writes in {unit}. Write it in {unit}."
-        )
-    return T

@@ -1,20 +1,23 @@
-"""Readings files: comma-separated, UTF-8, one reading a row (``docs/formats.md``)."""
+"""Tables of readings with a header, one reading a row (``docs/formats.md``): ours, and those of spreadsheets."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
-from tanteo.errors import ReadingsError, check_kind
+from tanteo.errors import ReadingsError
 from tanteo.io import units
-from tanteo.io.columns import DIRECTION, HAND, NORMAL, POINT, Lines, read_header
+from tanteo.io.columns import DIRECTION, HAND, NORMAL, POINT, read_header
+from tanteo.io.headers import units_row
+from tanteo.io.stated import Stated
 from tanteo.io.table import Table
 from tanteo.lie import SO3
+from tanteo.logs import HEAD_BYTES, Lines, TableText, sniff
 from tanteo.replaced import replaced
 from tanteo.sensors import Readings
 from tanteo.typing import FloatArray
@@ -22,73 +25,69 @@ from tanteo.typing import FloatArray
 CHUNK = 50_000
 """Rows converted at a time: the text of no more than these is held."""
 
+_UNITS = (*units.LENGTH_UNITS, *units.ANGLE_UNITS)
 
-def read_readings(path: str | Path, progress: Callable[[int], None] | None = None) -> Readings:
-    """Read a readings file.
+
+def read_table(path: Path, start: bytes, stated: Stated, progress: Callable[[int], None] | None) -> Readings:
+    """Read a table with a header.
 
     Args:
         path: The file.
+        start: Its beginning.
+        stated: What it does not say.
         progress: Called with the number of rows read so far, every so often.
 
     Raises:
-        ReadingsError: The file cannot be read or says something that a readings file cannot say; the message names
-            file, line, column and value.
+        ReadingsError: It is no such table, or says something that a readings file cannot say; the message names file,
+            line, column and value.
         UnitError: A unit is missing, unknown or contradictory.
-
-    Example:
-        >>> readings = tanteo.read_readings("readings/bracket_left.csv")
-        >>> len(readings)
-        30
     """
-    check_kind("path", path, (str, Path), "Name the file.")
-    path = Path(path)
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            # complaints read the file again to find their line, which a pipe cannot
-            raise ReadingsError(f"{path}: expected a file, got a pipe or device. Save the readings to a file first.")
-        with path.open("rb") as binary:
-            start = binary.read(4096)
-        if b"\0" in start:
-            raise ReadingsError(f"{path}: expected a text file (UTF-8, commas), got a binary one. Export it as CSV.")
-        with path.open(encoding="utf-8-sig", newline="") as text:
-            return _read_table(path, text, progress)
-    except UnicodeDecodeError as error:
+    how = sniff(start[:HEAD_BYTES], whole=len(start) <= HEAD_BYTES)
+    if how is None:
         raise ReadingsError(
-            f"{path}: expected UTF-8 text, got byte {error.object[error.start]:#04x}. Re-save it."
-        ) from None
-    except OSError as error:
-        raise ReadingsError(
-            f"{path}: expected a readings file, got: {error.strerror or error}. Check the path."
-        ) from None
+            f"{path}: expected a text file (UTF-8, commas) or a format of docs/formats.md, got a binary one. Export it "
+            "as CSV."
+        )
+    with how.open(path) as text:
+        return _read_rows(path, text, how, stated, progress)
 
 
-def _read_table(path: Path, text: TextIO, progress: Callable[[int], None] | None) -> Readings:
+def _read_rows(
+    path: Path, text: TextIO, how: TableText, stated: Stated, progress: Callable[[int], None] | None
+) -> Readings:
     lines = Lines(text)
-    rows = csv.reader(lines, strict=True)
+    rows = csv.reader(lines, strict=True, delimiter=how.delimiter, skipinitialspace=how.delimiter == " ")
     try:
         header = next(rows, None)
         if header is None:
             raise ReadingsError(f"{path}: expected a header line, got an empty file. Name the columns in it.")
-        table = Table(path, read_header(header, f"{path}, line {lines.number}"))
-        while chunk := list(islice(rows, CHUNK)):
+        while how.delimiter != "," and len(header) > 1 and not header[-1].strip():
+            header.pop()
+        place = f"{path}, line {lines.number}"
+        second = next(rows, None)
+        below = units_row(second, _UNITS) if second and len(second) >= len(header) else None
+        columns = read_header(header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)])
+        table = Table(path, columns, how, 1 if below is None else 2)
+        rest = rows if below is not None or second is None else chain([second], rows)
+        while chunk := list(islice(rest, CHUNK)):
             table.add(chunk)
             if progress is not None:
                 progress(table.count)
     except csv.Error as error:
-        raise _no_table(path, lines.number, error) from None
+        raise _no_table(path, lines.number, how, error) from None
     if not table.count:
         raise ReadingsError(f"{path}: expected at least one reading below the header, got none. Add rows.")
-    return table.readings()
+    return table.readings(stated)
 
 
-def _no_table(path: Path, number: int, error: csv.Error) -> ReadingsError:
+def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> ReadingsError:
     """What is wrong with a file of which some line cannot be read: the last, where a quotation mark is still open."""
     if "unexpected end" not in str(error):
         return ReadingsError(f"{path}, line {number}: expected comma-separated cells, got: {error}. Correct the line.")
     first = number
-    with path.open(encoding="utf-8-sig", newline="") as text:
+    with how.open(path) as text:
         lines = Lines(text)
-        rows = csv.reader(lines, strict=True)
+        rows = csv.reader(lines, strict=True, delimiter=how.delimiter)
         try:
             for _ in rows:
                 first = lines.number + 1

@@ -12,26 +12,14 @@ from typing import NoReturn
 import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
-from tanteo.io.columns import (
-    ANGLES,
-    DIRECTION,
-    NORMAL,
-    POINT,
-    QUATERNION,
-    ROLL_PITCH_YAW,
-    VECTOR,
-    Column,
-    Lines,
-    groups,
-    hand_group,
-)
-from tanteo.io.poses import pose_from_brand
-from tanteo.lie import SE3, SO3
-from tanteo.sensors import Readings, check_features, reading_kinds
+from tanteo.io.assembling import LARGEST, assemble
+from tanteo.io.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
+from tanteo.io.hand_columns import ABB, hand_poses, skewed_row, stated_brand, way_of
+from tanteo.io.poses import FULL_TURN, MANY_TURNS, in_radians
+from tanteo.io.stated import Stated
+from tanteo.logs import Lines, TableText
+from tanteo.sensors import Readings, reading_kinds
 from tanteo.typing import BoolArray, FloatArray
-
-LARGEST = 100.0
-"""Coordinates and ranges beyond this [m] are a wrong unit, not a robot cell."""
 
 _LARGEST_TIP = 1.0
 """No tip has a larger radius [m]."""
@@ -41,21 +29,25 @@ _SHORTEST, _LONGEST = 1e-9, 1e9
 
 _POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd")
 _QUATERNION_SLACK = 1e-3
-_FULL_TURN = 2.02 * np.pi
-"""No angle in radians is larger: a full turn, and a little beyond it."""
-
-_WRITTEN_AS: dict[tuple[str, ...], str] = {VECTOR: "ur", ROLL_PITCH_YAW: "paper"}
-"""Who writes rotations so, in radians behind metres."""
-
+_ROUND = ("circle", "hole", "bore", "cylinder", "arc", "slot")
 _STATUSES = ("ok", "none")
 
 
 class Table:
     """Collects converted chunks; every complaint names file, line, column and value."""
 
-    def __init__(self, path: Path, columns: tuple[Column, ...]) -> None:
+    def __init__(self, path: Path, columns: tuple[Column, ...], text: TableText, above: int = 1) -> None:
+        """A table without rows yet.
+
+        Args:
+            path: The file.
+            columns: As its header names them.
+            text: How it is written.
+            above: Rows above the first reading.
+        """
         self.path, self.columns, self.count = path, columns, 0
-        self._numbers: dict[str, list[FloatArray]] = {c.base: [] for c in columns if not c.is_text}
+        self._text, self._above = text, above
+        self._numbers: dict[str, list[FloatArray]] = {c.base: [] for c in columns if not c.is_text and not c.left_out}
         self._texts: dict[str, list[str]] = {c.base: [] for c in columns if c.is_text}
         self._pool: dict[str, str] = {}
         self._written = {c.base: c.written for c in columns}
@@ -64,6 +56,8 @@ class Table:
     def add(self, rows: list[list[str]]) -> None:
         """Convert and check one chunk of rows."""
         width = len(self.columns)
+        if self._text.delimiter != ",":
+            rows = [row[:width] if len(row) > width and not any(row[width:]) else row for row in rows]
         if set(map(len, rows)) != {width}:
             k = next(i for i, row in enumerate(rows) if len(row) != width)
             line = self.line_of(self.count + k)
@@ -73,6 +67,8 @@ class Table:
             )
         chunk: dict[str, FloatArray] = {}
         for column, cells in zip(self.columns, zip(*rows, strict=True), strict=True):
+            if column.left_out:
+                continue
             if column.is_text:
                 self._texts[column.base] += self._names(column, cells)
             else:
@@ -90,7 +86,9 @@ class Table:
         valid = {"kind": reading_kinds(), "status": _STATUSES}.get(column.base)
         if valid is not None and (strange := set(names) - {*valid, ""}):
             k = next(i for i, name in enumerate(names) if name in strange)
-            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}")
+            round_one = " (the centre of a circle is no point of the surface: leave these rows out)"
+            hint = round_one if column.base == "kind" and names[k].lower() in _ROUND else ""
+            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}{hint}")
         return [pool.setdefault(name, name) for name in names]
 
     def _check_ids(self, names: list[str]) -> None:
@@ -107,6 +105,8 @@ class Table:
 
     def _floats(self, column: Column, cells: Sequence[str]) -> FloatArray:
         """Numbers of a column, NaN for empty cells."""
+        if self._text.decimal_comma:
+            cells = [cell.replace(",", ".") for cell in cells]
         values = np.empty(0)
         joined = "".join(cells)
         # float() would read 1_000 and digits of other scripts
@@ -143,7 +143,9 @@ class Table:
             self._require(~(chunk["radius"] > _LARGEST_TIP), "radius", chunk, expected)
         for name in (*POINT, "range", "max", "hand_x", "hand_y", "hand_z"):
             if name in chunk:
-                expected = f"within {LARGEST:g} m of the origin (is the unit in the column's name right?)"
+                expected = (
+                    f"within {LARGEST:g} m of the origin (is the unit in the column's name right?{self._hint(name)})"
+                )
                 self._require(~(np.abs(chunk[name]) > LARGEST), name, chunk, expected)
         self._check_turns(chunk)
         for group in groups(chunk):
@@ -151,29 +153,58 @@ class Table:
                 filled = np.stack([~np.isnan(chunk[name]) for name in group])
                 for name, column in zip(group, filled, strict=True):
                     self._require(column | ~filled.any(axis=0), name, chunk, f"all of {', '.join(group)} or none")
-        for group in (DIRECTION, NORMAL):
+        for group in (DIRECTION, NORMAL, OUTWARD):
             if group[0] in chunk:
                 self._check_directions(chunk, group)
-        if "hand_qw" in chunk:
-            lengths = _norms(chunk, QUATERNION)
-            good = ~(np.abs(lengths - 1) > _QUATERNION_SLACK)
-            self._require(good, "hand_qw", chunk, "a unit quaternion hand_qw .. hand_qz", lengths)
+        for four in (QUATERNION, ABB):
+            if four[0] in chunk:
+                lengths = _norms(chunk, four)
+                good = ~(np.abs(lengths - 1) > _QUATERNION_SLACK)
+                self._require(good, four[0], chunk, f"a unit quaternion {four[0]} .. {four[-1]}", lengths)
+
+    def _hint(self, name: str) -> str:
+        """What is probably meant by metres that are too many."""
+        factor = next(c.factor for c in self.columns if c.base == name)
+        return f" Millimetres are {name}_mm" if factor == 1 else ""
 
     def _check_turns(self, chunk: dict[str, FloatArray]) -> None:
-        """Refuse degrees under the name of radians: nobody turns by more than a full turn."""
+        """Refuse degrees under the name of radians, nobody turns by more than a full turn; and the other way round."""
         for column in self.columns:
-            if column.base not in ANGLES or not column.written.endswith("_rad"):
+            if column.base not in ANGLES or not column.written.lower().rstrip(")]").endswith("rad"):
                 continue
-            far = np.abs(chunk[column.base]) > _FULL_TURN
+            far = np.abs(chunk[column.base]) > FULL_TURN
             if far.any():
-                k = int(np.argmax(far))
-                row = self.count + k
-                reading = self._texts["id"][row] if "id" in self._texts else str(row + 1)
-                raise UnitError(
-                    f"{self.path}, line {self.line_of(row)}, {column.written} of reading '{reading}': "
-                    f"{chunk[column.base][k]:.12g} rad is more than a full turn: are these degrees? Name the column "
-                    f"{column.base}_deg."
+                self._wrong_angle(
+                    column, chunk, far, f"{column.base}_deg", "rad is more than a full turn: are these degrees"
                 )
+        for name in (c.base for c in self.columns if c.base in ANGLES):
+            self._require(~(np.abs(chunk[name]) > MANY_TURNS), name, chunk, "an angle of up to 36000 degrees")
+        turned = [c for c in self.columns if c.base in way_of(chunk).names and c.base in ANGLES]
+        degrees = [c for c in turned if c.factor != 1]
+        if degrees and in_radians(np.concatenate([chunk[c.base] / c.factor for c in degrees])):
+            worst = max(degrees, key=lambda c: np.nanmax(np.abs(chunk[c.base]), initial=0))
+            far = np.abs(chunk[worst.base]) == np.nanmax(np.abs(chunk[worst.base]))
+            self._wrong_angle(
+                worst,
+                chunk,
+                far,
+                f"{worst.base}_rad",
+                "deg, and no angle beyond half a turn of radians: are these radians",
+            )
+        if turned and turned[0].base == "hand_rx" and turned[0].factor == 1:
+            length = np.sqrt(sum((chunk[c.base] ** 2 for c in turned), start=np.zeros(())))
+            self._require(~(length > FULL_TURN), "hand_rx", chunk, "a rotation vector of at most a full turn", length)
+
+    def _wrong_angle(
+        self, column: Column, chunk: dict[str, FloatArray], which: BoolArray, name: str, why: str
+    ) -> NoReturn:
+        k = int(np.argmax(which))
+        row = self.count + k
+        reading = self._texts["id"][row] if "id" in self._texts else str(row + 1)
+        raise UnitError(
+            f"{self.path}, line {self.line_of(row)}, {column.written} of reading '{reading}': "
+            f"{chunk[column.base][k] / column.factor:.12g} {why}? Name the column {name}."
+        )
 
     def _check_directions(self, chunk: dict[str, FloatArray], group: tuple[str, ...]) -> None:
         """Complain about the largest component of a direction that has none, or one too large to be squared."""
@@ -226,61 +257,49 @@ class Table:
 
     def line_of(self, row: int) -> int:
         """Line number of a row of the table, found by reading the file again: only complaints pay for it."""
-        with self.path.open(encoding="utf-8-sig", newline="") as text:
+        with self._text.open(self.path) as text:
             lines = Lines(text)
-            rows = csv.reader(lines, strict=True)
-            next(islice(rows, row + 1, None), None)
+            rows = csv.reader(lines, strict=True, delimiter=self._text.delimiter)
+            next(islice(rows, row + self._above, None), None)
             return lines.number
 
-    def readings(self) -> Readings:
-        """The whole table as readings, once all rows are in."""
+    def readings(self, stated: Stated) -> Readings:
+        """The whole table as readings, once all rows are in.
+
+        Raises:
+            ReadingsError: What the rows say together is no set of readings, or not with what was stated.
+        """
         numbers = {base: np.concatenate(chunks) for base, chunks in self._numbers.items()}
 
         def vectors(group: tuple[str, ...]) -> FloatArray | None:
             return np.stack([numbers[name] for name in group], axis=-1) if group[0] in numbers else None
 
-        hand = hand_group(numbers)
         status = self._texts.get("status")
         self._check_free(numbers.get("range"))
-        radii = numbers.get("radius")
-        try:
-            readings = Readings.from_columns(
-                vectors(POINT),
-                n=self.count,
-                ids=self._texts.get("id"),
-                directions=vectors(DIRECTION),
-                normals=vectors(NORMAL),
-                normal_sds=numbers.get("normal_sd"),
-                sds=numbers.get("sd"),
-                across_sds=numbers.get("across_sd"),
-                radii=None if radii is None else np.nan_to_num(radii),
-                features=self._texts.get("feature"),
-                kinds=self._texts.get("kind"),
-                Ts_world_hand=_poses(vectors(hand), hand[3:]),
-                ranges=numbers.get("range"),
-                sensors=self._texts.get("sensor"),
-                is_free=None if status is None else np.array([s == "none" for s in status]),
-                max_ranges=numbers.get("max"),
-                source=str(self.path),
+        columns = {
+            "points": vectors(POINT), "ids": self._texts.get("id"), "directions": vectors(DIRECTION),
+            "normals": vectors(NORMAL), "normal_sds": numbers.get("normal_sd"), "sds": numbers.get("sd"),
+            "across_sds": numbers.get("across_sd"), "radii": numbers.get("radius"),
+            "features": self._texts.get("feature"), "kinds": self._texts.get("kind"),
+            "Ts_world_hand": hand_poses(numbers, self._brand(numbers, stated)), "ranges": numbers.get("range"),
+            "sensors": self._texts.get("sensor"), "max_ranges": numbers.get("max"),
+            "is_free": None if status is None else np.array([s == "none" for s in status]),
+        }  # fmt: skip
+        said = self._text.said()
+        left = [c.written for c in self.columns if c.left_out]
+        notes = [said] if said else []
+        notes += [f"Columns left out: {', '.join(left)}."] if left else []
+        return assemble(columns, self.count, stated, str(self.path), notes, outward=vectors(OUTWARD))
+
+    def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
+        """Who writes the hand's rotation so; a matrix that is none is refused."""
+        if (row := skewed_row(numbers)) is not None:
+            raise ReadingsError(
+                f"{self.path}, line {self.line_of(row)}: expected a rotation matrix, got one that scales, shears or "
+                "mirrors. Correct it."
             )
-            check_features(readings)
-        except ReadingsError as error:
-            raise ReadingsError(f"{self.path}: {error}") from None
-        return readings
+        return stated_brand(numbers, stated.brand, str(self.path))
 
 
 def _norms(chunk: dict[str, FloatArray], group: tuple[str, ...]) -> FloatArray:
     return np.sqrt(sum((chunk[name] ** 2 for name in group), start=np.zeros(())))
-
-
-def _poses(hands: FloatArray | None, way: tuple[str, ...]) -> FloatArray | None:
-    """Poses of rows of a place and a rotation, which is written in one of the ways."""
-    if hands is None:
-        return None
-    Ts = np.full((len(hands), 4, 4), np.nan)
-    given = ~np.isnan(hands[:, 0])
-    if way == QUATERNION:
-        Ts[given] = SE3.from_parts(SO3.from_quaternion(hands[given, 3:]), hands[given, :3])
-    else:
-        Ts[given] = pose_from_brand(_WRITTEN_AS[way], hands[given])
-    return Ts

@@ -45,6 +45,7 @@ class Readings:
         is_free: The beam met nothing (status ``none``).
         max_ranges: How far a free-space ray was free [m].
         source: Where the readings come from (a file name), for messages.
+        notes: What was left out or taken as something when they were read, a sentence each.
 
     Example:
         >>> readings = tanteo.Readings.from_columns(points=[[0.1, 0.0, 0.02], [0.12, 0.01, 0.02]], sds=[3e-4, 3e-4])
@@ -68,6 +69,7 @@ class Readings:
     is_free: BoolArray
     max_ranges: FloatArray
     source: str = field(default="readings")
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.ids)
@@ -103,6 +105,7 @@ class Readings:
         is_free: BoolArray | None = None,
         max_ranges: FloatArray | None = None,
         source: str = "readings",
+        notes: Sequence[str] = (),
     ) -> Readings:
         """Readings from the columns there are; the others are "not given". Units: metres, radians, world frame.
 
@@ -134,6 +137,7 @@ class Readings:
             sensors=("",) * n if sensors is None else _names(sensors),
             is_free=free,
             source=source,
+            notes=tuple(notes),
             **arrays,
         )
 
@@ -142,7 +146,7 @@ class Readings:
         index = np.arange(len(self))[np.asarray(rows)]
         arrays = {k: getattr(self, k)[index] for k in _COLUMNS}
         names: dict[str, Any] = {k: tuple(getattr(self, k)[i] for i in index) for k in _NAMES}
-        return Readings(**names, **arrays, is_free=self.is_free[index], source=self.source)
+        return Readings(**names, **arrays, is_free=self.is_free[index], source=self.source, notes=self.notes)
 
     @property
     def has_point(self) -> BoolArray:
@@ -195,7 +199,8 @@ def concatenate(parts: Sequence[Readings]) -> Readings:
         raise ReadingsError("readings: expected at least one set to join, got none.")
     arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in (*_COLUMNS, "is_free")}
     names: dict[str, Any] = {k: tuple(x for p in parts for x in getattr(p, k)) for k in _NAMES}
-    return Readings(**names, **arrays, source=parts[0].source)
+    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+    return Readings(**names, **arrays, source=parts[0].source, notes=notes)
 
 
 def _frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:

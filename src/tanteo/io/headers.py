@@ -1,0 +1,90 @@
+"""Names of columns as people and machines write them, brought to ours: case, units in brackets, words of ROS."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+_BRACKETS = re.compile(r"(.*?)[\s_]*[\[({<]\s*([^\[\](){}<>]{0,20}?)\s*[\])}>]")
+_SLASH = re.compile(r"(.+?)\s*/\s*(\w+|°)")
+_BLANKS = re.compile(r"[\s.\-]+")
+_UNIT_WORDS = {
+    "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "meter": "m", "meters": "m",
+    "metre": "m", "metres": "m", "inch": "in", "inches": "in", '"': "in", "micron": "um", "microns": "um",
+    "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad",
+}  # fmt: skip
+_ACTUAL = re.compile(r"^(?:actual|act|measured|meas)_|_(?:actual|act|measured|meas)(?=_|$)")
+_BESIDE = re.compile(
+    r"(?:time|timestamp|time_stamp|date|datetime|comments?|remarks?|notes?|operator|temp|temperature|feed|feedrate|speed"
+    r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|dev|deviation)_\w+"
+    r"|\w+_(?:nominal|nom|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
+)
+_NAMES = ("no", "nr", "num", "number", "index", "point", "points", "point_no", "point_nr", "pt", "name", "point_name")
+_LONGEST = 100
+"""Characters of a name; what is longer is none."""
+
+_NO_UNIT = ("", "-", "1", "/")
+_WHOLE = re.compile(r"(?:\w*_)?(position|translation|orientation|rotation|normal|direction)_([xyzw])(_\w+)?")
+_GROUPS = {"position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
+           "direction": "d"}  # fmt: skip
+_ADVICE = (
+    (r"(?:\w+_)?(?:diameter|diam|dia)", "The radius is half of it: name the column radius_mm and halve the values."),
+    (r"(?:std|stdev|stddev|sigma|uncertainty|unc|error|accuracy)",
+     "If it is one standard deviation along the normal, name the column sd_mm; of a tolerance write a third."),
+    (r"(?:v[xyz]|u|v|w)", "Name vectors nx, ny, nz if they point out of the material, dx, dy, dz if into it."),
+    (r"(?:dist|distance|depth|length)", "Of a range sensor name the column range_mm, with sensor and hand columns."),
+    (r"(?:type|category)", "Name the column kind: plane, edge, vertex, point or free."),
+    (r"(?:label|face|surface)",
+     "Name it id if it differs in each row, feature if rows on one face share it."),
+)  # fmt: skip
+
+
+def canonical(cell: str) -> str:
+    """``X (mm)``, ``X [mm]``, ``X_MM`` and ``x mm`` as ``x_mm``; ``pose.position.x`` as ``hand_x``."""
+    text = cell.strip().strip("\"'").strip().lower().replace("µ", "u").replace("μ", "u")
+    if len(text) > _LONGEST:
+        return text
+    match = _BRACKETS.fullmatch(text) or _SLASH.fullmatch(text)
+    unit = ""
+    if match:
+        text, unit = match[1], match[2].strip().strip(".")
+    text = _BLANKS.sub("_", text.strip()).strip("_")
+    head, _, last = text.rpartition("_")
+    if head and last in _UNIT_WORDS:
+        text = f"{head}_{_UNIT_WORDS[last]}"
+    text = with_unit(text, unit)
+    text = _ACTUAL.sub("", text)
+    whole = _WHOLE.fullmatch(text)
+    return f"{_GROUPS[whole[1]]}{whole[2]}{whole[3] or ''}" if whole else text
+
+
+def is_beside(name: str) -> bool:
+    """Whether a column says nothing of where something is: the time, a remark, nominal values and deviations."""
+    return len(name) <= _LONGEST and _BESIDE.fullmatch(name) is not None
+
+
+def with_id(names: list[str]) -> list[str]:
+    """A column ``No`` or ``Point`` names the rows, where no other does."""
+    if "id" in names:
+        return names
+    first = next((name for name in names if name in _NAMES), None)
+    return ["id" if name == first else name for name in names]
+
+
+def with_unit(name: str, unit: str) -> str:
+    """The name with a unit behind it, unless it has that already."""
+    unit = _UNIT_WORDS.get(unit, unit)
+    return name if unit in _NO_UNIT or name.endswith(f"_{unit}") else f"{name}_{unit}"
+
+
+def units_row(cells: Sequence[str], units: Sequence[str]) -> list[str] | None:
+    """The units of a row that has nothing else, as some programs write one below the header; None if it is another."""
+    words = [cell.strip().strip("\"'").strip("[](){} ").lower().replace("µ", "u").strip() for cell in cells]
+    words = [_UNIT_WORDS.get(word, word) for word in words]
+    return words if any(word in units for word in words) and all(w in units or w in _NO_UNIT for w in words) else None
+
+
+def advice(name: str) -> str:
+    """What a name that we do not know probably means, and what to do; empty if nobody knows."""
+    base = re.sub(r"_(?:mm|m|um|in|cm|deg|rad)$", "", canonical(name))
+    return next((f" {words}" for pattern, words in _ADVICE if re.fullmatch(pattern, base)), "")

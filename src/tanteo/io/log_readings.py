@@ -1,0 +1,86 @@
+"""Readings of a log: its units to SI, poses in the brand's convention, zones to sensors; what has to be asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import ReadingsError, UnitError
+from tanteo.io.assembling import assemble
+from tanteo.io.poses import pose_from_brand
+from tanteo.io.stated import Stated
+from tanteo.io.units import length_unit
+from tanteo.logs import Log, LogFormat
+from tanteo.sensors import Readings
+
+_EXAMPLES = {
+    "--units": "--units mm",
+    "--radius": "--radius 1.5mm (of the tip's ball; 0mm of a sharp tip)",
+    "--hand": "--hand '400,200,300mm 180,0,0deg' (pose of the hand)",
+    "--rig": "--rig FILE (where the sensor sits on the hand)",
+}
+
+
+def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readings:
+    """Readings of a log with what was stated beside it.
+
+    Args:
+        log: What the file says.
+        stated: What it does not say.
+        form: Its format.
+        source: The file, for messages.
+
+    Raises:
+        ReadingsError: Something is missing, and asked for by the name of its option, or does not fit.
+        UnitError: The unit is missing, or another than the file's.
+    """
+    metre = _metre(log, stated, form, source)
+    notes = [*log.notes]
+    if log.points is not None and not log.centres and stated.radius is None:
+        notes.append("The points are taken as points of the surface; say --radius if they are centres of a ball.")
+    if log.normals is not None and stated.normal_sd is None:
+        notes.append(
+            "How good its normals are is not known, so they do not count; say --normal-sd 10deg if they should."
+        )
+    n = len(log)
+    return assemble(_columns(log, stated, metre, source), n, stated, source, notes, outward=log.outward)
+
+
+def _metre(log: Log, stated: Stated, form: LogFormat, source: str) -> float:
+    """Metres per unit; what is missing is asked for all at once."""
+    missing = []
+    if log.unit is None and stated.units is None:
+        missing.append("--units")
+    if log.centres and log.radii is None and stated.radius is None:
+        missing.append("--radius")
+    if log.ranges is not None:
+        missing += [name for name, value in (("--rig", stated.device), ("--hand", stated.hand)) if value is None]
+    if missing:
+        error = UnitError if missing == ["--units"] else ReadingsError
+        listed = " and ".join(_EXAMPLES[name] for name in missing)
+        raise error(f"{source}: expected {' and '.join(missing)} with {form.words}, got none. Say {listed}.")
+    if log.unit is not None and not log.assumed and stated.units not in (None, log.unit) and log.ranges is None:
+        raise UnitError(
+            f"{source}: expected lengths in {log.unit}, as the file says, got --units {stated.units}. Drop --units."
+        )
+    unit = log.unit if log.unit is not None and not (log.assumed and stated.units) else stated.units
+    return length_unit(str(unit), "units")
+
+
+def _columns(log: Log, stated: Stated, metre: float, source: str) -> dict[str, Any]:
+    columns: dict[str, Any] = {
+        "points": None if log.points is None else log.points * metre,
+        "ids": log.ids, "directions": log.directions, "normals": log.normals, "normal_sds": None, "sds": None,
+        "radii": None if log.radii is None else log.radii * metre, "features": None, "kinds": None,
+        "Ts_world_hand": None, "ranges": None, "is_free": None,
+    }  # fmt: skip
+    if log.poses is not None:
+        try:
+            columns["Ts_world_hand"] = pose_from_brand(log.brand, log.poses)
+        except ValueError as error:
+            raise ReadingsError(f"{source}: {error}") from None
+    if log.ranges is not None and log.cells is not None:
+        columns["ranges"], columns["is_free"] = log.ranges * metre, log.free
+        columns["sensors"] = [f"{stated.device}.{row}.{column}" for row, column in np.asarray(log.cells).tolist()]
+    return columns

@@ -1,0 +1,52 @@
+"""Console logs of GRBL and FluidNC: ``[PRB:x,y,z:1]`` after each probe, ``:0`` where it met nothing.
+
+Machine coordinates, in millimetres unless ``$13=1`` reports inches (GRBL wiki, "Interface": probe parameters).
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from tanteo.logs.contents import Contents
+from tanteo.logs.log import Log, counted
+
+_REPORT = re.compile(r"\[PRB:([^\]:\n]{0,200}):([01])\]")
+_INCHES = re.compile(r"^[ \t>]*\$(?:13|Report/Inches)=(\w+)", re.MULTILINE)
+
+
+def recognise(contents: Contents) -> bool:
+    """A probe report anywhere: sessions may begin with long listings."""
+    if "[PRB:" in contents.head:
+        return True
+    return contents.encoding is not None and b"[PRB:" in contents.data[:2_000_000]
+
+
+def read(contents: Contents) -> Log:
+    """Places of the probes that met something; the others are counted."""
+    rows, lines, missed = [], [], 0
+    for k, line in enumerate(contents.lines, start=1):
+        for place, met in _REPORT.findall(line):
+            missed += met == "0"
+            if met == "1":
+                rows.append(place.split(",")[:3])
+                lines.append(k)
+    if not rows:
+        contents.fail("at least one probe that met something ([PRB:...:1])", f"{missed} that did not", "Probe again.")
+    points = contents.numbers(rows, lines, "a probe report")
+    if points.shape[1] != 3:
+        contents.fail("three coordinates or more of a probe report", str(points.shape[1]), "Correct it.", lines[0])
+    said = list(_INCHES.findall(contents.text))
+    inches = bool(said) and said[-1].lower() in ("1", "true", "on", "yes")
+    notes = []
+    if missed:
+        notes.append(f"{counted(missed, 'probe')} met nothing ([PRB:...:0]) and was left out." if missed == 1 else
+                     f"{missed} probes met nothing ([PRB:...:0]) and were left out.")  # fmt: skip
+    if not said:
+        notes.append("Coordinates are taken as millimetres, which GRBL reports unless $13=1; else say --units in.")
+    if len(np.unique(points, axis=0)) == 1 and len(points) > 1:
+        contents.fail(
+            "probes in different places", f"the same place {len(points)} times", "Is it one report, repeated?"
+        )
+    return Log(points=points, unit="in" if inches else "mm", assumed=not said, centres=True, notes=tuple(notes))

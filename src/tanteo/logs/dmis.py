@@ -1,0 +1,93 @@
+"""DMIS output of coordinate measuring machines (ISO 22093): actual points ``FA(name)=FEAT/POINT,CART,x,y,z,i,j,k``.
+
+Where a file has none, the points of ``PTDATA`` are taken, and else those of ``PTMEAS`` and of ``F(name)=FEAT/POINT``,
+which in a program are nominal; what was taken is said. ``$`` continues a line, ``$$`` begins a comment.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from tanteo.logs.contents import Contents
+from tanteo.logs.log import Log, counted, unique
+
+_UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
+_FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
+_POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
+_HINT = re.compile(
+    r"^[ \t]*(?:DMISMN\s*/|DMISMD\s*/|FILNAM\s*/|FA?\([^()\n]{1,80}\)\s*=\s*FEAT\s*/|PTMEAS\s*/|PTDATA\s*/)",
+    re.MULTILINE | re.IGNORECASE,
+)
+_CALLED = {
+    "FA": "",
+    "PTDATA": "Points of PTDATA are taken: the file has no actual points (FA).",
+    "PTMEAS": "Points of PTMEAS are taken as measured: there are no actual ones (FA). In a program they are nominal.",
+    "F": "Nominal points F(...) are taken as measured: the file has no actual ones, FA(...).",
+}
+
+
+def recognise(contents: Contents) -> bool:
+    """A statement that only DMIS has."""
+    return _HINT.search(contents.head) is not None
+
+
+def read(contents: Contents) -> Log:
+    """The actual points, else what comes nearest to them."""
+    rows: dict[str, list[tuple[int, str, list[str]]]] = {name: [] for name in _CALLED}
+    unit, others = None, 0
+    for k, line in _statements(contents):
+        if line.upper().startswith("UNITS/"):
+            unit = _UNITS.get(line[6:].split(",")[0].strip().upper())
+        elif match := _FEATURE.match(line):
+            kind, name, shape, rest = match[1].upper(), match[2], match[3].upper(), _cells(match[4])
+            others += kind == "FA" and shape != "POINT"
+            if shape == "POINT" and rest[:1] == ["CART"]:
+                rows[kind].append((k, name, rest[1:7]))
+        elif match := _POINT.match(line):
+            rows[match[1].upper()].append((k, str(k), _cells(match[2])[:6]))
+    taken = next((name for name in _CALLED if rows[name]), None)
+    if taken is None:
+        left = f"{counted(others, 'feature')} of other kinds" if others else "none"
+        contents.fail("measured points (FA(...)=FEAT/POINT, PTDATA or PTMEAS)", left, "Output the points as well.")
+    notes = [_CALLED[taken]] if _CALLED[taken] else []
+    if others:
+        notes.append(f"{counted(others, 'feature')} of other kinds than POINT left out.")
+    return _log(contents, rows[taken], unit, notes)
+
+
+def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str | None, notes: list[str]) -> Log:
+    lines = [k for k, _, _ in rows]
+    points = contents.numbers([(cells + [""] * 3)[:3] for _, _, cells in rows], lines, "a point")
+    if unit in ("cm", "ft"):
+        points, unit = points * {"cm": 10.0, "ft": 12.0}[unit], {"cm": "mm", "ft": "in"}[unit]
+    vectors = None
+    if all(len(cells) == 6 for _, _, cells in rows):
+        vectors = contents.numbers([cells[3:] for _, _, cells in rows], lines, "a normal")
+        vectors[np.linalg.norm(vectors, axis=1) < 0.5] = np.nan
+        vectors = None if np.isnan(vectors).all() else vectors
+    names = unique([name for _, name, _ in rows])
+    return Log(points=points, unit=unit, outward=vectors, ids=names, notes=tuple(notes))
+
+
+def _statements(contents: Contents) -> list[tuple[int, str]]:
+    """Statements with the lines on which they begin."""
+    out: list[tuple[int, str]] = []
+    begun, first = "", 0
+    for k, line in enumerate(contents.lines, start=1):
+        if line.startswith("$$"):
+            continue
+        line = line.split("$$")[0].rstrip()
+        first = first if begun else k
+        if line.endswith("$"):
+            begun += line[:-1]
+            continue
+        if begun or line:
+            out.append((first, begun + line))
+        begun = ""
+    return out + ([(first, begun)] if begun else [])
+
+
+def _cells(text: str) -> list[str]:
+    return [cell.strip() for cell in text.split(",")]

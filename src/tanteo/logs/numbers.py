@@ -1,0 +1,92 @@
+"""Lines of nothing but numbers, apart by blanks, tabs, commas or semicolons, as machines and scanners write them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.logs.contents import Contents, is_whole
+from tanteo.typing import FloatArray
+
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_ROW = re.compile(rf"\s*{_NUMBER}(?:[\s,;]+{_NUMBER})+[\s,;]*", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?(?:[ \t;]+[-+]?\d+(?:,\d+)?)+[ \t;]*", re.ASCII)
+_COMMENT = ("#", "//", "%", "(")
+_ENOUGH = 50
+"""Rows that recognition looks at."""
+
+
+@dataclass(frozen=True, slots=True)
+class NumberRows:
+    """The rows of a file of numbers.
+
+    Attributes:
+        values: ``(n, k)``.
+        names: Of the columns, as a comment above them has them; empty if there is none.
+    """
+
+    values: FloatArray
+    names: tuple[str, ...]
+
+
+def _is_comment(line: str) -> bool:
+    return line.startswith(_COMMENT)
+
+
+def first_rows(contents: Contents) -> NumberRows | None:
+    """The first rows, if there is nothing but numbers at the beginning; None if there is anything else."""
+    lines = [line.strip() for line in contents.head.splitlines()[: _ENOUGH + 20]]
+    if len(contents.data) > len(contents.head.encode()):
+        lines = lines[:-1] or lines
+    rows = [line for line in lines if line and not _is_comment(line)]
+    if rows and is_whole(rows[0]):
+        rows = rows[1:]  # CloudCompare writes how many there are
+    if not rows or not all(_ROW.fullmatch(row) or _DECIMAL_COMMA.fullmatch(row) for row in rows):
+        return None
+    words = [_words(row) for row in rows]
+    if len({len(row) for row in words}) != 1:
+        return None
+    return NumberRows(np.array(words, dtype=np.float64), _names(lines, len(words[0])))
+
+
+def all_rows(contents: Contents, what: str) -> NumberRows:
+    """All rows.
+
+    Raises:
+        ReadingsError: A line is none of numbers, or has another count; the message names it.
+    """
+    kept = [(k, line) for k, line in enumerate(contents.lines, start=1) if line and not _is_comment(line)]
+    if kept and is_whole(kept[0][1]):
+        kept = kept[1:]
+    names = _names(contents.lines, len(_words(kept[0][1])) if kept else 0)
+    text = [line.replace(",", " ").replace(";", " ") for _, line in kept]
+    if not any(_DECIMAL_COMMA.fullmatch(line) and "," in line and "." not in line for _, line in kept[:_ENOUGH]):
+        try:
+            values = np.loadtxt(text, ndmin=2, comments=None)
+        except ValueError:
+            values = np.empty((0, 0))
+        if values.size and np.isfinite(values).all():
+            return NumberRows(values, names)
+    return NumberRows(contents.numbers([_words(line) for _, line in kept], [k for k, _ in kept], what), names)
+
+
+def _words(row: str) -> list[str]:
+    if "," in row and "." not in row and re.search(r"[ \t;]", row) and _DECIMAL_COMMA.fullmatch(row):
+        return row.replace(",", ".").replace(";", " ").split()
+    return re.split(r"[\s,;]+", row.strip(" \t,;"))
+
+
+def _names(lines: list[str], count: int) -> tuple[str, ...]:
+    """The names that a comment gives to the columns: as many as there are."""
+    for line in lines[:20]:
+        words = re.split(r"[\s,;]+", line.lstrip("#/%( ").rstrip(") ").strip().lower())
+        if _is_comment(line) and len(words) == count and words[:3] == ["x", "y", "z"]:
+            return tuple(words)
+    return ()
+
+
+def are_unit(vectors: FloatArray, slack: float = 2e-2) -> bool:
+    """Whether all are of length one, as directions are written."""
+    return bool(len(vectors) and np.all(np.abs(np.linalg.norm(vectors, axis=1) - 1) < slack))

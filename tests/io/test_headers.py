@@ -1,0 +1,130 @@
+"""Headers as people write them, and hands as robots write them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tanteo.errors import InputError
+from tanteo.io import BRANDS, pose_as_brand, read_readings
+from tanteo.io.headers import canonical
+from tanteo.lie import SE3, SO3
+
+T = SE3.from_parts(
+    SO3.exp(np.array([[0.3, -0.2, 1.0], [0.1, 0.4, -0.7], [2.0, 0.3, 0.2]])),
+    np.array([[0.4, 0.2, 0.3], [0.1, -0.2, 0.5], [0.3, 0.3, 0.1]]),
+)
+
+
+def save(tmp_path, names, values):
+    path = tmp_path / "r.csv"
+    path.write_text(",".join(names) + "\n" + "".join(",".join(f"{x:.9g}" for x in row) + "\n" for row in values))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [
+        ("X_mm", "x_mm"), ("X (mm)", "x_mm"), ("X [mm]", "x_mm"), ("x mm", "x_mm"), (" Y_MM ", "y_mm"),
+        ("Z/mm", "z_mm"), ("Radius (µm)", "radius_um"), ("normal sd [°]", "normal_sd_deg"), ("Feature", "feature"),
+        ("X (inch)", "x_in"), ("hand_Rx (rad)", "hand_rx_rad"), ("pose.position.x", "hand_x"), ("DX (-)", "dx"),
+        ("pose.orientation.w", "hand_qw"), ("normal_x", "nx"), ("Direction Z", "dz"),
+    ],
+)  # fmt: skip
+def test_names_in_any_spelling(written, name):
+    assert canonical(written) == name
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("diameter_mm", "name the column radius_mm and halve the values"),
+        ("Ball Diameter (mm)", "name the column radius_mm"),
+        ("sigma_mm", "name the column sd_mm"),
+        ("vx", "nx, ny, nz if they point out of the material, dx, dy, dz if into it"),
+        ("distance_mm", "name the column range_mm"),
+    ],
+)
+def test_advice_goes_by_meaning(tmp_path, name, advice):
+    path = save(tmp_path, ["x_mm", "y_mm", "z_mm", name], [[1, 2, 3, 4]])
+    with pytest.raises(InputError) as caught:
+        read_readings(path)
+    assert advice in str(caught.value)
+    assert "Did you mean" not in str(caught.value)
+
+
+@pytest.mark.parametrize("brand", ["fanuc", "kuka", "yaskawa", "mitsubishi", "kawasaki", "abb", "ur", "denso", "comau"])
+def test_hands_in_the_columns_of_a_brand(tmp_path, brand):
+    names = [f"hand_{field.lower()}" for field in BRANDS[brand].fields]
+    path = save(tmp_path, ["x_mm", "y_mm", "z_mm", *names], np.c_[np.ones((3, 3)), pose_as_brand(brand, T)])
+    np.testing.assert_allclose(read_readings(path, brand=brand).Ts_world_hand, T, atol=1e-7)
+
+
+def test_a_pose_without_hand_is_where_the_tip_is(tmp_path):
+    path = save(tmp_path, ["X (mm)", "Y (mm)", "Z (mm)", "W", "P", "R"], pose_as_brand("fanuc", T))
+    readings = read_readings(path)
+    np.testing.assert_allclose(readings.points, T[:, :3, 3], atol=1e-9)
+    assert any("--tool" in note for note in readings.notes)
+    tipped = read_readings(path, tool=[0, 0, 0.15])
+    np.testing.assert_allclose(tipped.points, T[:, :3, 3] + 0.15 * T[:, :3, 2], atol=1e-9)
+
+
+def test_matrices_and_ros(tmp_path):
+    names = [f"m{i}{j}" + ("_m" if j == 4 else "") for i in (1, 2, 3) for j in (1, 2, 3, 4)]
+    readings = read_readings(save(tmp_path, names, T[:, :3].reshape(3, 12)))
+    np.testing.assert_allclose(readings.Ts_world_hand, T, atol=1e-7)
+    q = SO3.as_quaternion(T[:, :3, :3])
+    names = [*(f"pose.position.{a}" for a in "xyz"), *(f"pose.orientation.{a}" for a in "xyzw")]
+    path = save(tmp_path, names, np.c_[T[:, :3, 3], q[:, 1:], q[:, :1]])
+    np.testing.assert_allclose(read_readings(path, units="m").Ts_world_hand, T, atol=1e-7)
+    skew = T.copy()
+    skew[1, :3, :3] *= 1.1
+    names = [f"m{i}{j}" + ("_m" if j == 4 else "") for i in (1, 2, 3) for j in (1, 2, 3, 4)]
+    with pytest.raises(InputError, match="line 3: expected a rotation matrix"):
+        read_readings(save(tmp_path, names, skew[:, :3].reshape(3, 12)))
+
+
+@pytest.mark.parametrize(
+    ("names", "row", "message"),
+    [
+        ("hand_a_deg hand_b_deg hand_c_deg", [1, 2, 3], "(kuka, mitsubishi, doosan), got none. Say --brand kuka."),
+        ("hand_w_deg hand_p_deg hand_r_deg", [3.14159, 0, 1.5708], "are these radians? Name the column hand_w_rad"),
+        ("hand_rx_rad hand_ry_rad hand_rz_rad", [4, 4, 4], "expected a rotation vector of at most a full turn"),
+        ("hand_rx_rad hand_ry_rad hand_rz_rad", [180, 0, 0], "are these degrees? Name the column hand_rx_deg"),
+        ("hand_w_deg hand_p_deg hand_c_deg", [1, 2, 3], "expected the hand's rotation in one way"),
+        ("hand_q1 hand_q2 hand_q3 hand_q4", [1, 1, 0, 0], "a unit quaternion hand_q1 .. hand_q4"),
+    ],
+)
+def test_turns_that_cannot_be_meant_are_refused(tmp_path, names, row, message):
+    head = ["x_mm", "y_mm", "z_mm", "hand_x_mm", "hand_y_mm", "hand_z_mm", *names.split()]
+    with pytest.raises(InputError) as caught:
+        read_readings(save(tmp_path, head, [[1, 2, 3, 4, 5, 6, *row]]))
+    assert message in str(caught.value)
+
+
+def test_a_place_of_400_m_is_millimetres(tmp_path):
+    head = ["x_m", "y_m", "z_m"]
+    with pytest.raises(InputError, match=r"within 100 m .* Millimetres are x_mm"):
+        read_readings(save(tmp_path, head, [[400, 200, 0]]))
+
+
+def test_three_two_one_is_usable(tmp_path):
+    path = tmp_path / "r.csv"
+    labels = ["top"] * 3 + ["front"] * 2 + ["left"]
+    path.write_text(
+        "x_mm,y_mm,z_mm,feature,kind\n" + "".join(f"{k},{k * k},0,{f},plane\n" for k, f in enumerate(labels))
+    )
+    readings = read_readings(path)
+    assert readings.features == ("top",) * 3 + ("",) * 3
+    assert readings.kinds == ("plane",) * 3 + ("point",) * 3
+    (note,) = readings.notes
+    assert "those of 'front' (2), 'left' (1) are used as unlabelled points" in note
+
+
+def test_what_is_beside_in_a_report_is_said(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("Point;Actual X [mm];Actual Y [mm];Actual Z [mm];Nominal X;Dev X;Time\nP1;1,5;2;3;1;0,5;12:01\n")
+    readings = read_readings(path)
+    assert readings.ids == ("P1",)
+    np.testing.assert_allclose(readings.points, [[1.5e-3, 2e-3, 3e-3]])
+    assert "Columns left out: Nominal X, Dev X, Time." in readings.notes
