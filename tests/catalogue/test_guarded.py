@@ -127,13 +127,13 @@ worker.main()
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit it")
 def test_a_file_that_needs_too_much_memory_costs_itself_only(folder):
-    from tanteo.catalogue.pool import Request, read_in_processes
+    from tanteo.catalogue import pool
 
     names = ["a", "much", "b"]
     (folder / "much.off").write_text(TETRAHEDRON.format(10))
-    requests = {i: Request(str(folder / f"{name}.off"), "mm", name) for i, name in enumerate(names)}
+    requests = {i: pool.Request(str(folder / f"{name}.off"), "mm", name) for i, name in enumerate(names)}
     found = {}
-    read_in_processes(requests, found.__setitem__, workers=1, time_limit=30.0, command=GREEDY, memory=2 << 30)
+    pool.read_in_processes(requests, found.__setitem__, workers=1, time_limit=30.0, command=GREEDY, memory=2 << 30)
     assert [getattr(found[i], "name", None) for i in range(3)] == ["a", None, "b"]
     assert found[1] == "much.off: expected to be read with 2.15 GB of memory, needs more. Simplify the part."
 

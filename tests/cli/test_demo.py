@@ -10,7 +10,6 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
 
     monkeypatch.setattr(story, "find_spec", lambda name: None)
     monkeypatch.setattr(story, "_TOLERANCE", 3e-3)  # a few readings
-    monkeypatch.setattr(story, "_at_random", lambda *_: "more")  # as with a camera
     report = tmp_path / "demo.html"
     got = run("demo", "--no-open", "--report", str(report))
     assert got.code == 0
@@ -19,6 +18,7 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
     assert float(re.search(r"It was step_12mm, and the corner farthest off is ([\d.]+) mm", got.out)[1]) < 6  # 2 sd
     text = report.read_text(encoding="utf-8")
     assert "How it went" in text
+    assert "random" not in got.out  # which was counted with the camera
     assert "http://" not in text.replace("http://www.w3.org", "")
 
 

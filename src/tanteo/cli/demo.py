@@ -22,10 +22,9 @@ def demo(
 
     files.check_report(report)
     story = tell(say, seed)
-    facts = (
-        ("Corner farthest off the truth", f"{1e3 * story.off:.2f} mm"),
-        ("Readings at random for the same", story.random),
-    )
+    facts = [("Corner farthest off the truth", f"{1e3 * story.off:.2f} mm")]
+    if story.needed is not None:
+        facts += zip(("Readings needed in many tries", "At random places"), story.needed, strict=True)
     files.report_session(report, story.session, *facts, as_json=False)
     if not no_open and sys.stdout.isatty():
         webbrowser.open(Path(report).resolve().as_uri())

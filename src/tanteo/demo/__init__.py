@@ -1,5 +1,5 @@
 """The story of ``tanteo demo``: an image leaves two parts, a beam discriminates them, a few more place it."""
 
-from tanteo.demo.story import Observation, tell
+from tanteo.demo.story import NEEDED, Needed, Observation, needed, tell, try_it
 
-__all__ = ["Observation", "tell"]
+__all__ = ["NEEDED", "Needed", "Observation", "needed", "tell", "try_it"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from importlib.util import find_spec
@@ -28,8 +28,8 @@ _LASER = Probe(
     "laser", NoiseLaw.of(_NOISE), max_range=0.3, standoff=0.1, clearance=0.01, approach=np.array([0.0, 0.0, -1.0]),
     cone=np.radians(80.0), workspace=Workspace.above(0.0),
 )  # fmt: skip
-_TRIES = 3
-"""Of random places."""
+NEEDED = "readings_needed.csv"
+"""Readings that each try of ``benchmarks/demo.py`` needed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,13 +40,13 @@ class Observation:
         session: that found it.
         truth: name of the part that lay there.
         off: how far the worst corner is off [m].
-        random: readings that random places needed for the same, the median of some tries, in words.
+        needed: readings in many tries, planned and at random, in words; None without the camera's start.
     """
 
     session: Session
     truth: str
     off: float
-    random: str
+    needed: tuple[str, str] | None
 
 
 def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
@@ -61,7 +61,8 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
         name, T = _truth(folder)
         say(f"One of {len(parts)} parts lies on a table. Which one, and where?")
         targets = {part.name: prepare(part) for part in parts}
-        start = _seen(folder, parts, targets, say) if find_spec("cv2") else _placed(targets, T, name, say)
+        seen = bool(find_spec("cv2"))
+        start = _seen(folder, parts, targets, say) if seen else _placed(targets, T, name, say)
     say("")
     say("A laser (0.3 mm, from above) is sent where it tells most:")
     session = _session(start, "information", seed)
@@ -73,20 +74,54 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
     corners = box_corners(targets[name].part)
     off = np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max()
     say(f"It was {name}, and the corner farthest off is {1e3 * off:.2f} mm from the truth.")
-    others = _at_random(start, targets[name], T, seed)
-    say(f"Readings: {session.count}. Random places would have taken {others}.")
-    return Observation(session, name, float(off), others)
+    planned, random = needed()
+    tries = f" In {planned.tries} tries the plan needed {planned}, random places {random}." if seen else ""
+    say(f"Readings: {session.count}.{tries}")
+    return Observation(session, name, float(off), (str(planned), str(random)) if seen else None)
 
 
-def _at_random(start: Start, target: PreparedPart, T: Transforms, seed: int) -> str:
-    """Readings that random places need; one try may be lucky."""
+@dataclass(frozen=True, slots=True)
+class Needed:
+    """Readings that the story needed in many tries, with one way to choose them.
+
+    Attributes:
+        counts: of each try, sorted; those that did not end have the most that was allowed.
+    """
+
+    counts: tuple[int, ...]
+
+    @property
+    def tries(self) -> int:
+        """How many."""
+        return len(self.counts)
+
+    def __str__(self) -> str:
+        low, median, high = (self.counts[round(share * (self.tries - 1))] for share in (0.05, 0.5, 0.95))
+        most = f"{high} or more" if high == _MOST else f"{high}"
+        return f"{median} ({low} to {most} in nine of ten)"
+
+
+def needed() -> tuple[Needed, Needed]:
+    """What ``benchmarks/demo.py`` counted: of planned readings, and of random places."""
+    text = resources.files("tanteo.demo").joinpath(NEEDED).read_text(encoding="utf-8")
+    rows = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+    planned, random = (Needed(tuple(sorted(int(row[k]) for row in rows))) for k in ("planned", "random"))
+    return planned, random
+
+
+def try_it(policy: str, seeds: Sequence[int]) -> list[int]:
+    """Readings that the story needs with a policy, by the seed of their noise."""
+    with resources.as_file(resources.files("tanteo.demo")) as folder:
+        parts = read_parts([folder / "parts"], unit="mm").parts
+        name, T = _truth(folder)
+        targets = {part.name: prepare(part) for part in parts}
+        start = _seen(folder, parts, targets, lambda _: None)
     counts = []
-    for k in range(seed, seed + _TRIES):
-        session = _session(start, "random", k)
-        _sense(session, target, T, k, None)
+    for seed in seeds:
+        session = _session(start, policy, seed)
+        _sense(session, targets[name], T, seed, None)
         counts.append(session.count)
-    median = sorted(counts)[_TRIES // 2]
-    return f"{median if median < _MOST else f'more than {_MOST}'} (median of {_TRIES} tries)"
+    return counts
 
 
 def _truth(folder: Path) -> tuple[str, Transforms]:
