@@ -25,6 +25,9 @@ from tanteo.catalogue.worker import memory_for
 from tanteo.errors import InputError
 from tanteo.parts import Part
 
+LEAST_SECONDS, SECONDS_PER_BYTE, MOST_SECONDS = 15.0, 60e-6, 600.0
+"""Forty times what the slowest real files take a megabyte, and a worker starts in two; nobody waits for longer."""
+
 _COMMAND = "from tanteo.catalogue.worker import main; main()"
 
 
@@ -37,12 +40,19 @@ class Request:
     name: str
 
 
+def seconds_for(path: str) -> float:
+    """How long a file may take."""
+    with suppress(OSError):
+        return min(LEAST_SECONDS + SECONDS_PER_BYTE * os.stat(path).st_size, MOST_SECONDS)
+    return LEAST_SECONDS
+
+
 def read_in_processes(
     requests: Mapping[int, Request],
     settle: Callable[[int, Part | str], None],
     *,
     workers: int,
-    time_limit: float,
+    time_limit: float | None = None,
     command: str = _COMMAND,
     memory: int | None = None,
 ) -> None:
@@ -52,7 +62,7 @@ def read_in_processes(
         requests: files to read, by any number.
         settle: called in this thread with the number and the part, or the sentence that says why there is none.
         workers: how many processes.
-        time_limit: for one file [s].
+        time_limit: for one file [s]; by its size, if not given.
         command: what a worker runs; tests put a worse one here.
         memory: that each worker may use [bytes]; 0 for no limit, by the machine where left out.
     """
@@ -81,7 +91,7 @@ def _serve(
     waiting: queue.SimpleQueue[tuple[int, Request]],
     done: queue.SimpleQueue[tuple[int, Part | str]],
     stopped: threading.Event,
-    time_limit: float,
+    time_limit: float | None,
     command: str,
     rules: Mapping[str, int],
 ) -> None:
@@ -131,7 +141,7 @@ def _limit(rules: Mapping[str, int]) -> str:
 
 
 def _ask(
-    worker: subprocess.Popen[bytes], request: Request, time_limit: float, rules: Mapping[str, int]
+    worker: subprocess.Popen[bytes], request: Request, time_limit: float | None, rules: Mapping[str, int]
 ) -> tuple[Part | str, bool]:
     """Send one request and wait for its reply; say whether the worker can be used again."""
     label = Path(request.path).name
@@ -143,7 +153,8 @@ def _ask(
         late.set()
         worker.kill()
 
-    timer = threading.Timer(time_limit, stop)
+    seconds = seconds_for(request.path) if time_limit is None else time_limit
+    timer = threading.Timer(seconds, stop)
     timer.start()
     try:
         worker.stdin.write(json.dumps(asdict(request)).encode() + b"\n")
@@ -156,7 +167,7 @@ def _ask(
     finally:
         timer.cancel()
     if late.is_set():
-        return f"{label}: expected to be read within {time_limit:g} s, got no end. Simplify the part.", False
+        return f"{label}: expected to be read within {seconds:.3g} s, got no end. Simplify the part.", False
     if len(head) < 9 or len(reply) < size:
         return f"{label}: expected a part, got a crash of the CAD reader{_limit(rules)}. Export the part again.", False
     if head[:1] == b"E":

@@ -14,9 +14,6 @@ from tanteo.catalogue.worker import attempt
 from tanteo.errors import InputError, PartError, UnitError, check_kind
 from tanteo.parts import READABLE, UNITLESS, Part, check_file, read_part, unit_name
 
-TIME_LIMIT = 120.0
-"""Seconds that one file may take."""
-
 FEW_MESHES, SMALL_FILE = 16, 300_000
 """Up to this many mesh files of up to this many bytes are read in this process."""
 
@@ -72,7 +69,7 @@ def read_parts(
     workers: int | None = None,
     cache: bool = True,
     progress: Callable[[int, int], None] | None = None,
-    time_limit: float = TIME_LIMIT,
+    time_limit: float | None = None,
 ) -> Parts:
     """Read CAD files and folders of them.
 
@@ -86,7 +83,7 @@ def read_parts(
         workers: processes to read with; as many as processors where left out; 0 reads everything in this process.
         cache: whether to remember parts on disk and use what is remembered.
         progress: called with (files done, files in all) after each file.
-        time_limit: for one file [s]; not enforced with ``workers=0``.
+        time_limit: for one file [s]; by its size, if not given; not enforced with ``workers=0``.
 
     Returns:
         Parts and failures. Parts whose files have the same stem are named by more of their path.
