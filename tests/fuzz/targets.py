@@ -12,6 +12,7 @@ import numpy as np
 
 import tanteo
 import tanteo.io
+from logs.test_formats import CASES
 from tanteo import inference
 from tanteo.catalogue import cache, read_parts
 from tanteo.cli import main
@@ -44,6 +45,11 @@ def read_entry(path):
     assert abs(part.volume - 6e-6) < 1e-12, part.volume
 
 
+def read_log(path):
+    """Whatever other programs write, told what it needs."""
+    tanteo.read_readings(path, **CASES[path.name][2])
+
+
 def answer(path):
     """What the command line says of readings: one document or one error, and an exit code."""
     said, out = io.StringIO(), io.StringIO()
@@ -69,7 +75,8 @@ def answer(path):
 
 
 READERS = {
-    "readings": tanteo.read_readings, "rig": tanteo.read_rig, "scene": tanteo.io.read_scene,
+    "readings": tanteo.read_readings,
+    "log": read_log, "rig": tanteo.read_rig, "scene": tanteo.io.read_scene,
     "prior": tanteo.io.read_prior, "record": tanteo.io.read_record, "camera": tanteo.read_camera,
     "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_aside,
     "cache": read_entry,
@@ -95,6 +102,9 @@ def seeds(folder: Path) -> dict[str, list[Path]]:
         path = folder / name
         path.write_text(text)
         out.setdefault(name.split("-")[0], []).append(path)
+    for name, (_, content, _) in CASES.items():
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    out["log"] = [folder / name for name in CASES]
     tanteo.io.write_rig(tanteo.read_rig("paper-gripper"), folder / "rig.toml")
     out["rig"] = [folder / "rig.toml"]
     out["mesh"] = list(_meshes(folder))
@@ -110,6 +120,14 @@ TEXTS = {
     "prior-a.toml": "[table]\ntop_mm = 0\nsd_mm = 1\n\n[box]\nlow_mm = [0, 0, 0]\nhigh_mm = [500, 400, 200]\n",
     "prior-b.toml": "[pose_prior]\nposition_mm = [400, 200, 0]\nturn_deg = [0, 0, 90]\nsd_mm = [5, 5, 1]\n"
     "turn_sd_deg = 3\n",
+    "camera-b.xml": "<?xml version='1.0'?>\n<opencv_storage><image_width>640</image_width><image_height>480"
+    "</image_height><camera_matrix type_id='opencv-matrix'><rows>3</rows><cols>3</cols><dt>d</dt><data>800. 0. 320. 0. "
+    "800. 240. 0. 0. 1.</data></camera_matrix><distortion_coefficients type_id='opencv-matrix'><rows>1</rows>"
+    "<cols>5</cols><dt>d</dt><data>0.1 0. 0. 0. 0.</data></distortion_coefficients></opencv_storage>",
+    "camera-c.yaml": "cam0:\n  camera_model: pinhole\n  intrinsics: [800, 800, 320, 240]\n  distortion_model: radtan\n"
+    "  distortion_coeffs: [0.1, 0, 0, 0]\n  resolution: [640, 480]\n",
+    "camera-d.ini": "[image]\n\nwidth\n640\n\nheight\n480\n\n[left]\n\ncamera matrix\n800 0 320\n0 800 240\n0 0 1\n\n"
+    "distortion\n0.1 0 0 0 0\n",
     "camera-a.json": '{"camera_matrix": [800, 0, 320, 0, 800, 240, 0, 0, 1], '
     '"image_width": 640, "image_height": 480, "distortion_coefficients": [0, 0, 0, 0, 0]}',
 }

@@ -11,6 +11,7 @@ from tanteo.io.hand_columns import PLACE, WAYS, as_hand, way_of
 from tanteo.io.hand_columns import PLAIN as HAND_PLAIN
 from tanteo.io.headers import advice, canonical, is_beside, with_id, with_unit
 from tanteo.io.poses import BRANDS
+from tanteo.io.schema import show
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
 LENGTHS = ("x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z")
@@ -83,7 +84,9 @@ def read_header(
     """
     written = [cell.strip() for cell in cells]
     if any(_is_number(name) for name in written):
-        raise ReadingsError(f"{place}: expected a header that names the columns, got '{','.join(written)}'. Add one.")
+        raise ReadingsError(
+            f"{place}: expected a header that names the columns, got '{show(','.join(written))}'. Add one."
+        )
     if len(written) == 1 and "|" in written[0]:
         raise ReadingsError(f"{place}: expected commas between columns, got '{written[0]}'. Write it comma-separated.")
     names = as_hand(with_id([canonical(name) for name in written]))
@@ -134,18 +137,17 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
         if name in bases:
             listed = ", ".join(f"{name}_{u}" for u in units)
             how = "Add it, or say --units mm." if bases is LENGTHS else "Add it."
-            raise UnitError(f"{place}: expected a unit in the name ({listed}), got '{written}'. {how}")
+            raise UnitError(f"{place}: expected a unit in the name ({listed}), got '{show(written)}'. {how}")
         if base in bases:
             listed = ", ".join(f"{base}_{u}" for u in units)
-            raise UnitError(f"{place}: expected one of the units {listed}, got '{written}'. Convert the values.")
+            raise UnitError(f"{place}: expected one of the units {listed}, got '{show(written)}'. Convert the values.")
     if not name:
         raise ReadingsError(f"{place}: expected a name, got nothing. Remove the comma or name the column.")
     if words := advice(written):
-        raise ReadingsError(f"{place}: expected a column that is known, got '{written}'.{words}")
+        raise ReadingsError(f"{place}: expected a column that is known, got '{show(written)}'.{words}")
     hint = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""
-    raise ReadingsError(
-        f"{place}: expected one of {known_columns()}, got '{written}'.{hint or ' Rename the column or leave it out.'}"
-    )
+    hint = hint or " Rename the column or leave it out."
+    raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{show(written)}'.{hint}")
 
 
 def _check_groups(columns: dict[str, Column], place: str) -> None:
@@ -171,7 +173,7 @@ def _check_groups(columns: dict[str, Column], place: str) -> None:
     if "x" not in columns and not {"range", "sensor", "hand_x"} <= columns.keys() and _lacks_points(columns):
         raise ReadingsError(
             f"{place}: expected x_mm, y_mm, z_mm (or range_mm, sensor and the hand_ columns), got "
-            f"{', '.join(c.written for c in columns.values())}. Add where the points are."
+            f"{show(', '.join(c.written for c in columns.values()))}. Add where the points are."
         )
 
 
