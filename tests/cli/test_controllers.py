@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 from pathlib import Path
@@ -128,19 +127,16 @@ class Machine:
         self.log.append(" ".join(f"{v:f}" for v in [*tripped, *[0.0] * 6]))
 
 
-def readings_of(log, plan_csv):
-    """Our columns of a PROBEOPEN log, with the directions of the plan."""
-    lines = (line for line in plan_csv.read_text(encoding="utf-8").splitlines() if not line.startswith("#"))
-    ways = [[row[name] for name in ("dx", "dy", "dz")] for row in csv.DictReader(lines)]
-    assert len(ways) == len(log)
-    rows = [",".join([*line.split()[:3], "1.5", *way]) for line, way in zip(log, ways, strict=True)]
-    return "\n".join(["x_mm,y_mm,z_mm,radius_mm,dx,dy,dz", *rows, ""])
+def probe_log(log):
+    """The same as the console of GRBL shows it."""
+    return "".join(f"[PRB:{','.join(line.split()[:3])}:1]\nok\n" for line in log)
 
 
-def test_a_planned_program_finds_the_part_again(run, models, tmp_path):
-    """NEES of three placements below what a chi-square of 18 passes once in ten thousand."""
-    table, readings = tmp_path / "plan.csv", tmp_path / "readings.csv"
-    got = run(*PLAN, "--pose-prior", PRIOR, "--program", "linuxcnc", "--csv", table)
+@pytest.mark.parametrize("controller", ["linuxcnc", "grbl"])
+def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controller):
+    """NEES of three placements below what a chi-square of 18 passes once in ten thousand; the log is read as it is."""
+    log = tmp_path / "log.txt"
+    got = run(*PLAN, "--pose-prior", PRIOR, "--program", controller)
     assert got.code == 0
     assert got.out.startswith("(tanteo plan")
     assert "readings bring all corners" in got.err
@@ -151,8 +147,10 @@ def test_a_planned_program_finds_the_part_again(run, models, tmp_path):
         sds = np.repeat([1e-3, np.radians(0.5)], 3)
         machine = Machine(models["bracket_left"].part, T_expected @ SE3.exp(rng.normal(size=6) * sds), rng)
         machine.run(got.out)
-        readings.write_text(readings_of(machine.log, table), encoding="utf-8")
-        found = run("locate", readings, "--part", BRACKET, "--sd", "0.02mm", "--pose-prior", PRIOR, "--json")
+        text = probe_log(machine.log) if controller == "grbl" else "".join(f"{line}\n" for line in machine.log)
+        log.write_text(text, encoding="utf-8")
+        told = ("--units", "mm", "--radius", "1.5mm", "--sd", "0.02mm", "--pose-prior", PRIOR)
+        found = run("locate", log, "--part", BRACKET, *told, "--json")
         assert found.code == 0, found.err
         best = json.loads(found.out)["hypotheses"][0]
         error = SE3.log(SE3.inverse(SE3.inverse(machine.to_part)) @ np.array(best["pose"]["matrix"]))
