@@ -74,8 +74,8 @@ def distortion(document: Mapping[str, Any], path: Path, known: Mapping[str, Any]
             given[str(key)] = _coefficients(str(key), value, path)
         elif _STRANGE.search(str(key).lower()) and key not in known and _has_numbers(value):
             raise InputError(
-                f"{path}, {key}: expected the distortion under a known name, got '{key}'. Write {WRITE_IT}; if it is "
-                "no distortion, leave it out."
+                f"{path}, {show(key)}: expected the distortion under a known name, got '{show(key)}'. "
+                f"Write {WRITE_IT}; if it is no distortion, leave it out."
             )
     loose = {str(key): value for key, value in document.items() if plain(key) in COEFFICIENTS and _is_number(value)}
     if any(plain(key) == "k1" for key in loose):

@@ -158,7 +158,7 @@ def _field(kind: type, key: str, place: Place) -> tuple[str, float]:
     for name, own in sorted(keys.items(), reverse=True):
         if name not in own and (key == name or key.startswith(f"{name}_")):
             raise place.error(
-                f"expected one of {', '.join(own)}, got '{key}'. Say the unit in the name.", key, UnitError
+                f"expected one of {', '.join(own)}, got '{show(key)}'. Say the unit in the name.", key, UnitError
             )
     known = [own[0] for own in keys.values()]
     hint = did_you_mean(key, known) or " Correct the name."

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.io.schema import show
 from tanteo.io.units import LENGTH_UNITS
 from tanteo.typing import FloatArray, Vectors
 from tanteo.whole import read_whole
@@ -52,7 +53,7 @@ def _scale(name: str, path: Path) -> tuple[str, float]:
         return base, 1.0
     if base in ("x", "y", "z") and unit in LENGTH_UNITS:
         return base, LENGTH_UNITS[unit]
-    raise InputError(f"{path}: expected u_px, v_px, x_mm, y_mm or z_mm (or _m, _um, _in), got '{name}'. {_FORM}")
+    raise InputError(f"{path}: expected u_px, v_px, x_mm, y_mm or z_mm (or _m, _um, _in), got '{show(name)}'. {_FORM}")
 
 
 def _numbers(row: list[str], line: int, scales: list[tuple[str, float]], path: Path) -> list[float]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
 from tanteo.frames import check_transforms
+from tanteo.io.schema import show
 from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Rotations, Transforms
 
@@ -110,7 +111,8 @@ def brand(name: str) -> Brand:
     """
     name = _ALIASES.get(name.lower(), name.lower())
     if name not in BRANDS:
-        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{name}'.{did_you_mean(name, BRANDS)}")
+        hint = did_you_mean(name, BRANDS)
+        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{show(name)}'.{hint}")
     return BRANDS[name]
 
 

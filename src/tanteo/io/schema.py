@@ -96,7 +96,7 @@ class Place:
 
     def inside(self, name: str, title: str = "") -> Place:
         """The place of a table of this one."""
-        shown = title or (f"{self.shown}.{name}" if self.shown else name)
+        shown = title or (f"{self.shown}.{show(name)}" if self.shown else show(name))
         return replace(self, tables=(*self.tables, name), shown=shown, table={}, written={})
 
     def has(self, *names: str) -> list[str]:
@@ -107,11 +107,12 @@ class Place:
         """What is wrong with a field, by its key and value as they are written."""
         key = self.written.get(name, name)
         got = got or show(repr(self.table.get(key)))
-        return InputError(f"{self}, {key}: expected {expected}, got {got}. {self.advice or advice}{self.line(key)}")
+        more = f"{self.advice or advice}{self.line(key)}"
+        return InputError(f"{self}, {show(key)}: expected {expected}, got {got}. {more}")
 
     def error(self, message: str, key: str = "", kind: type[InputError] = InputError) -> InputError:
         """An error of the table as a whole, or of a key of it."""
-        return kind(f"{self}{f', {key}' if key in self.table else ''}: {message}{self.line(key)}")
+        return kind(f"{self}{f', {show(key)}' if key in self.table else ''}: {message}{self.line(key)}")
 
     def line(self, key: str) -> str:
         """`` See line 7.``, if the key or the table of this name is found in the text."""
