@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+import tanteo
 from bare_scenes import Sensing, box_centred_pose, scene
 from tanteo import Priors, read_part
 from tanteo.answers import Misfit, PosePrior, Table
@@ -27,14 +29,14 @@ def target():
 
 @pytest.mark.parametrize("scale", [0.7, 1.0, 1.8])
 def test_the_scale_is_that_of_the_residuals(scale):
-    told, low, high = Misfit(scale**2 * 200, 0.0, 200, TWO).noise_scale()
+    told, low, high = Misfit(scale**2 * 200, 0.0, 200, TWO, 200).noise_scale()
     assert told == pytest.approx(scale, rel=0.02)
     assert high / told == pytest.approx(np.exp(1.96 / np.sqrt(400)), rel=0.02)
     assert low < told < high
 
 
 def test_a_scale_without_anything_checked_is_as_stated():
-    assert Misfit(6.0, 0.0, 6, TWO).noise_scale()[0] == pytest.approx(1.0)
+    assert Misfit(6.0, 0.0, 6, TWO, 6).noise_scale()[0] == pytest.approx(1.0)
     assert Misfit(50.0, 0.0, 6).noise_scale() == (1.0, 1.0, 1.0)
 
 
@@ -77,3 +79,31 @@ def test_beams_that_end_on_the_table_were_free_until_there(target):
     assert len(around.paths) == 8
     ends = around.paths.origins + (around.paths.lengths - around.paths.margin)[:, None] * around.paths.directions
     assert np.all((ends[:, 2] > top) & (ends[:, 2] < top + 0.01))
+
+
+def told(points, target, priors):
+    return tanteo.inference.identify_points(points, FreeRays.none(), [target], priors=priors).hypotheses[0].noise_scale
+
+
+def test_what_else_tells_the_pose_takes_no_freedom_of_the_noise(target):
+    """A prior or normals that say little leave the scale as it is; a prior that says all leaves every point to it."""
+    rng = np.random.default_rng(5)
+    T = box_centred_pose(rng)
+    points = scene(target, T, Sensing("touch", 2e-4, False, ()), 12, rng)[0]
+    alone = told(points, target, Priors(noise_factor=2.0))
+    for sd, turn_sd in ((0.1, 0.5), (0.02, 0.2)):
+        rough = PosePrior(T, np.diag([sd] * 3 + [turn_sd] * 3) ** 2)
+        assert told(points, target, Priors(pose=rough, noise_factor=2.0)) == pytest.approx(alone, rel=0.05)
+    tilted = replace(points, normals=facing(target, T, points), normal_sds=np.full(12, np.radians(30.0)))
+    assert told(tilted, target, Priors(noise_factor=2.0)) == pytest.approx(alone, rel=0.05)
+    exact = PosePrior(T, np.diag([1e-7] * 6) ** 2)
+    local = SE3.apply(SE3.inverse(T), points.points)
+    squares = float(np.sum((target.surface.closest(local).distances / 2e-4) ** 2))
+    expected = Misfit(squares, 0.0, 12, TWO, 12).noise_scale()
+    assert told(points, target, Priors(pose=exact, noise_factor=2.0)) == pytest.approx(expected, rel=0.02)
+
+
+def facing(target, T, points):
+    """Outward normals of the surface next to the points, in the world."""
+    found = target.surface.closest(SE3.apply(SE3.inverse(T), points.points))
+    return target.surface.normals[found.triangles] @ T[:3, :3].T

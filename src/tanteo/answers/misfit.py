@@ -28,12 +28,14 @@ class Misfit:
         rest: of all else: sensed normals, shared errors, the prior of the pose.
         dof: degrees of freedom of both; none or fewer where nothing was checked.
         log_factor: log of the factor to which the noise was known; 0 if exactly.
+        noise_dof: degrees of freedom of the first alone: measurements less the states that they tell.
     """
 
     noise: float
     rest: float
     dof: int
     log_factor: float = 0.0
+    noise_dof: float = 0.0
 
     @property
     def chi2(self) -> float:
@@ -52,19 +54,19 @@ class Misfit:
         p = [chi2_survival(self.noise * math.exp(-2 * self.log_factor * x) + self.rest, self.dof) for x in z]
         return float(weights @ p / weights.sum())
 
-    def beside(self, rest: float, dof: int) -> Misfit:
-        """The same with more that the noise scale does not scale."""
-        return replace(self, rest=self.rest + rest, dof=self.dof + dof)
+    def beside(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
+        """The same with more that the noise scale does not scale, and that tells so many of the states."""
+        return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + told)
 
     def noise_scale(self) -> tuple[float, float, float]:
         """Times the stated noise that the measurements have: the likeliest, and from where to where with 95 %.
 
-        The degrees of freedom that the pose takes are left aside; the prior is flat within the factor, and ends soon
-        beyond it.
+        The states that the measurements tell take as many degrees of freedom; the prior is flat within the factor, and
+        ends soon beyond it.
         """
         if self.log_factor == 0:
             return 1.0, 1.0, 1.0
-        dof, unit, z = max(self.dof, 0), self.log_factor, 0.0
+        dof, unit, z = max(self.noise_dof, 0.0), self.log_factor, 0.0
         for _ in range(_ENOUGH):
             told = self.noise * math.exp(-2 * unit * z)
             curved = 2 * told * unit**2 + max(0.75 * z * z, _LEAST_TOLD)

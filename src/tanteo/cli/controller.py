@@ -17,15 +17,17 @@ from tanteo.cli.printing import complain
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from tanteo.answers import Answer, Hypothesis
+    from tanteo.io import WorkFrame
     from tanteo.parts import Part
+else:  # the parser resolves annotations, and has to load nothing for that
+    WorkFrame = Any
 
 
-def _named(option: str, read: Callable[[str], Any], text: str) -> Any:
+def _named(option: str, reader: str, text: str) -> Any:
+    """What a reader of ``io`` makes of a word, loaded when there is one."""
     try:
-        return read(text)
+        return getattr(io, reader)(text)
     except InputError as error:
         raise MisuseError(f"{option}: {error}") from None
 
@@ -35,12 +37,12 @@ _output = partial(args.option, rich_help_panel="Output")
 PoseAs = Annotated[
     str | None,
     _output("--as", "CONTROLLER", "Print the best pose as this controller writes it: kuka, ur, ros, gtsam, matrix .."),
-    args.Words(partial(_named, "--as", io.check_pose_name)),
+    args.Words(partial(_named, "--as", "check_pose_name")),
 ]
 Wcs = Annotated[
-    "io.WorkFrame | None",
+    WorkFrame | None,
     _output("--wcs", "FRAME", "Print the lines that set this frame to it: G54, fanuc:1, kuka:1, abb:NAME, ur:NAME."),
-    args.Words(partial(_named, "--wcs", io.parse_work_frame)),
+    args.Words(partial(_named, "--wcs", "parse_work_frame")),
 ]
 BestGuess = Annotated[
     bool, _output("--best-guess", None, "With --as or --wcs: write the best pose of an ambiguous answer, too.")
@@ -58,7 +60,7 @@ class Words:
     """
 
     pose_as: str | None
-    wcs: io.WorkFrame | None
+    wcs: WorkFrame | None
     best_guess: bool
 
     def __post_init__(self) -> None:

@@ -94,7 +94,21 @@ class GoodnessOfFit:
         points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
         across = sum(label_kind(kind).faces for kind, on in zip(kinds, belongs, strict=True) if on)
         told = 2 * int(np.count_nonzero(tilts[belongs]))
-        return Misfit(points, float(np.sum(tilts[belongs] ** 2)), across + told - 6, self.log_noise_factor)
+        tilted = float(np.sum(tilts[belongs] ** 2))
+        return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)
+
+    def told_beside(self, rows: FloatArray) -> float:
+        """How many states other than points tell: free motions, shared errors by their priors, the pose by ``rows``.
+
+        Args:
+            rows: derivatives of what was known of the pose, standardised ``(m, 6)``.
+        """
+        objective = self.mode.objective
+        states = 6 + objective.problem.points.shared_jacobian.shape[2]
+        information = objective.regular(self.mode.information)[:states, :states]
+        known = np.eye(states)
+        known[:6, :6] = rows.T @ rows
+        return len(self.free) - (states - 6) + float(np.trace(np.linalg.solve(information, known)))
 
 
 def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
@@ -133,11 +147,12 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
     free, distances = one.free, one.at.distances[0]
     covariance, given = _covariances(one)
     common, common_given = _common_tolerance(points, one)
-    known = prior_rows(pose, part, mode.T_peak[None])[0][0]
+    known, known_rows = (of[0] for of in prior_rows(pose, part, mode.T_peak[None]))
     errors = mode.z[: points.shared_jacobian.shape[2]]
     named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
     more = len(known) + len(free) - (len(spins(part)) if named else 0)
-    misfit = one.misfit().beside(float(np.sum(errors**2) + np.sum(known**2)), more)
+    rest = float(np.sum(errors**2) + np.sum(known**2))
+    misfit = one.misfit().beside(rest, more, one.told_beside(known_rows))
     names = face_names(one)
     return hypothesis_at(
         part,
