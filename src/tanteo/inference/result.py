@@ -98,7 +98,7 @@ class GoodnessOfFit:
         return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)
 
     def told_beside(self, rows: FloatArray) -> float:
-        """How many states others than the points tell: priors of shared errors, of the pose by ``rows``, or nothing at all.
+        """How many states not the points tell but priors (of shared errors, of the pose by ``rows``) or nothing.
 
         Args:
             rows: derivatives of what was known of the pose, standardised ``(m, 6)``.
