@@ -4,6 +4,7 @@
 # make test-all runs the slow tests, too: the statistics over many scenes.
 # make types says how much of the interface has types (at least 99 %).
 # make docs makes the site in build/docs; make core builds the compiled core anew, and nothing else.
+# make oracles fetches interpreters of others that some tests compare with, where they can be had (Debian, PyPI).
 # make fuzz reads ten thousand spoiled files; COUNT and SEED choose others.
 # make wheel makes dist/tanteo-*.whl; make wheel-test tries it elsewhere; make sanitize runs tests/core on a core that is watched.
 PYTHON ?= python3
@@ -24,7 +25,7 @@ ZIG     = $(BIN)/zig-c++
 export CXX = $(abspath $(ZIG))
 endif
 
-.PHONY: demo test test-all check types unit fuzz docs bench core wheel wheel-test sanitize clean
+.PHONY: demo test test-all check types unit oracles fuzz docs bench core wheel wheel-test sanitize clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -52,7 +53,15 @@ types: $(VENV)/.test
 
 # every worker is a process of its own: more threads than that only wait for each other
 unit: $(VENV)/.test
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal $(TESTS)
+	PATH="$(abspath $(BIN)):$$PATH" OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal $(TESTS)
+
+# LinuxCNC's interpreter is unpacked, not installed
+OTHERS = $(abspath $(VENV))/others
+oracles: $(VENV)/.test
+	$(PIP) install --quiet -c constraints.txt rapidchecker gtsam
+	rm -rf $(OTHERS) && mkdir -p $(OTHERS) && cd $(OTHERS) && apt-get -qq download linuxcnc-uspace \
+	$$(apt-cache depends linuxcnc-uspace | sed -n 's/.*Depends: \(libboost-python[^ ]*\)$$/\1/p') && for deb in *.deb; do dpkg-deb -x "$$deb" .; done
+	printf '#!/bin/sh\nLD_LIBRARY_PATH=%s exec %s "$$@"\n' "$$(dirname $$(find $(OTHERS) -name 'librs274.so*' | head -1)):$$(dirname $$(find $(OTHERS) -name 'libboost_python*' | head -1))" "$$(find $(OTHERS) -name rs274 -type f | head -1)" > $(BIN)/rs274 && chmod +x $(BIN)/rs274
 
 COUNT ?= 10000
 SEED  ?= 1
