@@ -87,10 +87,20 @@ def _read(file: PartFile, source: str, folders: Sequence[str | Path]) -> Part:
             f"{source}: expected the part '{file.name}' in {file.file}, got nothing there. Say where it is now "
             "(--parts)."
         )
-    read = read_parts([same[0]], unit=file.unit)
+    return replace(read_one(same[0], file.unit), name=file.name)
+
+
+def read_one(path: str | Path, unit: str | None) -> Part:
+    """The part of one file, read as many are: what a CAD kernel does to its process is not done to this one.
+
+    Raises:
+        PartError: The file cannot be read.
+        UnitError: No unit where one is needed.
+    """
+    read = read_parts([path], unit=unit)
     if not read.parts:
         raise PartError(read.failures[0].reason)
-    return replace(read.parts[0], name=file.name)
+    return read.parts[0]
 
 
 def _changed(file: PartFile, source: str, now: str) -> InputError:

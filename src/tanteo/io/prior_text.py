@@ -10,9 +10,10 @@ import numpy.typing as npt
 from tanteo.answers import Furniture, Table
 from tanteo.errors import InputError
 from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
+from tanteo.io.part_files import read_one
 from tanteo.io.pose_syntax import parse_pose
 from tanteo.io.units import parse_lengths, parse_lengths_angles
-from tanteo.parts import UNITLESS, read_part
+from tanteo.parts import UNITLESS
 from tanteo.typing import FloatArray, Transforms
 
 _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"
@@ -57,7 +58,7 @@ def read_furniture(text: str, unit: str | None = None, name: str = "furniture") 
         raise InputError(f"{name}: expected one positive sd behind +-, got '{sd}'. Write it as {_FURNITURE}.")
     T = parse_pose(pose, name) if pose.strip() else np.eye(4)
     needed = unit if path.strip().lower().endswith(UNITLESS) else None  # it may be meant for the parts
-    return Furniture.of_part(read_part(path.strip(), unit=needed), T, sds[0])
+    return Furniture.of_part(read_one(path.strip(), needed), T, sds[0])
 
 
 def parse_box(text: str, name: str = "box") -> FloatArray:

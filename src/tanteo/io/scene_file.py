@@ -14,6 +14,7 @@ from tanteo.errors import PartError
 from tanteo.frames import UncertainFrame
 from tanteo.hand import ForbiddenBox, Hand, Workspace
 from tanteo.io.document import load_toml
+from tanteo.io.part_files import read_one
 from tanteo.io.prior_text import spread_pose
 from tanteo.io.scene_tables import BoxTable, CameraPaths, Document, SenseTable, SpaceTable
 from tanteo.simulator import Cell, Scene, Solid, box
@@ -119,9 +120,7 @@ def _boxes(tables: Mapping[str, BoxTable]) -> tuple[ForbiddenBox, ...]:
 
 
 def _mesh(file: Path, unit: str | None) -> tuple[FloatArray, IntArray]:
-    from tanteo.parts import read_part
-
     if not file.exists():
         raise PartError(f"{file}: expected a CAD file, got nothing there. Name it relative to the scene file.")
-    part = read_part(file, unit=unit) if unit else read_part(file)
+    part = read_one(file, unit)
     return part.vertices, part.triangles
