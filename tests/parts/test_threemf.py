@@ -46,6 +46,14 @@ def sides(part):
     return np.round(1e3 * np.ptp(part.box, axis=0), 6).tolist()
 
 
+def test_a_prefix_of_an_extension_that_nobody_declares_harms_no_mesh(tmp_path):
+    resources = f'<ms:metal name="m" x:ness="1"/><object id="1">{mesh()}</object>'
+    part = read_part(write(tmp_path, model(resources, '<item objectid="1"/>')))
+    assert sides(part) == [60, 40, 20]
+    with pytest.raises(PartError, match="a damaged one"):
+        read_part(write(tmp_path, model(resources, '<item objectid="1">')))
+
+
 def test_only_what_is_built_and_supports_nothing_is_the_part(tmp_path):
     resources = (
         f'<object id="1" type="model">{mesh()}</object><object id="2" type="support">{mesh(200, 40, 30)}</object>'

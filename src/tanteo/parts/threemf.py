@@ -146,17 +146,20 @@ def _plain(path: str) -> str:
 
 
 def _tree(data: bytes, label: str) -> Any:
-    """Parse XML: no entities, nothing from elsewhere."""
+    """Parse XML: no entities, nothing from elsewhere. Prefixes that nobody declares are of extensions, not of meshes."""
     from lxml import etree  # slow to import
 
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, recover=True
+    )
     try:
         root = etree.fromstring(data, parser)
+        wrong = [one.message for one in parser.error_log if one.domain_name != "NAMESPACE"]
     except (etree.XMLSyntaxError, ValueError) as error:
-        detail = str(getattr(error, "msg", error)).splitlines()[0]
-        raise PartError(
-            f"{label}: expected XML in the 3MF file, got a damaged one ({detail}). Export it again."
-        ) from None
+        root, wrong = None, [str(getattr(error, "msg", error))]
+    if root is None or wrong:
+        detail = wrong[0].splitlines()[0] if wrong and wrong[0] else "nothing in it"
+        raise PartError(f"{label}: expected XML in the 3MF file, got a damaged one ({detail}). Export it again.")
     if root.getroottree().docinfo.doctype:
         raise PartError(f"{label}: expected a 3MF model, got XML with a document type. Export it again.")
     return root
