@@ -146,7 +146,7 @@ def _plain(path: str) -> str:
 
 
 def _tree(data: bytes, label: str) -> Any:
-    """Parse XML: no entities, nothing from elsewhere. Prefixes that nobody declares are of extensions, not of meshes."""
+    """Parse XML: no entities, nothing from elsewhere. Prefixes that nobody declares are of extensions."""
     from lxml import etree  # slow to import
 
     parser = etree.XMLParser(
