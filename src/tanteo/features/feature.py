@@ -155,7 +155,9 @@ def _check_size(name: str, kind: FeatureKind, size: Round, terms: int) -> None:
     if kind.size_name == "half angle" and not size.value < np.pi / 2:
         raise InputError(f"{name}: expected a half angle below pi/2 rad, got {size.value}. Is it in degrees?")
     if len(size.covariance) not in (0, kind.size):
-        raise InputError(f"{name}: expected a covariance of size {kind.size} with its size, got {len(size.covariance)}.")
+        raise InputError(
+            f"{name}: expected a covariance of size {kind.size} with its size, got {len(size.covariance)}."
+        )
     if len(size.shared) not in (0, terms):
         raise InputError(f"{name}: expected {terms} gains of shared errors on its size, got {len(size.shared)}.")
 

@@ -117,9 +117,7 @@ CYLINDER = register_kind(
     )
 )
 CONE = register_kind(
-    FeatureKind(
-        "cone", (0, 1, 2, 3, 4), "origin at the apex, z into the cone", min_readings=6, size_name="half angle"
-    )
+    FeatureKind("cone", (0, 1, 2, 3, 4), "origin at the apex, z into the cone", min_readings=6, size_name="half angle")
 )
 CIRCLE = register_kind(
     FeatureKind(

@@ -1,0 +1,197 @@
+"""Round features by maximum likelihood, over batches: the best of several starts, and whether another fits as well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
+from tanteo.fitting.estimate import Estimate, check_points
+from tanteo.fitting.round_start import axis_starts, circle_start, refuse_flat, sphere_start
+from tanteo.fitting.round_steps import Linear, RoundProblem, RoundState, settle
+from tanteo.fitting.round_surface import Distance, cone, cylinder, rim, sphere
+from tanteo.lie import SE3
+from tanteo.typing import BoolArray, Covariances, FloatArray, Vectors
+
+DISTANCES: dict[str, Distance] = {"circle": rim, "cylinder": cylinder, "cone": cone, "sphere": sphere}
+_LARGEST_HALF_ANGLE = 1.5
+_TRIAL = 10, 1e-3
+"""So many steps from each start, or steps down to that size, show which is the best."""
+_AS_GOOD = 9.21
+"""Another fit whose sum of squares is larger by less than this fits as well (1 % of two degrees of freedom)."""
+_ELSEWHERE = 0.02
+"""Two fits differ if their sizes differ by more than this share, or their axes by more radians, beyond five sd."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundEstimate:
+    """Fitted round features over batches.
+
+    Attributes:
+        fit: frames, with ``P`` and ``shared_jacobian`` over the kind's rows and then the size: one row more.
+        size: radius [m] or half angle [rad] ``(*batch,)``.
+        rival: size of another feature that fits about as well ``(*batch,)``; NaN if there is none.
+        settled: whether the iteration came to rest ``(*batch,)``.
+        condition: least eigenvalue of the information scaled to unit diagonal ``(*batch,)``: zero if the points leave
+            something free.
+    """
+
+    fit: Estimate
+    size: FloatArray
+    rival: FloatArray
+    settled: BoolArray
+    condition: FloatArray
+
+
+def round_ml(
+    kind: FeatureKind,
+    points: Vectors,
+    covs: Covariances,
+    *,
+    size: float | None = None,
+    size_sd: float = 0.0,
+    normals: Vectors | None = None,
+    normal_sds: FloatArray | None = None,
+    outward: Vectors | None = None,
+) -> RoundEstimate:
+    """Maximum-likelihood circles (rims), cylinders, cones or spheres of ``(*batch, n, 3)`` points.
+
+    ``chi2`` has one degree of freedom a point (two on a rim) and two a sensed normal, less the unknowns. What is not
+    observable is not refused here (:func:`fit_cylinder` and its like do): see ``condition``, ``P`` and ``rival``.
+
+    Args:
+        kind: circle, cylinder, cone or sphere.
+        points: of the surface, or of the rim, in the world [m].
+        covs: their independent covariances ``(*batch, n, 3, 3)``, positive definite [m^2].
+        size: the radius [m] or half angle [rad], where it is known.
+        size_sd: its standard deviation; 0 holds it.
+        normals: sensed normals away from the axis (centre) ``(*batch, n, 3)``; zero rows where there is none.
+        normal_sds: of these [rad] ``(*batch, n)``; infinite where there is none.
+        outward: vectors ``(*batch, n, 3)`` that all point away from the axis, or all towards it; zero if unknown.
+
+    Raises:
+        InputError: for too few points, or shapes that do not fit.
+        DegenerateError: if the points lie on a line, or in a plane where they must not.
+    """
+    least = unknowns(kind, size, size_sd)
+    points, covs = check_points(points, covs, least, kind.name)
+    refuse_flat(points, 2 if kind is CIRCLE else 3, kind.name)
+    problem = RoundProblem(
+        DISTANCES[kind.name], kind.rows, points, covs, slides=kind is CYLINDER,
+        largest=_LARGEST_HALF_ANGLE if kind is CONE else np.inf,
+        known_size=None if size is None else size_sd, size=size or 0.0, normals=normals, normal_sds=normal_sds,
+    )  # fmt: skip
+    return solved(kind, problem, outward)
+
+
+def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:
+    """How many points it takes."""
+    if kind is CIRCLE:
+        return 3
+    return kind.size + (size is None or size_sd > 0)
+
+
+def solved(kind: FeatureKind, problem: RoundProblem, outward: Vectors | None = None) -> RoundEstimate:
+    """The estimate of a problem."""
+    if kind in (CYLINDER, CONE) and problem.known_frame is None:
+        starts = axis_starts(kind.name, problem.points, problem.normals)
+        many = replace(
+            problem,
+            points=problem.points[..., None, :, :],
+            covs=problem.covs[..., None, :, :, :],
+            normals=None if problem.normals is None else problem.normals[..., None, :, :],
+            normal_sds=None if problem.normal_sds is None else problem.normal_sds[..., None, :],
+        )
+        found = settle(many, _with_size(problem, starts), *_TRIAL)
+        return _best(kind, problem, *found, None if outward is None else outward[..., None, :, :])
+    start = sphere_start(problem.points) if kind is SPHERE else _circle(problem)
+    state, at, rest = settle(problem, _with_size(problem, start))
+    return _finish(kind, problem, state, at, rest, np.full(at.chi2.shape, np.nan))
+
+
+def _circle(problem: RoundProblem) -> RoundState:
+    if problem.known_frame is None:
+        return circle_start(problem.points)
+    R, c, _ = problem.known_frame
+    start = circle_start(problem.points, R)
+    u = R[..., :, 2]
+    height = np.sum((c - start.c) * u, axis=-1)
+    return replace(start, c=start.c + u * height[..., None])
+
+
+def _with_size(problem: RoundProblem, start: RoundState) -> RoundState:
+    if problem.known_size is None:
+        return replace(start, s=np.minimum(start.s, problem.largest))
+    return replace(start, s=np.full(start.s.shape, problem.size))
+
+
+def _best(
+    kind: FeatureKind, problem: RoundProblem, state: RoundState, at: Linear, rest: BoolArray, outward: Vectors | None
+) -> RoundEstimate:
+    """Of the starts' fits the most likely one, brought to rest, and the size of another that is about as likely."""
+    score = np.where(np.isfinite(at.chi2), at.chi2, np.inf) + 1e6 * ~_one_sided(at, outward)
+    k = np.argmin(score, axis=-1)[..., None]
+
+    def chosen(array: FloatArray) -> FloatArray:
+        index = k.reshape(k.shape + (1,) * (array.ndim - k.ndim))
+        return np.asarray(np.take_along_axis(array, index, axis=k.ndim - 1).squeeze(k.ndim - 1))
+
+    best, own, rest = settle(problem, RoundState(chosen(state.R), chosen(state.c), chosen(state.s)))
+    found = _finish(kind, problem, best, own, rest, np.full(own.chi2.shape, np.nan))
+    return replace(found, rival=_rival(found, best, state, score))
+
+
+def _rival(found: RoundEstimate, best: RoundState, state: RoundState, score: FloatArray) -> FloatArray:
+    """The size of the most likely other fit that the points do not rule out, ``(*batch,)``; NaN without one."""
+    sd = np.sqrt(np.maximum(np.diagonal(found.fit.P, axis1=-2, axis2=-1), 0.0))
+    tilt = np.maximum(_ELSEWHERE, 5 * sd[..., -3:-1].max(axis=-1))[..., None]
+    width = np.maximum(_ELSEWHERE * best.s, 5 * sd[..., -1])[..., None]
+    cosine = np.abs(np.sum(state.R[..., 2] * best.R[..., None, :, 2], axis=-1))
+    other = (np.arccos(np.minimum(cosine, 1.0)) > tilt) | (np.abs(state.s - best.s[..., None]) > width)
+    as_good = other & (score < found.fit.chi2[..., None] + _AS_GOOD)
+    j = np.argmin(np.where(as_good, score, np.inf), axis=-1)[..., None]
+    return np.where(as_good.any(axis=-1), np.take_along_axis(state.s, j, axis=-1)[..., 0], np.nan)
+
+
+def _one_sided(at: Linear, outward: Vectors | None) -> BoolArray:
+    """Whether all known sides point away from the axis, or all towards it."""
+    if outward is None:
+        return np.ones(at.chi2.shape, dtype=bool)
+    along = np.sum(at.G[..., -1, :] * outward, axis=-1)
+    size = np.linalg.norm(outward, axis=-1)
+    return np.asarray((along >= -0.2 * size).all(axis=-1) | (along <= 0.2 * size).all(axis=-1))
+
+
+def _finish(
+    kind: FeatureKind, problem: RoundProblem, state: RoundState, at: Linear, rest: BoolArray, rival: FloatArray
+) -> RoundEstimate:
+    d = np.diagonal(at.information, axis1=-2, axis2=-1)
+    unit = 1 / np.sqrt(np.where(d > 0, d, 1.0))
+    values, vectors = np.linalg.eigh(at.information * unit[..., :, None] * unit[..., None, :])
+    inverse = (vectors / np.maximum(values, 1e-14)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    P = inverse * unit[..., :, None] * unit[..., None, :]
+    gains = -P[..., None, :, :] @ np.swapaxes(at.h, -1, -2) @ at.W @ at.G
+    k, n = at.e.shape[-1], problem.points.shape[-2]
+    counts = np.full(at.each.shape, float(k))
+    if problem.normal_sds is not None:
+        sds = problem.normal_sds.reshape(-1, n)  # one of a batch is as the others
+        counts = counts + 2 * np.isfinite(sds[0])
+    freedom = counts - np.einsum("...nij,...ji->...n", at.spent, P)
+    standardised = np.sqrt(counts * at.each / np.maximum(freedom, 1e-9))
+    known = 0 if problem.known_frame is None else len(problem.rows) - int(np.all(problem.known_frame[2] == 0, -1).sum())
+    dof = int(counts.reshape(-1, n)[0].sum()) - P.shape[-1] + known + bool(problem.known_size)
+    full, gain = _with_row(kind, P, gains)
+    T = SE3.from_parts(state.R, state.c)
+    fit = Estimate(T, full, at.chi2, dof, at.e, standardised, gain)
+    return RoundEstimate(fit, state.s, rival, rest, values[..., 0])
+
+
+def _with_row(kind: FeatureKind, P: Covariances, gains: FloatArray) -> tuple[Covariances, FloatArray]:
+    """The row of the size, zero where it is given."""
+    m = kind.size + 1
+    if P.shape[-1] == m:
+        return P, gains
+    full, gain = np.zeros((*P.shape[:-2], m, m)), np.zeros((*gains.shape[:-2], m, 3))
+    full[..., :-1, :-1], gain[..., :-1, :] = P, gains
+    return full, gain
