@@ -1,8 +1,8 @@
 """Axes of cylinders, cones and circles: angle, distance, coaxiality; angle and distance to a plane, squareness.
 
-An axis is a line, so that the formulas are those of edges (``math.md`` sections 4.1 to 4.6) but for three things: it has
-no direction, so angles are from 0 to a right one; it has no corner to point away from; and it is square to a plane more
-often than in it. Section 4.8 has what is different.
+An axis is a line, so that the formulas are those of edges (``math.md`` sections 4.1 to 4.6) but for three things: it
+has no direction, so angles are from 0 to a right one; it has no corner to point away from; and it is square to a plane
+more often than in it. Section 4.8 has what is different.
 """
 
 from __future__ import annotations

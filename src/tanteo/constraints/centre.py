@@ -1,7 +1,7 @@
 """Centres of circles and spheres, apexes of cones: their distances to all else, concentricity.
 
-A centre is a point, so that the formulas are those of vertices (``math.md`` sections 4.3 and 12). Where a distance is too
-short to be normal, what it is the length of is tested itself, with its own degrees of freedom (section 4.8).
+A centre is a point, so that the formulas are those of vertices (``math.md`` sections 4.3 and 12). Where a distance is
+too short to be normal, what it is the length of is tested itself, with its own degrees of freedom (section 4.8).
 """
 
 from __future__ import annotations

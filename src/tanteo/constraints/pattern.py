@@ -23,6 +23,8 @@ _PASSES = 20
 def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
     """Whether centres (or vertices) are those of a model, in the order given, up to one rigid motion.
 
+    A mirror image is another pattern, but for one in a plane, which turned over is its own: the axes of its holes tell.
+
     Args:
         features: circles, spheres, cones or vertices, two or more; errors that they share count once.
         model: the same points of the model ``(n, 3)`` [m], in any frame.
@@ -46,8 +48,8 @@ def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
     points = np.asarray(model, dtype=np.float64)
     if len(features) < 2 or points.shape != (len(features), 3) or not np.isfinite(points).all():
         raise InputError(
-            f"pattern: expected two or more features and as many finite points of the model, got {len(features)} and an "
-            f"array of shape {points.shape}."
+            f"pattern: expected two or more features and as many finite points of the model, got {len(features)} and "
+            f"an array of shape {points.shape}."
         )
     for feature in features:
         if not {0, 1, 2} <= set(feature.kind.rows):

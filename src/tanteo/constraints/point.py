@@ -108,6 +108,7 @@ def fill_offsets(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: Fl
 
 
 def cut_distance(kind: ConstraintKind, sigmas: float, group: PairGroup) -> list[ConstraintColumn]:
+    """The length of the offsets of a group, where it is clear of zero by that many standard deviations."""
     value, variance, across = length_of(group.value, group.S)
     clear = value > sigmas * np.sqrt(across / (group.value.shape[1] - 1))
     reason = f"the distance is below {sigmas:g} sigma, where it is not normal: the features touch, as far as is known."
