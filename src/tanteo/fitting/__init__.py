@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
-    from tanteo.fitting.circle_on_plane import circle_on_plane, with_named_errors
     from tanteo.fitting.derived import (
         edge_from_planes,
         edge_from_two_points,
@@ -22,9 +21,10 @@ if TYPE_CHECKING:
     from tanteo.fitting.fits import FITS, Fit, LabelledPoints, fitted, register_fit
     from tanteo.fitting.given import given_round, with_known_size
     from tanteo.fitting.labelled import LabelledFeatures, fit_labelled
+    from tanteo.fitting.on_plane import circle_on_plane, with_named_errors
     from tanteo.fitting.plane import fit_plane, plane_ml
+    from tanteo.fitting.round_estimate import RoundEstimate, round_ml
     from tanteo.fitting.round_fit import fit_round
-    from tanteo.fitting.round_ml import RoundEstimate, round_ml
     from tanteo.fitting.round_refusal import arc_of, observable
     from tanteo.fitting.spread import (
         edge_direction_covariance,
@@ -76,7 +76,7 @@ __dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {
-        "circle_on_plane": "circle_on_plane with_named_errors",
+        "on_plane": "circle_on_plane with_named_errors",
         "derived": "edge_from_planes edge_from_two_points intersect_planes plane_from_two_directions",
         "edge": "edge_ml fit_edge",
         "estimate": "Estimate FitReport SharedReadings",
@@ -85,7 +85,7 @@ __getattr__, __dir__ = lazy(
         "labelled": "LabelledFeatures fit_labelled",
         "plane": "fit_plane plane_ml",
         "round_fit": "fit_round",
-        "round_ml": "RoundEstimate round_ml",
+        "round_estimate": "RoundEstimate round_ml",
         "round_refusal": "arc_of observable",
         "spread": "edge_direction_covariance plane_displacement_covariance plane_normal_covariance",
         "vertex": "Corner fit_vertex intersect_edges intersect_lines vertex_ml",

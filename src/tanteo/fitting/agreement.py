@@ -15,7 +15,7 @@ import numpy as np
 from tanteo.constraints import chi2_p_value, whitened_test
 from tanteo.features import Feature
 from tanteo.fitting.estimate import FitReport, SharedReadings, p_of_worst
-from tanteo.fitting.round_ml import DISTANCES
+from tanteo.fitting.round_estimate import DISTANCES
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 

@@ -17,7 +17,7 @@ from tanteo.fitting.estimate import (
     make_report,
     shared_terms,
 )
-from tanteo.fitting.round_ml import DISTANCES, RoundEstimate, round_ml, unknowns
+from tanteo.fitting.round_estimate import DISTANCES, RoundEstimate, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Vectors
@@ -45,7 +45,7 @@ def fit_round(
     """The cylinder, cone or sphere of some sensed points, or the circle of points of its rim.
 
     Of a circle the points are on the rim itself, as crossings of an edge are; where a ball touched the wall of a bore,
-    fit a cylinder, or :func:`tanteo.fitting.circle_on_plane`.
+    fit a cylinder, or :func:`tanteo.fitting.on_plane`.
 
     Args:
         kind: circle, cylinder, cone or sphere.

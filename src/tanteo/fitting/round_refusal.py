@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import DegenerateError
 from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
-from tanteo.fitting.round_ml import RoundEstimate
+from tanteo.fitting.round_estimate import RoundEstimate
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
@@ -18,6 +18,8 @@ MOST_TILT = 0.1
 """Largest standard deviation of the axis' direction [rad]."""
 _BENT = 0.25
 """A tilt of one standard deviation may move the points, to second order, by this share of what their place is known."""
+_LIKE = 0.01
+"""Two cylinders of radii that differ by less than this share differ in the tilt of a ring."""
 _FREE = 1e-11
 """Least eigenvalue of the information scaled to unit diagonal: below it a direction is free to rounding."""
 
@@ -44,9 +46,9 @@ def excess(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> Exces
         arm = np.linalg.norm(local.mean(axis=-2)[..., : 2 if kind is CYLINDER else 3], axis=-1)
         bent = arm * tilt**2 / 2 / _with_all_else_known(P)
         tilt = np.maximum(tilt / MOST_TILT, bent / _BENT)
-    free = estimate.condition < _FREE
-    worst = np.where(free, np.inf, 1.0)
-    return Excess(sd[..., -1] / (MOST_SHARE * room), place * worst, np.maximum(tilt * worst, 0.0))
+    free = np.where(estimate.condition < _FREE, np.inf, 0.0)
+    place, tilt = (place + free, tilt) if kind is SPHERE else (place, tilt + free)
+    return Excess(sd[..., -1] / (MOST_SHARE * room), place, tilt)
 
 
 def _with_all_else_known(P: FloatArray) -> FloatArray:
@@ -70,14 +72,17 @@ def refuse(kind: FeatureKind, estimate: RoundEstimate, points: Vectors, name: st
         DegenerateError: with what is not observable, and what to do.
     """
     beyond = excess(kind, estimate, points)
-    k = int(np.argmax([float(x) for x in beyond]))
-    if not float(max(beyond)) <= 1 or not estimate.settled:
-        raise DegenerateError((_no_size, _no_place, _no_tilt)[k](kind, estimate, points, name))
+    if not estimate.settled or not float(max(beyond)) <= 1:
+        first = beyond.size > 1 and beyond.size < np.inf  # a given size would help the rest, too
+        worst = _no_size if first else _no_tilt if beyond.tilt > beyond.place else _no_place
+        raise DegenerateError(worst(kind, estimate, points, name))
+    if np.isfinite(estimate.rival) and kind is CYLINDER and abs(estimate.rival / estimate.size - 1) < _LIKE:
+        raise DegenerateError(_no_tilt(kind, estimate, points, name))
     if np.isfinite(estimate.rival):
         raise DegenerateError(
-            f"{name}: expected points that one {kind.name} fits, got points that another fits as well ("
-            f"{_said(kind, float(estimate.size))} or {_said(kind, float(estimate.rival))}). Give the direction of each "
-            "touch or sensed normals, or touch more of it."
+            f"{name}: expected points that one {kind.name} fits, got points that another fits as well "
+            f"({_said(kind, float(estimate.size))} or {_said(kind, float(estimate.rival))}, elsewhere). Give the "
+            "direction of each touch or sensed normals, or touch more of it."
         )
 
 

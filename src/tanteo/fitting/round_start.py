@@ -51,9 +51,10 @@ def refuse_flat(points: Vectors, needed: int, what: str) -> None:
     k = np.unravel_index(int(np.argmax(flat)), flat.shape) if flat.ndim else ()
     if sizes[(*k, 2)] <= 1e-9 * np.abs(points).max(initial=0.0):
         raise DegenerateError(f"{what}: expected points apart, got coincident ones. Touch it at other places.")
-    u = vectors[(*k, slice(None), 2 if needed == 2 else 0)]
+    line = bool(sizes[(*k, 1)] <= _FLAT * sizes[(*k, 2)])
+    u = vectors[(*k, slice(None), 2 if line else 0)]
     at = f"({u[0]:.3g}, {u[1]:.3g}, {u[2]:.3g})"
-    if needed == 2:
+    if line:
         raise DegenerateError(
             f"{what}: expected points around it, got all of them on one line along {at}. Touch it beside that line."
         )
@@ -91,6 +92,28 @@ def sphere_start(points: Vectors) -> RoundState:
     """The algebraic sphere."""
     centre, r = algebraic(points)
     return RoundState(np.broadcast_to(np.eye(3), (*r.shape, 3, 3)), centre, r)
+
+
+def on_either_side(points: Vectors, start: RoundState, size: float, across: bool) -> RoundState:
+    """Starts of a known radius on both sides of the points, ``(*batch, 2 starts)``: a short arc fits from either.
+
+    Args:
+        points: ``(*batch, 1, n, 3)``.
+        start: ``(*batch, starts)``.
+        size: the radius [m].
+        across: whether centres move across z only, as those of circles and cylinders.
+    """
+    mean = points.mean(axis=-2)
+    local = (points - mean[..., None, :]) @ start.R
+    d = 2 if across else 3
+    flat = local[..., :d]
+    values, vectors = np.linalg.eigh(np.swapaxes(flat, -1, -2) @ flat / flat.shape[-2])
+    arm = np.sqrt(np.maximum(size**2 - values.sum(axis=-1), 0.0))
+    shift = (start.R[..., :d] @ vectors[..., :1])[..., 0] * arm[..., None]
+    u = start.R[..., 2]
+    height = np.sum((start.c - mean) * u, axis=-1, keepdims=True) * u if across else np.zeros_like(shift)
+    c = np.concatenate([mean + height + shift, mean + height - shift], axis=-2)
+    return RoundState(np.concatenate([start.R] * 2, axis=-3), c, np.concatenate([start.s] * 2, axis=-1))
 
 
 def axis_starts(kind: str, points: Vectors, normals: Vectors | None) -> RoundState:

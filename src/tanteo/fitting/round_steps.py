@@ -21,6 +21,8 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, Rotations, Vectors
 _FEET = 4
 _PASSES = 60
 _SETTLED = 1e-18
+_NEAR = 1e-2
+"""A step so small, squared and in standard deviations, is taken as it is: weights are held during one."""
 _UPHILL = 1e-6
 """Share by which the sum of squares may grow in a step: the mean effect of the curvature is held during one."""
 
@@ -211,7 +213,7 @@ def settle(
         step, size = _step(at, damping)
         trial = moved(problem, state, step)
         new = linearize(problem, trial)
-        better = new.chi2 <= at.chi2 + _UPHILL * (1 + at.chi2)
+        better = (new.chi2 <= at.chi2 + _UPHILL * (1 + at.chi2)) | (size < _NEAR)
         rest = np.where(better, size < settled, rest | (damping > 1e8))
         state, at = _choose(better, trial, state), _choose(better, new, at)
         damping = np.where(better, np.maximum(0.1 * damping * (damping > 1e-9), 0.0), np.maximum(10 * damping, 1e-6))

@@ -10,8 +10,8 @@ import numpy as np
 from tanteo.errors import InputError, SideError
 from tanteo.features import CIRCLE, PLANE, Feature, SharedError, SharedTerm, reframe_near
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
+from tanteo.fitting.round_estimate import RoundEstimate, solved
 from tanteo.fitting.round_fit import feature_of, outward_vectors, side_of
-from tanteo.fitting.round_ml import RoundEstimate, solved
 from tanteo.fitting.round_refusal import refuse
 from tanteo.fitting.round_start import circle_start
 from tanteo.fitting.round_steps import RoundProblem
@@ -42,7 +42,8 @@ def circle_on_plane(
     """The circle in which the wall of a bore or boss, at right angles to a plane, meets the plane.
 
     This is three- or four-point probing: the points are on the wall, at any depth, and are seen along the plane's
-    normal; crossings of the rim are points of the wall, too. With a given size two points are enough.
+    normal; crossings of the rim are points of the wall, too. With a given size two points are enough, if directions and
+    ``convex`` say on which side of them its centre is.
 
     Args:
         points: of the wall, or centres of the tip's ball ``(n, 3)`` in the world [m].
@@ -70,7 +71,8 @@ def circle_on_plane(
     side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, tip_radius, name)
     tip = (side or 0) * tip_radius
     near = reframe_near(plane, circle_start(points, plane.T_world_feature[:3, :3]).c)
-    found, gain = _solve(points, covs, near, (None if size is None else size + tip, size_sd), name)
+    beside = outward_vectors(directions, None, len(points))
+    found, gain = _solve(points, covs, near, (None if size is None else size + tip, size_sd), beside, side)
     refuse(CIRCLE, found, points, name)
     s = float(found.size) - tip
     if not s > 0:
@@ -100,7 +102,12 @@ def _side(
 
 
 def _solve(
-    points: Vectors, covs: Covariances, near: Feature, size: tuple[float | None, float], name: str
+    points: Vectors,
+    covs: Covariances,
+    near: Feature,
+    size: tuple[float | None, float],
+    outward: Vectors,
+    side: int | None,
 ) -> tuple[RoundEstimate, FloatArray]:
     """The estimate, and the gain of the plane's perturbation on it ``(6, 3)``."""
     T = near.T_world_feature
@@ -110,7 +117,7 @@ def _solve(
         cylinder, CIRCLE.rows, points, covs, known_size=None if size[0] is None else size[1], size=size[0] or 0.0,
         known_frame=(T[:3, :3], T[:3, 3], information),
     )  # fmt: skip
-    found = solved(CIRCLE, problem)
+    found = solved(CIRCLE, problem, outward if outward.any() else None, side)
     return found, found.fit.P[:, 2:5] @ information[2:, 2:]
 
 

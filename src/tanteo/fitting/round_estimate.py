@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
 from tanteo.fitting.estimate import Estimate, check_points
-from tanteo.fitting.round_start import axis_starts, circle_start, refuse_flat, sphere_start
+from tanteo.fitting.round_start import axis_starts, circle_start, on_either_side, refuse_flat, sphere_start
 from tanteo.fitting.round_steps import Linear, RoundProblem, RoundState, settle
 from tanteo.fitting.round_surface import Distance, cone, cylinder, rim, sphere
 from tanteo.lie import SE3
@@ -18,6 +18,10 @@ DISTANCES: dict[str, Distance] = {"circle": rim, "cylinder": cylinder, "cone": c
 _LARGEST_HALF_ANGLE = 1.5
 _TRIAL = 10, 1e-3
 """So many steps from each start, or steps down to that size, show which is the best."""
+_IMPOSSIBLE = 1e9
+"""Added to the sum of squares of a fit that sides rule out."""
+_GRAZING = 0.5
+"""Of fits that are as good, those whose normals the touches graze are ruled out by one that they met squarely."""
 _AS_GOOD = 9.21
 """Another fit whose sum of squares is larger by less than this fits as well (1 % of two degrees of freedom)."""
 _ELSEWHERE = 0.02
@@ -92,22 +96,31 @@ def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:
     return kind.size + (size is None or size_sd > 0)
 
 
-def solved(kind: FeatureKind, problem: RoundProblem, outward: Vectors | None = None) -> RoundEstimate:
-    """The estimate of a problem."""
-    if kind in (CYLINDER, CONE) and problem.known_frame is None:
+def solved(
+    kind: FeatureKind, problem: RoundProblem, outward: Vectors | None = None, side: int | None = None
+) -> RoundEstimate:
+    """The estimate of a problem; ``side`` is 1 where ``outward`` has to point away from the axis, -1 towards it."""
+    if kind in (CYLINDER, CONE):
         starts = axis_starts(kind.name, problem.points, problem.normals)
-        many = replace(
-            problem,
-            points=problem.points[..., None, :, :],
-            covs=problem.covs[..., None, :, :, :],
-            normals=None if problem.normals is None else problem.normals[..., None, :, :],
-            normal_sds=None if problem.normal_sds is None else problem.normal_sds[..., None, :],
-        )
-        found = settle(many, _with_size(problem, starts), *_TRIAL)
-        return _best(kind, problem, *found, None if outward is None else outward[..., None, :, :])
-    start = sphere_start(problem.points) if kind is SPHERE else _circle(problem)
-    state, at, rest = settle(problem, _with_size(problem, start))
-    return _finish(kind, problem, state, at, rest, np.full(at.chi2.shape, np.nan))
+    else:
+        start = sphere_start(problem.points) if kind is SPHERE else _circle(problem)
+        if problem.known_size is None:
+            state, at, rest = settle(problem, start)
+            return _finish(kind, problem, state, at, rest, np.full(at.chi2.shape, np.nan))
+        starts = RoundState(start.R[..., None, :, :], start.c[..., None, :], start.s[..., None])
+    many = replace(
+        problem,
+        points=problem.points[..., None, :, :],
+        covs=problem.covs[..., None, :, :, :],
+        normals=None if problem.normals is None else problem.normals[..., None, :, :],
+        normal_sds=None if problem.normal_sds is None else problem.normal_sds[..., None, :],
+    )
+    if problem.known_size is not None:
+        starts = starts if kind is CONE else on_either_side(many.points, starts, problem.size, kind is not SPHERE)
+        starts = replace(starts, s=np.full(starts.s.shape, problem.size))
+    found = settle(many, replace(starts, s=np.minimum(starts.s, problem.largest)), *_TRIAL)
+    sides = None if outward is None else outward[..., None, :, :]
+    return _best(kind, problem, *found, _squareness(found[1], sides, side))
 
 
 def _circle(problem: RoundProblem) -> RoundState:
@@ -120,17 +133,14 @@ def _circle(problem: RoundProblem) -> RoundState:
     return replace(start, c=start.c + u * height[..., None])
 
 
-def _with_size(problem: RoundProblem, start: RoundState) -> RoundState:
-    if problem.known_size is None:
-        return replace(start, s=np.minimum(start.s, problem.largest))
-    return replace(start, s=np.full(start.s.shape, problem.size))
-
-
 def _best(
-    kind: FeatureKind, problem: RoundProblem, state: RoundState, at: Linear, rest: BoolArray, outward: Vectors | None
+    kind: FeatureKind, problem: RoundProblem, state: RoundState, at: Linear, rest: BoolArray, squareness: FloatArray
 ) -> RoundEstimate:
     """Of the starts' fits the most likely one, brought to rest, and the size of another that is about as likely."""
-    score = np.where(np.isfinite(at.chi2), at.chi2, np.inf) + 1e6 * ~_one_sided(at, outward)
+    score = np.where(np.isfinite(at.chi2), at.chi2, np.inf) + _IMPOSSIBLE * ~(squareness >= 0)
+    as_good = score < score.min(axis=-1, keepdims=True) + _AS_GOOD
+    most = np.max(np.where(as_good, squareness, 0.0), axis=-1, keepdims=True)
+    score = score + _IMPOSSIBLE * (as_good & (squareness < _GRAZING * most))
     k = np.argmin(score, axis=-1)[..., None]
 
     def chosen(array: FloatArray) -> FloatArray:
@@ -139,28 +149,41 @@ def _best(
 
     best, own, rest = settle(problem, RoundState(chosen(state.R), chosen(state.c), chosen(state.s)))
     found = _finish(kind, problem, best, own, rest, np.full(own.chi2.shape, np.nan))
-    return replace(found, rival=_rival(found, best, state, score))
+    return replace(found, rival=_rival(kind, found, best, state, score))
 
 
-def _rival(found: RoundEstimate, best: RoundState, state: RoundState, score: FloatArray) -> FloatArray:
+def _rival(
+    kind: FeatureKind, found: RoundEstimate, best: RoundState, state: RoundState, score: FloatArray
+) -> FloatArray:
     """The size of the most likely other fit that the points do not rule out, ``(*batch,)``; NaN without one."""
-    sd = np.sqrt(np.maximum(np.diagonal(found.fit.P, axis1=-2, axis2=-1), 0.0))
-    tilt = np.maximum(_ELSEWHERE, 5 * sd[..., -3:-1].max(axis=-1))[..., None]
-    width = np.maximum(_ELSEWHERE * best.s, 5 * sd[..., -1])[..., None]
-    cosine = np.abs(np.sum(state.R[..., 2] * best.R[..., None, :, 2], axis=-1))
-    other = (np.arccos(np.minimum(cosine, 1.0)) > tilt) | (np.abs(state.s - best.s[..., None]) > width)
+    sd = np.sqrt(np.maximum(np.diagonal(found.fit.P, axis1=-2, axis2=-1), 0.0))[..., None, :]
+    size, u = best.s[..., None], best.R[..., None, :, 2]
+    other = np.abs(state.s - size) > np.maximum(_ELSEWHERE * size, 5 * sd[..., -1])
+    if kind is not CONE:  # whose place is far from its points
+        gap = state.c - best.c[..., None, :]
+        gap = gap - np.sum(gap * u, axis=-1, keepdims=True) * u if kind is CYLINDER else gap
+        reach = np.maximum(_ELSEWHERE * size, 5 * sd[..., : 2 if kind is CYLINDER else 3].max(axis=-1))
+        other |= np.linalg.norm(gap, axis=-1) > reach
+    if kind is not SPHERE:
+        cosine = np.abs(np.sum(state.R[..., 2] * u, axis=-1))
+        other |= np.arccos(np.minimum(cosine, 1.0)) > np.maximum(_ELSEWHERE, 5 * sd[..., -3:-1].max(axis=-1))
     as_good = other & (score < found.fit.chi2[..., None] + _AS_GOOD)
     j = np.argmin(np.where(as_good, score, np.inf), axis=-1)[..., None]
     return np.where(as_good.any(axis=-1), np.take_along_axis(state.s, j, axis=-1)[..., 0], np.nan)
 
 
-def _one_sided(at: Linear, outward: Vectors | None) -> BoolArray:
-    """Whether all known sides point away from the axis, or all towards it."""
+def _squareness(at: Linear, outward: Vectors | None, side: int | None) -> FloatArray:
+    """Mean cosine of the known sides to the normals ``(*batch,)``; -1 if they do not all point away, or all towards."""
     if outward is None:
-        return np.ones(at.chi2.shape, dtype=bool)
-    along = np.sum(at.G[..., -1, :] * outward, axis=-1)
-    size = np.linalg.norm(outward, axis=-1)
-    return np.asarray((along >= -0.2 * size).all(axis=-1) | (along <= 0.2 * size).all(axis=-1))
+        return np.ones(at.chi2.shape)
+    cosines = np.sum(at.G[..., -1, :] * outward, axis=-1) * (side or 1)
+    length = np.linalg.norm(outward, axis=-1)
+    away = (cosines >= -0.2 * length).all(axis=-1)
+    if side is None:
+        towards = (cosines <= 0.2 * length).all(axis=-1)
+        away, cosines = away | towards, np.abs(cosines)
+    mean = np.sum(cosines, axis=-1) / np.maximum(np.sum(length, axis=-1), 1e-300)
+    return np.where(away, np.maximum(mean, 0.0), -1.0)
 
 
 def _finish(
