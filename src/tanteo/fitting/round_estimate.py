@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.constraints import chi2_limit
 from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
 from tanteo.fitting.estimate import Estimate, check_points
 from tanteo.fitting.round_start import axis_starts, circle_start, on_either_side, refuse_flat, sphere_start
@@ -22,8 +23,9 @@ _IMPOSSIBLE = 1e9
 """Added to the sum of squares of a fit that sides rule out."""
 _GRAZING = 0.5
 """Of fits that are as good, those whose normals the touches graze are ruled out by one that they met squarely."""
-_AS_GOOD = 9.21
-"""Another fit whose sum of squares is larger by less than this fits as well (1 % of two degrees of freedom)."""
+_AS_GOOD = 9.21, 0.01
+"""Another fit whose sum of squares is larger by less than this (1 % of two degrees of freedom), or that the joint test
+does not reject at this level, fits as well: sums of squares of two cylinders differ by chance, both being of noise."""
 _ELSEWHERE = 0.02
 """Two fits differ if their sizes differ by more than this share, or their axes by more radians, beyond five sd."""
 
@@ -138,7 +140,7 @@ def _best(
 ) -> RoundEstimate:
     """Of the starts' fits the most likely one, brought to rest, and the size of another that is about as likely."""
     score = np.where(np.isfinite(at.chi2), at.chi2, np.inf) + _IMPOSSIBLE * ~(squareness >= 0)
-    as_good = score < score.min(axis=-1, keepdims=True) + _AS_GOOD
+    as_good = score < _as_good(score.min(axis=-1, keepdims=True), _dof(problem, at))
     most = np.max(np.where(as_good, squareness, 0.0), axis=-1, keepdims=True)
     score = score + _IMPOSSIBLE * (as_good & (squareness < _GRAZING * most))
     k = np.argmin(score, axis=-1)[..., None]
@@ -167,9 +169,13 @@ def _rival(
     if kind is not SPHERE:
         cosine = np.abs(np.sum(state.R[..., 2] * u, axis=-1))
         other |= np.arccos(np.minimum(cosine, 1.0)) > np.maximum(_ELSEWHERE, 5 * sd[..., -3:-1].max(axis=-1))
-    as_good = other & (score < found.fit.chi2[..., None] + _AS_GOOD)
+    as_good = other & (score < _as_good(found.fit.chi2[..., None], found.fit.dof))
     j = np.argmin(np.where(as_good, score, np.inf), axis=-1)[..., None]
     return np.where(as_good.any(axis=-1), np.take_along_axis(state.s, j, axis=-1)[..., 0], np.nan)
+
+
+def _as_good(chi2: FloatArray, dof: int) -> FloatArray:
+    return np.asarray(np.maximum(chi2 + _AS_GOOD[0], chi2_limit(_AS_GOOD[1], dof) if dof > 0 else 0.0))
 
 
 def _squareness(at: Linear, outward: Vectors | None, side: int | None) -> FloatArray:
@@ -195,19 +201,29 @@ def _finish(
     inverse = (vectors / np.maximum(values, 1e-14)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     P = inverse * unit[..., :, None] * unit[..., None, :]
     gains = -P[..., None, :, :] @ np.swapaxes(at.h, -1, -2) @ at.W @ at.G
-    k, n = at.e.shape[-1], problem.points.shape[-2]
-    counts = np.full(at.each.shape, float(k))
-    if problem.normal_sds is not None:
-        sds = problem.normal_sds.reshape(-1, n)  # one of a batch is as the others
-        counts = counts + 2 * np.isfinite(sds[0])
+    counts = _counts(problem, at)
     freedom = counts - np.einsum("...nij,...ji->...n", at.spent, P)
     standardised = np.sqrt(counts * at.each / np.maximum(freedom, 1e-9))
-    known = 0 if problem.known_frame is None else len(problem.rows) - int(np.all(problem.known_frame[2] == 0, -1).sum())
-    dof = int(counts.reshape(-1, n)[0].sum()) - P.shape[-1] + known + bool(problem.known_size)
     full, gain = _with_row(kind, P, gains)
     T = SE3.from_parts(state.R, state.c)
-    fit = Estimate(T, full, at.chi2, dof, at.e, standardised, gain)
+    fit = Estimate(T, full, at.chi2, _dof(problem, at), at.e, standardised, gain)
     return RoundEstimate(fit, state.s, rival, rest, values[..., 0])
+
+
+def _counts(problem: RoundProblem, at: Linear) -> FloatArray:
+    """Residuals of each point ``(n,)``: one, two on a rim, and two a sensed normal."""
+    counts = np.full(at.each.shape[-1], float(at.e.shape[-1]))
+    if problem.normal_sds is not None:
+        counts += 2 * np.isfinite(problem.normal_sds.reshape(-1, len(counts))[0])  # one of a batch is as the others
+    return counts
+
+
+def _dof(problem: RoundProblem, at: Linear) -> int:
+    known = 0
+    if problem.known_frame is not None:
+        known = int(np.any(problem.known_frame[2] != 0, axis=-1).sum())
+    unknown = at.information.shape[-1]
+    return int(_counts(problem, at).sum()) - unknown + known + bool(problem.known_size)
 
 
 def _with_row(kind: FeatureKind, P: Covariances, gains: FloatArray) -> tuple[Covariances, FloatArray]:
