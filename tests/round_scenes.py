@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.features import KINDS
+from tanteo.constraints import relate_all
+from tanteo.features import KINDS, Feature
 from tanteo.lie import SE3, SO3
 
 RADIUS, HALF_ANGLE = 0.01, np.radians(25.0)
@@ -59,3 +60,62 @@ def error_of(kind, T_hat, T, size_hat, size):
 
 def nees(error, covariance):
     return np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1)
+
+
+def turned(axis, degrees, at):
+    return SE3.from_parts(SO3.axis_rotation(axis, np.radians(degrees)), np.asarray(at, dtype=np.float64))
+
+
+def related_scene():
+    """Features of all kinds at true frames, such that every constraint of axes and centres has a pair ``(kind, T)``."""
+    return {
+        "plane": ("plane", np.eye(4)),
+        "edge": ("edge", turned(2, 20, [0.05, 0.04, 0.0])),
+        "slanted edge": ("edge", turned(1, 40, [0.05, -0.06, 0.01])),
+        "upright edge": ("edge", turned(1, 90, [-0.05, 0.01, 0.0])),
+        "vertex": ("vertex", turned(0, 10, [-0.04, 0.05, 0.02])),
+        "hole": ("circle", np.eye(4)),
+        "hole 2": ("circle", turned(2, 30, [0.06, 0.02, 0.0])),
+        "bore": ("cylinder", turned(2, 50, [0.0, 0.0, -0.02])),
+        "cross bore": ("cylinder", turned(1, 90, [0.01, 0.03, 0.03])),
+        "slanted bore": ("cylinder", turned(0, 35, [-0.03, -0.02, 0.01])),
+        "cone": ("cone", turned(0, -50, [0.02, -0.04, 0.03])),
+        "ball": ("sphere", turned(0, 0, [-0.02, 0.06, 0.01])),
+        "ball 2": ("sphere", turned(0, 0, [-0.02, 0.06, 0.01])),
+    }
+
+
+def perturbed(name, kind, T, L, rng):
+    """A feature whose true frame is ``T``, off by a draw of covariance ``L L'``."""
+    kind = KINDS[kind]
+    return Feature(kind, T @ SE3.exp(-kind.B.T @ L @ rng.normal(size=kind.size)), L @ L.T, label=name)
+
+
+def spread_of(kind, rng, scale=2e-5):
+    rows = np.array(KINDS[kind].rows)
+    return (
+        scale * np.where(rows < 3, 1.0, 20.0)[:, None] * (np.eye(len(rows)) + 0.3 * rng.normal(size=2 * (len(rows),)))
+    )
+
+
+def constraint_nees(trials, seed):
+    """NEES of every constraint with an axis, a centre or both: ``(kind, pair) -> values``, and their dof."""
+    rng, scene = np.random.default_rng(seed), related_scene()
+    roots = {name: spread_of(kind, rng) for name, (kind, _) in scene.items()}
+    exact = [
+        Feature(KINDS[kind], T, 1e-8 * roots[name] @ roots[name].T, label=name) for name, (kind, T) in scene.items()
+    ]
+    truth = {(c.kind.name, c.labels): c.value for c in relate_all(exact)}
+    found, dof = {}, {}
+    for _ in range(trials):
+        features = [perturbed(name, kind, T, roots[name], rng) for name, (kind, T) in scene.items()]
+        for c in relate_all(features):
+            key = (c.kind.name, c.labels)
+            if not any(word in c.kind.name for word in ("axis", "coaxial", "cent")) or c.caution:
+                continue
+            model = 0.0 if c.kind.null else truth.get(key)
+            if model is None or (c.kind.null and np.abs(truth.get(key, np.ones(1))).max() > 1e-9):
+                continue
+            found.setdefault(key, []).append(float(c.distance2(model)))
+            dof[key] = c.dof
+    return {key: np.array(values) for key, values in found.items() if len(values) > 0.99 * trials}, dof

@@ -88,7 +88,7 @@ def _cut_beside(
     return [
         group.column(kinds[0], value[:, :2], S[:, :2, :2]),
         group.column(kinds[1], distance[:, None], variance[:, None, None], parallel & apart, reason, bias=bias),
-        group.column(kinds[2], value, S, parallel & ~apart, "the axes are not parallel, or clearly apart."),
+        group.column(kinds[2], value, S, parallel, f"the axes are not parallel (rejected at {PARALLEL_ALPHA:g})."),
     ]
 
 

@@ -1,14 +1,12 @@
 """Centres of circles and spheres, apexes of cones: their distances to all else, concentricity.
 
-A centre is a point, so that the formulas are those of vertices (``math.md`` sections 4.3 and 12). Where a distance is
-too short to be normal, what it is the length of is tested itself, with its own degrees of freedom (section 4.8).
+A centre is a point, so that the formulas are those of vertices (``math.md`` sections 4.3 and 12). A distance too short
+to be normal is absent; what it is the length of is tested itself, with its own degrees of freedom (section 4.8).
 """
 
 from __future__ import annotations
 
 from functools import partial
-
-import numpy as np
 
 from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
 from tanteo.constraints.point import cut_distance, fill_beside_line, fill_height, fill_offsets
@@ -31,10 +29,9 @@ def _cut_height(group: PairGroup) -> list[ConstraintColumn]:
 def _cut_apart(
     kind: ConstraintKind, together: ConstraintKind, sigmas: float, group: PairGroup
 ) -> list[ConstraintColumn]:
-    """The distance, or the offsets themselves where it is none."""
+    """The distance where it is clear of zero, and whether there is none."""
     (distance,) = cut_distance(kind, sigmas, group)
-    reason = f"the distance is clear of zero: see {kind.name}."
-    return [distance, group.column(together, group.value, group.S, np.logical_not(distance.present), reason)]
+    return [distance, group.column(together, group.value, group.S)]
 
 
 register_relation(PairRelation((CENTRE_PLANE_HEIGHT,), ("plane", "centre"), 1, fill_height, _cut_height))

@@ -13,17 +13,18 @@ from tanteo.fitting.round_start import axis_starts, circle_start, on_either_side
 from tanteo.fitting.round_steps import Linear, RoundProblem, RoundState, settle
 from tanteo.fitting.round_surface import Distance, cone, cylinder, rim, sphere
 from tanteo.lie import SE3
+from tanteo.limits import SUSPECT
 from tanteo.typing import BoolArray, Covariances, FloatArray, Vectors
 
 DISTANCES: dict[str, Distance] = {"circle": rim, "cylinder": cylinder, "cone": cone, "sphere": sphere}
 _LARGEST_HALF_ANGLE = 1.5
-_TRIAL = 10, 1e-3
+_TRIAL = 14, 1e-3
 """So many steps from each start, or steps down to that size, show which is the best."""
 _IMPOSSIBLE = 1e9
 """Added to the sum of squares of a fit that sides rule out."""
 _GRAZING = 0.5
 """Of fits that are as good, those whose normals the touches graze are ruled out by one that they met squarely."""
-_AS_GOOD = 9.21, 0.01
+_AS_GOOD = 9.21, SUSPECT
 """Another fit whose sum of squares is larger by less than this (1 % of two degrees of freedom), or that the joint test
 does not reject at this level, fits as well: sums of squares of two cylinders differ by chance, both being of noise."""
 _ELSEWHERE = 0.02
@@ -149,6 +150,7 @@ def _best(
         index = k.reshape(k.shape + (1,) * (array.ndim - k.ndim))
         return np.asarray(np.take_along_axis(array, index, axis=k.ndim - 1).squeeze(k.ndim - 1))
 
+    score = np.where(rest, score, np.inf)  # what did not come to rest is on its way to another
     best, own, rest = settle(problem, RoundState(chosen(state.R), chosen(state.c), chosen(state.s)))
     found = _finish(kind, problem, best, own, rest, np.full(own.chi2.shape, np.nan))
     return replace(found, rival=_rival(kind, found, best, state, score))

@@ -153,8 +153,7 @@ def _sided(
         return round_ml(kind, points, covs, normals=along, normal_sds=own, outward=beside, **size)
 
     stated = None if convex is None else (1 if convex else -1)
-    signs = (1, -1) if stated is None and own is not None else (stated or 1,)
-    found = min((fit(sign, 0.0) for sign in signs), key=lambda one: float(one.fit.chi2))
+    found = fit(stated or _spreading(points, sensed), 0.0)
     if kind is CIRCLE:
         return found, stated
     side = side_of(_normals(kind, found, points), outward, stated, name)
@@ -166,6 +165,13 @@ def _sided(
     if tip_radius > 0 and given is not None and kind is not CONE and side is not None:
         found = fit(side, side * tip_radius)
     return found, side
+
+
+def _spreading(points: Vectors, normals: Vectors) -> int:
+    """1 if sensed normals spread with the points, as those of a boss do, -1 if they come together."""
+    known = normals.any(axis=1)
+    p, n = points[known], normals[known]
+    return -1 if len(p) and np.sum((p - p.mean(axis=0)) * (n - n.mean(axis=0))) < 0 else 1
 
 
 def _normals(kind: FeatureKind, found: RoundEstimate, points: Vectors) -> Vectors:

@@ -18,6 +18,8 @@ MOST_TILT = 0.1
 """Largest standard deviation of the axis' direction [rad]."""
 _BENT = 0.25
 """A tilt of one standard deviation may move the points, to second order, by this share of what their place is known."""
+_OF_CONES = 0.4
+"""A cone's apex is far from its points: for it all three limits are this much lower."""
 _LIKE = 0.01
 """Two cylinders of radii that differ by less than this share differ in the tilt of a ring."""
 _FREE = 1e-11
@@ -48,7 +50,8 @@ def excess(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> Exces
         tilt = np.maximum(tilt / MOST_TILT, bent / _BENT)
     free = np.where(estimate.condition < _FREE, np.inf, 0.0)
     place, tilt = (place + free, tilt) if kind is SPHERE else (place, tilt + free)
-    return Excess(sd[..., -1] / (MOST_SHARE * room), place, tilt)
+    limit = _OF_CONES if kind is CONE else 1.0
+    return Excess(sd[..., -1] / (MOST_SHARE * room) / limit, place / limit, tilt / limit)
 
 
 def _with_all_else_known(P: FloatArray) -> FloatArray:
