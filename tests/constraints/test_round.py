@@ -33,7 +33,7 @@ def simulated():
     return constraint_nees(TRIALS, 5)
 
 
-def test_constraints_of_axes_and_centres_are_as_uncertain_as_said(simulated):
+def test_round_constraints_are_as_uncertain_as_they_say(simulated):
     found, dof = simulated
     assert {kind for kind, _ in found} >= {
         "axis_angle", "axis_distance", "axis_gap", "axis_parallelism", "axis_perpendicularity", "axis_plane_angle",
@@ -109,7 +109,7 @@ def test_an_error_of_the_base_cancels_between_round_features():
     assert len(compared) > 15
 
 
-def test_where_an_axis_has_its_origin_and_direction_does_not_matter():
+def test_origin_and_direction_of_an_axis_do_not_matter():
     alone = features()
     rng, moved = np.random.default_rng(3), []
     for f in alone:

@@ -18,7 +18,7 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, Vectors
 
 DISTANCES: dict[str, Distance] = {"circle": rim, "cylinder": cylinder, "cone": cone, "sphere": sphere}
 _LARGEST_HALF_ANGLE = 1.5
-_TRIAL = 14, 1e-3
+_TRIAL = 10, 1e-3
 """So many steps from each start, or steps down to that size, show which is the best."""
 _IMPOSSIBLE = 1e9
 """Added to the sum of squares of a fit that sides rule out."""
@@ -88,8 +88,14 @@ def round_ml(
         DISTANCES[kind.name], kind.rows, points, covs, slides=kind is CYLINDER,
         largest=_LARGEST_HALF_ANGLE if kind is CONE else np.inf,
         known_size=None if size is None else size_sd, size=size or 0.0, normals=normals, normal_sds=normal_sds,
+        isotropic=_isotropic(covs),
     )  # fmt: skip
     return solved(kind, problem, outward)
+
+
+def _isotropic(covs: Covariances) -> bool:
+    s2 = covs[..., :1, :1]
+    return bool(np.all(np.abs(covs - s2 * np.eye(3)) <= 1e-12 * s2))
 
 
 def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:

@@ -42,6 +42,7 @@ class RoundProblem:
         size: that size.
         normals: sensed normals out of the round body ``(*batch, n, 3)``; rows without are zero.
         normal_sds: of them ``(*batch, n)`` [rad]; infinite where there is none.
+        isotropic: whether every point is as well known in all directions.
         known_frame: a frame that is known beforehand, ``(R, c)``, with its information ``(m, m)`` over ``rows``.
     """
 
@@ -56,6 +57,7 @@ class RoundProblem:
     normals: Vectors | None = None
     normal_sds: FloatArray | None = None
     known_frame: tuple[Rotations, Vectors, FloatArray] | None = None
+    isotropic: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,8 +103,10 @@ def linearize(problem: RoundProblem, at: RoundState) -> Linear:
     """Residuals, their derivatives and weights at a state."""
     R, s = at.R, at.s[..., None]
     q = (problem.points - at.c[..., None, :]) @ R
-    S = np.swapaxes(R, -1, -2)[..., None, :, :] @ problem.covs @ R[..., None, :, :]
-    foot, found, e, W, SG = _feet(problem.distance, q, S, s)
+    S = problem.covs  # for equal spreads the same in every frame, and the normal at the point is that at its foot
+    if not problem.isotropic:
+        S = np.swapaxes(R, -1, -2)[..., None, :, :] @ problem.covs @ R[..., None, :, :]
+    foot, found, e, W, SG = _feet(problem.distance, q, S, s, 1 if problem.isotropic else _FEET)
     GS = np.swapaxes(SG, -1, -2)
     along = S - SG @ W @ GS
     e = e.copy()
@@ -121,12 +125,11 @@ def linearize(problem: RoundProblem, at: RoundState) -> Linear:
 
 
 def _feet(
-    distance: Distance, q: Vectors, S: Covariances, s: FloatArray
+    distance: Distance, q: Vectors, S: Covariances, s: FloatArray, passes: int
 ) -> tuple[Vectors, Distances, FloatArray, FloatArray, FloatArray]:
     """The most likely true places of the points, what is there, distances, weights and ``S G'``."""
     foot = q
-    isotropic = bool(np.all(np.abs(S - S[..., :1, :1] * np.eye(3)) <= 1e-12 * S[..., :1, :1]))
-    for _ in range(1 if isotropic else _FEET):  # for equal spreads the normal at the point is that at its foot
+    for _ in range(passes):
         found = distance(foot, s)
         SG = S @ np.swapaxes(found.G, -1, -2)
         W = _inverse(found.G @ SG)
