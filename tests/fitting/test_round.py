@@ -80,6 +80,21 @@ def test_another_solver_finds_the_same(kind):
 
 
 @pytest.mark.parametrize("kind", ROUND)
+def test_far_from_the_origin_and_in_another_unit_it_is_the_same(kind):
+    rng = np.random.default_rng(14)
+    _, points, covs, _ = sensed(kind, 300, 12, rng)
+    near = ft.round_ml(KINDS[kind], points, covs)
+    far = ft.round_ml(KINDS[kind], points + np.array([2e3, -1e3, 5e2]), covs)
+    large = ft.round_ml(KINDS[kind], 1e3 * points, 1e6 * covs)
+    assert near.settled
+    assert far.settled
+    assert large.settled
+    assert far.size == pytest.approx(near.size, rel=1e-7)
+    assert large.size == pytest.approx(near.size * (1 if kind == "cone" else 1e3), rel=1e-9)
+    np.testing.assert_allclose(far.fit.T[:3, 3] - [2e3, -1e3, 5e2], near.fit.T[:3, 3], atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ROUND)
 def test_batches_of_round_fits_equal_single_ones(kind):
     rng = np.random.default_rng(4)
     _, points, covs, _ = sensed(kind, 270, 12, rng)
@@ -211,6 +226,8 @@ def test_sides_that_contradict_each_other_are_refused():
         ft.fit_round(CYLINDER, points, covs, tip_radius=1e-3)
     with pytest.raises(InputError, match="points of its rim"):
         ft.fit_round(CIRCLE, points, covs, tip_radius=1e-3)
+    with pytest.raises(InputError, match="positive definite"):
+        ft.fit_round(CYLINDER, points, 0 * covs)
     with pytest.raises(InputError, match="at least 5 points"):
         ft.fit_round(CYLINDER, points[:4], covs[:4])
     with pytest.raises(InputError, match="smaller than it"):

@@ -10,10 +10,10 @@ import numpy as np
 from tanteo.errors import InputError, SideError
 from tanteo.features import CIRCLE, PLANE, Feature, SharedError, SharedTerm, reframe_near
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
-from tanteo.fitting.round_estimate import RoundEstimate, solved
+from tanteo.fitting.round_estimate import RoundEstimate, check_positive, solved
 from tanteo.fitting.round_fit import feature_of, outward_vectors, side_of
 from tanteo.fitting.round_refusal import refuse
-from tanteo.fitting.round_start import circle_start
+from tanteo.fitting.round_start import circle_start, refuse_flat
 from tanteo.fitting.round_steps import RoundProblem
 from tanteo.fitting.round_surface import cylinder
 from tanteo.lie import SE3, SO3
@@ -68,6 +68,10 @@ def circle_on_plane(
     if plane.kind is not PLANE:
         raise InputError(f"{name}, plane: expected a plane, got a {plane.kind.name}. Fit a plane to its face first.")
     points, covs = check_points(points, covs, 2 + own, name)
+    if points.ndim != 2:
+        raise InputError(f"{name}, points: expected shape (n, 3), got {points.shape}.")
+    check_positive(covs, name)
+    refuse_flat(points, 1 if not own else 2, name)
     side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, tip_radius, name)
     tip = (side or 0) * tip_radius
     near = reframe_near(plane, circle_start(points, plane.T_world_feature[:3, :3]).c)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.constraints import chi2_limit
+from tanteo.errors import InputError
 from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
 from tanteo.fitting.estimate import Estimate, check_points
 from tanteo.fitting.round_start import axis_starts, circle_start, on_either_side, refuse_flat, sphere_start
@@ -83,6 +84,7 @@ def round_ml(
     """
     least = unknowns(kind, size, size_sd)
     points, covs = check_points(points, covs, least, kind.name)
+    check_positive(covs, kind.name)
     refuse_flat(points, 2 if kind is CIRCLE else 3, kind.name)
     problem = RoundProblem(
         DISTANCES[kind.name], kind.rows, points, covs, slides=kind is CYLINDER,
@@ -91,6 +93,20 @@ def round_ml(
         isotropic=_isotropic(covs),
     )  # fmt: skip
     return solved(kind, problem, outward)
+
+
+def check_positive(covs: Covariances, name: str) -> None:
+    """Refuse covariances of points that are not positive definite.
+
+    Raises:
+        InputError: if one is.
+    """
+    try:
+        np.linalg.cholesky(covs)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            f"{name}, covs: expected positive definite covariances, got a singular one. Give the noise."
+        ) from None
 
 
 def _isotropic(covs: Covariances) -> bool:
@@ -108,7 +124,22 @@ def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:
 def solved(
     kind: FeatureKind, problem: RoundProblem, outward: Vectors | None = None, side: int | None = None
 ) -> RoundEstimate:
-    """The estimate of a problem; ``side`` is 1 where ``outward`` has to point away from the axis, -1 towards it."""
+    """The estimate of a problem; ``side`` is 1 where ``outward`` has to point away from the axis, -1 towards it.
+
+    It is solved about the mean of the points: far from the world's origin no digits are lost.
+    """
+    mean = problem.points.mean(axis=-2)
+    near = replace(problem, points=problem.points - mean[..., None, :])
+    if problem.known_frame is not None:
+        R, c, information = problem.known_frame
+        near = replace(near, known_frame=(R, c - mean, information))
+    found = _solved(kind, near, outward, side)
+    T = found.fit.T.copy()
+    T[..., :3, 3] += mean
+    return replace(found, fit=replace(found.fit, T=T))
+
+
+def _solved(kind: FeatureKind, problem: RoundProblem, outward: Vectors | None, side: int | None) -> RoundEstimate:
     if kind in (CYLINDER, CONE):
         starts = axis_starts(kind.name, problem.points, problem.normals)
     else:

@@ -75,10 +75,16 @@ def refuse(kind: FeatureKind, estimate: RoundEstimate, points: Vectors, name: st
         DegenerateError: with what is not observable, and what to do.
     """
     beyond = excess(kind, estimate, points)
-    if not estimate.settled or not float(max(beyond)) <= 1:
+    if not float(max(beyond)) <= 1:
         first = beyond.size > 1 and beyond.size < np.inf  # a given size would help the rest, too
         worst = _no_size if first else _no_tilt if beyond.tilt > beyond.place else _no_place
         raise DegenerateError(worst(kind, estimate, points, name))
+    if not estimate.settled:
+        raise DegenerateError(
+            f"{name}: expected points of a {kind.name}, got a fit that does not settle (so far "
+            f"{_said(kind, float(estimate.size))}). Look for points of other faces, check their standard deviations, "
+            "or touch more of it."
+        )
     if np.isfinite(estimate.rival) and kind is CYLINDER and abs(estimate.rival / estimate.size - 1) < _LIKE:
         raise DegenerateError(_no_tilt(kind, estimate, points, name))
     if np.isfinite(estimate.rival):

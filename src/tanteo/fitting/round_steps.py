@@ -20,7 +20,7 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, Rotations, Vectors
 
 _FEET = 4
 _PASSES = 60
-_SETTLED = 1e-18
+_SETTLED = 1e-14
 _NEAR = 1e-2
 """A step so small, squared and in standard deviations, is taken as it is: weights are held during one."""
 _UPHILL = 1e-6
