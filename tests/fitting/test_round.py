@@ -197,6 +197,19 @@ def test_touches_from_known_sides_leave_one_cylinder():
     assert abs(feature.T_world_feature[2, 2]) > 0.99
 
 
+def test_six_touches_square_to_the_wall_are_enough():
+    """Three touches in each of two rings lie on several cylinders; only of one are they square to the wall."""
+    turn = np.linspace(0, 2 * np.pi, 6, endpoint=False)
+    away = np.c_[np.cos(turn), np.sin(turn), 0 * turn]
+    points = 9e-3 * away - np.c_[0 * turn, 0 * turn, 4e-3 * (np.arange(6) % 2)]
+    covs = np.tile(SD**2 * np.eye(3), (6, 1, 1))
+    with pytest.raises(DegenerateError, match="another fits as well"):
+        ft.fit_round(CYLINDER, points, covs)
+    bore, _ = ft.fit_round(CYLINDER, points, covs, directions=away, tip_radius=1e-3)
+    assert bore.radius == pytest.approx(10e-3, abs=1e-5)
+    assert bore.convex is False
+
+
 def test_a_known_radius_settles_a_short_arc():
     rng = np.random.default_rng(10)
     _, points, covs, away = sensed("cylinder", 35, 24, rng)

@@ -23,8 +23,10 @@ _TRIAL = 10, 1e-3
 """So many steps from each start, or steps down to that size, show which is the best."""
 _IMPOSSIBLE = 1e9
 """Added to the sum of squares of a fit that sides rule out."""
-_GRAZING = 0.5
-"""Of fits that are as good, those whose normals the touches graze are ruled out by one that they met squarely."""
+_GRAZING, _SQUARE, _AROUND = 0.5, 0.93, 0.7
+"""Of fits that are as good, those whose normals the touches graze (a share of the best mean cosine) are ruled out by
+one that they met squarely. Touches from all around (the mean of their directions is short) are made square to a wall:
+then less is enough. Touches all from one side say nothing of normals, but on which side the material is."""
 _AS_GOOD = 9.21, SUSPECT
 """Another fit whose sum of squares is larger by less than this (1 % of two degrees of freedom), or that the joint test
 does not reject at this level, fits as well: sums of squares of two cylinders differ by chance, both being of noise."""
@@ -159,8 +161,8 @@ def _solved(kind: FeatureKind, problem: RoundProblem, outward: Vectors | None, s
         starts = starts if kind is CONE else on_either_side(many.points, starts, problem.size, kind is not SPHERE)
         starts = replace(starts, s=np.full(starts.s.shape, problem.size))
     found = settle(many, replace(starts, s=np.minimum(starts.s, problem.largest)), *_TRIAL)
-    sides = None if outward is None else outward[..., None, :, :]
-    return _best(kind, problem, *found, _squareness(found[1], sides, side))
+    given = None if outward is None else outward[..., None, :, :]
+    return _best(kind, problem, *found, (_squareness(found[1], given, side), _grazing(outward)))
 
 
 def _circle(problem: RoundProblem) -> RoundState:
@@ -174,13 +176,19 @@ def _circle(problem: RoundProblem) -> RoundState:
 
 
 def _best(
-    kind: FeatureKind, problem: RoundProblem, state: RoundState, at: Linear, rest: BoolArray, squareness: FloatArray
+    kind: FeatureKind,
+    problem: RoundProblem,
+    state: RoundState,
+    at: Linear,
+    rest: BoolArray,
+    sides: tuple[FloatArray, FloatArray],
 ) -> RoundEstimate:
     """Of the starts' fits the most likely one, brought to rest, and the size of another that is about as likely."""
+    squareness, grazing = sides
     score = np.where(np.isfinite(at.chi2), at.chi2, np.inf) + _IMPOSSIBLE * ~(squareness >= 0)
     as_good = score < _as_good(score.min(axis=-1, keepdims=True), _dof(problem, at))
     most = np.max(np.where(as_good, squareness, 0.0), axis=-1, keepdims=True)
-    score = score + _IMPOSSIBLE * (as_good & (squareness < _GRAZING * most))
+    score = score + _IMPOSSIBLE * (as_good & (squareness < grazing[..., None] * most))
     k = np.argmin(score, axis=-1)[..., None]
 
     def chosen(array: FloatArray) -> FloatArray:
@@ -215,6 +223,14 @@ def _rival(
 
 def _as_good(chi2: FloatArray, dof: int) -> FloatArray:
     return np.asarray(np.maximum(chi2 + _AS_GOOD[0], chi2_limit(_AS_GOOD[1], dof) if dof > 0 else 0.0))
+
+
+def _grazing(outward: Vectors | None) -> FloatArray:
+    """The share of the best mean cosine below which a fit is ruled out ``(*batch,)``."""
+    if outward is None:
+        return np.asarray(_GRAZING)
+    count = np.maximum(np.sum(np.linalg.norm(outward, axis=-1), axis=-1), 1e-300)
+    return np.where(np.linalg.norm(np.sum(outward, axis=-2), axis=-1) / count < _AROUND, _SQUARE, _GRAZING)
 
 
 def _squareness(at: Linear, outward: Vectors | None, side: int | None) -> FloatArray:
