@@ -10,9 +10,10 @@ import numpy as np
 from tanteo.errors import InputError, SideError
 from tanteo.features import CIRCLE, PLANE, Feature, SharedError, SharedTerm, reframe_near
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
-from tanteo.fitting.round_estimate import RoundEstimate, check_positive, solved
+from tanteo.fitting.round_estimate import check_positive, solved
 from tanteo.fitting.round_fit import feature_of, outward_vectors, side_of
 from tanteo.fitting.round_refusal import refuse
+from tanteo.fitting.round_result import RoundEstimate
 from tanteo.fitting.round_start import circle_start, refuse_flat
 from tanteo.fitting.round_steps import RoundProblem
 from tanteo.fitting.round_surface import cylinder

@@ -17,8 +17,9 @@ from tanteo.fitting.estimate import (
     make_report,
     shared_terms,
 )
-from tanteo.fitting.round_estimate import DISTANCES, RoundEstimate, round_ml, unknowns
+from tanteo.fitting.round_estimate import DISTANCES, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
+from tanteo.fitting.round_result import RoundEstimate
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
