@@ -44,6 +44,17 @@ def test_a_face_and_two_holes_in_it_locate_a_flange():
     assert low < np.mean(values) < high
 
 
+def test_a_boss_is_no_bore_wherever_it_lies():
+    T = SE3.exp(np.array([0.1, 0, 0, 0.2, 0.1, 0]))
+    sensed = ft.given_round(CIRCLE, T[:3, 3], 1e-5, axis=T[:3, 2], axis_sd=1e-3, size=4e-3, convex=True)
+    distances = []
+    for convex in (True, None, False):
+        of = ModelFeature(CIRCLE, np.eye(4), radius=4e-3, convex=convex)
+        found = estimate_pose([Pairing(sensed, of)], length=0.05, middle=np.zeros(3))
+        distances.append(found.chi2)
+    assert np.isfinite(distances).tolist() == [True, True, False]
+
+
 def test_one_hole_leaves_the_turn_about_its_axis():
     rng = np.random.default_rng(2)
     T = SE3.exp(rng.normal(size=6) * 0.3)
