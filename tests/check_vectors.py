@@ -45,7 +45,7 @@ Inputs = dict[str, Any]
 Outputs = dict[str, Any]
 
 
-SAME_RELATION = {"point_on_plane": "vertex_on_plane", "axis_axis": "cylinder_cylinder"}
+SAME_RELATION = {"point_on_plane": "vertex_on_plane", "axis_axis": "edge_edge"}
 """Names that the vectors have for one row of the table of relations."""
 
 

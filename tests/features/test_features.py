@@ -67,10 +67,17 @@ def test_reframed_perturbations_describe_the_same_feature(kind):
 def test_shape_and_direction_follow_from_the_free_rows():
     shapes = {name: (kind.shape, kind.axis) for name, kind in KINDS.items()}
     assert shapes["plane"] == ("plane", 2)
-    assert shapes["edge"] == shapes["cylinder"] == ("line", 0)
+    assert (shapes["edge"], shapes["cylinder"]) == (("line", 0), ("line", 2))
     assert shapes["half_edge"] == ("line", None)
     assert shapes["vertex"] == shapes["sphere"] == ("point", None)
-    assert (shapes["cone"], shapes["circle"]) == ((None, 0), (None, 2))
+    assert (shapes["cone"], shapes["circle"]) == ((None, 2), (None, 2))
+
+
+def test_round_kinds_are_axes_and_centres_to_others():
+    aspects = {name: kind.aspects for name, kind in KINDS.items()}
+    assert (aspects["plane"], aspects["edge"], aspects["vertex"]) == (("plane",), ("line",), ("point",))
+    assert aspects["circle"] == aspects["cone"] == ("axis", "centre")
+    assert (aspects["cylinder"], aspects["sphere"]) == (("axis",), ("centre",))
 
 
 def test_a_name_is_registered_once():

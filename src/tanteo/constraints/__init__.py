@@ -13,6 +13,8 @@ from tanteo.constraints.angle import (
     away_from_corner,
     signed_angle,
 )
+from tanteo.constraints.axis import AXIS_PERPENDICULARITY, AXIS_PLANE_ANGLE, AXIS_PLANE_DISTANCE
+from tanteo.constraints.centre import CENTRE_DISTANCE, CENTRE_ON_AXIS, CONCENTRICITY
 from tanteo.constraints.constraint import (
     AbsentConstraint,
     Constraint,
@@ -34,14 +36,24 @@ from tanteo.constraints.gates import (
 from tanteo.constraints.intersection import gap_edges, intersect
 from tanteo.constraints.joint import JointTest, joint_test, joint_update, laplace_log_evidence, whitened_test
 from tanteo.constraints.parallel import ParallelEstimate, collinearity, parallel_edges, parallel_planes
+from tanteo.constraints.pattern import relate_pattern
 from tanteo.constraints.point import DistanceEstimate, point_distance, point_edge_distance, point_plane_distance
 from tanteo.constraints.relate import relate, relate_all
 from tanteo.constraints.relation import CONSTRAINT_KINDS, PAIR_RELATIONS, PairGroup, PairRelation, register_relation
 from tanteo.constraints.relative import Relative, ScalarEstimate, VectorEstimate, relative
+from tanteo.constraints.size import HALF_ANGLE, RADIUS, relate_size
 
 __all__ = [
+    "AXIS_PERPENDICULARITY",
+    "AXIS_PLANE_ANGLE",
+    "AXIS_PLANE_DISTANCE",
+    "CENTRE_DISTANCE",
+    "CENTRE_ON_AXIS",
+    "CONCENTRICITY",
     "CONSTRAINT_KINDS",
+    "HALF_ANGLE",
     "PAIR_RELATIONS",
+    "RADIUS",
     "AbsentConstraint",
     "Constraint",
     "ConstraintColumn",
@@ -86,6 +98,8 @@ __all__ = [
     "relate",
     "relate_all",
     "relate_length",
+    "relate_pattern",
+    "relate_size",
     "relative",
     "sidak",
     "signed_angle",

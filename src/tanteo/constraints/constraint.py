@@ -74,7 +74,7 @@ class ConstraintColumn:
 
     Attributes:
         kind: what they measure.
-        pairs: indices of the features ``(N, 2)``, the first (a plane before an edge before a vertex) first.
+        pairs: indices of the features ``(N, 2)``, planes before edges before axes before vertices.
         value: ``(N, m)``.
         covariance: ``(N, m, m)``.
         bias_source: the bias ``(N, m)``, or how to compute it: few need that of an angle.

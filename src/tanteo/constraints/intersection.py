@@ -89,7 +89,7 @@ EDGE_GAP = ConstraintKind("edge_gap", ("m",), "distance by which two edges miss 
 _NO_CORNER = "the lines are parallel within 10 sigma, so they have no common perpendicular of their own."
 
 
-def _fill(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+def fill_crossing(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
     """Rows: angle, gap."""
     value[:, 0], _, r[:, 0] = angle_partials(n, X_AXIS)
     value[:, 1], q[:, 1], r[:, 1] = gap_partials(p, n)
@@ -127,4 +127,4 @@ def _away(group: PairGroup, sd: FloatArray, sine: FloatArray) -> tuple[FloatArra
     return np.where(turned, np.pi - angle, angle)[:, None], np.asarray(inside.any(axis=1))
 
 
-register_relation(PairRelation((EDGE_ANGLE, EDGE_GAP), ("line", "line"), 2, _fill, _cut))
+register_relation(PairRelation((EDGE_ANGLE, EDGE_GAP), ("line", "line"), 2, fill_crossing, _cut))

@@ -156,7 +156,7 @@ _PARALLEL_LIMIT = -2 * float(np.log(PARALLEL_ALPHA))  # of chi-square with two d
 _NOT_PARALLEL = f"the pair is not parallel (rejected at {PARALLEL_ALPHA:g}), so it has no one distance."
 
 
-def _parallel_pairs(group: PairGroup) -> BoolArray:
+def parallel_pairs(group: PairGroup) -> BoolArray:
     """Whether the two tilts pass the test of parallelism with 2 degrees of freedom."""
     v1, v2 = group.value[:, 0], group.value[:, 1]
     S = group.S
@@ -183,7 +183,7 @@ def _cut_planes(group: PairGroup) -> list[ConstraintColumn]:
     offset, variance = condition_on_parallel(value[:, :2], value[:, 2:], S)
     return [
         group.column(PLANE_PARALLELISM, value[:, :2], S[:, :2, :2]),
-        group.column(PLANE_OFFSET, offset, variance, _parallel_pairs(group), _NOT_PARALLEL),
+        group.column(PLANE_OFFSET, offset, variance, parallel_pairs(group), _NOT_PARALLEL),
     ]
 
 
@@ -196,7 +196,7 @@ EDGE_COLLINEARITY = ConstraintKind(
 )
 
 
-def _fill_lines(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+def fill_lines(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
     """Rows: two tilts, two offsets."""
     sign = sign_of(n[:, 0])
     value[:, :2], value[:, 2:] = n[:, 1:] * sign[:, None], p[:, 1:]
@@ -206,7 +206,7 @@ def _fill_lines(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: Flo
 
 def _cut_lines(group: PairGroup) -> list[ConstraintColumn]:
     value, S = group.value, group.S
-    parallel = _parallel_pairs(group)
+    parallel = parallel_pairs(group)
     distance, variance, across = length_of(*condition_on_parallel(value[:, :2], value[:, 2:], S))
     apart = distance > 3 * np.sqrt(across)
     return [
@@ -224,4 +224,4 @@ def _cut_lines(group: PairGroup) -> list[ConstraintColumn]:
 
 
 _OF_EDGES = EDGE_PARALLELISM, EDGE_DISTANCE, EDGE_COLLINEARITY
-register_relation(PairRelation(_OF_EDGES, ("line", "line"), 4, _fill_lines, _cut_lines))
+register_relation(PairRelation(_OF_EDGES, ("line", "line"), 4, fill_lines, _cut_lines))

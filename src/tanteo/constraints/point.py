@@ -86,7 +86,7 @@ POINT_EDGE_DISTANCE = ConstraintKind("point_edge_distance", ("m",), "distance of
 POINT_DISTANCE = ConstraintKind("point_distance", ("m",), "distance of two vertices")
 
 
-def _fill_plane_point(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+def fill_height(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
     """Row: height."""
     value[:, 0], q[:, 0, 2] = p[:, 2], 1.0
 
@@ -95,19 +95,20 @@ def _cut_plane_point(group: PairGroup) -> list[ConstraintColumn]:
     return [group.column(POINT_PLANE_HEIGHT, group.value, group.S)]
 
 
-def _fill_line_point(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+def fill_beside_line(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
     """Rows: two offsets."""
     value[:] = p[:, 1:]
     q[:, 0, 1] = q[:, 1, 2] = 1.0
 
 
-def _fill_points(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+def fill_offsets(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
     """Rows: the three offsets."""
     value[:] = p
     q[:, 0, 0] = q[:, 1, 1] = q[:, 2, 2] = 1.0
 
 
-def _cut_offsets(kind: ConstraintKind, sigmas: float, group: PairGroup) -> list[ConstraintColumn]:
+def cut_distance(kind: ConstraintKind, sigmas: float, group: PairGroup) -> list[ConstraintColumn]:
+    """The length of the offsets of a group, where it is clear of zero by that many standard deviations."""
     value, variance, across = length_of(group.value, group.S)
     clear = value > sigmas * np.sqrt(across / (group.value.shape[1] - 1))
     reason = f"the distance is below {sigmas:g} sigma, where it is not normal: the features touch, as far as is known."
@@ -116,13 +117,13 @@ def _cut_offsets(kind: ConstraintKind, sigmas: float, group: PairGroup) -> list[
 
 
 def _cut_line_point(group: PairGroup) -> list[ConstraintColumn]:
-    return _cut_offsets(POINT_EDGE_DISTANCE, 3.0, group)
+    return cut_distance(POINT_EDGE_DISTANCE, 3.0, group)
 
 
 def _cut_points(group: PairGroup) -> list[ConstraintColumn]:
-    return _cut_offsets(POINT_DISTANCE, 5.0, group)
+    return cut_distance(POINT_DISTANCE, 5.0, group)
 
 
-register_relation(PairRelation((POINT_PLANE_HEIGHT,), ("plane", "point"), 1, _fill_plane_point, _cut_plane_point))
-register_relation(PairRelation((POINT_EDGE_DISTANCE,), ("line", "point"), 2, _fill_line_point, _cut_line_point))
-register_relation(PairRelation((POINT_DISTANCE,), ("point", "point"), 3, _fill_points, _cut_points))
+register_relation(PairRelation((POINT_PLANE_HEIGHT,), ("plane", "point"), 1, fill_height, _cut_plane_point))
+register_relation(PairRelation((POINT_EDGE_DISTANCE,), ("line", "point"), 2, fill_beside_line, _cut_line_point))
+register_relation(PairRelation((POINT_DISTANCE,), ("point", "point"), 3, fill_offsets, _cut_points))

@@ -23,18 +23,19 @@ def relate_all(features: Sequence[Feature]) -> ConstraintTable:
     """All pairwise constraints of some features, with covariances (section 4 of the paper).
 
     Args:
-        features: sensed or model features; cones and circles are passed over. Model features may have zero ``P``.
+        features: sensed or model features; a circle or cone meets others as an axis and as a centre (apex). Model
+            features may have zero ``P``.
 
     Returns:
         One column of arrays per kind. Pairs that do not have a constraint (parallel where an angle is asked, coincident
         where a distance is) are marked, and :meth:`ConstraintTable.absent` gives the reason.
     """
-    shapes = tuple([feature.kind.shape for feature in features])
-    plan = pair_plan(shapes)
+    aspects = tuple([(k, shape) for k, feature in enumerate(features) for shape in feature.kind.aspects])
+    plan = pair_plan(aspects)
     labels = tuple([feature.label or str(k) for k, feature in enumerate(features)])
     if not plan.groups:
         return ConstraintTable(labels, ())
-    arrays = stack_features(features, shapes)
+    arrays = stack_features(features, aspects)
     pair, b = _geometry(arrays, plan)
     blocks = _blocks(plan)
     n, rows = len(plan.first), max((block.stop for _, _, block in blocks), default=0)

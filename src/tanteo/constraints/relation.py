@@ -27,12 +27,12 @@ class PairGroup:
     """Pairs of features of two shapes, with what a relation computed for them; makes columns.
 
     Attributes:
-        pairs: indices of the features ``(n, 2)``.
+        pairs: indices of what meets in ``arrays`` ``(n, 2)``.
         pair: geometry of the second seen from the first.
         b: axis of the second in the first frame ``(n, 3)``.
         value: numbers of the relation ``(n, rows)``.
         S: their covariances ``(n, rows, rows)``.
-        arrays: all the features.
+        arrays: all aspects of the features.
     """
 
     pairs: IntArray
@@ -57,7 +57,7 @@ class PairGroup:
         flags, sentence = caution or (np.zeros(n, dtype=bool), "")
         present = np.ones(n, dtype=bool) if present is None else present
         bias = np.zeros((n, kind.dof)) if bias is None else bias
-        return ConstraintColumn(kind, self.pairs, value, S, bias, present, flags, (sentence, reason))
+        return ConstraintColumn(kind, self.arrays.owner[self.pairs], value, S, bias, present, flags, (sentence, reason))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +66,10 @@ class PairRelation:
 
     Attributes:
         kinds: of the constraints, in the order of their columns.
-        shapes: of the first and the second feature; a plane comes before a line, a line before a point.
+        shapes: of the first and the second feature; a plane comes before a line, a line before an axis before a point.
         rows: how many numbers it computes for a pair.
-        fill: ``(p, b, value, q, r)``: from the second origin ``p`` ``(n, 3)`` and its axis ``b`` (x of a line, z of a
-            plane), both in the first frame, writes values ``(n, rows)`` and their partial derivatives
+        fill: ``(p, b, value, q, r)``: from the second origin ``p`` ``(n, 3)`` and its axis ``b`` (x of a line or an
+            axis, z of a plane), both in the first frame, writes values ``(n, rows)`` and their partial derivatives
             ``q = d value / d p`` and ``r = d value / d b`` ``(n, rows, 3)``, which come as zeros.
         cut: the columns, from the values and their covariances ``S``.
     """

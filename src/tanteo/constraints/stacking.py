@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 
@@ -20,23 +21,39 @@ MEETINGS: tuple[tuple[Shape, Shape], ...] = (
     ("plane", "point"),
     ("line", "point"),
     ("point", "point"),
+    ("plane", "axis"),
+    ("line", "axis"),
+    ("axis", "axis"),
+    ("axis", "point"),
+    ("plane", "centre"),
+    ("line", "centre"),
+    ("axis", "centre"),
+    ("point", "centre"),
+    ("centre", "centre"),
 )
 """Pairs of shapes, the first one first."""
-_ORDER: dict[Shape, int] = {"plane": 0, "line": 1, "point": 2}
-_AXIS: dict[Shape, int] = {"plane": 2, "line": 0, "point": 0}
+_ORDER: dict[Shape, int] = {"plane": 0, "line": 1, "axis": 2, "point": 3, "centre": 4}
+_AXIS: dict[Shape, int] = {"plane": 2, "line": 0, "axis": 0, "point": 0, "centre": 0}
 _FREE: dict[Shape, tuple[float, float, float]] = {
     "plane": (1.0, 1.0, 0.0),
     "line": (1.0, 0.0, 0.0),
+    "axis": (1.0, 0.0, 0.0),
     "point": (0.0, 0.0, 0.0),
+    "centre": (0.0, 0.0, 0.0),
 }
+_OF_LINES = {("line", "axis")}
+"""Shapes that slide along each other although they are not the same."""
+
+Aspect: TypeAlias = tuple[int, Shape]
+"""A feature's index, and as what it meets others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairPlan:
-    """Which features meet, sorted by the shapes of both; depends on the kinds only, so it is kept.
+    """Which aspects of features meet, sorted by the shapes of both; depends on the kinds only, so it is kept.
 
     Attributes:
-        first: index of the first feature of each pair ``(N,)``; planes come before lines before points.
+        first: index of the first aspect of each pair ``(N,)``; planes come before lines before axes before points.
         second: of the second.
         pairs: both ``(N, 2)``.
         groups: for each pair of shapes, its slice of the pairs.
@@ -55,12 +72,13 @@ class PairPlan:
 
 
 @lru_cache(maxsize=256)
-def pair_plan(shapes: tuple[Shape | None, ...]) -> PairPlan:
-    """The pairs of features of those shapes; of none with a feature that has no shape."""
+def pair_plan(aspects: tuple[Aspect, ...]) -> PairPlan:
+    """The pairs of those aspects; of none with another of the same feature."""
     meetings: dict[tuple[Shape, Shape], list[tuple[int, int]]] = {key: [] for key in MEETINGS}
-    shaped = [(i, shape) for i, shape in enumerate(shapes) if shape is not None]
-    for one, other in combinations(shaped, 2):
-        (a, first), (b, second) = (one, other) if _ORDER[one[1]] <= _ORDER[other[1]] else (other, one)
+    for (i, (one, of)), (j, (other, shape)) in combinations(enumerate(aspects), 2):
+        if one == other:
+            continue
+        a, b, first, second = (i, j, of, shape) if _ORDER[of] <= _ORDER[shape] else (j, i, shape, of)
         meetings[first, second].append((a, b))
     groups: dict[tuple[Shape, Shape], slice] = {}
     pairs: list[tuple[int, int]] = []
@@ -72,7 +90,8 @@ def pair_plan(shapes: tuple[Shape | None, ...]) -> PairPlan:
             keys += [key] * len(members)
     index = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     axes = np.array([_AXIS[b] for _, b in keys], dtype=np.int64)
-    free = np.array([_FREE[a] if a == b else (0.0, 0.0, 0.0) for a, b in keys]).reshape(-1, 3)
+    alike = [a == b or (a, b) in _OF_LINES for a, b in keys]
+    free = np.array([_FREE[b] if same else (0.0, 0.0, 0.0) for same, (_, b) in zip(alike, keys, strict=True)])
     return PairPlan(
         np.ascontiguousarray(index[:, 0]),
         np.ascontiguousarray(index[:, 1]),
@@ -80,15 +99,16 @@ def pair_plan(shapes: tuple[Shape | None, ...]) -> PairPlan:
         groups,
         AXIS_HATS[axes],
         np.eye(3)[axes][..., None],
-        free,
+        free.reshape(-1, 3),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureArrays:
-    """Some features, stacked.
+    """The aspects of some features, stacked. An axis is a line like another: its frame is turned so that x is along it.
 
     Attributes:
+        owner: index of the feature ``(n,)``.
         R: rotations ``(n, 3, 3)``.
         c: origins in the world ``(n, 3)`` [m].
         C: independent body covariances ``(n, 6, 6)``.
@@ -97,6 +117,7 @@ class FeatureArrays:
         extent: for lines, least, mean and greatest abscissa of the sensed points ``(n, 3)`` [m].
     """
 
+    owner: IntArray
     R: FloatArray
     c: Vectors
     C: Covariances
@@ -105,21 +126,40 @@ class FeatureArrays:
     extent: FloatArray
 
 
-def stack_features(features: Sequence[Feature], shapes: tuple[Shape | None, ...]) -> FeatureArrays:
-    """Copy frames, covariances and shared errors of some features into arrays."""
-    n = len(features)
-    T = np.array([feature.T_world_feature for feature in features]).reshape(n, 4, 4)
-    C = np.zeros((n, 6, 6))
-    for k, feature in enumerate(features):
-        C[k][_block(feature.kind.rows)] = feature.P
-    shared_jacobian, shared = None, np.zeros((0, 0))
+_TO_X = np.eye(3)[:, [2, 0, 1]]
+"""Turns a frame so that its x axis is where z was."""
+_ROW_OF_AXIS = {0: 1, 1: 2, 3: 4, 4: 5}
+"""Where tangent rows of a round feature go when its z axis becomes x; those along and about it are of no axis."""
+
+
+def stack_features(features: Sequence[Feature], aspects: tuple[Aspect, ...]) -> FeatureArrays:
+    """Copy frames, covariances and shared errors of the aspects of some features into arrays."""
+    n = len(aspects)
+    T = np.array([features[k].T_world_feature for k, _ in aspects]).reshape(n, 4, 4)
+    R, c, C = T[:, :3, :3], T[:, :3, 3], np.zeros((n, 6, 6))
+    shared_jacobian, shared, gains = None, np.zeros((0, 0)), None
     if any(feature.shared for feature in features):
-        _, shared, rows = collect_shared(features)
+        _, shared, gains = collect_shared(features)
         shared_jacobian = np.zeros((n, 6, len(shared)))
-        for k, (feature, A) in enumerate(zip(features, rows, strict=True)):
-            shared_jacobian[k, feature.kind.rows] = A
-    R, c = T[:, :3, :3], T[:, :3, 3]
-    return FeatureArrays(R, c, C, shared_jacobian, shared, _extents(features, shapes, R, c))
+    for i, (k, shape) in enumerate(aspects):
+        rows, of = _rows(features[k].kind.rows, shape)
+        C[i][_block(rows)] = features[k].P if len(of) == features[k].kind.size else features[k].P[_block(of)]
+        if shared_jacobian is not None and gains is not None:
+            shared_jacobian[i, rows] = gains[k][list(of)]
+        if shape == "axis":
+            R[i] = R[i] @ _TO_X
+    owner = np.array([k for k, _ in aspects], dtype=np.int64)
+    return FeatureArrays(owner, R, c, C, shared_jacobian, shared, _extents(features, aspects, R, c))
+
+
+@lru_cache(maxsize=64)
+def _rows(rows: tuple[int, ...], shape: Shape) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Tangent rows of an aspect, and which of the feature's own they are."""
+    if shape == "axis":
+        of = tuple(k for k, row in enumerate(rows) if row in _ROW_OF_AXIS)
+        return tuple(_ROW_OF_AXIS[rows[k]] for k in of), of
+    of = tuple(k for k, row in enumerate(rows) if shape != "centre" or row < 3)
+    return tuple(rows[k] for k in of), of
 
 
 @lru_cache(maxsize=64)
@@ -129,12 +169,12 @@ def _block(rows: tuple[int, ...]) -> tuple[IntArray, IntArray]:
     return index[:, None], index
 
 
-def _extents(features: Sequence[Feature], shapes: tuple[Shape | None, ...], R: FloatArray, c: Vectors) -> FloatArray:
-    extent = np.zeros((len(features), 3))
-    lines = [k for k, shape in enumerate(shapes) if shape == "line" and len(features[k].support)]
+def _extents(features: Sequence[Feature], aspects: tuple[Aspect, ...], R: FloatArray, c: Vectors) -> FloatArray:
+    extent = np.zeros((len(aspects), 3))
+    lines = [i for i, (k, shape) in enumerate(aspects) if shape == "line" and len(features[k].support)]
     if not lines:
         return extent  # origins are the centroids, as fitting leaves them
-    supports = [features[k].support for k in lines]
+    supports = [features[aspects[i][0]].support for i in lines]
     counts = np.array([len(s) for s in supports])
     starts = np.cumsum(counts) - counts
     owner = np.repeat(lines, counts)

@@ -1,4 +1,4 @@
-"""What can be felt: vertices, edges, planes, with the motions that leave them as they are taken out.
+"""What can be felt: vertices, edges, planes and round features, with the motions that leave them as they are taken out.
 
 A feature is a frame, a kind and a covariance over the perturbations that matter for the kind (``math.md`` section 2).
 """
@@ -11,6 +11,7 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.features.feature import (
         Feature,
+        Round,
         SharedError,
         SharedTerm,
         Sides,
@@ -51,6 +52,7 @@ __all__ = [
     "VERTEX",
     "Feature",
     "FeatureKind",
+    "Round",
     "Shape",
     "SharedError",
     "SharedTerm",
@@ -76,7 +78,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "feature": (
-            "Feature SharedError SharedTerm Sides collect_shared cross_covariance feature_covariance "
+            "Feature Round SharedError SharedTerm Sides collect_shared cross_covariance feature_covariance "
             "shared_root stacked_covariance"
         ),
         "kinds": (

@@ -48,11 +48,41 @@ class SharedTerm:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Round:
+    """The one number of a round feature, beside its frame: a radius, or the half angle of a cone.
+
+    Attributes:
+        value: radius [m] or half angle [rad].
+        variance: of its independent error; 0 if it was given.
+        covariance: of that error with the feature's perturbations ``(kind.size,)``; none means zero.
+        shared: what the feature's shared errors do to it: ``(1, d)`` each, in the order of ``Feature.shared``.
+        convex: True for a boss, False for a bore, None where no reading told on which side the material is.
+
+    Raises:
+        InputError: if the value is not positive, or the variance negative.
+    """
+
+    value: float
+    variance: float = 0.0
+    covariance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    shared: tuple[FloatArray, ...] = ()
+    convex: bool | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.value) and self.value > 0):
+            raise InputError(f"size of a round feature: expected a positive number, got {self.value}.")
+        if not (np.isfinite(self.variance) and self.variance >= 0):
+            raise InputError(f"variance of a size: expected zero or more, got {self.variance}.")
+        object.__setattr__(self, "covariance", frozen_array(self.covariance))
+        object.__setattr__(self, "shared", tuple(frozen_array(gain) for gain in self.shared))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Feature:
     """A sensed feature: ``T = T_world_feature exp(B' p)``, ``p ~ N(0, P + sum of shared terms)``.
 
     Attributes:
-        kind: vertex, edge or plane (or a curved kind).
+        kind: vertex, edge, plane, circle, cylinder, cone or sphere.
         T_world_feature: the estimated frame ``(4, 4)``.
         P: independent covariance over the kind's rows ``(size, size)`` [m, rad].
         label: the name that the readings gave it.
@@ -61,10 +91,11 @@ class Feature:
         readings: ids of those readings.
         tip_radius: of the ball that touched there [m]: its centre was one radius off the surface, so nothing else of
             the part is nearer to the centre than that; 0 for a beam or a point.
+        size: radius or half angle of a round feature; None for others, and where nothing is known of it.
 
     Raises:
-        InputError: if the frame is not a rigid motion.
-        CovarianceError: if ``P`` is not a covariance.
+        InputError: if the frame is not a rigid motion, or a size is of no round kind or of wrong shape.
+        CovarianceError: if ``P``, or ``P`` with the size, is not a covariance.
     """
 
     kind: FeatureKind
@@ -75,6 +106,7 @@ class Feature:
     support: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     readings: tuple[str, ...] = ()
     tip_radius: float = 0.0
+    size: Round | None = None
 
     def __post_init__(self) -> None:
         name = f"feature {self.label!r}"
@@ -85,6 +117,49 @@ class Feature:
         object.__setattr__(self, "T_world_feature", T)
         object.__setattr__(self, "P", check_covariance(f"{name}, P", self.P, self.kind.size))
         object.__setattr__(self, "support", frozen_array(self.support).reshape(-1, 3))
+        if self.size is not None:
+            _check_size(name, self.kind, self.size, len(self.shared))
+            check_covariance(f"{name}, P with its {self.kind.size_name}", self.full_covariance, self.kind.size + 1)
+
+    @property
+    def full_covariance(self) -> Covariances:
+        """``P``; of a round feature with its size as the last row and column ``(size + 1, size + 1)``."""
+        if self.size is None:
+            return self.P
+        C, n = np.zeros((self.kind.size + 1, self.kind.size + 1)), self.kind.size
+        C[:n, :n], C[n, n] = self.P, self.size.variance
+        if len(self.size.covariance):
+            C[:n, n] = C[n, :n] = self.size.covariance
+        return C
+
+    @property
+    def radius(self) -> float | None:
+        """Radius [m] of a circle, cylinder or sphere, if it is known."""
+        return self.size.value if self.size is not None and self.kind.size_name == "radius" else None
+
+    @property
+    def half_angle(self) -> float | None:
+        """Half angle [rad] of a cone, if it is known."""
+        return self.size.value if self.size is not None and self.kind.size_name == "half angle" else None
+
+    @property
+    def convex(self) -> bool | None:
+        """True for a boss, False for a bore, None where it is not known or has no meaning."""
+        return None if self.size is None else self.size.convex
+
+
+def _check_size(name: str, kind: FeatureKind, size: Round, terms: int) -> None:
+    """Refuse the size of a kind that has none, or rows that do not match those of the feature."""
+    if not kind.size_name:
+        raise InputError(f"{name}: expected no size, for a {kind.name} has none, got {size.value}. Leave it out.")
+    if kind.size_name == "half angle" and not size.value < np.pi / 2:
+        raise InputError(f"{name}: expected a half angle below pi/2 rad, got {size.value}. Is it in degrees?")
+    if len(size.covariance) not in (0, kind.size):
+        raise InputError(
+            f"{name}: expected a covariance of size {kind.size} with its size, got {len(size.covariance)}."
+        )
+    if len(size.shared) not in (0, terms):
+        raise InputError(f"{name}: expected {terms} gains of shared errors on its size, got {len(size.shared)}.")
 
 
 Sides: TypeAlias = Feature | tuple[Feature, Feature]

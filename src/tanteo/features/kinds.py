@@ -15,10 +15,10 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.typing import FloatArray, Transforms
 
-Shape: TypeAlias = Literal["plane", "line", "point"]
-"""What a feature is to other features: where its origin may slide."""
+Shape: TypeAlias = Literal["plane", "line", "point", "axis", "centre"]
+"""What a feature is to other features: a plane, a line or a point; a round one is an axis, a centre, or both."""
 
-_SHAPES: dict[tuple[int, ...], Shape] = {(0, 1): "plane", (0,): "line", (3, 4, 5): "point"}
+_SHAPES: dict[tuple[int, ...], Shape] = {(0, 1): "plane", (0,): "line", (2,): "line", (3, 4, 5): "point"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +32,7 @@ class FeatureKind:
         flip: a half turn (as rotation diagonal) that maps the undirected feature onto itself, if there is one.
         min_readings: how many readings of one label determine it; 0 if readings are never labelled with this kind.
         faces: how many faces of the part meet there.
+        size_name: of a round kind, what its one number is: ``radius`` [m] or ``half angle`` [rad]; empty for others.
     """
 
     name: str
@@ -40,6 +41,7 @@ class FeatureKind:
     flip: tuple[float, float, float] | None = None
     min_readings: int = 0
     faces: int = 1
+    size_name: str = ""
 
     @property
     def size(self) -> int:
@@ -53,9 +55,22 @@ class FeatureKind:
 
     @property
     def shape(self) -> Shape | None:
-        """Plane, line (x) or point, by the translations that are free; None for others (cone, circle)."""
+        """Plane, line or point, by the translations that are free; None for others (cone, circle)."""
         slides = tuple(i for i in self.free if i < 3)
         return _SHAPES.get(slides or self.free)
+
+    @property
+    def aspects(self) -> tuple[Shape, ...]:
+        """As what it enters constraints: its shape; a round kind as its axis, its centre (apex), or both.
+
+        Example:
+            >>> tanteo.features.CIRCLE.aspects
+            ('axis', 'centre')
+        """
+        if not self.size_name:
+            return () if self.shape is None else (self.shape,)
+        axis: tuple[Shape, ...] = () if self.axis is None else ("axis",)
+        return (*axis, "centre") if {0, 1, 2} <= set(self.rows) else axis
 
     @property
     def axis(self) -> int | None:
@@ -96,10 +111,26 @@ PLANE = register_kind(FeatureKind("plane", (2, 3, 4), "z is the outward normal",
 EDGE = register_kind(FeatureKind("edge", (1, 2, 4, 5), "x along the edge", (-1.0, -1.0, 1.0), min_readings=2, faces=2))
 VERTEX = register_kind(FeatureKind("vertex", (0, 1, 2), "origin at the point", min_readings=1, faces=3))
 HALF_EDGE = register_kind(FeatureKind("half_edge", (1, 2, 3, 4, 5), "x along the edge, z out of the labelled face"))
-CYLINDER = register_kind(FeatureKind("cylinder", (1, 2, 4, 5), "x along the axis", (-1.0, -1.0, 1.0)))
-CONE = register_kind(FeatureKind("cone", (0, 1, 2, 4, 5), "origin at the apex, x along the axis"))
-CIRCLE = register_kind(FeatureKind("circle", (0, 1, 2, 3, 4), "origin at the centre, z normal", (1.0, -1.0, -1.0)))
-SPHERE = register_kind(FeatureKind("sphere", (0, 1, 2), "origin at the centre"))
+CYLINDER = register_kind(
+    FeatureKind(
+        "cylinder", (0, 1, 3, 4), "origin and z on the axis", (1.0, -1.0, -1.0), min_readings=5, size_name="radius"
+    )
+)
+CONE = register_kind(
+    FeatureKind("cone", (0, 1, 2, 3, 4), "origin at the apex, z into the cone", min_readings=6, size_name="half angle")
+)
+CIRCLE = register_kind(
+    FeatureKind(
+        "circle",
+        (0, 1, 2, 3, 4),
+        "origin at the centre, z along its axis",
+        (1.0, -1.0, -1.0),
+        min_readings=3,
+        faces=2,
+        size_name="radius",
+    )
+)
+SPHERE = register_kind(FeatureKind("sphere", (0, 1, 2), "origin at the centre", min_readings=4, size_name="radius"))
 
 
 def label_kind(name: str) -> FeatureKind:

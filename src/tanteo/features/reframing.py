@@ -62,7 +62,10 @@ def reframe_feature(feature: Feature, S: Transforms) -> Feature:
     T, P = reframe(feature.kind, feature.T_world_feature, feature.P, S)
     A = reframe_shared_jacobian(feature.kind, S)
     shared = tuple(SharedTerm(term.error, A @ term.jacobian) for term in feature.shared)
-    return replace(feature, T_world_feature=T, P=P, shared=shared)
+    size = feature.size
+    if size is not None and len(size.covariance):  # what it is does not change, only what it goes with
+        size = replace(size, covariance=A @ size.covariance)
+    return replace(feature, T_world_feature=T, P=P, shared=shared, size=size)
 
 
 def reframe_near(feature: Feature, point: Vectors) -> Feature:

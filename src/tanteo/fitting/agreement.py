@@ -15,6 +15,7 @@ import numpy as np
 from tanteo.constraints import chi2_p_value, whitened_test
 from tanteo.features import Feature
 from tanteo.fitting.estimate import FitReport, SharedReadings, p_of_worst
+from tanteo.fitting.round_estimate import DISTANCES
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -53,9 +54,10 @@ def jointly(
     """
     if not shared:
         return report
-    g, G = _rows(feature, points, covs, shared, radius)
+    across = residuals_of(feature, points, radius)
+    g, G = _rows(across, covs, shared)
     test = whitened_test(g, G)
-    size = sum(i < 3 for i in feature.kind.rows)
+    size = across.f.shape[1]
     left = np.linalg.norm((g + G @ test.xi)[: size * len(points)].reshape(-1, size), axis=1)
     worst = int(np.argmax(left))
     return replace(
@@ -71,7 +73,7 @@ def jointly(
 
 def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedReadings, radius: float = 0.0) -> Bending:
     """How much better the points of a plane ``(n, 3)`` fit a surface of the second degree."""
-    g, G = _rows(plane, points, covs, shared, radius)
+    g, G = _rows(residuals_of(plane, points, radius), covs, shared)
     x, y = SE3.apply(SE3.inverse(plane.T_world_feature), points)[:, :2].T
     second = np.zeros((len(g), 3))
     second[: len(points)] = np.stack([x * x, x * y, y * y], axis=1) / _sds(plane, covs)[:, None]
@@ -86,22 +88,50 @@ def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedRe
     return Bending(gain, dof, float(chi2_p_value(np.asarray(gain), dof)) if dof else 1.0)
 
 
-def _rows(
-    feature: Feature, points: Vectors, covs: Covariances, shared: SharedReadings, radius: float
-) -> tuple[FloatArray, FloatArray]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Residuals:
+    """How far points are off a feature, ``k`` numbers a point.
+
+    Attributes:
+        f: across the feature, its ball taken off ``(n, k)`` [m].
+        G: by the points, in the world ``(n, k, 3)``.
+        H: by the feature's perturbation, and by its size if that was fitted ``(n, k, m)``.
+    """
+
+    f: FloatArray
+    G: FloatArray
+    H: FloatArray
+
+
+def residuals_of(feature: Feature, points: Vectors, radius: float = 0.0) -> Residuals:
+    """Distances of points ``(n, 3)`` [m] from a feature; of a ball's centres with its ``radius``."""
+    R = feature.T_world_feature[:3, :3]
+    local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
+    if feature.size is not None:
+        found = DISTANCES[feature.kind.name](local, np.full(1, feature.size.value))
+        side = {True: 1.0, False: -1.0, None: 0.0}[feature.convex]
+        turn = SO3.cross(np.broadcast_to(local[:, None], found.G.shape), found.G)
+        H = -np.concatenate([found.G, turn], axis=-1)[..., list(feature.kind.rows)]
+        fitted = feature.size.variance > 0
+        H = np.concatenate([H, found.by_size[..., None]], axis=-1) if fitted else H
+        return Residuals(found.F - side * radius, found.G @ R.T, H)
+    across = [i for i in feature.kind.rows if i < 3]
+    move = np.concatenate([np.broadcast_to(-np.eye(3), (len(points), 3, 3)), SO3.hat(local)], axis=-1)
+    G = np.broadcast_to(R.T[across], (len(points), len(across), 3))
+    return Residuals(local[:, across] - radius, G, move[:, across] @ feature.kind.B.T)
+
+
+def _rows(across: Residuals, covs: Covariances, shared: SharedReadings) -> tuple[FloatArray, FloatArray]:
     """Standardised residuals across the feature and their derivatives by its perturbation and the shared errors.
 
     The last rows say that the shared errors are what is stated: of the points alone they would be unknown.
     """
-    R, across = feature.T_world_feature[:3, :3], [i for i in feature.kind.rows if i < 3]
-    local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
-    move = np.concatenate([np.broadcast_to(-np.eye(3), (len(points), 3, 3)), SO3.hat(local)], axis=-1)
-    f = local[:, across] - radius
-    gains = [(R.T @ J)[:, across] @ _root(error.covariance) for error, J in shared]
-    H = np.concatenate([move[:, across] @ feature.kind.B.T, *gains], axis=-1)
-    L = np.linalg.cholesky((R.T @ covs @ R)[:, across][:, :, across])
+    f, G = across.f, across.G
+    gains = [G @ J @ _root(error.covariance) for error, J in shared]
+    H = np.concatenate([across.H, *gains], axis=-1)
+    L = np.linalg.cholesky(G @ covs @ np.swapaxes(G, -1, -2))
     white = np.linalg.solve(L, np.concatenate([f[..., None], H], axis=-1)).reshape(f.size, -1)
-    own, count = len(feature.kind.rows), white.shape[1] - 1
+    own, count = across.H.shape[-1], white.shape[1] - 1
     stated = np.eye(count)[own:]
     return np.r_[white[:, 0], np.zeros(count - own)], np.concatenate([white[:, 1:], stated])
 

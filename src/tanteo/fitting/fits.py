@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import EDGE, PLANE, VERTEX, Feature, FeatureKind, Sides
+from tanteo.features import CIRCLE, CONE, CYLINDER, EDGE, PLANE, SPHERE, VERTEX, Feature, FeatureKind, Sides
 from tanteo.fitting.agreement import jointly
 from tanteo.fitting.edge import fit_edge
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, make_report, shared_terms
 from tanteo.fitting.plane import fit_plane, plane_ml
+from tanteo.fitting.round_fit import fit_round
 from tanteo.fitting.vertex import fit_vertex
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Vectors
@@ -31,6 +33,7 @@ class LabelledPoints:
         shared: errors that they have in common.
         radii: of the tip's ball ``(n,)`` [m]; 0 without one.
         side: ``normals`` or ``directions`` ``(n, 3)``, if the readings tell which side is outside.
+        normal_sds: of the normals ``(n,)`` [rad], where they are measurements of their own; NaN where not.
     """
 
     label: str
@@ -40,6 +43,7 @@ class LabelledPoints:
     shared: SharedReadings
     radii: FloatArray
     side: Mapping[str, Vectors]
+    normal_sds: FloatArray | None = None
 
 
 Fit: TypeAlias = Callable[[LabelledPoints], tuple[Sides, FitReport]]
@@ -63,10 +67,7 @@ def fitted(kind: FeatureKind, estimate: Estimate, sensed: LabelledPoints) -> tup
 
 def _plane(sensed: LabelledPoints) -> tuple[Sides, FitReport]:
     """A plane, or both if its outward side is unknown."""
-    points, covs, radius = sensed.points, sensed.covs, float(sensed.radii[0])
-    if np.ptp(sensed.radii) > 1e-9:
-        least, most = 1e3 * sensed.radii.min(), 1e3 * sensed.radii.max()
-        raise InputError(f"plane {sensed.label!r}: expected one tip radius, got {least:g} to {most:g} mm.")
+    points, covs, radius = sensed.points, sensed.covs, _one_tip("plane", sensed)
 
     def facing(**side: Vectors) -> tuple[Feature, FitReport]:
         feature, report = fit_plane(
@@ -104,6 +105,27 @@ def _touched(
     return feature, jointly(report, feature, sensed.points, sensed.covs, sensed.shared, sensed.ids)
 
 
+def _round(kind: FeatureKind, sensed: LabelledPoints) -> tuple[Sides, FitReport]:
+    """A round feature; its side from directions or normals, which count as measurements if their spread is stated."""
+    radius = _one_tip(kind.name, sensed)
+    feature, report = fit_round(
+        kind, sensed.points, sensed.covs, tip_radius=radius, label=sensed.label, readings=sensed.ids,
+        shared=sensed.shared, normal_sds=sensed.normal_sds, normals=sensed.side.get("normals"),
+        directions=sensed.side.get("directions"),
+    )  # fmt: skip
+    return feature, jointly(report, feature, sensed.points, sensed.covs, sensed.shared, sensed.ids, radius)
+
+
+def _one_tip(name: str, sensed: LabelledPoints) -> float:
+    """The radius of the tip's ball that touched all of it."""
+    if np.ptp(sensed.radii) > 1e-9:
+        least, most = 1e3 * sensed.radii.min(), 1e3 * sensed.radii.max()
+        raise InputError(f"{name} {sensed.label!r}: expected one tip radius, got {least:g} to {most:g} mm.")
+    return float(sensed.radii[0])
+
+
 register_fit(PLANE, _plane)
 register_fit(EDGE, _edge)
 register_fit(VERTEX, _vertex)
+for _kind in (CIRCLE, CYLINDER, CONE, SPHERE):
+    register_fit(_kind, partial(_round, _kind))

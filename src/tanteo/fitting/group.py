@@ -9,12 +9,11 @@ import numpy as np
 
 from tanteo.constraints import chi2_p_value
 from tanteo.errors import DegenerateError, SideError
-from tanteo.features import PLANE, FeatureKind, Sides, label_kind
-from tanteo.fitting.agreement import Bending, bending
+from tanteo.features import PLANE, Feature, FeatureKind, Sides, label_kind
+from tanteo.fitting.agreement import Bending, bending, residuals_of
 from tanteo.fitting.estimate import FitReport
 from tanteo.fitting.fits import FITS, LabelledPoints
 from tanteo.fitting.sides import known_side, most_opposed
-from tanteo.lie import SE3
 from tanteo.limits import SUSPECT
 from tanteo.sensors import PointMeasurements
 
@@ -60,6 +59,8 @@ def _of_one_side(
             fit = _fit(measured, kind, label, kept, tolerance)
         except SideError as error:
             unlike = error
+        if unlike is not None and kind.shape != "plane":  # normals of a round feature point all ways
+            raise unlike
         row, cosine = most_opposed(measured, kept) if kind.shape == "plane" else (kept[0], 1.0)
         astray = fit is None or (cosine < 0 and not _agrees(fit[1]))
         if astray and len(kept) > least:
@@ -172,20 +173,28 @@ def _sensed(measured: PointMeasurements, label: str, rows: Sequence[int], tolera
     ids = tuple(measured.ids[row] for row in rows)
     covs = measured.covs[index] + tolerance**2 * np.eye(3)
     side = known_side(measured, rows)
-    return LabelledPoints(label, ids, measured.points[index], covs, shared, measured.radii[index], side)
+    # a ball's radius taken off along a normal has moved the point with it: then it counts as part of the point only
+    sds = np.where(measured.taken_off[index] > 0, np.nan, measured.normal_sds[index])
+    return LabelledPoints(label, ids, measured.points[index], covs, shared, measured.radii[index], side, sds)
 
 
 def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:
     """Distance of a reading from a feature, across it [m]."""
     one = feature[0] if isinstance(feature, tuple) else feature
     row = measured.ids.index(name)
-    local = SE3.apply(SE3.inverse(one.T_world_feature), measured.points[row])
-    across = local[[i for i in one.kind.rows if i < 3]]
-    return abs(float(np.linalg.norm(across)) - float(measured.radii[row]))
+    across = residuals_of(one, measured.points[row][None], float(measured.radii[row])).f
+    return float(np.linalg.norm(across))
 
 
 def _widened(feature: Sides, ratio: float) -> Sides:
     """Covariance times ``ratio``: what the scatter of the readings says (Birge)."""
     if isinstance(feature, tuple):
-        return replace(feature[0], P=ratio * feature[0].P), replace(feature[1], P=ratio * feature[1].P)
-    return replace(feature, P=ratio * feature.P)
+        return _wider(feature[0], ratio), _wider(feature[1], ratio)
+    return _wider(feature, ratio)
+
+
+def _wider(feature: Feature, ratio: float) -> Feature:
+    size = feature.size
+    if size is not None:
+        size = replace(size, variance=ratio * size.variance, covariance=ratio * size.covariance)
+    return replace(feature, P=ratio * feature.P, size=size)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -139,8 +140,20 @@ def _feature(feature: Feature) -> dict[str, Any]:
     covariance = C | {"frame": "feature", "matrix_same_sensors": kind.B.T @ feature.P @ kind.B}
     return {
         "label": feature.label, "kind": kind.name, "frame": kind.frame, "T_world_feature": feature.T_world_feature,
-        "covariance": covariance, "readings": feature.readings,
+        "covariance": covariance, "readings": feature.readings, **_size(feature),
     }  # fmt: skip
+
+
+def _size(feature: Feature) -> dict[str, Any]:
+    """Radius or half angle of a round feature, with its standard deviation and the side of the material."""
+    size = feature.size
+    if size is None:
+        return {}
+    from tanteo.constraints import relate_size
+
+    name, unit = feature.kind.size_name.replace(" ", "_"), "m" if feature.kind.size_name == "radius" else "rad"
+    sd = math.sqrt(float(relate_size(feature).covariance[0, 0]))
+    return {f"{name}_{unit}": size.value, f"{name}_sd_{unit}": sd, "convex": size.convex}
 
 
 def calibration_document(found: Calibration) -> dict[str, Any]:

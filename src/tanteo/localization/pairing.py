@@ -23,6 +23,7 @@ class ModelFeature:
         P: tolerance of the made part over the kind's rows ``(size, size)`` [m, rad]; zero if not given.
         radius: of a cylinder, sphere or circle [m].
         name: for reports.
+        convex: of a round feature, True for a boss, False for a bore; None where it is not known.
     """
 
     kind: FeatureKind
@@ -30,6 +31,7 @@ class ModelFeature:
     P: Covariances | None = None
     radius: float = 0.0
     name: str = ""
+    convex: bool | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +45,11 @@ class Pairing:
     def relation(self) -> Relation:
         """The row of the table of relations."""
         return relation_between(self.sensed.kind, self.model.kind)
+
+    @property
+    def other_side(self) -> bool:
+        """Whether one is a boss and the other a bore: no pose makes them the same."""
+        return None not in (self.sensed.convex, self.model.convex) and self.sensed.convex != self.model.convex
 
 
 def build_blocks(pairings: Sequence[Pairing]) -> tuple[list[Block], FloatArray, tuple[SharedError, ...], list[int]]:

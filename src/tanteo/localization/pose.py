@@ -45,7 +45,8 @@ class PoseEstimate:
         dof: its degrees of freedom: equations of the pairings, six more with a prior, less the six of the pose but for
             those that stay free.
         p_value: probability of a larger ``chi2`` if all is as stated; 1 without redundancy.
-        distances: squared Mahalanobis distance of each pairing at the estimate, under its own noise.
+        distances: squared Mahalanobis distance of each pairing at the estimate, under its own noise; infinite where
+            sides do not agree (a plane from behind, a bore with a boss).
         alternatives: other poses ``(k, 4, 4)`` that fit about as well (undirected edges, few points).
         shared: estimated shared errors by name, with their standard deviations.
         shared_given: the same errors, one after the other, given the pose.
@@ -162,6 +163,7 @@ def _report(
 ) -> PoseEstimate:
     T, chi2 = solution.T_world_part[best], float(solution.chi2[best])
     distances = pairing_distances(blocks, order, T, solution.z[best])
+    distances[[pairing.other_side for pairing in pairings]] = np.inf
     chi2 = chi2 if np.all(np.isfinite(distances)) else np.inf
     information = solution.information[best]
     covariance = covariance_with_free(pose_information(information), N, scale)

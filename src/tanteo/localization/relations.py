@@ -119,7 +119,7 @@ def _at_radius(T: Transforms, axes: list[int], radius: FloatArray) -> Linear:
 
 
 def _point_on_cylinder(T: Transforms, radius: FloatArray) -> Linear:
-    return _at_radius(T, [1, 2], radius)
+    return _at_radius(T, [0, 1], radius)
 
 
 def _point_on_sphere(T: Transforms, radius: FloatArray) -> Linear:
@@ -128,6 +128,25 @@ def _point_on_sphere(T: Transforms, radius: FloatArray) -> Linear:
 
 def _point_on_circle(T: Transforms, radius: FloatArray) -> Linear:
     return _stack(_point_rows(T, [2]), _at_radius(T, [0, 1], radius))
+
+
+def _on_axis(T: Transforms, radius: FloatArray) -> Linear:
+    """A sensed circle around a model axis, or a sensed axis along that of a model cylinder."""
+    return _stack(_point_rows(T, [0, 1]), _z_axis_rows(T))
+
+
+def _axis_through(T: Transforms, radius: FloatArray) -> Linear:
+    """A sensed axis through the model's centre, along the model's axis."""
+    n, o, a, p = _columns(T)
+    D = np.zeros((*T.shape[:-2], 2, 6))
+    D[..., 0, 0] = D[..., 1, 1] = 1.0
+    D[..., 0, 4], D[..., 0, 5] = -np.sum(a * p, -1), np.sum(o * p, -1)
+    D[..., 1, 3], D[..., 1, 5] = np.sum(a * p, -1), -np.sum(n * p, -1)
+    return _stack((np.stack([np.sum(n * p, -1), np.sum(o * p, -1)], axis=-1), D), _z_axis_rows(T))
+
+
+def _circle_in_plane(T: Transforms, radius: FloatArray) -> Linear:
+    return _stack(_point_rows(T, [2]), _z_axis_rows(T))
 
 
 def _same(kind: FeatureKind) -> Relation | None:
@@ -153,6 +172,9 @@ _BETWEEN_KINDS = (
     Relation("point_on_cylinder", VERTEX, CYLINDER, 1, _point_on_cylinder),
     Relation("point_on_sphere", VERTEX, SPHERE, 1, _point_on_sphere),
     Relation("point_on_circle", VERTEX, CIRCLE, 2, _point_on_circle),
+    Relation("circle_on_cylinder", CIRCLE, CYLINDER, 4, _on_axis),
+    Relation("cylinder_has_circle", CYLINDER, CIRCLE, 4, _axis_through),
+    Relation("circle_in_plane", CIRCLE, PLANE, 3, _circle_in_plane),
 )
 
 RELATIONS: dict[str, Relation] = {r.name: r for r in (*map(_same, KINDS.values()), *_BETWEEN_KINDS) if r is not None}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.acquisition import EdgeGuess, FaceGuess
+from tanteo.constraints import relate_size
 from tanteo.features import feature_covariance
 from tanteo.lie import SO3
 from tanteo.text.answers import answer_lines
@@ -89,7 +90,7 @@ def _where(feature: Feature | None) -> str:
     axis = feature.kind.axis
     if axis is None:
         return place + " in the world"
-    name = "along" if axis == 0 else "outward normal"
+    name = "along" if axis == 0 else "axis" if feature.kind.size_name else "outward normal"
     return place + ", {} ({:.4f}, {:.4f}, {:.4f}) in the world".format(name, *T[:3, axis])
 
 
@@ -109,9 +110,21 @@ def _spread(feature: Feature) -> list[str]:
         )
 
     return [
+        *_size(feature),
         f"  sd          {words(whole)}, in the feature's own frame ({feature.kind.frame})",
         f"  of readings {words(own)}, with the errors known that all readings of a sensor share",
     ]
+
+
+def _size(feature: Feature) -> list[str]:
+    """Radius or half angle of a round feature, and on which side the material is."""
+    if feature.size is None:
+        return []
+    value, sd = feature.size.value, float(np.sqrt(relate_size(feature).covariance[0, 0]))
+    shown = f"{1e3 * value:.4f} mm" if feature.radius is not None else f"{np.degrees(value):.3f} deg"
+    spread = f"{1e3 * sd:.3g} mm" if feature.radius is not None else f"{np.degrees(sd):.3g} deg"
+    side = {True: ", a boss", False: ", a bore", None: ""}[feature.convex]
+    return [f"  {feature.kind.size_name:<11} {shown}, sd {spread}{side}"]
 
 
 def known_words(expected: Predicted) -> str:

@@ -1,0 +1,96 @@
+"""A pattern of centres against one of a model, wherever it lies: the joint test of points; ``math.md`` section 4.8.
+
+All distances of n points together have a singular covariance from five points on (four in a plane), and they accept the
+mirror image. What is left of the coordinates after the best rigid motion is the Mahalanobis distance of a complete set
+of constraints that do not depend on the pose (section 9), chi-square with ``3 n - 6`` degrees of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.constraints.joint import JointTest, joint_test
+from tanteo.errors import InputError
+from tanteo.features import Feature, collect_shared
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Covariances, FloatArray, Vectors
+
+_PASSES = 20
+
+
+def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
+    """Whether centres (or vertices) are those of a model, in the order given, up to one rigid motion.
+
+    A mirror image is another pattern, but for one in a plane, which turned over is its own: the axes of its holes tell.
+
+    Args:
+        features: circles, spheres, cones or vertices, two or more; errors that they share count once.
+        model: the same points of the model ``(n, 3)`` [m], in any frame.
+
+    Returns:
+        The joint test. ``dof`` is ``3 n - 6``, or ``3 n - 5`` for points on one line; ``xi`` is a left motion
+        ``(v, w)`` of the model about the mean of the sensed points that is left at the best pose: zero.
+
+    Raises:
+        InputError: for fewer than two features, a feature without a centre, or another number of points.
+
+    Example:
+        >>> holes = [
+        ...     tanteo.fitting.given_round(tanteo.features.CIRCLE, c, 1e-5, label="h")
+        ...     for c in ([0, 0, 0], [0.04, 0, 0], [0, 0.03, 0])
+        ... ]
+        >>> test = tanteo.constraints.relate_pattern(holes, [[0, 0, 0.1], [0, 0.04, 0.1], [-0.03, 0, 0.1]])
+        >>> test.dof, test.p_value > 0.99
+        (3, True)
+    """
+    points = np.asarray(model, dtype=np.float64)
+    if len(features) < 2 or points.shape != (len(features), 3) or not np.isfinite(points).all():
+        raise InputError(
+            f"pattern: expected two or more features and as many finite points of the model, got {len(features)} and "
+            f"an array of shape {points.shape}."
+        )
+    for feature in features:
+        if not {0, 1, 2} <= set(feature.kind.rows):
+            raise InputError(
+                f"pattern: expected features with a centre, got a {feature.kind.name} ({feature.label!r})."
+            )
+    sensed = np.stack([feature.T_world_feature[:3, 3] for feature in features])
+    S = _covariance(features)
+    middle = sensed.mean(axis=0)
+    T = _first(sensed, points)
+    for _ in range(_PASSES):
+        placed = SE3.apply(T, points)
+        test = joint_test((sensed - placed).ravel(), _by_motion(placed - middle), S)
+        step = np.r_[test.xi[:3] + np.cross(middle, test.xi[3:]), test.xi[3:]]
+        T = SE3.exp(step) @ T
+        if np.abs(test.xi[3:]).max() < 1e-12 and np.abs(test.xi[:3]).max() < 1e-15:
+            break
+    return test
+
+
+def _by_motion(arms: Vectors) -> FloatArray:
+    """How ``sensed - placed`` changes with a motion of the model about the middle ``(3 n, 6)``."""
+    return -np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -SO3.hat(arms)], axis=-1).reshape(-1, 6)
+
+
+def _covariance(features: Sequence[Feature]) -> Covariances:
+    """Of all centres in the world ``(3 n, 3 n)``, shared errors included."""
+    n = len(features)
+    _, C, gains = collect_shared(features)
+    S, A = np.zeros((n, 3, n, 3)), np.zeros((n, 3, C.shape[0]))
+    for k, (feature, gain) in enumerate(zip(features, gains, strict=True)):
+        rows, R = [feature.kind.rows.index(i) for i in range(3)], feature.T_world_feature[:3, :3]
+        S[k, :, k] = R @ feature.P[np.ix_(rows, rows)] @ R.T
+        A[k] = R @ gain[rows]
+    flat = A.reshape(3 * n, -1)
+    return S.reshape(3 * n, 3 * n) + flat @ C @ flat.T
+
+
+def _first(sensed: Vectors, model: Vectors) -> FloatArray:
+    """The motion of least squares."""
+    a, b = model - model.mean(axis=0), sensed - sensed.mean(axis=0)
+    U, _, Vt = np.linalg.svd(b.T @ a)
+    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    return SE3.from_parts(R, sensed.mean(axis=0) - R @ model.mean(axis=0))

@@ -1,0 +1,170 @@
+"""The circle in which a bore or boss meets a plane that is known: three or four touches of its wall are enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.errors import InputError, SideError
+from tanteo.features import CIRCLE, PLANE, Feature, SharedError, SharedTerm, reframe_near
+from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
+from tanteo.fitting.round_estimate import check_positive, solved
+from tanteo.fitting.round_fit import feature_of, outward_vectors, side_of
+from tanteo.fitting.round_refusal import refuse
+from tanteo.fitting.round_result import RoundEstimate
+from tanteo.fitting.round_start import circle_start, refuse_flat
+from tanteo.fitting.round_steps import RoundProblem
+from tanteo.fitting.round_surface import cylinder
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Covariances, FloatArray, Vectors
+
+_EXACT = np.diag([1e-9, 1e-7, 1e-7]) ** 2
+"""No plane is known better than this [m, rad]."""
+_OWN = 1e-6
+"""Share of a plane's covariance that stays its own when the rest gets a name."""
+
+
+def circle_on_plane(
+    points: Vectors,
+    covs: Covariances,
+    plane: Feature,
+    *,
+    size: float | None = None,
+    size_sd: float = 0.0,
+    convex: bool | None = None,
+    directions: Vectors | None = None,
+    tip_radius: float = 0.0,
+    label: str = "",
+    readings: Sequence[str] = (),
+    shared: SharedReadings = (),
+) -> tuple[Feature, FitReport]:
+    """The circle in which the wall of a bore or boss, at right angles to a plane, meets the plane.
+
+    This is three- or four-point probing: the points are on the wall, at any depth, and are seen along the plane's
+    normal; crossings of the rim are points of the wall, too. With a given size two points are enough, if directions and
+    ``convex`` say on which side of them its centre is.
+
+    Args:
+        points: of the wall, or centres of the tip's ball ``(n, 3)`` in the world [m].
+        covs: their independent covariances ``(n, 3, 3)`` [m^2].
+        plane: the sensed face around it, or a given one (with zero ``P`` if it is exact); z of the circle is its
+            outward normal. What it is not known to is carried to the circle, its shared errors by name: where the
+            plane and several circles of it are used together, give all of them :func:`with_named_errors` of the plane.
+        size: the radius [m], where it is known.
+        size_sd: its standard deviation; 0 holds it.
+        convex: True for a boss, False for a bore; found out of the directions if not given.
+        directions: of the touches, into the material ``(n, 3)``; NaN rows where unknown.
+        tip_radius: of the tip's ball [m].
+        label: name of the circle.
+        readings: ids of the readings.
+        shared: errors that the points have in common, beyond ``covs``.
+
+    Raises:
+        InputError: if ``plane`` is none, for too few points; ``SideError`` if a ball touched from an unknown side.
+        DegenerateError: if the arc is too short for what is unknown.
+    """
+    name, own = f"circle {label!r}", size is None or size_sd > 0
+    if plane.kind is not PLANE:
+        raise InputError(f"{name}, plane: expected a plane, got a {plane.kind.name}. Fit a plane to its face first.")
+    points, covs = check_points(points, covs, 2 + own, name)
+    if points.ndim != 2:
+        raise InputError(f"{name}, points: expected shape (n, 3), got {points.shape}.")
+    check_positive(covs, name)
+    refuse_flat(points, 1 if not own else 2, name)
+    side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, tip_radius, name)
+    tip = (side or 0) * tip_radius
+    near = reframe_near(plane, circle_start(points, plane.T_world_feature[:3, :3]).c)
+    beside = outward_vectors(directions, None, len(points))
+    found, gain = _solve(points, covs, near, (None if size is None else size + tip, size_sd), beside, side)
+    refuse(CIRCLE, found, points, name)
+    s = float(found.size) - tip
+    if not s > 0:
+        raise InputError(f"{name}: expected a ball smaller than the bore, got {1e3 * tip_radius:g} mm. Check the tip.")
+    terms = _terms(points, found.fit, near, gain, shared)
+    spokes = SE3.apply(SE3.inverse(found.fit.T), points) * np.array([1.0, 1.0, 0.0])
+    support = points - tip * (spokes / np.linalg.norm(spokes, axis=1, keepdims=True)) @ found.fit.T[:3, :3].T
+    feature = feature_of(CIRCLE, found.fit, s, terms, None if side is None else side > 0, label, support, readings)
+    return replace(feature, tip_radius=tip_radius), make_report(found.fit, readings)
+
+
+def _side(
+    points: Vectors, plane: Feature, outward: Vectors, convex: bool | None, tip_radius: float, name: str
+) -> int | None:
+    start = circle_start(points, plane.T_world_feature[:3, :3])
+    n = plane.T_world_feature[:3, 2]
+    spokes = (points - start.c) @ (np.eye(3) - np.outer(n, n))
+    spokes = spokes / np.maximum(np.linalg.norm(spokes, axis=1, keepdims=True), 1e-300)
+    stated = None if convex is None else (1 if convex else -1)
+    side = stated if len(points) < 3 else side_of(spokes, outward, stated, name)
+    if tip_radius > 0 and side is None:
+        raise SideError(
+            f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got no "
+            "directions. Give the direction of each touch (into the material), or convex."
+        )
+    return side
+
+
+def _solve(
+    points: Vectors,
+    covs: Covariances,
+    near: Feature,
+    size: tuple[float | None, float],
+    outward: Vectors,
+    side: int | None,
+) -> tuple[RoundEstimate, FloatArray]:
+    """The estimate, and the gain of the plane's perturbation on it ``(6, 3)``."""
+    T = near.T_world_feature
+    information = np.zeros((5, 5))
+    information[2:, 2:] = np.linalg.inv(near.P + _EXACT)
+    problem = RoundProblem(
+        cylinder, CIRCLE.rows, points, covs, known_size=None if size[0] is None else size[1], size=size[0] or 0.0,
+        known_frame=(T[:3, :3], T[:3, 3], information),
+    )  # fmt: skip
+    found = solved(CIRCLE, problem, outward if outward.any() else None, side)
+    return found, found.fit.P[:, 2:5] @ information[2:, 2:]
+
+
+def _terms(
+    points: Vectors, fit: Estimate, plane: Feature, gain: FloatArray, shared: SharedReadings
+) -> tuple[SharedTerm, ...]:
+    """What shared errors of plane and points do to the circle and its size; exact for rigid ones."""
+    rows = np.vstack([SE3.adjoint_inverse(fit.T)[list(CIRCLE.rows)], np.zeros(6)])
+    of_plane = SE3.adjoint_inverse(plane.T_world_feature)[list(PLANE.rows)]
+    of_points = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
+    errors: dict[str, SharedError] = {}
+    on_plane = {term.error.name: term.jacobian for term in plane.shared}
+    on_points = {error.name: np.asarray(J, dtype=np.float64) for error, J in shared}
+    for error in (*(term.error for term in plane.shared), *(error for error, _ in shared)):
+        errors.setdefault(error.name, error)
+    terms = []
+    for name, error in errors.items():
+        d = len(error.covariance)
+        A = on_plane.get(name, np.zeros((3, d)))
+        J = on_points.get(name, np.zeros((len(points), 3, d)))
+        M = rigid_motion(np.vstack([of_plane, of_points.reshape(-1, 6)]), np.vstack([A, J.reshape(-1, d)]))
+        through = gain @ A + np.sum(fit.shared_jacobian @ J, axis=0)
+        terms.append(SharedTerm(error, rows @ M if M is not None else through))
+    return tuple(terms)
+
+
+def with_named_errors(plane: Feature) -> Feature:
+    """The plane with its own error under its name, as an error that circles on it share with it.
+
+    Pairing a face and the holes in it counts the face once, then. The covariance as a whole stays what it is.
+
+    Raises:
+        InputError: if the plane has no label to name the error after.
+
+    Example:
+        >>> top = tanteo.features.Feature(tanteo.features.PLANE, np.eye(4), 1e-10 * np.eye(3), label="top")
+        >>> tanteo.fitting.with_named_errors(top).shared[0].error.name
+        "plane 'top'"
+    """
+    if not plane.label:
+        raise InputError("plane: expected a label, got none: its error is named after it. Give one.")
+    error = SharedError(
+        f"{plane.kind.name} {plane.label!r}", (1 - _OWN) * plane.P, "error of a fitted feature [m, rad]"
+    )
+    return replace(plane, P=_OWN * plane.P, shared=(*plane.shared, SharedTerm(error, np.eye(plane.kind.size))))

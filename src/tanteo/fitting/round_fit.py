@@ -1,0 +1,259 @@
+"""A round feature from its points, its side known or found out, the tip's ball taken off; ``math.md`` section 8."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.errors import InputError, SideError
+from tanteo.features import CIRCLE, CONE, CYLINDER, Feature, FeatureKind, Round, SharedTerm
+from tanteo.fitting.estimate import (
+    Estimate,
+    FitReport,
+    SharedReadings,
+    check_points,
+    make_report,
+    shared_terms,
+)
+from tanteo.fitting.round_estimate import DISTANCES, round_ml, unknowns
+from tanteo.fitting.round_refusal import refuse
+from tanteo.fitting.round_result import RoundEstimate
+from tanteo.lie import SE3
+from tanteo.typing import Covariances, FloatArray, Vectors
+
+_ALONG = 0.05
+"""A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
+
+
+def fit_round(
+    kind: FeatureKind,
+    points: Vectors,
+    covs: Covariances,
+    *,
+    size: float | None = None,
+    size_sd: float = 0.0,
+    convex: bool | None = None,
+    directions: Vectors | None = None,
+    normals: Vectors | None = None,
+    normal_sds: FloatArray | None = None,
+    tip_radius: float = 0.0,
+    label: str = "",
+    readings: Sequence[str] = (),
+    shared: SharedReadings = (),
+) -> tuple[Feature, FitReport]:
+    """The cylinder, cone or sphere of some sensed points, or the circle of points of its rim.
+
+    Of a circle the points are on the rim itself, as crossings of an edge are; where a ball touched the wall of a bore,
+    fit a cylinder, or :func:`tanteo.fitting.on_plane`.
+
+    Args:
+        kind: circle, cylinder, cone or sphere.
+        points: of the surface, or centres of the tip's ball if ``tip_radius`` is given ``(n, 3)`` in the world [m].
+        covs: their independent covariances ``(n, 3, 3)`` [m^2].
+        size: radius [m] or half angle [rad], where it is known.
+        size_sd: its standard deviation; 0 holds it.
+        convex: True for a boss, False for a bore; found out of directions or normals if not given.
+        directions: in which the sensor looked or the tip moved, into the material ``(n, 3)``; NaN rows where unknown.
+            Of a circle: into the face in which it lies; z of its frame is against them.
+        normals: sensed outward normals ``(n, 3)``; NaN rows where unknown. Of a circle: of that face.
+        normal_sds: of these ``(n,)`` [rad]; without them normals tell the side only.
+        tip_radius: of the tip's ball [m].
+        label: name of the feature.
+        readings: ids of the readings.
+        shared: errors that the points have in common, beyond ``covs``.
+
+    Returns:
+        The feature, its size with variance and covariance, and how well the points agree.
+
+    Raises:
+        InputError: for too few points, shapes that do not fit, a ball on a rim; ``SideError`` if a ball touched from
+            an unknown side, or the readings contradict each other about it.
+        DegenerateError: if the points do not determine it; the message says what is not observable.
+
+    Example:
+        >>> turn = np.radians(np.arange(0, 360, 45))
+        >>> ring = np.stack([5e-3 * np.cos(turn), 5e-3 * np.sin(turn), 0 * turn], axis=1)
+        >>> covs = np.tile(1e-10 * np.eye(3), (8, 1, 1))
+        >>> hole, report = tanteo.fitting.fit_round(tanteo.features.CIRCLE, ring, covs, label="hole")
+        >>> round(1e3 * hole.radius, 6)
+        5.0
+    """
+    name = f"{kind.name} {label!r}"
+    points, covs = check_points(points, covs, unknowns(kind, size, size_sd), name)
+    _check(kind, points, size, size_sd, tip_radius, name)
+    outward = outward_vectors(directions, normals, len(points))
+    sds = np.full(len(points), np.inf) if normal_sds is None else np.where(np.isfinite(normal_sds), normal_sds, np.inf)
+    sensed = outward_vectors(None, normals, len(points))
+    sds = np.where(sensed.any(axis=1) & (kind is not CIRCLE), sds, np.inf)
+    given = None if size is None else (size, size_sd)
+    found, side = _sided(kind, points, covs, given, convex, (outward, sensed, sds), tip_radius, name)
+    refuse(kind, found, points, name)
+    estimate, size_found = _off_the_ball(kind, found, (side or 0) * tip_radius, name)
+    estimate = _directed(kind, estimate, outward)
+    N = _normals(kind, found, points)
+    support = points - (side or 0) * tip_radius * N
+    rows = np.vstack([SE3.adjoint_inverse(estimate.T)[list(kind.rows)], np.zeros(6)])
+    terms = shared_terms(points, estimate, rows, shared)
+    known = convex if side is None else side > 0
+    feature = feature_of(kind, estimate, size_found, terms, known, label, support, readings)
+    return replace(feature, tip_radius=tip_radius), make_report(estimate, readings)
+
+
+def _check(
+    kind: FeatureKind, points: Vectors, size: float | None, size_sd: float, tip_radius: float, name: str
+) -> None:
+    if points.ndim != 2:
+        raise InputError(f"{name}, points: expected shape (n, 3), got {points.shape}. Use round_ml for batches.")
+    if kind.name not in DISTANCES:
+        raise InputError(f"kind: expected one of {', '.join(DISTANCES)}, got {kind.name}.")
+    if size is not None and not (np.isfinite(size) and size > 0 and (kind is not CONE or size < np.pi / 2)):
+        most = " below pi/2 rad" if kind is CONE else " [m]"
+        raise InputError(f"{name}: expected a positive {kind.size_name}{most}, got {size}.")
+    if not (np.isfinite(size_sd) and size_sd >= 0):
+        raise InputError(f"{name}, size_sd: expected zero or more, got {size_sd}.")
+    if kind is CIRCLE and tip_radius > 0:
+        raise InputError(
+            f"{name}: expected points of its rim, got centres of a ball of {1e3 * tip_radius:g} mm, whose contact on "
+            "an edge is unknown. Touch its wall and fit a cylinder, or sense its face, too, and fit a circle on that "
+            "plane."
+        )
+
+
+def outward_vectors(directions: Vectors | None, normals: Vectors | None, n: int) -> Vectors:
+    """Unit vectors out of the material ``(n, 3)``: normals, or against the directions; zero where nothing is known."""
+    for side, sign in ((normals, 1.0), (directions, -1.0)):
+        if side is None:
+            continue
+        vectors = sign * np.nan_to_num(np.asarray(side, dtype=np.float64).reshape(n, 3))
+        length = np.linalg.norm(vectors, axis=1, keepdims=True)
+        if length.any():
+            return np.asarray(vectors / np.where(length > 0, length, 1.0))
+    return np.zeros((n, 3))
+
+
+def _sided(
+    kind: FeatureKind,
+    points: Vectors,
+    covs: Covariances,
+    given: tuple[float, float] | None,
+    convex: bool | None,
+    sides: tuple[Vectors, Vectors, FloatArray],
+    tip_radius: float,
+    name: str,
+) -> tuple[RoundEstimate, int | None]:
+    """The fit to the points as they are, and 1 for a boss, -1 for a bore, None where that is not known."""
+    outward, sensed, sds = sides
+    own = sds if np.isfinite(sds).any() else None
+
+    def fit(sign: int, moved: float) -> RoundEstimate:
+        size = {} if given is None else {"size": given[0] + moved, "size_sd": given[1]}
+        along = None if own is None else sign * sensed
+        beside = outward if outward.any() and kind is not CIRCLE else None
+        return round_ml(kind, points, covs, normals=along, normal_sds=own, outward=beside, **size)
+
+    stated = None if convex is None else (1 if convex else -1)
+    found = fit(stated or _spreading(points, sensed), 0.0)
+    if kind is CIRCLE:
+        return found, stated
+    side = side_of(_normals(kind, found, points), outward, stated, name)
+    if tip_radius > 0 and side is None:
+        raise SideError(
+            f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got neither "
+            "directions nor normals. Give the direction of each touch (into the material), or convex."
+        )
+    if tip_radius > 0 and given is not None and kind is not CONE and side is not None:
+        found = fit(side, side * tip_radius)
+    return found, side
+
+
+def _spreading(points: Vectors, normals: Vectors) -> int:
+    """1 if sensed normals spread with the points, as those of a boss do, -1 if they come together."""
+    known = normals.any(axis=1)
+    p, n = points[known], normals[known]
+    return -1 if len(p) and np.sum((p - p.mean(axis=0)) * (n - n.mean(axis=0))) < 0 else 1
+
+
+def _normals(kind: FeatureKind, found: RoundEstimate, points: Vectors) -> Vectors:
+    """Unit vectors away from the axis or centre at the points ``(n, 3)``."""
+    local = SE3.apply(SE3.inverse(found.fit.T), points)
+    return np.asarray(DISTANCES[kind.name](local, found.size[..., None]).G[..., -1, :] @ found.fit.T[:3, :3].T)
+
+
+def side_of(N: Vectors, outward: Vectors, stated: int | None, name: str) -> int | None:
+    """1 if the outward vectors point away from the axis, -1 if towards it; what is stated if they tell nothing.
+
+    Raises:
+        SideError: if they contradict each other, or what is stated.
+    """
+    known = outward.any(axis=1)
+    along = np.sum(N * outward, axis=1)[known]
+    if not len(along) or np.all(np.abs(along) < _ALONG):
+        return stated
+    mean = float(along.mean())
+    if abs(mean) < _ALONG or np.any(along * np.sign(mean) < -0.2):
+        raise SideError(
+            f"{name}: expected the readings to agree on which side is outside, got vectors with components "
+            f"{along.min():.2f} to {along.max():.2f} away from its axis. Check directions, normals and label."
+        )
+    side = 1 if mean > 0 else -1
+    if stated is not None and side != stated:
+        got, wanted = ("a boss", "a bore") if side > 0 else ("a bore", "a boss")
+        raise SideError(f"{name}: expected {wanted}, got directions or normals of {got}. Check convex, or the columns.")
+    return side
+
+
+def _off_the_ball(kind: FeatureKind, found: RoundEstimate, tip: float, name: str) -> tuple[Estimate, float]:
+    """The surface, which is ``tip`` nearer to the axis than the ball's centres were; of a cone the apex moves."""
+    s = float(found.size)
+    if kind is not CONE or tip == 0:
+        if not s - tip > 0:
+            raise InputError(
+                f"{name}: expected a ball smaller than it, got one of {1e3 * abs(tip):g} mm at {1e3 * s:.4g} mm. Check "
+                "the tip's radius and the side."
+            )
+        return found.fit, s - tip
+    slide = np.eye(4)
+    slide[2, 3] = tip / np.sin(s)
+    J = np.eye(kind.size + 1)
+    rows = list(kind.rows)
+    J[:-1, :-1] = SE3.adjoint_inverse(slide)[rows][:, rows]
+    J[2, -1] = -tip * np.cos(s) / np.sin(s) ** 2
+    fit = found.fit
+    return replace(fit, T=fit.T @ slide, P=J @ fit.P @ J.T, shared_jacobian=J @ fit.shared_jacobian), s
+
+
+def _directed(kind: FeatureKind, estimate: Estimate, outward: Vectors) -> Estimate:
+    """With z of a circle out of the material; of a cylinder, and where that is unknown, its largest part positive."""
+    if kind not in (CIRCLE, CYLINDER):
+        return estimate
+    z = estimate.T[:3, 2]
+    along = float(np.sum(outward @ z)) if kind is CIRCLE else 0.0
+    if (along or z[np.argmax(np.abs(z))]) > 0:
+        return estimate
+    flip = np.append(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])[list(kind.rows)], 1.0)
+    return replace(
+        estimate,
+        T=estimate.T @ np.diag([1.0, -1.0, -1.0, 1.0]),
+        P=estimate.P * np.outer(flip, flip),
+        shared_jacobian=estimate.shared_jacobian * flip[:, None],
+    )
+
+
+def feature_of(
+    kind: FeatureKind,
+    estimate: Estimate,
+    size: float,
+    terms: Sequence[SharedTerm],
+    convex: bool | None,
+    label: str,
+    support: Vectors,
+    readings: Sequence[str],
+) -> Feature:
+    """The feature of an estimate whose last row is the size."""
+    P = 0.5 * (estimate.P + estimate.P.T)
+    gains = tuple(term.jacobian[-1:] for term in terms)
+    own = tuple(SharedTerm(term.error, term.jacobian[:-1]) for term in terms)
+    size_of = Round(size, float(P[-1, -1]), P[:-1, -1], gains, convex)
+    return Feature(kind, estimate.T, P[:-1, :-1], label, own, support, tuple(readings), size=size_of)
