@@ -24,7 +24,7 @@ from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import ContactPoints, FreeRays, directions_met
 from tanteo.parts import Part
 from tanteo.typing import FloatArray
 
@@ -151,10 +151,15 @@ def _too_little(problem: Problem) -> str:
         return f"All {len(problem.points)} readings are on the {of}: sense the part, on several sides."
     if not len(points):
         return f"No reading met anything: sense {LEAST} places or more, better eight, on several sides."
-    if len(points) < LEAST:
+    if len(points) == 1 and points.centres.any():
+        return (
+            "One centre fits every hole or boss, and leaves free how the part is tilted, turned about it and slid along its "
+            "axis: sense a second one, and a face."
+        )
+    if sum(map(directions_met, points.kinds)) < LEAST:
         few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
         return f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
-    if named or points.oriented.any():
+    if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
         return ""
     along, across = np.linalg.svd(points.points - points.points.mean(axis=0), compute_uv=False)[:2]
     sd = float(np.median(_along(points)))

@@ -29,6 +29,7 @@ from tanteo.inference.proposals import (
     spread_rows,
 )
 from tanteo.inference.symmetry import log_orbit
+from tanteo.measurements import directions_met
 from tanteo.special import log_sum
 from tanteo.typing import BoolArray, Indices, Transforms
 
@@ -68,8 +69,8 @@ _MOST = 40
 _BEST = 3
 """Leading parts of which the best pose is tried on the others."""
 
-_ORIENTED = 3
-"""So many sensed normals fix a pose."""
+_FIXED, _ORIENTED = 6, 3
+"""So many directions in which points are held fix a pose, or so many sensed normals."""
 
 
 @dataclass(slots=True, eq=False)
@@ -223,7 +224,8 @@ def race(
             search.restart(_LOOK)
     _try_on_others(live)
     live = _still_in(live, log_unknown, _BEHIND[1])
-    fixed = len(problem.points) >= 6 or int(problem.points.oriented.sum()) >= _ORIENTED
+    points = problem.points
+    fixed = sum(map(directions_met, points.kinds)) >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)

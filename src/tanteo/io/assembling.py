@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
+from tanteo.io.centres import find_centres
 from tanteo.sensors import Readings, check_features
 from tanteo.typing import FloatArray, Vectors
 
@@ -43,6 +44,7 @@ def assemble(
     _give_radius(columns, n, stated, source)
     _give_directions(columns, n, outward, stated, source, notes)
     _give_normal_sds(columns, stated, source, notes)
+    find_centres(columns, n, source, notes)
     _release_labels(columns, notes)
     n = _draw(columns, n, stated.max_points, notes)
     try:
