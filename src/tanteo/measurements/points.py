@@ -22,7 +22,7 @@ _BLUNT = 0.3
 _OF_CIRCLES = (*WALLS, "cone", "sphere")
 """Kinds of contact points on a wall that is not flat, as labels name it."""
 
-_MADE = 1e-4
+MADE = 1e-4
 """To how much a radius tells what hole or boss it is [m]: they are made no more exactly, or modelled as threads."""
 
 
@@ -172,7 +172,7 @@ def as_contact_points(
     reach = np.zeros(len(measured)) if reach is None else np.where(centres, 0.0, np.nan_to_num(reach))
     covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
     sd = np.sqrt(np.linalg.eigvalsh(covs)[:, -1])
-    made = np.where(measured.circles[:, 0] > 0, np.hypot(sd, _MADE), 0.0)
+    made = np.where(measured.circles[:, 0] > 0, np.hypot(sd, MADE), 0.0)
     return ContactPoints(
         measured.ids,
         points,
