@@ -156,6 +156,11 @@ def _too_little(problem: Problem) -> str:
             "One centre fits every hole or boss, and leaves free how the part is tilted, turned about it and slid along its "
             "axis: sense a second one, and a face."
         )
+    if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
+        return (
+            "Two centres leave free how the part is turned about their line and slid along its holes: sense a face, at "
+            "three places, or a third centre that is not in line with them."
+        )
     if sum(map(directions_met, points.kinds)) < LEAST:
         few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
         return f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
