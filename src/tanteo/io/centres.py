@@ -9,13 +9,15 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.sensors import CENTRE, WALLS
-from tanteo.typing import BoolArray
+from tanteo.typing import BoolArray, Vectors
 
 _AXIS_SD = np.radians(1.0)
 """Of an axis of which nobody said how well it is known [rad]."""
 
 
-def find_centres(columns: dict[str, Any], n: int, source: str, notes: list[str]) -> None:
+def find_centres(
+    columns: dict[str, Any], n: int, outward: Vectors | None, source: str, notes: list[str]
+) -> tuple[BoolArray, Vectors | None]:
     """Make rows that give the centre of a circle readings of kind ``centre``; what is taken so is said.
 
     They are those of kind circle or cylinder that are alone with their label, or that have the radius or the side of the
@@ -24,19 +26,23 @@ def find_centres(columns: dict[str, Any], n: int, source: str, notes: list[str])
     Args:
         columns: of :meth:`Readings.from_columns`, in SI; None where the file has none.
         n: how many rows there are.
+        outward: vectors I J K ``(n, 3)`` of the file; of centres they are axes.
         source: the file, for messages.
         notes: what was said of it so far.
+
+    Returns:
+        Which rows give centres ``(n,)``, and the vectors of the others; None if there are none.
 
     Raises:
         ReadingsError: one of them has a ball's radius.
     """
     kinds = columns["kinds"]
     if kinds is None or not any(kind in (*WALLS, CENTRE) for kind in kinds):
-        return
+        return np.zeros(n, dtype=np.bool_), outward
     rows = _rows(columns, n)
     columns["kinds"] = [CENTRE if row else kind for row, kind in zip(rows, kinds, strict=True)]
     if not rows.any():
-        return
+        return rows, outward
     _without_ball(columns, rows, source)
     names = _named(columns, rows)
     alone = f"{len(rows[rows])} rows give" if rows.sum() > 1 else "one row gives"
@@ -44,8 +50,12 @@ def find_centres(columns: dict[str, Any], n: int, source: str, notes: list[str])
         f"{alone[0].upper()}{alone[1:]} the centre of a hole or boss ({names}); the height along its axis is not used, so "
         "sense a face as well."
     )
-    if columns["normals"] is not None:
-        _know_axes(columns, rows, notes)
+    if outward is None:
+        return rows, None
+    own = columns["normals"]
+    if own is None:
+        columns["normals"] = np.where(rows[:, None], outward, np.nan)
+    return rows, None if rows.all() else np.where(rows[:, None], np.nan, outward)
 
 
 def _rows(columns: dict[str, Any], n: int) -> BoolArray:
@@ -80,11 +90,13 @@ def _named(columns: dict[str, Any], rows: BoolArray) -> str:
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
-def _know_axes(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> None:
+def know_axes(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> None:
     """Axes of which nobody said how well they are known are known to a degree."""
+    if columns["normals"] is None or not rows.any():
+        return
     given = rows & ~np.isnan(columns["normals"]).any(axis=1)
     sds = np.full(len(rows), np.nan) if columns["normal_sds"] is None else np.array(columns["normal_sds"])
     unknown = given & np.isnan(sds)
     if unknown.any():
         columns["normal_sds"] = np.where(unknown, _AXIS_SD, sds)
-        notes.append("Their axes (nx, ny, nz) are taken as known to 1 degree; normal_sd_deg says it otherwise.")
+        notes.append("Axes of holes and bosses are taken as known to 1 degree; normal_sd_deg says it otherwise.")
