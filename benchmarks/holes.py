@@ -1,9 +1,9 @@
 """Plates and flanges known by their holes: ``python benchmarks/holes.py [scenes] [families] [seed]``.
 
 Ten parts a family, made anew: plates and round flanges with holes at random, some with a hub. Of one of them, in any
-pose, the centres of up to six holes and bosses are sensed to 0.03 mm at any depth, and four points of the face; in every
-other scene radius and side, too. Twins are ten copies of one plate of which one hole each is moved by 1 to 5 mm; of them
-all holes are sensed. Beside them the time of labelled touches on five sides: half a turn looks alike there.
+pose, the centres of up to six holes and bosses are sensed to 0.03 mm at any depth, and four points of the face; in
+every other scene radius and side, too. Twins are ten copies of one plate of which one hole each is moved by 1 to 5 mm;
+of them all holes are sensed. Beside them the time of labelled touches on five sides: half a turn looks alike there.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
-from OCP.Message import Message
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+from OCP.Message import Message
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -154,7 +154,13 @@ def outcome(readings, parts, part, T):
         return False, answer.status, np.nan, answer.status == "recognized", taken
     off = nees(part, best.T_world_part, best.covariance, T)[0]
     right = off < FAR
-    return right, answer.status, float(off < NINETY_FIVE) if right else np.nan, not right and answer.status == "recognized", taken
+    return (
+        right,
+        answer.status,
+        float(off < NINETY_FIVE) if right else np.nan,
+        not right and answer.status == "recognized",
+        taken,
+    )
 
 
 def row(name, results):

@@ -2,8 +2,8 @@
 
 FOLDER holds the files ``D*`` of the public repository csayres/fitPlugPlateMeas (``tests/testData`` and ``examples``):
 aluminium plates of 0.8 m with holes drilled for fibres, measured by a coordinate measuring machine to some micrometres.
-Each plate is made of its nominal places and diameters, and sought among all of them by its measured holes, all or so many,
-in the machine's own frame. The machine's plane z = 0, to which the files refer, is told by three points.
+Each plate is made of its nominal places and diameters, and sought among all of them by its measured holes, all or so
+many, in the machine's own frame. The machine's plane z = 0, to which the files refer, is told by three points.
 """
 
 from __future__ import annotations
@@ -85,21 +85,23 @@ def main(folder, most=0):
     with tempfile.TemporaryDirectory() as there:
         parts, of = [], {}
         for name, rows in tables.items():
-            same = [k for k, other in of.items() if other.shape == rows.shape and np.allclose(other[:, 2:4], rows[:, 2:4])]
+            same = [
+                k for k, other in of.items() if other.shape == rows.shape and np.allclose(other[:, 2:4], rows[:, 2:4])
+            ]
             if not same:  # measured again
                 of[name] = rows
                 parts.append(plate(name, rows, there))
-    print(f"{len(parts)} plates\n\n| measured | holes | status | named | P | um rms | s |\n|---|---|---|---|---|---|---|")
+    print(
+        f"{len(parts)} plates\n\n| measured | holes | status | named | P | um rms | s |\n|---|---|---|---|---|---|---|"
+    )
     for name, rows in tables.items():
         some = rows if not most else rows[np.random.default_rng(1).permutation(len(rows))[:most]]
         start = time.process_time()
         answer = identify(readings(some), parts, priors=Priors(radius=0.5), conventions=False)
         taken = time.process_time() - start
-        best = answer.best
-        print(
-            f"| {name} | {len(some)} | {answer.status} | {best.part if best else ''} | {best.probability if best else 0:.3f} | "
-            f"{residuals(answer, rows) if best else np.nan:.1f} | {taken:.1f} |", flush=True,
-        )  # fmt: skip
+        best, off = answer.best, residuals(answer, rows) if answer.best else np.nan
+        named, p = (best.part, best.probability) if best else ("", 0.0)
+        print(f"| {name} | {len(some)} | {answer.status} | {named} | {p:.3f} | {off:.1f} | {taken:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

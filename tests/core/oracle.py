@@ -168,7 +168,7 @@ class Oracle:
         return hits
 
     def on_axes(self, j, p, C, R):
-        """A centre of a circle: normal across the axis of a hole or boss, even along it; radius, side and axis as said."""
+        """A centre of a circle: normal across the axis of a hole or boss, even along it; its radius, side and axis."""
         hits, (radius, sd, hole), m = [], self.q.circles[j], R.T @ self.q.normals[j]
         first = -2 - len(self.lengths) - len(self.body.corners)
         for *ends, least, most, weight, side, number in self.body.axes:

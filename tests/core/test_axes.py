@@ -30,7 +30,9 @@ def _centres(body, rng, n=8):
     T, rows = random_pose(rng), rng.integers(len(body.axes), size=n)
     a, b = body.axes[rows, :3], body.axes[rows, 3:6]
     p = a + rng.uniform(-0.05, 1.05, size=(n, 1)) * (b - a) + SD * rng.normal(size=(n, 3))
-    m = (b - a) / np.linalg.norm(b - a, axis=1)[:, None] * rng.choice([-1, 1], size=(n, 1)) + 0.1 * rng.normal(size=(n, 3))
+    m = (b - a) / np.linalg.norm(b - a, axis=1)[:, None] * rng.choice([-1, 1], size=(n, 1)) + 0.1 * rng.normal(
+        size=(n, 3)
+    )
     m = m / np.linalg.norm(m, axis=1)[:, None] * rng.choice([0, 1], size=(n, 1))
     radii = rng.choice([0, 1], size=n) * (body.axes[rows, 6:8].mean(axis=1) + 3e-4 * rng.normal(size=n))
     circles = np.column_stack([radii, np.full(n, 4e-4), rng.choice([0, 1], size=n) * body.axes[rows, 9]])

@@ -23,7 +23,10 @@ double kept_on(const Vec3& side, const Vec3& place, double per_sd, Vec3& slope) 
 // Density of a point that is on a line from a, normal about it and even along its length; all but weight and face of the
 // hit. 0 far away.
 double meet_line(const Vec3& a, const Vec3& direction, double length, const Vec3& p, const Mat3& C, Hit& hit) {
-    const Vec3 off = p - a, u = any_across(direction), v = cross(direction, u);
+    const Vec3 off = p - a;
+    const double t = dot(off, direction);
+    if (squared(off) - t * t > REACH * REACH * (C(0, 0) + C(1, 1) + C(2, 2))) return 0;
+    const Vec3 u = any_across(direction), v = cross(direction, u);
     const double uu = dot(u, C * u), uv = dot(u, C * v), vv = dot(v, C * v), det = uu * vv - uv * uv;
     const double x = dot(off, u), y = dot(off, v);
     const double q = (vv * x * x - 2 * uv * x * y + uu * y * y) / det;
@@ -33,7 +36,7 @@ double meet_line(const Vec3& a, const Vec3& direction, double length, const Vec3
     add_outer(info, -uv / det, u, v);
     add_outer(info, -uv / det, v, u);
     add_outer(info, uu / det, v, v);
-    const double sd = std::sqrt(dot(direction, C * direction)), t = dot(off, direction);
+    const double sd = std::sqrt(dot(direction, C * direction));
     const double along = normal_below(t / sd) - normal_below((t - length) / sd);
     const double near = normal_density(t / sd), far = normal_density((t - length) / sd);
     hit.distance = std::hypot(x, y);

@@ -153,8 +153,8 @@ def _too_little(problem: Problem) -> str:
         return f"No reading met anything: sense {LEAST} places or more, better eight, on several sides."
     if len(points) == 1 and points.centres.any():
         return (
-            "One centre fits every hole or boss, and leaves free how the part is tilted, turned about it and slid along its "
-            "axis: sense a second one, and a face."
+            "One centre fits every hole or boss, and leaves free how the part is tilted, turned about it, slid along "
+            "its axis: sense a second one, and a face."
         )
     if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
         return (

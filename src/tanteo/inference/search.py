@@ -158,7 +158,7 @@ class PartSearch:
         return Ts[np.argsort(costs, kind="stable")[:count]]
 
     def _of_centres(self) -> None:
-        """Maximize from poses that put centres on axes of holes and bosses: once, and where they are, for they are near."""
+        """Maximize from poses that put centres on axes of holes and bosses: once, and unblurred, for they are near."""
         objective = self.objective
         if self.restarts:
             return

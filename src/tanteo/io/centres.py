@@ -20,8 +20,8 @@ def find_centres(
 ) -> tuple[BoolArray, Vectors | None]:
     """Make rows that give the centre of a circle readings of kind ``centre``; what is taken so is said.
 
-    They are those of kind circle or cylinder that are alone with their label, or that have the radius or the side of the
-    hole or boss. Several rows with one label are contacts on its wall.
+    They are those of kind circle or cylinder that are alone with their label, or that have the radius or the side of
+    the hole or boss. Several rows with one label are contacts on its wall.
 
     Args:
         columns: of :meth:`Readings.from_columns`, in SI; None where the file has none.
@@ -47,8 +47,8 @@ def find_centres(
     names = _named(columns, rows)
     alone = f"{len(rows[rows])} rows give" if rows.sum() > 1 else "one row gives"
     notes.append(
-        f"{alone[0].upper()}{alone[1:]} the centre of a hole or boss ({names}); the height along its axis is not used, so "
-        "sense a face as well."
+        f"{alone[0].upper()}{alone[1:]} the centre of a hole or boss ({names}); the height along its axis is not used, "
+        "so sense a face as well."
     )
     if outward is None:
         return rows, None
@@ -70,7 +70,7 @@ def _rows(columns: dict[str, Any], n: int) -> BoolArray:
 
 
 def _without_ball(columns: dict[str, Any], rows: BoolArray, source: str) -> None:
-    """A radius that all readings have is the ball's of the others; one that centres alone have was meant for the hole."""
+    """A radius that all readings have is the ball's of the others; one of centres alone was meant for the hole."""
     radii = columns["radii"]
     if radii is None:
         return

@@ -29,8 +29,9 @@ _OF_HOLES = re.compile(r"(?:hole|bore|boss|circle|cylinder|feature)_(radius|diam
 _GROUPS = {"position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
            "direction": "d"}  # fmt: skip
 _ADVICE = (
-    (r"(?:\w+_)?(?:diameter|diam|dia)", "The radius of the tip's ball is half of it: name the column radius_mm and halve the values. Of holes or bosses name "
-     "it hole_diameter_mm."),
+    (r"(?:\w+_)?(?:diameter|diam|dia)",
+     "The radius of the tip's ball is half of it: name the column radius_mm and halve the values. Of holes or bosses "
+     "name it hole_diameter_mm."),
     (r"(?:std|stdev|stddev|sigma|uncertainty|unc|error|accuracy)",
      "If it is one standard deviation along the normal, name the column sd_mm; of a tolerance write a third."),
     (r"(?:v[xyz]|u|v|w)", "Name vectors nx, ny, nz if they point out of the material, dx, dy, dz if into it."),

@@ -300,8 +300,8 @@ class Table:
         both = ~np.isnan(radii) & ~np.isnan(diameters)
         if both.any():
             raise ReadingsError(
-                f"{self.path}, line {self.line_of(int(np.argmax(both)))}: expected the radius or the diameter of the hole, "
-                "got both. Keep one."
+                f"{self.path}, line {self.line_of(int(np.argmax(both)))}: expected the radius or the diameter of the "
+                "hole, got both. Keep one."
             )
         return np.where(np.isnan(radii), diameters / 2, radii)
 

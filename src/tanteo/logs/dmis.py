@@ -1,9 +1,9 @@
 """DMIS output of coordinate measuring machines (ISO 22093): actual points ``FA(name)=FEAT/POINT,CART,x,y,z,i,j,k``.
 
-Actual circles and cylinders, ``FA(name)=FEAT/CIRCLE,INNER,CART,x,y,z,i,j,k,diameter`` (``CYLNDR``; ``OUTER`` of bosses),
-are centres of holes and bosses; so the QIF community's converter writes them (``F(CIRC1)=FEAT/CIRCLE,INNER,CART,..``).
-Where a file has neither, the points of ``PTDATA`` are taken, and else those of ``PTMEAS`` and of ``F(name)=FEAT/POINT``,
-which in a program are nominal; what was taken is said. ``$`` continues a line, ``$$`` begins a comment.
+Actual circles and cylinders, ``FA(name)=FEAT/CIRCLE,INNER,CART,x,y,z,i,j,k,diameter`` (``CYLNDR``; ``OUTER`` of
+bosses), are centres of holes and bosses; so the converters of the QIF community write them. Where a file has neither,
+the points of ``PTDATA`` are taken, and else those of ``PTMEAS`` and of ``F(name)=FEAT/POINT``, which in a program are
+nominal; what was taken is said. ``$`` continues a line, ``$$`` begins a comment.
 """
 
 from __future__ import annotations
@@ -81,9 +81,7 @@ def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str |
     names = unique([name for _, name, _ in rows])
     holes = np.where(round_ones, sizes / 2, np.nan) if round_ones.any() else None
     sides = tuple(cells[7] if len(cells) == 8 else "" for _, _, cells in rows)
-    return Log(
-        points=points, unit=unit, outward=vectors, holes=holes, sides=sides, ids=names, notes=tuple(notes)
-    )
+    return Log(points=points, unit=unit, outward=vectors, holes=holes, sides=sides, ids=names, notes=tuple(notes))
 
 
 def _statements(contents: Contents) -> list[tuple[int, str]]:

@@ -67,7 +67,7 @@ class FeaturePoints(NamedTuple):
         normals: sensed outward normals, else zero ``(n, 3)``.
         normal_sds: of these, pi where there is none ``(n,)`` [rad].
         shared_jacobian: of the points by the whitened shared errors ``(n, 3, D)``.
-        circles: radius [m] or 0, its sd [m], and 1 for a hole, -1 for a boss, of centres of circles ``(n, 3)``; else zero.
+        circles: of centres of circles, radius [m] or 0, its sd [m], and 1 for a hole, -1 for a boss ``(n, 3)``.
     """
 
     points: Vectors

@@ -228,7 +228,7 @@ def _feature(context: _Context, number: int, wall: _Wall) -> RoundFeature:
 def _radius_at(face: Face, end: Vectors) -> float:
     if face.surface == "cylinder":
         return float(face.radius or 0.0)
-    return float(np.linalg.norm(end - face.axis_point) * np.tan(face.half_angle or 0.0))
+    return float(np.linalg.norm(end - np.asarray(face.axis_point)) * np.tan(face.half_angle or 0.0))
 
 
 def _open_ends(context: _Context, wall: _Wall, hole: bool) -> tuple[bool, bool]:

@@ -172,8 +172,8 @@ def _check_centres(readings: Readings) -> None:
     said = ~np.isnan(readings.hole_radii) | np.array([bool(side) for side in readings.material_sides], dtype=bool)
     if who := _first_bad(readings, said & ~centre):
         raise ReadingsError(
-            f"kind of reading {who}: expected '{CENTRE}' of a row with the radius or side of a hole or boss, got another. "
-            "Correct the kind, or leave radius and side of the hole empty."
+            f"kind of reading {who}: expected '{CENTRE}' of a row with the radius or side of a hole or boss, got "
+            "another. Correct the kind, or leave radius and side of the hole empty."
         )
     if who := _first_bad(readings, centre & (readings.radii > 0)):
         raise ReadingsError(

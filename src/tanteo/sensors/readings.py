@@ -39,8 +39,8 @@ class Readings:
         radii: Radius of the tip's ball [m], 0 for none.
         features: Labels: rows with one label were taken on one feature.
         kinds: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder`` (contacts on the wall of a hole or boss),
-            ``centre``, ``point`` or ``free``, one a row. A ``centre`` is that of a circle, on the axis of a hole or boss
-            at any height; its normal, if given, is the axis with either sign, and it has no ball.
+            ``centre``, ``point`` or ``free``, one a row. A ``centre`` is that of a circle, on the axis of a hole or
+            boss at any height; its normal, if given, is the axis with either sign, and it has no ball.
         Ts_world_hand: Pose of the hand at the reading.
         ranges: Raw ranges along the beam [m].
         sensors: Name of the sensor of the rig that gave the range.

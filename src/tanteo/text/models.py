@@ -97,9 +97,10 @@ def _holes(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
             ["diameter mm", "length mm", "", "axis x", "y", "z", "to x mm", "y", "z", "faces", "residual um"],
             [
                 [
-                    one.name, " to ".join(dict.fromkeys(f"{2e3 * r:.4g}" for r in one.radii)), f"{1e3 * one.length:.4g}",
+                    one.name, " to ".join(dict.fromkeys(f"{2e3 * r:.4g}" for r in one.radii)),
+                    f"{1e3 * one.length:.4g}",
                     {True: "through", False: "blind", None: ""}[one.through], *_unit(one.axis), *_mm(one.ends[1]),
-                    ", ".join(map(str, one.faces)), f"{1e6 * one.residual:.2g}",
+                    ", ".join(map(str, one.faces)), f"{round(1e6 * one.residual, 3):.3g}",
                 ]
                 for one in round_features(part)
             ],
