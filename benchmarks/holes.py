@@ -22,14 +22,14 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from bare_scenes import box_centred_pose, nees
+from bare_scenes import box_centred_pose, nees, off
 from tanteo import Readings, identify, read_part
 from tanteo.parts import round_features
 
 SD = 3e-5
 RADII = 2.0, 2.5, 3.3, 4.2, 5.5
 NINETY_FIVE = 12.592  # of chi2 with six degrees of freedom
-FAR = 40.0  # squared errors in standard deviations beyond which it is another pose
+FAR = 1e-3, np.radians(1)  # of the part's centre [m] and attitude: another pose is farther
 
 
 def cylinder(x, y, low, high, radius):
@@ -152,12 +152,12 @@ def outcome(readings, parts, part, T):
     best = answer.best
     if best is None or best.part != part.name:
         return False, answer.status, np.nan, answer.status == "recognized", taken
-    off = nees(part, best.T_world_part, best.covariance, T)[0]
-    right = off < FAR
+    right = bool(np.all(np.array(off(part, best.T_world_part, T)) < FAR))
+    chi2 = nees(part, best.T_world_part, best.covariance, T)[0]
     return (
         right,
         answer.status,
-        float(off < NINETY_FIVE) if right else np.nan,
+        float(chi2 < NINETY_FIVE) if right else np.nan,
         not right and answer.status == "recognized",
         taken,
     )

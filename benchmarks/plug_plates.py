@@ -3,7 +3,7 @@
 FOLDER holds the files ``D*`` of the public repository csayres/fitPlugPlateMeas (``tests/testData`` and ``examples``):
 aluminium plates of 0.8 m with holes drilled for fibres, measured by a coordinate measuring machine to some micrometres.
 Each plate is made of its nominal places and diameters, and sought among all of them by its measured holes, all or so
-many, in the machine's own frame. The machine's plane z = 0, to which the files refer, is told by three points.
+many, in the machine's own frame. The machine's plane z = 0, to which the files refer, is told by eight points.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from OCP.TopoDS import TopoDS
 from tanteo import Readings, identify, read_part
 from tanteo.answers import Priors
 
-THICK, RIM, SD = 3.2, 406.0, 8e-6
+THICK, RIM = 3.2, 406.0
+SD, MADE = 5e-6, 1e-5  # of the machine, and of the plates, which are drilled bent [m]
 
 
 def table(path):
@@ -59,15 +60,15 @@ def plate(name, rows, folder):
 
 
 def readings(rows):
-    """Centres as measured, and three points of the machine's plane."""
+    """Centres as measured, and points of the machine's plane."""
     n = len(rows)
-    turns = np.radians([0.0, 120.0, 240.0])
+    turns = 2 * np.pi * np.arange(8) / 8
     on_plane = 0.395 * np.column_stack([np.cos(turns), np.sin(turns), 0 * turns])
     centres = np.column_stack([1e-3 * rows[:, :2], np.zeros(n)])
-    down = np.concatenate([np.full((n, 3), np.nan), np.tile([0.0, 0.0, -1.0], (3, 1))])
+    down = np.concatenate([np.full((n, 3), np.nan), np.tile([0.0, 0.0, -1.0], (8, 1))])
     return Readings.from_columns(
-        points=np.concatenate([centres, on_plane]), sds=np.full(n + 3, SD), kinds=["centre"] * n + ["plane"] * 3,
-        features=[f"h{k}" for k in range(n)] + ["top"] * 3, directions=down,
+        points=np.concatenate([centres, on_plane]), sds=np.full(n + 8, SD), kinds=["centre"] * n + ["plane"] * 8,
+        features=[f"h{k}" for k in range(n)] + ["top"] * 8, directions=down,
     )  # fmt: skip
 
 
@@ -97,7 +98,7 @@ def main(folder, most=0):
     for name, rows in tables.items():
         some = rows if not most else rows[np.random.default_rng(1).permutation(len(rows))[:most]]
         start = time.process_time()
-        answer = identify(readings(some), parts, priors=Priors(radius=0.5), conventions=False)
+        answer = identify(readings(some), parts, tolerance=MADE, priors=Priors(radius=0.5), conventions=False)
         taken = time.process_time() - start
         best, off = answer.best, residuals(answer, rows) if answer.best else np.nan
         named, p = (best.part, best.probability) if best else ("", 0.0)

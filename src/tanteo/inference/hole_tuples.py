@@ -181,9 +181,17 @@ def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
 def _settled(
     points: ContactPoints, core: _core.Problem, prepared: PreparedPart, axes: Axes, Ts: Transforms
 ) -> Transforms:
-    """The poses after steps to what all points are near, from as far as a hole is deep to their noise."""
+    """The poses after steps to what all points are near, from as far as a hole is deep to their noise.
+
+    Where centres leave the height open, what is nearest to a point may be a face on the wrong side: so each pose is also
+    tried slid along the holes, up and down.
+    """
     rows: Indices = np.concatenate([_some(np.flatnonzero(is_some)) for is_some in (points.centres, ~points.centres)])
-    deep = float(np.median(np.linalg.norm(axes.ends[:, 1] - axes.ends[:, 0], axis=1)))
+    along = axes.ends[:, 1] - axes.ends[:, 0]
+    deep = float(np.median(np.linalg.norm(along, axis=1)))
+    slides = np.tile(np.eye(4), (3, 1, 1))
+    slides[:, :3, 3] = np.outer([0.0, -0.5 * deep, 0.5 * deep], np.linalg.svd(along, full_matrices=False)[2][0])
+    Ts = (Ts[:, None] @ slides).reshape(-1, 4, 4)
     end = 2 * float(np.median(points.sd))
     count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / -np.log(_CLOSER))) + 1)
     scales = np.geomspace(max(deep, end), end, count)
