@@ -51,7 +51,7 @@ T = SE3.exp(np.array([0.3, 0.2, 0.05, 0.4, -0.3, 1.2]))
 TOP = np.array([[-45, 0, 12], [45, 5, 12], [25, 30, 12], [-20, -30, 12], [45, -30, 12]]) * 1e-3
 
 
-def sensed(centres, *, top=len(TOP), directed=True, seed=0, **columns):
+def sensed(centres, *, top=5, directed=True, seed=0, **columns):
     """Centres ``(n, 3)`` in the plate's frame [m], and points of its upper face, of one label."""
     rng, n, m = np.random.default_rng(seed), len(centres), top
     p = SE3.apply(T, np.concatenate([np.reshape(centres, (-1, 3)), TOP[:m]]))

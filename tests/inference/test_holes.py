@@ -41,7 +41,8 @@ def right(answer, plate, within=2e-4):
 
 def test_two_holes_and_a_face_locate_a_plate(plate):
     answer = locate(sensed(FIRST[[0, 3]]), plate)
-    assert answer.status == "recognized" and right(answer, plate)
+    assert answer.status == "recognized"
+    assert right(answer, plate)
     chi2, _ = nees(plate, answer.best.T_world_part, answer.best.covariance, T)
     assert chi2 < 30
     assert [face[:4] for _, face in answer.best.pairings] == ["hole"] * 2 + ["face"] * len(TOP)
@@ -50,7 +51,8 @@ def test_two_holes_and_a_face_locate_a_plate(plate):
 @pytest.mark.parametrize("seed", range(3))
 def test_twins_are_told_by_their_pattern(plate, twin, seed):
     answer = identify(sensed(FIRST, seed=seed), [plate, twin])
-    assert answer.status == "recognized" and right(answer, plate)
+    assert answer.status == "recognized"
+    assert right(answer, plate)
 
 
 def test_what_was_sensed_of_neither_twin_is_not_taken_for_one(plate, twin):
@@ -60,12 +62,14 @@ def test_what_was_sensed_of_neither_twin_is_not_taken_for_one(plate, twin):
 
 def test_one_centre_is_too_little(plate):
     answer = locate(sensed(FIRST[:1], top=0), plate)
-    assert answer.status == "insufficient" and "leaves free" in answer.message
+    assert answer.status == "insufficient"
+    assert "leaves free" in answer.message
 
 
 def test_two_centres_alone_are_too_little(plate):
     answer = locate(sensed(FIRST[:2], top=0), plate)
-    assert answer.status == "insufficient" and "sense a face" in answer.message
+    assert answer.status == "insufficient"
+    assert "sense a face" in answer.message
 
 
 def test_one_hole_and_a_face_leave_a_turn_free(plate):
@@ -85,7 +89,8 @@ def test_a_hole_is_never_taken_for_a_boss(plate, side):
 def test_a_hole_of_another_radius_is_an_outlier(plate):
     radii = [4e-3, 4e-3, 4e-3, 4.5e-3, *[np.nan] * len(TOP)]
     best = locate(sensed(FIRST, hole_radii=radii), plate).best
-    assert best.outliers == ("4",) and right_pose(best, plate)
+    assert best.outliers == ("4",)
+    assert right_pose(best, plate)
 
 
 def right_pose(best, plate):
@@ -100,7 +105,8 @@ def test_an_axis_may_be_named_by_either_end(plate, sign):
     normals[:n] = sign * T[:3, 2]
     sds = np.r_[np.full(n, 0.01), np.full(m, np.nan)]
     answer = locate(sensed(FIRST, normals=normals, normal_sds=sds), plate)
-    assert answer.status == "recognized" and right(answer, plate)
+    assert answer.status == "recognized"
+    assert right(answer, plate)
 
 
 def test_a_pattern_that_looks_alike_is_ambiguous(folder):
@@ -118,7 +124,8 @@ def test_centres_beside_many_holes_are_found(folder):
     some = heights([holes[k] for k in rng.choice(len(holes), 9, replace=False)], rng)
     best = locate(sensed(some, top=0), part).best
     moved, _ = off(part, best.T_world_part, T)  # the height along the holes is open
-    assert moved < 1e-3 * THICK and len(best.pairings) == 9
+    assert moved < 1e-3 * THICK
+    assert len(best.pairings) == 9
 
 
 def test_contacts_on_walls_share_a_round_face(plate):
@@ -135,7 +142,8 @@ def test_contacts_on_walls_share_a_round_face(plate):
         kinds=["circle"] * 8 + ["cylinder"] * 8 + ["plane"] * len(TOP),
     )
     answer = locate(readings, plate)
-    assert answer.status == "recognized" and right(answer, plate)
+    assert answer.status == "recognized"
+    assert right(answer, plate)
 
 
 def test_places_remain_under_a_wrong_label(plate):
@@ -150,7 +158,8 @@ def test_places_remain_under_a_wrong_label(plate):
         directions=readings.directions,
     )
     best = locate(named, plate).best
-    assert right_pose(best, plate) and not best.outliers
+    assert right_pose(best, plate)
+    assert not best.outliers
 
 
 def features(axes):
@@ -168,8 +177,10 @@ def features(axes):
 def test_circles_and_cylinders_are_features(plate, sign):
     answer = identify_features(features(sign), [plate])
     moved, turned = off(plate, answer.best.T_world_part, T)
-    assert answer.best.part == plate.name and not answer.best.outliers
-    assert moved < 1e-3 * THICK and min(turned, abs(turned - np.pi)) < 0.05
+    assert answer.best.part == plate.name
+    assert not answer.best.outliers
+    assert moved < 1e-3 * THICK
+    assert min(turned, abs(turned - np.pi)) < 0.05
 
 
 def test_the_published_method_has_no_circles(plate):

@@ -1,4 +1,4 @@
-"""Centres of holes and bosses in tables and reports: which rows they are, what is taken as something, what is refused."""
+"""Centres of holes and bosses in tables and reports: which rows they are, what is said, what is refused."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ def test_rows_without_label_are_centres(tmp_path):
 def test_several_rows_of_one_label_are_contacts(tmp_path):
     rows = "".join(f"{x},0,0,1.5,0.02,bore,cylinder\n" for x in range(4))
     readings = read_readings(table(tmp_path, "x_mm,y_mm,z_mm,radius_mm,sd_mm,feature,kind\n" + rows))
-    assert readings.kinds == ("cylinder",) * 4 and np.allclose(readings.radii, 1.5e-3)
+    assert readings.kinds == ("cylinder",) * 4
+    assert np.allclose(readings.radii, 1.5e-3)
     assert not any("centre" in note for note in readings.notes)
 
 
@@ -54,7 +55,8 @@ def test_radius_and_side_are_read(tmp_path, column, value):
         table(tmp_path, f"{head}1,2,3,0.02,a,circle,{value},hole\n4,5,6,0.02,b,circle,,boss\n7,8,9,0.02,,,,\n")
     )
     assert np.allclose(readings.hole_radii, [7e-3, np.nan, np.nan], equal_nan=True)
-    assert readings.material_sides == ("hole", "boss", "") and readings.kinds == ("centre", "centre", "point")
+    assert readings.material_sides == ("hole", "boss", "")
+    assert readings.kinds == ("centre", "centre", "point")
 
 
 @pytest.mark.parametrize(
@@ -86,8 +88,10 @@ def test_a_balls_radius_of_other_rows_is_theirs(tmp_path):
 def test_vectors_of_centres_are_axes(tmp_path):
     text = "x_mm,y_mm,z_mm,i,j,k,sd_mm,feature,kind\n1,2,3,0,0,1,0.1,a,circle\n4,5,6,0,0,1,0.1,,\n"
     readings = read_readings(table(tmp_path, text))
-    assert np.allclose(readings.normals[0], [0, 0, 1]) and np.isnan(readings.normals[1]).all()
-    assert readings.normal_sds[0] == pytest.approx(np.radians(1)) and np.isnan(readings.directions[0]).all()
+    assert np.allclose(readings.normals[0], [0, 0, 1])
+    assert np.isnan(readings.normals[1]).all()
+    assert readings.normal_sds[0] == pytest.approx(np.radians(1))
+    assert np.isnan(readings.directions[0]).all()
     assert np.allclose(readings.directions[1], [0, 0, -1])
     assert any("1 degree" in note for note in readings.notes)
 
@@ -104,7 +108,8 @@ def test_centres_are_written_and_read_again(tmp_path):
     readings = read_readings(table(tmp_path, head + "a,1,2,3,0.1,circle,7,hole\nb,4,5,6,0.1,,,\n"))
     write_readings(readings, tmp_path / "again.csv")
     again = read_readings(tmp_path / "again.csv")
-    assert again.kinds == readings.kinds and again.material_sides == readings.material_sides
+    assert again.kinds == readings.kinds
+    assert again.material_sides == readings.material_sides
     assert np.allclose(again.hole_radii, readings.hole_radii, equal_nan=True)
 
 
@@ -118,18 +123,21 @@ FA(L1)=FEAT/LINE,UNBND,CART,1,2,3,0,0,1,0,0,1
 
 def test_circles_of_a_dmis_report_are_centres(tmp_path):
     readings = read_readings(table(tmp_path, DMIS))
-    assert readings.ids == ("P1", "H1", "B1") and readings.kinds == ("point", "centre", "centre")
+    assert readings.ids == ("P1", "H1", "B1")
+    assert readings.kinds == ("point", "centre", "centre")
     assert np.allclose(readings.hole_radii, [np.nan, 0.25 * 0.0254, 0.0254], equal_nan=True)
     assert readings.material_sides == ("", "hole", "boss")
     assert np.allclose(readings.points[1], 0.0254 * np.array([1, 2, -0.1]))
-    assert np.allclose(readings.directions[0], [0, 0, -1]) and np.allclose(readings.normals[1], [0, 0, 1])
+    assert np.allclose(readings.directions[0], [0, 0, -1])
+    assert np.allclose(readings.normals[1], [0, 0, 1])
     assert any("1 feature of other kinds" in note for note in readings.notes)
 
 
 def test_a_dmis_report_of_circles_alone_is_read(tmp_path):
     lines = [line for line in DMIS.splitlines() if "POINT" not in line and "LINE" not in line]
     readings = read_readings(table(tmp_path, "\n".join(lines) + "\n"))
-    assert readings.kinds == ("centre", "centre") and not any("--radius" in note for note in readings.notes)
+    assert readings.kinds == ("centre", "centre")
+    assert not any("--radius" in note for note in readings.notes)
 
 
 @pytest.mark.parametrize("diameter", ["0", "-1", "x"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
-trimesh = pytest.importorskip("trimesh")
+import trimesh
 
 from drilled import HOLES, as_part, drilled, pin, tip
 from tanteo import read_part
@@ -40,10 +40,13 @@ def test_holes_and_bosses_are_found(plate):
 @pytest.mark.parametrize("hole", HOLES)
 def test_a_through_hole_is_open_at_both_ends(plate, hole):
     one = named(plate, *hole[:2])
-    assert one.through and one.name.startswith("hole") and one.length == pytest.approx(0.012)
+    assert one.through
+    assert one.name.startswith("hole")
+    assert one.length == pytest.approx(0.012)
     assert [rim.open for rim in one.rims] == [True, True]
     low, high = one.rims
-    assert np.allclose(low.axis, [0, 0, -1]) and np.allclose(high.axis, [0, 0, 1])
+    assert np.allclose(low.axis, [0, 0, -1])
+    assert np.allclose(high.axis, [0, 0, 1])
     assert np.allclose(high.centre, [1e-3 * hole[0], 1e-3 * hole[1], 0.012])
     tops = [k for rim in one.rims for k in rim.faces]
     assert [plate.faces[k].surface for k in tops] == ["plane", "plane"]
@@ -51,15 +54,19 @@ def test_a_through_hole_is_open_at_both_ends(plate, hole):
 
 def test_a_blind_hole_points_out_of_its_opening(plate):
     one, cone = named(plate, *BLIND[:2]), named(plate, *BLIND[:2], "cone")
-    assert one.through is False and np.allclose(one.axis, [0, 0, 1])
+    assert one.through is False
+    assert np.allclose(one.axis, [0, 0, 1])
     assert [rim.open for rim in one.rims] == [False, True]
-    assert cone.hole and cone.radii.max() == pytest.approx(0.003)
+    assert cone.hole
+    assert cone.radii.max() == pytest.approx(0.003)
 
 
 def test_a_boss_points_to_its_free_end(plate):
     (boss,) = [r for r in round_features(plate) if not r.hole]
-    assert boss.through is None and np.allclose(boss.axis, [0, 0, 1])
-    assert [rim.open for rim in boss.rims] == [False, True] and boss.ends[1, 2] == pytest.approx(0.030)
+    assert boss.through is None
+    assert np.allclose(boss.axis, [0, 0, 1])
+    assert [rim.open for rim in boss.rims] == [False, True]
+    assert boss.ends[1, 2] == pytest.approx(0.030)
 
 
 def test_a_mesh_has_the_same_holes(plate, tmp_path):
@@ -67,7 +74,9 @@ def test_a_mesh_has_the_same_holes(plate, tmp_path):
     mesh = read_part(tmp_path / "plate.stl", unit="mm")
     for x, y, radius in HOLES:
         one = named(mesh, x, y)
-        assert one.hole and one.through and one.radii[0] == pytest.approx(1e-3 * radius, abs=2e-6)
+        assert one.hole
+        assert one.through
+        assert one.radii[0] == pytest.approx(1e-3 * radius, abs=2e-6)
         assert one.residual < 5e-6
 
 
@@ -88,8 +97,10 @@ def around(count, radius, turn=0.3):
 def test_patterns_are_named(holes, kind, radius, steps, tmp_path):
     part = as_part(drilled(holes, hub=None), tmp_path / "plate.step")
     (pattern,) = hole_patterns(part)
-    assert pattern.kind == kind and len(pattern.holes) == len(holes)
-    assert pattern.hole_radius == pytest.approx(0.003) and pattern.radius == (radius and pytest.approx(radius))
+    assert pattern.kind == kind
+    assert len(pattern.holes) == len(holes)
+    assert pattern.hole_radius == pytest.approx(0.003)
+    assert pattern.radius == (radius and pytest.approx(radius))
     assert pattern.steps == pytest.approx(steps)
 
 
@@ -100,4 +111,5 @@ def test_two_holes_or_unlike_ones_are_no_pattern(tmp_path):
 
 def test_a_part_without_round_faces_has_none(tmp_path):
     part = as_part(drilled([], hub=None), tmp_path / "plate.step")
-    assert round_features(part) == () and hole_patterns(part) == ()
+    assert round_features(part) == ()
+    assert hole_patterns(part) == ()

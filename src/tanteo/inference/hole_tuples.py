@@ -183,8 +183,8 @@ def _settled(
 ) -> Transforms:
     """The poses after steps to what all points are near, from as far as a hole is deep to their noise.
 
-    Where centres leave the height open, what is nearest to a point may be a face on the wrong side: so each pose is also
-    tried slid along the holes, up and down.
+    Where centres leave the height open, what is nearest to a point may be a face on the wrong side: so each pose is
+    also tried slid along the holes, up and down.
     """
     rows: Indices = np.concatenate([_some(np.flatnonzero(is_some)) for is_some in (points.centres, ~points.centres)])
     along = axes.ends[:, 1] - axes.ends[:, 0]
