@@ -30,8 +30,14 @@ _MOST = 1000
 _SHARP = 0.1
 """Least height of a triangle over its longest side: centres in a row leave a turn free."""
 
+_PARALLEL = 1e-3
+"""Axes closer than this are parallel [rad]."""
+
 _STEPS = 8
 """Steps of a pose to the axes."""
+
+_ON = 0.5
+"""Lengths of a wall that a centre may be beyond it."""
 
 _CLOSER, _BEST = 0.6, 12
 """Ratio of the scales of the steps to all points; poses that are kept."""
@@ -59,19 +65,19 @@ class Axes:
 
     @cached_property
     def distances(self) -> tuple[FloatArray, FloatArray]:
-        """Least and largest distance between places of two axes ``(N, N)`` [m]."""
+        """Least and largest distance between places of two axes ``(N, N)`` [m], their walls' rims at the farthest.
+
+        A centre may be anywhere along an axis, so parallel ones are as near as their lines.
+        """
         a, along = self.ends[:, 0], self.ends[:, 1] - self.ends[:, 0]
-        lengths = np.linalg.norm(along, axis=1)
-        unit = along / lengths[:, None]
+        unit = along / np.linalg.norm(along, axis=1)[:, None]
         corners = np.linalg.norm(self.ends[:, None, :, None] - self.ends[None, :, None], axis=-1)
-        off = self.ends[:, None] - a[None, :, None]  # of the ends of the first from the start of the second
-        t = np.clip(np.einsum("ijek,jk->ije", off, unit), 0.0, lengths[None, :, None])
-        beside = np.linalg.norm(off - t[..., None] * unit[None, :, None], axis=-1).min(axis=2)
+        off = a[None] - a[:, None]
+        beside = np.linalg.norm(off - np.einsum("ijk,jk->ij", off, unit)[..., None] * unit, axis=-1)
         across = np.cross(unit[:, None], unit)
         sines = np.linalg.norm(across, axis=-1)
-        skew = np.abs(np.einsum("ijk,ijk->ij", a[None] - a[:, None], across)) / np.maximum(sines, 1e-12)
-        least = np.minimum(beside, beside.T)
-        return np.where(sines > 1e-3, np.minimum(least, skew), least), corners.max(axis=(2, 3))
+        skew = np.abs(np.einsum("ijk,ijk->ij", off, across)) / np.maximum(sines, 1e-12)
+        return np.where(sines > _PARALLEL, skew, np.minimum(beside, beside.T)), corners.max(axis=(2, 3))
 
     def allowed(self, points: ContactPoints) -> BoolArray:
         """Which axes each centre may be of, by side and radius ``(n, N)``."""
@@ -147,7 +153,7 @@ def _on_axes(p: Vectors, ends: FloatArray) -> Transforms:
     Ts = _aligned(places, p)
     for _ in range(_STEPS):
         there = SE3.apply(SE3.inverse(Ts)[:, None], np.broadcast_to(p, places.shape))
-        t = np.clip(np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares, 0.0, 1.0)
+        t = np.clip(np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares, -_ON, 1 + _ON)
         places = ends[:, :, 0] + t[..., None] * along
         Ts = _aligned(places, p)
     return Ts
@@ -171,7 +177,7 @@ def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     out = np.zeros(len(Ts))
     for k, T in enumerate(SE3.inverse(Ts)):
         off = SE3.apply(T, centres.points[some])[:, None] - a
-        t = np.clip(np.sum(off * along, axis=-1) / squares, 0.0, 1.0)
+        t = np.clip(np.sum(off * along, axis=-1) / squares, -_ON, 1 + _ON)
         beside = np.linalg.norm(off - t[..., None] * along, axis=-1)
         nearest = np.where(allowed, beside, np.inf).min(axis=1)
         out[k] = np.sum(np.minimum((nearest / within) ** 2, 9.0))

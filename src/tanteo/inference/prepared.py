@@ -24,10 +24,11 @@ _CELLS = 40
 _FEW = 500
 """Vertices up to this number may all be ones on which the part stands."""
 
-_LONGER, _BEYOND = 1.01, 0.1
-"""So much longer than a hole a part has to be for centres to lie beyond the hole; the share of those that do."""
+_LONGER, _BEYOND, _ON = 1.01, 0.1, 0.5
+"""So much longer than a hole a part has to be for centres to lie beyond the hole; the share of those that do; how much
+farther, in lengths of both, they may be."""
 
-_KIND = "shape3"
+_KIND = "shape4"
 """Of the bytes beside a part in the cache: another number where what is put into a shape changes."""
 
 
@@ -142,8 +143,9 @@ def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray
 def _axes(part: Part) -> FloatArray:
     """Axes of holes and bosses for centres of circles ``(K, 11)``: ends, radii, weight, side, number.
 
-    All holes and bosses alike, and of each the wall, or with a smaller weight any height of the part: some devices move
-    a centre along its axis to a plane of their own.
+    All holes and bosses alike; of each the wall, and with a smaller weight all heights of the part, for some devices
+    move a centre along its axis to a plane of their own. Both go on for a while, as centres that were moved to the rim
+    are no less likely than others.
     """
     rounds, rows = round_features(part), []
     for number, one in enumerate(rounds):
@@ -153,6 +155,8 @@ def _axes(part: Part) -> FloatArray:
         rest = [float(one.radii.min()), float(one.radii.max())]
         for ends, share in ((one.ends, 1 - _BEYOND * longer), (reach, _BEYOND * longer)):
             if share > 0:
+                beside = _ON * (ends[1] - ends[0])
+                ends = ends + np.stack([-beside, beside])
                 rows.append([*ends.ravel(), *rest, share / len(rounds), 1.0 if one.hole else -1.0, number])
     return _doubles(np.array(rows).reshape(-1, 11))
 
