@@ -1,9 +1,10 @@
 """Plates and flanges known by their holes: ``python benchmarks/holes.py [scenes] [families] [seed]``.
 
 Ten parts a family, made anew: plates and round flanges with holes at random, some with a hub. Of one of them, in any
-pose, the centres of up to six holes and bosses are sensed to 0.03 mm at any depth or all at a rim, and four points of the face; in
-every other scene radius and side, too. Twins are ten copies of one plate of which one hole each is moved by 1 to 5 mm;
-of them all holes are sensed. Beside them the time of labelled touches on five sides: half a turn looks alike there.
+pose, the centres of up to six holes and bosses are sensed to 0.03 mm at any depth, or all at a rim, and four points
+of the face; in every other scene radius and side, too. Twins are ten copies of one plate of which one hole each is
+moved by 1 to 5 mm; of them all holes are sensed. Beside them the time of labelled touches on five sides, where half a
+turn looks alike.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
-from tanteo.measurements import ContactPoints, FreeRays, directions_met
+from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.typing import FloatArray
 
@@ -161,7 +161,7 @@ def _too_little(problem: Problem) -> str:
             "Two centres leave free how the part is turned about their line and slid along its holes: sense a face, at "
             "three places, or a third centre that is not in line with them."
         )
-    if sum(map(directions_met, points.kinds)) < LEAST:
+    if len(points) + np.count_nonzero(points.centres) < LEAST:  # a centre is held in two directions
         few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
         return f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
     if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:

@@ -30,7 +30,6 @@ from tanteo.inference.proposals import (
     spread_rows,
 )
 from tanteo.inference.symmetry import log_orbit
-from tanteo.measurements import directions_met
 from tanteo.special import log_sum
 from tanteo.typing import BoolArray, Indices, Transforms
 
@@ -71,7 +70,7 @@ _BEST = 3
 """Leading parts of which the best pose is tried on the others."""
 
 _FIXED, _ORIENTED = 6, 3
-"""So many directions in which points are held fix a pose, or so many sensed normals."""
+"""So many points fix a pose, of which centres of circles count twice, or so many sensed normals."""
 
 
 @dataclass(slots=True, eq=False)
@@ -236,7 +235,7 @@ def race(
     _try_on_others(live)
     live = _still_in(live, log_unknown, _BEHIND[1])
     points = problem.points
-    fixed = sum(map(directions_met, points.kinds)) >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
+    fixed = len(points) + np.count_nonzero(points.centres) >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)

@@ -10,7 +10,6 @@ import numpy as np
 
 from tanteo import __version__
 from tanteo.io.result_json import covariance_document, document_json, strict
-from tanteo.parts import hole_patterns, round_features
 
 if TYPE_CHECKING:
     from tanteo.acquisition import Acquired, Predicted
@@ -23,6 +22,8 @@ if TYPE_CHECKING:
 
 def part_json(part: Part) -> str:
     """A document ``tanteo.part/1``: what was read from a CAD file, in the part's own frame."""
+    from tanteo.parts import hole_patterns, round_features  # slow to import
+
     edges, planes, symmetry = part.edges, part.planes, part.symmetry
     faces = zip(planes.faces, planes.areas, planes.normals, planes.centroids, strict=True)
     sides = zip(edges.lengths, edges.ends, edges.dihedrals, strict=True)

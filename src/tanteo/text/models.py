@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.parts import hole_patterns, round_features
 from tanteo.text.layout import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
@@ -91,6 +90,8 @@ def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
 
 def _holes(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
     """Holes and bosses, and the patterns of holes."""
+    from tanteo.parts import hole_patterns, round_features  # slow to import
+
     return [
         (
             "hole or boss",
