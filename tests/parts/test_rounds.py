@@ -1,5 +1,7 @@
 """Holes and bosses of a part, their rims and patterns: from STEP and from meshes."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 import trimesh
 
 from drilled import HOLES, as_part, drilled, pin, tip
-from tanteo import read_part
+from tanteo import io, read_part, text
 from tanteo.parts import hole_patterns, round_features
 
 BLIND = (-10, 0, 3)
@@ -113,3 +115,14 @@ def test_a_part_without_round_faces_has_none(tmp_path):
     part = as_part(drilled([], hub=None), tmp_path / "plate.step")
     assert round_features(part) == ()
     assert hole_patterns(part) == ()
+
+
+def test_they_are_shown_in_words_and_json(plate):
+    shown = "\n".join(text.part_lines(plate))
+    assert "through" in shown
+    assert "blind" in shown
+    assert "irregular" in shown
+    document = json.loads(io.part_json(plate))
+    names = [one["name"] for one in document["holes_and_bosses"]]
+    assert names == [one.name for one in round_features(plate)]
+    assert document["hole_patterns"][0]["holes"] == [names[k] for k in hole_patterns(plate)[0].holes]
