@@ -16,7 +16,17 @@ from tanteo.inference import about_conventions, about_frames, about_readings, id
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
+from tanteo.sensors import (
+    CENTRE,
+    PointMeasurements,
+    Readings,
+    Rig,
+    RobotPreset,
+    SensorPreset,
+    measure,
+    thinned,
+    unstated_sd,
+)
 
 if TYPE_CHECKING:
     from tanteo.fitting import LabelledFeatures
@@ -164,6 +174,11 @@ def _as_published(
     from tanteo.fitting import fit_labelled
     from tanteo.paper import identify_as_published
 
+    if CENTRE in measured.kinds:
+        raise InputError(
+            "as_published: expected planes, edges and vertices, got centres of circles, which the paper does not have. "
+            "Leave those rows out, or as_published."
+        )
     sensed = fit_labelled(measured, tolerance)
     _require_labels_alone(unlabelled=bool(len(sensed.unlabelled)), placed=placed)
     elapsed = time.perf_counter() - start

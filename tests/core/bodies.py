@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ class Body:
     profiles: np.ndarray
     edges: np.ndarray
     corners: np.ndarray
+    axes: np.ndarray = field(default_factory=lambda: np.zeros((0, 11)))
 
     @property
     def across(self):
@@ -50,7 +51,7 @@ class Body:
         samples, normals = self.surface_points(256, np.random.default_rng(7))
         arrays = self.vertices, self.triangles, self.faces, self.profile_rows, self.profiles, self.edges, self.corners
         arrays = [np.ascontiguousarray(a, dtype=np.int32 if a.dtype.kind == "i" else float) for a in arrays]
-        rest = self.vertices, self.centre, samples, normals
+        rest = self.axes, self.vertices, self.centre, samples, normals
         return _core.make_shape(*arrays, *(np.ascontiguousarray(a) for a in rest), cells)
 
     def moved(self, T):

@@ -30,6 +30,7 @@ class Question:
     log_outlier: np.ndarray
     furniture: np.ndarray
     kinds: np.ndarray
+    circles: np.ndarray
     groups: np.ndarray
     elsewhere: float  # log density of each group off the part, over that of as many outliers
     shared_jacobian: np.ndarray
@@ -59,7 +60,7 @@ class Question:
 
     def taken(self, rows):
         """Some of the points, or in another order."""
-        names = [f.name for f in fields(self) if f.name != "elsewhere"][:14]
+        names = [f.name for f in fields(self) if f.name != "elsewhere"][:15]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
@@ -100,7 +101,8 @@ def asked(points, sd, *, rate=0.02):
     ball = np.log(4 / 3 * np.pi * RADIUS**3)
     return Question(
         points, sd**2 * np.tile(np.eye(3), (n, 1, 1)), np.zeros(n), np.zeros(n), *np.zeros((3, n, 3)),
-        np.full(n, np.pi), np.zeros(n), np.full(n, -ball), np.zeros(n), np.zeros(n, np.int32), np.full(n, -1, np.int32),
+        np.full(n, np.pi), np.zeros(n), np.full(n, -ball), np.zeros(n), np.zeros(n, np.int32), np.zeros((n, 3)),
+        np.full(n, -1, np.int32),
         2.0, np.zeros((n, 3, 0)), 0.0, np.array(rates), np.array(weights), rate, np.zeros((0, 9)), none, none,
         np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0),
     )  # fmt: skip

@@ -88,9 +88,10 @@ void Likelihood::view_group(size_t g) {
     bool by_area = false;
     for (const int j : rows) {
         const Point& point = problem.points[j];
-        by_area = by_area || (point.kind == Kind::FACE && !point.directed);
+        by_area = by_area || (point.on_face() && !point.directed);
         for (int k = seen[j].first; k < seen[j].first + seen[j].count; ++k)
-            if (std::find(view.faces.begin(), view.faces.end(), hits[k].face) == view.faces.end())
+            if (may_be_of(point, hits[k].face) &&
+                std::find(view.faces.begin(), view.faces.end(), hits[k].face) == view.faces.end())
                 view.faces.push_back(hits[k].face);
     }
     const size_t F = view.faces.size();
@@ -107,10 +108,10 @@ void Likelihood::view_group(size_t g) {
     view.on_face.assign(rows.size() * F, 0.0);
     for (size_t r = 0; r < rows.size(); ++r) {
         const Point& point = problem.points[rows[r]];
-        const bool aimed = point.kind == Kind::FACE && point.directed;  // of which the face has no measure
+        const bool aimed = point.on_face() && point.directed;  // of which the face has no measure
         for (int k = seen[rows[r]].first; k < seen[rows[r]].first + seen[rows[r]].count; ++k) {
             const size_t f = std::find(view.faces.begin(), view.faces.end(), hits[k].face) - view.faces.begin();
-            view.on_face[r * F + f] += hits[k].weight * (aimed ? 1.0 : view.factor[f]);
+            if (f < F) view.on_face[r * F + f] += hits[k].weight * (aimed ? 1.0 : view.factor[f]);
         }
     }
 }
@@ -168,11 +169,11 @@ void Likelihood::share_hits(size_t g) {
     const size_t F = view.faces.size();
     for (size_t r = 0; r < rows.size(); ++r) {
         const Point& point = problem.points[rows[r]];
-        const bool aimed = point.kind == Kind::FACE && point.directed;
+        const bool aimed = point.on_face() && point.directed;
         Seen& s = seen[rows[r]];
         for (int k = s.first; k < s.first + s.count; ++k) {
             const size_t f = std::find(view.faces.begin(), view.faces.end(), hits[k].face) - view.faces.begin();
-            const double own = view.weights[r * F + f] * (aimed ? 1.0 : view.factor[f]);
+            const double own = f < F ? view.weights[r * F + f] * (aimed ? 1.0 : view.factor[f]) : 0.0;
             hit_share[k] = hits[k].weight * (own + view.weights[rows.size() * F + r]);
             s.belongs += hit_share[k];
         }
@@ -209,7 +210,7 @@ inline void add_hit(PointSlope& sum, const Hit& h, const Point& point, double we
     const Mat3 stiff = h.tilted ? not_negative(h.stiff) : h.stiff;  // with w, what a tilt adds is not negative by itself
     for (int i = 0; i < 9; ++i) sum.pp.m[i] += weight * stiff.m[i];
     const double scaled = 1 - unscaled * h.per_sd * h.per_sd;  // share of the variance that the noise scale scales
-    const double across = face ? 1 : point.kind == Kind::EDGE ? 2 : 3;
+    const double across = face ? 1 : point.kind == Kind::CORNER ? 3 : 2;
     sum.scaled += weight * scaled;
     sum.by_scale += weight * scaled * (r * r - across + h.spread);
     sum.of_scale += 2 * weight * scaled * scaled * r * r;

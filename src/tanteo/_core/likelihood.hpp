@@ -98,7 +98,12 @@ class Likelihood {
     void look_over_vertices(const Ball& ball, std::vector<Tip>& tips);
     void look_at_edges(const Point& point, int j, const Mat3& C);
     void look_at_corners(const Point& point, int j, const Mat3& C);
+    void look_at_axes(const Point& point, int j, const Mat3& R, const Mat3& C);
     bool blocked(const Point& point, const Vec3& p, const Vec3& d, double sd) const;
+    // whether a label of that kind may name the face
+    bool may_be_of(const Point& point, int face) const {
+        return point.kind != Kind::ROUND || (face >= 0 && shape.face_round[face]);
+    }
     double combine();
     void view_group(size_t g);
     double log_group(size_t g, bool anywhere = true);

@@ -53,7 +53,7 @@ void symmetric(const std::vector<double>& A, int K, double* out) {
 constexpr int MOST_FACES = 10'000'000;  // their areas are kept by number
 
 std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, Ints profile_rows, Doubles profiles,
-                                  Doubles edges, Doubles corners, Doubles hull, Doubles centre, Doubles samples,
+                                  Doubles edges, Doubles corners, Doubles axes, Doubles hull, Doubles centre, Doubles samples,
                                   Doubles sample_normals, int cells) {
     Solid solid;
     solid.vertices = vectors(vertices, "vertices");
@@ -69,6 +69,13 @@ std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, 
     for (size_t k = 0; k < known_edges; ++k) {
         const Vec3 a = load(edges.data() + 6 * k), b = load(edges.data() + 6 * k + 3);
         solid.edges.push_back({a, unit(b - a), norm(b - a)});
+    }
+    for (size_t k = 0, known = expect(axes, "axes", {ANY, 11}); k < known; ++k) {
+        const double* x = axes.data() + 11 * k;
+        const Vec3 a = load(x), b = load(x + 3);
+        if (!(norm(b - a) > 0)) refuse("axes", "expected two ends apart");
+        solid.axes.push_back({a, unit(b - a), norm(b - a), x[6], x[7], expect(x[8], "axes", 0, 1), x[9] > 0 ? 1 : -1,
+                              static_cast<int>(expect(x[10], "axes", 0, MOST_FACES))});
     }
     solid.corners = vectors(corners, "corners");
     solid.hull = vectors(hull, "hull");
@@ -113,7 +120,7 @@ Mat3 covariance(const double* values, double extra) {
 
 std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
                                       Doubles sides, Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier, Doubles furniture,
-                                      Ints kinds, Ints groups, Doubles log_elsewhere, Doubles shared_jacobian, double scale_sd, Doubles rates,
+                                      Ints kinds, Doubles circles, Ints groups, Doubles log_elsewhere, Doubles shared_jacobian, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
                                       Doubles prior_log_weights, Doubles table) {
@@ -126,7 +133,8 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
     expect(directions, "directions", {n, 3});
     expect(sides, "sides", {n, 3});
     expect(normals, "normals", {n, 3});
-    const std::vector<int> kind = expect(kinds, "kinds", n, 0, 2), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
+    expect(circles, "circles", {n, 3});
+    const std::vector<int> kind = expect(kinds, "kinds", n, 0, 4), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
     problem->shared_jacobian = doubles(shared_jacobian, "shared_jacobian", {n, 3, D});
     problem->scale_sd = expect(scale_sd, "scale_sd", 0, 100);
     if (6 + D + (scale_sd > 0) > MOST_STATES) refuse("shared_jacobian", "expected fewer shared errors, got " + std::to_string(D));
@@ -148,6 +156,9 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
         p.log_outlier = log_outlier.data()[k];
         p.furniture = expect(furniture.data()[k], "furniture", 0, 1e300);
         p.kind = static_cast<Kind>(kind[k]);
+        p.circle = expect(circles.data()[3 * k], "circles", 0, 1e300);
+        p.circle_sd = expect(circles.data()[3 * k + 1], "circles", p.circle > 0 ? 1e-12 : 0, 1e300);
+        p.hole = static_cast<int>(expect(circles.data()[3 * k + 2], "circles", -1, 1));
         p.group = group[k];
         const double v = p.cov(0, 0);
         p.isotropic = true;
@@ -252,6 +263,15 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
                 row[1] = s.belongs;
                 const Point& point = problem.points[j];
                 store(s.in_part, row + 9);
+                Vec3 off;
+                const int axis = s.count || point.kind != Kind::CENTRE ? -1 : shape.nearest_axis(point, s.in_part, off);
+                if (axis >= 0) {
+                    row[2] = norm(off);
+                    row[3] = std::sqrt(3 / (point.cov(0, 0) + point.cov(1, 1) + point.cov(2, 2) + 3 * point.extra));
+                    row[5] = 0;
+                    faces[k * n + j] = -2 - static_cast<int>(shape.edges.size() + shape.corners.size()) - shape.axes[axis].number;
+                    continue;
+                }
                 if (!s.count) {  // the nearest place of the surface
                     const Closest c = shape.closest(s.in_part);
                     const Vec3& normal = shape.normals[c.triangle];
@@ -531,10 +551,10 @@ NB_MODULE(native, m) {
         }, nb::rv_policy::automatic);
     nb::class_<Problem>(m, "Problem").def_prop_ro("size", &Problem::size);
     m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
-          "corners"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
+          "corners"_a, "axes"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
     m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "sides"_a,
-          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "furniture"_a, "kinds"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
+          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "furniture"_a, "kinds"_a, "circles"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
           "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a,
           "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

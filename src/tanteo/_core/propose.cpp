@@ -28,6 +28,47 @@ Mat3 attitude(const Axes& world, const Axes& part, double c, double s) {
     return R;
 }
 
+// Capped cost of the centre of a circle: how far it is from the nearest axis, and how far its own is tilted to that.
+double cost_of_centre(const Shape& shape, const Point& point, const Pose& pose, double per, double per_tilt) {
+    Vec3 off;
+    const int k = shape.nearest_axis(point, into_part(pose, point.at), off);
+    if (k < 0) return CAP;
+    double cost = squared(off) * per;
+    if (point.oriented) cost += 2 * (1 - std::fabs(dot(pose.R * shape.axes[k].direction, point.normal))) * per_tilt;
+    return std::min(cost, CAP);
+}
+
+// A place of the part where a point may be: on its surface, or on an axis; the normal there, or the axis.
+struct Where {
+    Vec3 at, normal;
+};
+
+// Places to choose from for a point: k counts on for ever.
+class Places {
+  public:
+    Places(const Shape& shape, const Point& point) : shape(shape), point(point) {
+        if (point.kind != Kind::CENTRE) return;
+        for (size_t k = 0; k < shape.axes.size(); ++k)
+            if (shape.axes[k].may_have(point, 4 * point.circle_sd)) axes.push_back(k);
+    }
+    size_t size() const { return point.kind == Kind::CENTRE ? HEIGHTS * axes.size() : shape.samples.size(); }
+    Where operator[](size_t k) const {
+        if (point.kind != Kind::CENTRE) {
+            const Vec3& n = shape.sample_normals[k];
+            return {shape.samples[k] + point.radius * n, n};
+        }
+        const RoundAxis& axis = shape.axes[axes[k / HEIGHTS]];
+        const double t = static_cast<double>(k % HEIGHTS / 2) / (HEIGHTS / 2 - 1);
+        return {axis.a + (t * axis.length) * axis.direction, k % 2 ? -axis.direction : axis.direction};
+    }
+
+  private:
+    static constexpr size_t HEIGHTS = 10;  // five places along an axis, each with both directions
+    const Shape& shape;
+    const Point& point;
+    std::vector<size_t> axes;
+};
+
 }  // namespace
 
 double score(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const Pose& pose, double blur,
@@ -36,6 +77,11 @@ double score(const Shape& shape, const Problem& problem, const std::vector<int>&
     double sum = 0;
     for (const int j : rows) {
         const Point& point = problem.points[j];
+        if (point.kind == Kind::CENTRE) {
+            sum += cost_of_centre(shape, point, pose, per, per_tilt);
+            if (sum > limit) break;
+            continue;
+        }
         int flat = 0;
         const bool faces = point.oriented || point.sided;
         const double f = shape.field(into_part(pose, point.at), faces ? &flat : nullptr) - point.radius;
@@ -62,15 +108,16 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
         const double gap = norm(Q.at - P.at);
         if (!(gap > 0)) continue;
         const Axes world((1 / gap) * (Q.at - P.at));
+        const Places firsts(shape, P), seconds(shape, Q);
+        if (!firsts.size() || !seconds.size()) continue;
         const bool oriented = P.oriented && Q.oriented;
         const Vec3 middle = 0.5 * (P.at + Q.at);
         const double low = std::max(gap - effort.tolerance, 0.0), high = gap + effort.tolerance;
         int done = 0;
         for (int tries = 0; done < effort.per_pair && tries < 3 * effort.per_pair; ++tries) {
-            const int a = static_cast<int>(random.next() % shape.samples.size());
-            const Vec3& na = shape.sample_normals[a];
-            const Vec3 A = shape.samples[a] + P.radius * na;
-            const auto fits = [&](const Vec3& B, const Vec3& nb) {
+            const auto [A, na] = firsts[random.next() % firsts.size()];
+            const auto fits = [&, A = A, na = na](const Where& there) {
+                const auto& [B, nb] = there;
                 const double d2 = squared(B - A);
                 if (!(d2 > 0) || d2 < low * low || d2 > high * high) return false;
                 if (!oriented) return true;
@@ -80,16 +127,14 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
                        std::fabs(dot(na, nb) - dot(P.normal, Q.normal)) < 2.5 * effort.tilt;
             };
             partners.clear();
-            const size_t window = random.next() % shape.samples.size();  // samples come in no order: some in a row are some of all
-            for (size_t k = 0; k < std::min(WINDOW, shape.samples.size()); ++k) {
-                const size_t b = (window + k) % shape.samples.size();
-                const Vec3& nb = shape.sample_normals[b];
-                if (fits(shape.samples[b] + Q.radius * nb, nb)) partners.push_back(static_cast<int>(b));
+            const size_t window = random.next() % seconds.size();  // samples come in no order: some in a row are some of all
+            const size_t some = Q.kind == Kind::CENTRE ? seconds.size() : std::min(WINDOW, seconds.size());
+            for (size_t k = 0; k < some; ++k) {
+                const size_t b = (window + k) % seconds.size();
+                if (fits(seconds[b])) partners.push_back(static_cast<int>(b));
             }
             if (partners.empty()) continue;
-            const int b = partners[random.next() % partners.size()];
-            const Vec3& nb = shape.sample_normals[b];
-            const Vec3 B = shape.samples[b] + Q.radius * nb;
+            const auto [B, nb] = seconds[partners[random.next() % partners.size()]];
             const double length = norm(B - A);
             if (!(length > 0)) continue;
             const Axes part((1 / length) * (B - A));

@@ -5,6 +5,7 @@
 
 #include "bvh.hpp"
 #include "array.hpp"
+#include "problem.hpp"
 #include "vec.hpp"
 
 namespace tanteo {
@@ -60,6 +61,18 @@ struct Segment {  // a straight sharp edge of the part
     double length;
 };
 
+struct RoundAxis {  // of a hole or boss, from end to end, with the radii that it has and its weight among all of them
+    Vec3 a, direction;
+    double length, least, most, weight;
+    int hole, number;
+
+    // whether a circle may be of it: of its side, and of its radius within so much
+    bool may_have(const Point& point, double within) const {
+        if (point.hole * hole < 0) return false;
+        return !(point.circle > 0) || (point.circle > least - within && point.circle < most + within);
+    }
+};
+
 struct Closest {
     double squared = 1e300;
     Vec3 point;
@@ -80,6 +93,7 @@ struct Solid {
     std::vector<int> triangles, faces, profile_rows;
     std::vector<Profile> profiles;
     std::vector<Segment> edges;
+    std::vector<RoundAxis> axes;
     std::vector<Vec3> corners, hull, samples, sample_normals;
     Vec3 centre;
 };
@@ -101,6 +115,8 @@ class Shape : public ShapeNumbers {
     void triangles_about(const Vec3& origin, const Vec3& direction, double reach, double beside, Visit&& visit) const {
         triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) { visit(t); return nearest; }, beside);
     }
+    // from the nearest axis of which a circle may be to its centre, in the part; the axis or -1
+    int nearest_axis(const Point& point, const Vec3& p, Vec3& off) const;
     // distance to the surface from the grid, not signed; rough far away
     double field(const Vec3& p, int* flat = nullptr) const;
 
@@ -125,6 +141,8 @@ class Shape : public ShapeNumbers {
     Array<int> bin_start, bin_edges;  // edges of an outline, from its first, bin by bin
     Array<ConvexEdge> convex_edges;
     Array<Segment> edges;
+    Array<RoundAxis> axes;
+    Array<int> face_round;  // whether a face is not flat
     Array<Vec3> corners, hull;
     Array<double> face_area;
     Array<Vec3> samples, sample_normals;  // of the surface, even by area

@@ -12,7 +12,7 @@ namespace tanteo {
 
 namespace {
 
-constexpr uint64_t VERSION = 4;  // of what a shape holds and how it is made: raise it whenever either changes
+constexpr uint64_t VERSION = 5;  // of what a shape holds and how it is made: raise it whenever either changes
 constexpr size_t ALIGNED = 64, MOST_ARRAYS = 32;
 
 struct Head {
@@ -56,7 +56,7 @@ template <class Self, class Visit>
 void Shape::each_array(Self& s, Visit&& visit) {
     visit(s.vertices), visit(s.triangles), visit(s.faces), visit(s.flat_of), visit(s.normals), visit(s.profiles);
     visit(s.flats), visit(s.places), visit(s.outlines), visit(s.bin_start), visit(s.bin_edges);
-    visit(s.convex_edges), visit(s.edges), visit(s.corners), visit(s.hull), visit(s.face_area), visit(s.samples), visit(s.sample_normals);
+    visit(s.convex_edges), visit(s.edges), visit(s.axes), visit(s.face_round), visit(s.corners), visit(s.hull), visit(s.face_area), visit(s.samples), visit(s.sample_normals);
     visit(s.triangle_tree.nodes), visit(s.triangle_tree.items), visit(s.flat_tree.nodes), visit(s.flat_tree.items);
     visit(s.edge_tree.nodes), visit(s.edge_tree.items), visit(s.grid), visit(s.grid_triangle);
 }

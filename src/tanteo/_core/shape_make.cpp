@@ -9,9 +9,12 @@
 
 namespace tanteo {
 
+constexpr double ALIKE = 0.9999;  // least cosine between the flats of a face that is flat
+
 Shape::Shape(Solid solid, int cells)
     : vertices(std::move(solid.vertices)), triangles(std::move(solid.triangles)), faces(std::move(solid.faces)),
-      profiles(std::move(solid.profiles)), edges(std::move(solid.edges)), corners(std::move(solid.corners)),
+      profiles(std::move(solid.profiles)), edges(std::move(solid.edges)), axes(std::move(solid.axes)),
+      corners(std::move(solid.corners)),
       hull(std::move(solid.hull)), samples(std::move(solid.samples)), sample_normals(std::move(solid.sample_normals)) {
     centre = solid.centre;
     const int T = static_cast<int>(faces.size());
@@ -41,6 +44,13 @@ Shape::Shape(Solid solid, int cells)
     std::vector<Flat> made;
     make_flats(solid.profile_rows, made);
     if (made.empty()) throw std::invalid_argument("triangles: expected some that are no slivers, got none.");
+    std::vector<int> round(face_area.size(), 0);
+    std::vector<const Flat*> first(round.size(), nullptr);
+    for (const Flat& flat : made) {
+        if (!first[flat.face]) first[flat.face] = &flat;
+        if (dot(flat.normal, first[flat.face]->normal) < ALIKE || flat.profile >= 0) round[flat.face] = 1;
+    }
+    face_round = std::move(round);
     make_outlines(made);
     flats = std::move(made);
     make_places();

@@ -20,6 +20,34 @@ double kept_on(const Vec3& side, const Vec3& place, double per_sd, Vec3& slope) 
     return share;
 }
 
+// Density of a point that is on a line from a, normal about it and even along its length; all but weight and face of the
+// hit. 0 far away.
+double meet_line(const Vec3& a, const Vec3& direction, double length, const Vec3& p, const Mat3& C, Hit& hit) {
+    const Vec3 off = p - a;
+    const double t = dot(off, direction);
+    if (squared(off) - t * t > REACH * REACH * (C(0, 0) + C(1, 1) + C(2, 2))) return 0;
+    const Vec3 u = any_across(direction), v = cross(direction, u);
+    const double uu = dot(u, C * u), uv = dot(u, C * v), vv = dot(v, C * v), det = uu * vv - uv * uv;
+    const double x = dot(off, u), y = dot(off, v);
+    const double q = (vv * x * x - 2 * uv * x * y + uu * y * y) / det;
+    if (q > REACH * REACH) return 0;
+    Mat3 info;
+    add_outer(info, vv / det, u, u);
+    add_outer(info, -uv / det, u, v);
+    add_outer(info, -uv / det, v, u);
+    add_outer(info, uu / det, v, v);
+    const double sd = std::sqrt(dot(direction, C * direction));
+    const double along = normal_below(t / sd) - normal_below((t - length) / sd);
+    const double near = normal_density(t / sd), far = normal_density((t - length) / sd);
+    hit.distance = std::hypot(x, y);
+    hit.per_sd = hit.distance > 0 ? std::sqrt(q) / hit.distance : 1 / std::sqrt(uu);
+    hit.normal = {};  // all of it is in slope and stiff
+    hit.slope = -(info * off) + ((near - far) / sd / std::max(along, 1e-300)) * direction;
+    hit.spread = (far * (t - length) - near * t) / sd / std::max(along, 1e-300);
+    hit.stiff = info;
+    return along / length / std::sqrt(det) * fast_exp(-0.5 * q - 2 * HALF_LOG_TWO_PI);
+}
+
 }  // namespace
 
 // A ball that touches one thing must not be inside of another face in front of it: the share of the noise along what it
@@ -120,32 +148,41 @@ void Likelihood::look_at_edges(const Point& point, int j, const Mat3& C) {
     const double nothing = NOTHING * problem.mean_rate;
     for (size_t k = 0; k < shape.edges.size(); ++k) {
         const Segment& e = shape.edges[k];
-        const Vec3 off = p - e.a, u = any_across(e.direction), v = cross(e.direction, u);
-        const double uu = dot(u, C * u), uv = dot(u, C * v), vv = dot(v, C * v), det = uu * vv - uv * uv;
-        const double x = dot(off, u), y = dot(off, v);
-        Mat3 info;
-        add_outer(info, vv / det, u, u);
-        add_outer(info, -uv / det, u, v);
-        add_outer(info, -uv / det, v, u);
-        add_outer(info, uu / det, v, v);
-        const double q = (vv * x * x - 2 * uv * x * y + uu * y * y) / det;
-        if (q > REACH * REACH) continue;
-        const double sd = std::sqrt(dot(e.direction, C * e.direction)), t = dot(off, e.direction);
-        const double along = normal_below(t / sd) - normal_below((t - e.length) / sd);
-        const double weight =
-            along / shape.edge_length / std::sqrt(det) * fast_exp(-0.5 * q - 2 * HALF_LOG_TWO_PI - point.log_outlier);
-        if (!(weight >= nothing)) continue;
         Hit hit;
-        hit.weight = weight;
-        hit.distance = std::hypot(x, y);
-        hit.per_sd = hit.distance > 0 ? std::sqrt(q) / hit.distance : 1 / std::sqrt(uu);
-        hit.normal = {};  // all of it is in slope and stiff
-        hit.face = -2 - static_cast<int>(k);
         hit.tilted = 0;
-        const double near = normal_density(t / sd), far = normal_density((t - e.length) / sd);
-        hit.slope = -(info * off) + ((near - far) / sd / std::max(along, 1e-300)) * e.direction;
-        hit.spread = (far * (t - e.length) - near * t) / sd / std::max(along, 1e-300);
-        hit.stiff = info;
+        hit.weight = meet_line(e.a, e.direction, e.length, p, C, hit) * e.length / shape.edge_length *
+                     fast_exp(-point.log_outlier);
+        if (!(hit.weight >= nothing)) continue;
+        hit.face = -2 - static_cast<int>(k);
+        hits.push_back(hit);
+    }
+}
+
+// The centre of a circle: normal about the axis of a hole or boss, even along it; with the tilts of a sensed axis, either
+// end of which may be named first, and the radius where it is known.
+void Likelihood::look_at_axes(const Point& point, int j, const Mat3& R, const Mat3& C) {
+    const Vec3& p = seen[j].in_part;
+    const double nothing = NOTHING * problem.mean_rate, width = std::hypot(point.circle_sd, blur);
+    const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
+    const double tilt_variance = point.normal_sd * point.normal_sd + blur_turn * blur_turn;
+    for (const RoundAxis& axis : shape.axes) {
+        if (!axis.may_have(point, REACH * width)) continue;
+        Hit hit;
+        hit.tilted = 0;
+        hit.weight = axis.weight * meet_line(axis.a, axis.direction, axis.length, p, C, hit) * fast_exp(-point.log_outlier);
+        if (point.circle > 0) {
+            const double r = (point.circle - std::clamp(point.circle, axis.least, axis.most)) / width;
+            hit.weight *= fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI) / width;
+        }
+        if (point.hole) hit.weight *= 2;  // than where nobody said which
+        if (point.oriented && hit.weight >= nothing) {
+            const Vec3 n = dot(axis.direction, m) < 0 ? -axis.direction : axis.direction, u = any_across(n);
+            const Vec3 across[2] = {u, cross(n, u)};
+            const double bend[2] = {0, 0};
+            hit.weight *= 0.5 * tilt_density(across, bend, n, C, m, tilt_variance, hit);
+        }
+        if (!(hit.weight >= nothing)) continue;
+        hit.face = -2 - static_cast<int>(shape.edges.size() + shape.corners.size()) - axis.number;
         hits.push_back(hit);
     }
 }

@@ -32,6 +32,22 @@ void shorten(double* step, int K, double turn, double shift) {
 
 namespace {
 
+// What a centre of a circle adds to a robust step: it is drawn to the nearest axis. Its cost.
+double step_of_centre(const Shape& shape, const Point& point, const Vec3& p, double per, double* A, double* b) {
+    Vec3 off;
+    if (shape.nearest_axis(point, p, off) < 0) return 4;
+    const double far = norm(off);
+    const Vec3 g = far > 1e-9 * shape.diagonal ? (1 / far) * off : any_across(shape.axes[0].direction), y = p - shape.centre;
+    const Vec3 turn = cross(g, y);
+    const double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+    const double r = far * per, w = 1 / (1 + 0.25 * r * r);
+    for (int i = 0; i < 6; ++i) {
+        b[i] -= w * w * row[i] * r;
+        for (int l = 0; l <= i; ++l) A[6 * i + l] += w * w * row[i] * row[l];
+    }
+    return w * r * r;
+}
+
 // One robust step of a pose to the nearest surface at a scale; the cost before it. Without move: the cost alone.
 double settle_step(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale, bool move,
                    Pose& pose) {
@@ -40,6 +56,10 @@ double settle_step(const Shape& shape, const Problem& problem, const std::vector
     for (const int j : rows) {
         const Point& point = problem.points[j];
         const Vec3 p = into_part(pose, point.at);
+        if (point.kind == Kind::CENTRE) {
+            total += step_of_centre(shape, point, p, per, A, b);
+            continue;
+        }
         const Closest c = scale > COARSE * shape.grid_step ? shape.closest_about(p) : shape.closest(p);
         const Vec3& n = shape.normals[c.triangle];
         double far = std::sqrt(c.squared);

@@ -78,7 +78,7 @@ def labelled_planes(points: ContactPoints) -> Planes:
         span = np.linalg.norm(p - middle, axis=1).max()
         tilt = sd / (width * np.sqrt(len(rows)))
         found.append((n, n @ middle, middle, span, points.radii[rows].mean(), tilt, toward != 0))
-    for k in np.flatnonzero(points.oriented & (groups < 0) & (points.normal_sds < _KNOWN)):
+    for k in np.flatnonzero(points.oriented & ~points.centres & (groups < 0) & (points.normal_sds < _KNOWN)):
         n, p = points.normals[k], points.points[k]
         found.append((n, n @ p, p, 0.0, points.radii[k], points.normal_sds[k], True))
     n, offsets, middles, spans, radii, tilts, sided = zip(*found, strict=True) if found else [()] * 7

@@ -13,7 +13,8 @@ import numpy as np
 
 from tanteo.features import label_kind
 from tanteo.lie import SO3
-from tanteo.measurements import ContactPoints
+from tanteo.measurements import ContactPoints, is_round
+from tanteo.sensors import CENTRE
 from tanteo.special import log_sum
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
@@ -80,7 +81,7 @@ def groups_of(points: ContactPoints) -> IntArray:
     keys = list(zip(points.labels, points.kinds, strict=True))
     for key in keys:
         counts[key] = counts.get(key, 0) + 1
-    several = [key for key, count in counts.items() if key[0] and count > 1]
+    several = [key for key, count in counts.items() if key[0] and count > 1 and key[1] != CENTRE]
     number = {key: k for k, key in enumerate(several)}
     return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
 
@@ -93,7 +94,7 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
         groups: of :func:`groups_of`.
         radius: of the ball in which the object is [m].
     """
-    alone = np.flatnonzero(points.oriented & (groups < 0))
+    alone = np.flatnonzero(points.oriented & (groups < 0) & ~points.centres)
     n, sd = points.normals[alone], points.normal_sds[alone]
     at = points.points[alone] - points.radii[alone, None] * n
     variances = np.einsum("ni,nij,nj->n", n, points.covs[alone], n)
@@ -102,6 +103,8 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
     for g in range(len(log_odds)):
         own = points.take(np.flatnonzero(groups == g))
         free = 3 - label_kind(own.kinds[0]).faces
+        if is_round(own.kinds[0]):  # a wall may bend in any way
+            continue
         if len(own) <= free:  # two points tell the direction of an edge, or that they meet, and nothing of a face
             continue
         log, facet = _shared(own, radius)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue import cache
-from tanteo.parts import Part, as_parts, exact_faces
+from tanteo.parts import Part, as_parts, exact_faces, round_features
 from tanteo.shapes import DistanceField, Surface, distance_field
 from tanteo.typing import FloatArray, IntArray, Vectors
 
@@ -24,7 +24,11 @@ _CELLS = 40
 _FEW = 500
 """Vertices up to this number may all be ones on which the part stands."""
 
-_KIND = "shape2"
+_LONGER, _BEYOND, _ON = 1.01, 0.1, 0.5
+"""So much longer than a hole a part has to be for centres to lie beyond the hole; the share of those that do; how much
+farther, in lengths of both, they may be."""
+
+_KIND = "shape4"
 """Of the bytes beside a part in the cache: another number where what is put into a shape changes."""
 
 
@@ -122,7 +126,7 @@ def _made(part: Part) -> _core.Shape:
     return _core.make_shape(
         _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
         _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),
-        _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
+        _axes(part), _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
     )  # fmt: skip
 
 
@@ -134,6 +138,27 @@ def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray
     u, v = np.sort(rng.uniform(size=(2, SAMPLES, 1)), axis=0)
     a, b, c = corners[rows].transpose(1, 0, 2)
     return np.ascontiguousarray(u * a + (v - u) * b + (1 - v) * c), rows
+
+
+def _axes(part: Part) -> FloatArray:
+    """Axes of holes and bosses for centres of circles ``(K, 11)``: ends, radii, weight, side, number.
+
+    All holes and bosses alike; of each the wall, and with a smaller weight all heights of the part, for some devices
+    move a centre along its axis to a plane of their own. Both go on for a while, as centres that were moved to the rim
+    are no less likely than others.
+    """
+    rounds, rows = round_features(part), []
+    for number, one in enumerate(rounds):
+        along = (part.vertices - one.ends[0]) @ one.axis
+        reach = one.ends[0] + np.array([[along.min()], [along.max()]]) * one.axis
+        longer = float(np.ptp(along)) > _LONGER * one.length
+        rest = [float(one.radii.min()), float(one.radii.max())]
+        for ends, share in ((one.ends, 1 - _BEYOND * longer), (reach, _BEYOND * longer)):
+            if share > 0:
+                beside = _ON * (ends[1] - ends[0])
+                ends = ends + np.stack([-beside, beside])
+                rows.append([*ends.ravel(), *rest, share / len(rounds), 1.0 if one.hole else -1.0, number])
+    return _doubles(np.array(rows).reshape(-1, 11))
 
 
 def _hull(part: Part) -> Vectors:

@@ -8,13 +8,13 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.answers import PosePrior, Priors, log_density_within
-from tanteo.features import label_kind
 from tanteo.inference.around import Around, around, outlier_log_density
 from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import ContactPoints, FreeRays, directions_met, is_round
+from tanteo.sensors import CENTRE
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 
@@ -112,7 +112,7 @@ class Problem:
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
             _c(self.around.over_outlier),
-            np.array([label_kind(kind).faces - 1 for kind in t.kinds], dtype=np.int32), self.groups,
+            np.array([_number(kind) for kind in t.kinds], dtype=np.int32), _c(t.circles), self.groups,
             _c(self.elsewhere.log_odds), _c(t.shared_jacobian), float(self.scale_sd), _c(rates), _c(weights),
             self.priors.outlier_rate, _c(lines), _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots),
             _c(log_weights),
@@ -138,6 +138,11 @@ class Problem:
 def unplaced(pose: PosePrior) -> PosePrior:
     """What is known of the pose but for its normal density."""
     return replace(pose, T_world_part=None, covariance=None)
+
+
+def _number(kind: str) -> int:
+    """Of a kind of point, for the core."""
+    return 3 if kind == CENTRE else 4 if is_round(kind) else directions_met(kind) - 1
 
 
 def _c(values: FloatArray) -> FloatArray:

@@ -151,10 +151,20 @@ def _too_little(problem: Problem) -> str:
         return f"All {len(problem.points)} readings are on the {of}: sense the part, on several sides."
     if not len(points):
         return f"No reading met anything: sense {LEAST} places or more, better eight, on several sides."
-    if len(points) < LEAST:
+    if len(points) == 1 and points.centres.any():
+        return (
+            "One centre fits every hole or boss, and leaves free how the part is tilted, turned about it, slid along "
+            "its axis: sense a second one, and a face."
+        )
+    if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
+        return (
+            "Two centres leave free how the part is turned about their line and slid along its holes: sense a face, at "
+            "three places, or a third centre that is not in line with them."
+        )
+    if len(points) + np.count_nonzero(points.centres) < LEAST:  # a centre is held in two directions
         few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
         return f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
-    if named or points.oriented.any():
+    if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
         return ""
     along, across = np.linalg.svd(points.points - points.points.mean(axis=0), compute_uv=False)[:2]
     sd = float(np.median(_along(points)))

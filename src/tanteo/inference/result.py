@@ -19,12 +19,13 @@ from tanteo.answers import (
     spins,
     without_spins,
 )
-from tanteo.features import SharedError, label_kind
+from tanteo.features import SharedError
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
 from tanteo.lie import SE3, SO3
 from tanteo.localization import SharedGiven, covariance_with_free, pose_information, weak_motions
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import ContactPoints, FreeRays, directions_met
+from tanteo.parts import Part, round_features
 from tanteo.typing import Covariances, FloatArray, Tangents
 
 _NOTABLE = 0.5
@@ -92,7 +93,7 @@ class GoodnessOfFit:
         """Of the points that belong and their normals, against what was stated."""
         belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.kinds
         points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
-        across = sum(label_kind(kind).faces for kind, on in zip(kinds, belongs, strict=True) if on)
+        across = sum(directions_met(kind) for kind, on in zip(kinds, belongs, strict=True) if on)
         told = 2 * int(np.count_nonzero(tilts[belongs]))
         tilted = float(np.sum(tilts[belongs] ** 2))
         return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)
@@ -173,12 +174,19 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
 def face_names(one: GoodnessOfFit) -> list[str]:
     """What each point is nearest to, in words."""
     part = one.mode.prepared.part
-    edges, around, furniture = len(part.edges), one.mode.objective.problem.around, one.on_furniture
-    names = [
-        part.faces[f].name if f >= 0 else (f"edge {-2 - f}" if -2 - f < edges else f"vertex {-2 - f - edges}")
-        for f in one.at.faces[0]
-    ]
+    around, furniture = one.mode.objective.problem.around, one.on_furniture
+    names = [_name_of(part, int(f)) for f in one.at.faces[0]]
     return [around.names[around.which[k]] if furniture[k] else name for k, name in enumerate(names)]
+
+
+def _name_of(part: Part, number: int) -> str:
+    """What the core calls by a number: a face, or beyond -1 an edge, a vertex, then a hole or boss."""
+    k, edges, corners = -2 - number, len(part.edges), len(part.corners)
+    if number >= 0:
+        return part.faces[number].name
+    if k < edges:
+        return f"edge {k}"
+    return f"vertex {k - edges}" if k < edges + corners else round_features(part)[k - edges - corners].name
 
 
 def information_by_point(mode: Mode) -> FloatArray:

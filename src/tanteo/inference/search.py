@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.inference.details import belongs_at
+from tanteo.inference.hole_tuples import from_centres
 from tanteo.inference.label_tuples import Planes, from_labels, labelled_planes
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
@@ -68,8 +69,8 @@ _MOST = 40
 _BEST = 3
 """Leading parts of which the best pose is tried on the others."""
 
-_ORIENTED = 3
-"""So many sensed normals fix a pose."""
+_FIXED, _ORIENTED = 6, 3
+"""So many points fix a pose, of which centres of circles count twice, or so many sensed normals."""
 
 
 @dataclass(slots=True, eq=False)
@@ -128,6 +129,7 @@ class PartSearch:
             groups.append(1 << ((k * count + i) % _BITS))
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = objective.merged(self.peaks, objective.look(np.concatenate(poses), of, effort.maximize), _MOST)
+        self._of_centres()
         self.sample(effort.maximize)
         hard = bool(effort.hard) and (len(objective.scales.blurs) > 1 or self.doubtful())
         move = effort.hard if hard else effort.move
@@ -153,6 +155,15 @@ class PartSearch:
             return Ts
         costs = scores_of(objective.core, objective.prepared, objective.rows, Ts, objective.scales)
         return Ts[np.argsort(costs, kind="stable")[:count]]
+
+    def _of_centres(self) -> None:
+        """Maximize from poses that put centres on axes of holes and bosses: once, and unblurred, for they are near."""
+        objective = self.objective
+        if self.restarts:
+            return
+        Ts = from_centres(objective.problem.points, objective.core, objective.prepared)
+        found = objective.maximize(Ts, groups=np.full(len(Ts), _CERTAIN, dtype=np.int64), fine=True)
+        self.peaks = objective.merged(self.peaks, found, _MOST)
 
     def sample(self, count: int) -> None:
         """Maximize from samples of the pose prior, each a group of its own; and follow the ridge it lies on."""
@@ -223,7 +234,8 @@ def race(
             search.restart(_LOOK)
     _try_on_others(live)
     live = _still_in(live, log_unknown, _BEHIND[1])
-    fixed = len(problem.points) >= 6 or int(problem.points.oriented.sum()) >= _ORIENTED
+    points = problem.points
+    fixed = len(points) + np.count_nonzero(points.centres) >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
+from tanteo.io.centres import find_centres, know_axes
 from tanteo.sensors import Readings, check_features
 from tanteo.typing import FloatArray, Vectors
 
@@ -41,8 +42,10 @@ def assemble(
     notes = list(notes)
     _place(columns, stated, source, notes)
     _give_radius(columns, n, stated, source)
+    centres, outward = find_centres(columns, n, outward, source, notes)
     _give_directions(columns, n, outward, stated, source, notes)
     _give_normal_sds(columns, stated, source, notes)
+    know_axes(columns, centres, notes)
     _release_labels(columns, notes)
     n = _draw(columns, n, stated.max_points, notes)
     try:

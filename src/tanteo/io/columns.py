@@ -14,9 +14,12 @@ from tanteo.io.poses import BRANDS
 from tanteo.io.schema import show
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
-LENGTHS = ("x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z")
+LENGTHS = (
+    "x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z",
+    "hole_radius", "hole_diameter",
+)  # fmt: skip
 PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "i", "j", "k", *HAND_PLAIN)
-TEXTS = ("id", "feature", "kind", "sensor", "status")
+TEXTS = ("id", "feature", "kind", "sensor", "status", "side")
 
 POINT = ("x", "y", "z")
 DIRECTION = ("dx", "dy", "dz")

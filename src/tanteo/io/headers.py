@@ -25,15 +25,18 @@ _LONGEST = 100
 
 _NO_UNIT = ("", "-", "1", "/")
 _WHOLE = re.compile(r"(?:\w*_)?(position|translation|orientation|rotation|normal|direction)_([xyzw])(_\w+)?")
+_OF_HOLES = re.compile(r"(?:hole|bore|boss|circle|cylinder|feature)_(radius|diameter|diam|dia)(_\w+)?")
 _GROUPS = {"position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
            "direction": "d"}  # fmt: skip
 _ADVICE = (
-    (r"(?:\w+_)?(?:diameter|diam|dia)", "The radius is half of it: name the column radius_mm and halve the values."),
+    (r"(?:\w+_)?(?:diameter|diam|dia)",
+     "The radius of the tip's ball is half of it: name the column radius_mm and halve the values. Of holes or bosses "
+     "name it hole_diameter_mm."),
     (r"(?:std|stdev|stddev|sigma|uncertainty|unc|error|accuracy)",
      "If it is one standard deviation along the normal, name the column sd_mm; of a tolerance write a third."),
     (r"(?:v[xyz]|u|v|w)", "Name vectors nx, ny, nz if they point out of the material, dx, dy, dz if into it."),
     (r"(?:dist|distance|depth|length)", "Of a range sensor name the column range_mm, with sensor and hand columns."),
-    (r"(?:type|category)", "Name the column kind: plane, edge, vertex, point or free."),
+    (r"(?:type|category)", "Name the column kind: plane, edge, vertex, circle, point or free."),
     (r"(?:label|face|surface)",
      "Name it id if it differs in each row, feature if rows on one face share it."),
 )  # fmt: skip
@@ -54,6 +57,8 @@ def canonical(cell: str) -> str:
         text = f"{head}_{_UNIT_WORDS[last]}"
     text = with_unit(text, unit)
     text = _ACTUAL.sub("", text)
+    if of_hole := _OF_HOLES.fullmatch(text):
+        return f"hole_{'radius' if of_hole[1] == 'radius' else 'diameter'}{of_hole[2] or ''}"
     whole = _WHOLE.fullmatch(text)
     return f"{_GROUPS[whole[1]]}{whole[2]}{whole[3] or ''}" if whole else text
 

@@ -12,7 +12,7 @@ from tanteo.io.poses import pose_from_brand
 from tanteo.io.stated import Stated
 from tanteo.io.units import length_unit
 from tanteo.logs import Log, LogFormat
-from tanteo.sensors import Readings
+from tanteo.sensors import CENTRE, Readings
 
 _EXAMPLES = {
     "--units": "--units mm",
@@ -37,7 +37,8 @@ def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readi
     """
     metre = _metre(log, stated, form, source)
     notes = [*log.notes]
-    if log.points is not None and not log.centres and stated.radius is None:
+    touched = log.points is not None and (log.holes is None or bool(np.isnan(log.holes).any()))
+    if touched and not log.centres and stated.radius is None:
         notes.append("The points are taken as points of the surface; say --radius if they are centres of a ball.")
     if log.normals is not None and stated.normal_sd is None:
         notes.append(
@@ -75,6 +76,9 @@ def _columns(log: Log, stated: Stated, metre: float, source: str) -> dict[str, A
         "radii": None if log.radii is None else log.radii * metre, "features": None, "kinds": None,
         "Ts_world_hand": None, "ranges": None, "is_free": None,
     }  # fmt: skip
+    if log.holes is not None:
+        columns["hole_radii"], columns["material_sides"] = log.holes * metre, log.sides
+        columns["kinds"] = ["point" if np.isnan(radius) else CENTRE for radius in log.holes]
     if log.poses is not None:
         try:
             columns["Ts_world_hand"] = pose_from_brand(log.brand, log.poses)

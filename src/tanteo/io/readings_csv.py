@@ -124,12 +124,13 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
     columns[f"normal_sd_{angle_unit}"] = _cells(readings.normal_sds / radians)
     radii = np.where(readings.radii > 0, readings.radii, np.nan)
     lengths = {"radius": radii, "sd": readings.sds, "across_sd": readings.across_sds}
-    lengths |= {"range": readings.ranges, "max": readings.max_ranges}
+    lengths |= {"range": readings.ranges, "max": readings.max_ranges, "hole_radius": readings.hole_radii}
     columns |= {f"{name}_{unit}": _cells(values / metres) for name, values in lengths.items()}
     hands = np.concatenate([readings.Ts_world_hand[:, :3, 3] / metres, _quaternions(readings)], axis=1)
     columns |= {name + (f"_{unit}" if i < 3 else ""): _cells(hands[:, i]) for i, name in enumerate(HAND)}
     columns |= {"feature": list(readings.features), "sensor": list(readings.sensors)}
     columns["kind"] = ["" if kind in ("point", "free") else kind for kind in readings.kinds]
+    columns["side"] = list(readings.material_sides)
     columns["status"] = ["none" if free else "" for free in readings.is_free]
     columns = {name: cells for name, cells in columns.items() if any(cell != "" for cell in cells)}
     # an id that starts with # would read as a comment, unless quoted

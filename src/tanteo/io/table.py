@@ -27,10 +27,10 @@ _LARGEST_TIP = 1.0
 _SHORTEST, _LONGEST = 1e-9, 1e9
 """Lengths that a direction may have; their squares are numbers still."""
 
-_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd")
+_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter")
 _QUATERNION_SLACK = 1e-3
-_ROUND = ("circle", "hole", "bore", "cylinder", "arc", "slot")
-_STATUSES = ("ok", "none")
+_ROUND = ("hole", "bore", "boss", "arc", "slot")
+_STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
 
 
 class Table:
@@ -83,10 +83,10 @@ class Table:
         if column.base == "id":
             self._check_ids(names)
             return names
-        valid = {"kind": reading_kinds(), "status": _STATUSES}.get(column.base)
+        valid = {"kind": reading_kinds(), "status": _STATUSES, "side": _SIDES}.get(column.base)
         if valid is not None and (strange := set(names) - {*valid, ""}):
             k = next(i for i, name in enumerate(names) if name in strange)
-            round_one = " (the centre of a circle is no point of the surface: leave these rows out)"
+            round_one = " (centres of holes and bosses are of kind circle, with side hole or boss)"
             hint = round_one if column.base == "kind" and names[k].lower() in _ROUND else ""
             self.fail(k, column.base, names[k], f"one of {', '.join(valid)}{hint}")
         return [pool.setdefault(name, name) for name in names]
@@ -284,12 +284,26 @@ class Table:
             "Ts_world_hand": hand_poses(numbers, self._brand(numbers, stated)), "ranges": numbers.get("range"),
             "sensors": self._texts.get("sensor"), "max_ranges": numbers.get("max"),
             "is_free": None if status is None else np.array([s == "none" for s in status]),
+            "hole_radii": self._hole_radii(numbers), "material_sides": self._texts.get("side"),
         }  # fmt: skip
         said = self._text.said()
         left = [c.written for c in self.columns if c.left_out]
         notes = [said] if said else []
         notes += [f"Columns left out: {', '.join(left)}."] if left else []
         return assemble(columns, self.count, stated, str(self.path), notes, outward=vectors(OUTWARD))
+
+    def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:
+        """Radii of holes and bosses; both radius and diameter of one row are refused."""
+        radii, diameters = numbers.get("hole_radius"), numbers.get("hole_diameter")
+        if radii is None or diameters is None:
+            return radii if diameters is None else diameters / 2
+        both = ~np.isnan(radii) & ~np.isnan(diameters)
+        if both.any():
+            raise ReadingsError(
+                f"{self.path}, line {self.line_of(int(np.argmax(both)))}: expected the radius or the diameter of the "
+                "hole, got both. Keep one."
+            )
+        return np.where(np.isnan(radii), diameters / 2, radii)
 
     def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
         """Who writes the hand's rotation so; a matrix that is none is refused."""

@@ -17,12 +17,14 @@ if TYPE_CHECKING:
     from tanteo.active import Discrimination, Plan
     from tanteo.calibration import BeamFit, Calibration
     from tanteo.features import Feature
-    from tanteo.parts import Part
+    from tanteo.parts import Part, RoundFeature
     from tanteo.sensors import Rig, RigSensor
 
 
 def part_json(part: Part) -> str:
     """A document ``tanteo.part/1``: what was read from a CAD file, in the part's own frame."""
+    from tanteo.parts import hole_patterns, round_features  # slow to import
+
     edges, planes, symmetry = part.edges, part.planes, part.symmetry
     faces = zip(planes.faces, planes.areas, planes.normals, planes.centroids, strict=True)
     sides = zip(edges.lengths, edges.ends, edges.dihedrals, strict=True)
@@ -47,8 +49,31 @@ def part_json(part: Part) -> str:
             for f in part.faces
             if f.surface != "plane"
         ],
+        "holes_and_bosses": [_round_json(one) for one in round_features(part)],
+        "hole_patterns": [
+            {
+                "kind": p.kind, "holes": [f"hole {k}" for k in p.holes], "hole_radius_m": p.hole_radius, "axis": p.axis,
+                "centre_m": p.centre, "radius_m": p.radius, "steps_m": p.steps,
+            }
+            for p in hole_patterns(part)
+        ],
         "repairs": part.repairs,
     })  # fmt: skip
+
+
+def _round_json(one: RoundFeature) -> dict[str, Any]:
+    """A hole or boss, part frame; its rims with their axes out of the material."""
+    return {
+        "name": one.name, "hole": one.hole, "surface": one.surface, "faces": [f"face {k}" for k in one.faces],
+        "ends_m": one.ends, "radii_m": one.radii, "through": one.through, "residual_m": one.residual,
+        "rims": [
+            {
+                "centre_m": rim.centre, "axis": rim.axis, "radius_m": rim.radius, "open": rim.open,
+                "faces": [f"face {k}" for k in rim.faces],
+            }
+            for rim in one.rims
+        ],
+    }  # fmt: skip
 
 
 def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str | None = None) -> str:

@@ -1,7 +1,9 @@
 """DMIS output of coordinate measuring machines (ISO 22093): actual points ``FA(name)=FEAT/POINT,CART,x,y,z,i,j,k``.
 
-Where a file has none, the points of ``PTDATA`` are taken, and else those of ``PTMEAS`` and of ``F(name)=FEAT/POINT``,
-which in a program are nominal; what was taken is said. ``$`` continues a line, ``$$`` begins a comment.
+Actual circles and cylinders, ``FA(name)=FEAT/CIRCLE,INNER,CART,x,y,z,i,j,k,diameter`` (``CYLNDR``; ``OUTER`` of
+bosses), are centres of holes and bosses; so the converters of the QIF community write them. Where a file has neither,
+the points of ``PTDATA`` are taken, and else those of ``PTMEAS`` and of ``F(name)=FEAT/POINT``, which in a program are
+nominal; what was taken is said. ``$`` continues a line, ``$$`` begins a comment.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log, counted, unique
 
 _UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
+_ROUND, _SIDES = ("CIRCLE", "CYLNDR"), {"INNER": "hole", "OUTER": "boss"}
 _FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
 _POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
 _HINT = re.compile(
@@ -42,9 +45,12 @@ def read(contents: Contents) -> Log:
             unit = _UNITS.get(line[6:].split(",")[0].strip().upper())
         elif match := _FEATURE.match(line):
             kind, name, shape, rest = match[1].upper(), match[2], match[3].upper(), _cells(match[4])
-            others += kind == "FA" and shape != "POINT"
             if shape == "POINT" and rest[:1] == ["CART"]:
                 rows[kind].append((k, name, rest[1:7]))
+            elif kind == "FA" and shape in _ROUND and rest[0] in _SIDES and rest[1:2] == ["CART"] and len(rest) > 8:
+                rows[kind].append((k, name, [*rest[2:9], _SIDES[rest[0]]]))
+            else:
+                others += kind == "FA" and shape != "POINT"
         elif match := _POINT.match(line):
             rows[match[1].upper()].append((k, str(k), _cells(match[2])[:6]))
     taken = next((name for name in _CALLED if rows[name]), None)
@@ -53,22 +59,29 @@ def read(contents: Contents) -> Log:
         contents.fail("measured points (FA(...)=FEAT/POINT, PTDATA or PTMEAS)", left, "Output the points as well.")
     notes = [_CALLED[taken]] if _CALLED[taken] else []
     if others:
-        notes.append(f"{counted(others, 'feature')} of other kinds than POINT left out.")
+        notes.append(f"{counted(others, 'feature')} of other kinds than POINT, CIRCLE and CYLNDR left out.")
     return _log(contents, rows[taken], unit, notes)
 
 
 def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str | None, notes: list[str]) -> Log:
     lines = [k for k, _, _ in rows]
     points = contents.numbers([(cells + [""] * 3)[:3] for _, _, cells in rows], lines, "a point")
-    if unit in ("cm", "ft"):
-        points, unit = points * {"cm": 10.0, "ft": 12.0}[unit], {"cm": "mm", "ft": "in"}[unit]
+    scale = {"cm": 10.0, "ft": 12.0}.get(unit or "", 1.0)
+    points, unit = points * scale, {"cm": "mm", "ft": "in"}.get(unit or "", unit)
+    round_ones = np.array([len(cells) == 8 for _, _, cells in rows])
+    diameters = [cells[6] if is_round else "1" for (_, _, cells), is_round in zip(rows, round_ones, strict=True)]
+    sizes = contents.numbers([[cell] for cell in diameters], lines, "a diameter")[:, 0] * scale
+    if not np.all(sizes > 0):
+        contents.fail("a positive diameter", f"{sizes.min():g}", "Correct it.", lines[int(np.argmin(sizes))])
     vectors = None
-    if all(len(cells) == 6 for _, _, cells in rows):
-        vectors = contents.numbers([cells[3:] for _, _, cells in rows], lines, "a normal")
+    if all(len(cells) in (6, 8) for _, _, cells in rows):
+        vectors = contents.numbers([cells[3:6] for _, _, cells in rows], lines, "a normal")
         vectors[np.linalg.norm(vectors, axis=1) < 0.5] = np.nan
         vectors = None if np.isnan(vectors).all() else vectors
     names = unique([name for _, name, _ in rows])
-    return Log(points=points, unit=unit, outward=vectors, ids=names, notes=tuple(notes))
+    holes = np.where(round_ones, sizes / 2, np.nan) if round_ones.any() else None
+    sides = tuple(cells[7] if len(cells) == 8 else "" for _, _, cells in rows)
+    return Log(points=points, unit=unit, outward=vectors, holes=holes, sides=sides, ids=names, notes=tuple(notes))
 
 
 def _statements(contents: Contents) -> list[tuple[int, str]]:

@@ -27,6 +27,8 @@ class Log:
         directions: Where the tip moved or the device looked ``(n, 3)``, into the material.
         outward: Vectors ``(n, 3)`` out of the material, as probes are told or reports say them: i, j, k.
         normals: Normals ``(n, 3)`` that were sensed.
+        holes: Of rows that give the centre of a circle, the radius of the hole or boss; NaN of other rows ``(n,)``.
+        sides: Of these ``hole`` or ``boss``, or nothing.
         ids: Names of the rows, unique.
         brand: Who writes ``poses`` so, a name of ``tanteo.io.BRANDS``.
         poses: Of the hand ``(n, k)``, in the brand's fields and units.
@@ -45,6 +47,8 @@ class Log:
     directions: FloatArray | None = None
     outward: FloatArray | None = None
     normals: FloatArray | None = None
+    holes: FloatArray | None = None
+    sides: tuple[str, ...] | None = None
     ids: tuple[str, ...] | None = None
     brand: str = ""
     poses: FloatArray | None = None

@@ -1,7 +1,7 @@
 """What was sensed, as the likelihood reads it: one file a kind, arrays in the world frame, metres and radians."""
 
 from tanteo.measurements.features import TO_POINTS, FeaturePoints, ToPoints, as_labelled_points
-from tanteo.measurements.points import ContactPoints, as_contact_points
+from tanteo.measurements.points import ContactPoints, as_contact_points, directions_met, is_round
 from tanteo.measurements.rays import FreeRays, as_free_rays
 
 __all__ = [
@@ -13,4 +13,6 @@ __all__ = [
     "as_contact_points",
     "as_free_rays",
     "as_labelled_points",
+    "directions_met",
+    "is_round",
 ]

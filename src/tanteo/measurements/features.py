@@ -1,7 +1,8 @@
-"""Sensed features as labelled points: planes, edges and vertices with their covariance, world frame, metres.
+"""Sensed features as labelled points: planes, edges, vertices, circles, cylinders with their covariance; world, metres.
 
 A plane is as good as a few of the points where it was felt, an edge as good as two points of it, with variances that
-give the feature's own covariance. So features are measurements like any other.
+give the feature's own covariance; a circle is its centre with its axis, a cylinder two points of its axis. So features
+are measurements like any other.
 """
 
 from __future__ import annotations
@@ -12,10 +13,14 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import EDGE, PLANE, VERTEX, Feature, Sides, collect_shared, shared_root
+from tanteo.features import CIRCLE, CYLINDER, EDGE, PLANE, VERTEX, Feature, Sides, collect_shared, shared_root
 from tanteo.lie import SE3
-from tanteo.measurements.points import ContactPoints
-from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
+from tanteo.measurements.points import MADE, ContactPoints
+from tanteo.sensors import CENTRE
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
+
+_AXES = (CIRCLE.name, CYLINDER.name)
+"""Kinds of feature that are points of an axis."""
 
 _SLIGHT, _CLOSE = 1e-6, 0.05
 """Points that say less than this share of what the one that says most does are left out; so closely, in proportion, the
@@ -26,7 +31,7 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     """The points that say of the part what the features say; rows of one feature have its label as their id.
 
     Args:
-        features: planes, edges and vertices.
+        features: planes, edges, vertices, circles and cylinders.
         tolerance: sd of the made surface against its CAD [m].
 
     Raises:
@@ -39,14 +44,16 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, shared_jacobian, strict=True)]
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
-    points, covs, sides, normals, sds, gained = (np.concatenate(column) for column in zip(*columns, strict=True))
-    covs, outward = covs + tolerance**2 * np.eye(3), sides + normals  # only one of the two is given
+    points, covs, sides, normals, sds, gained, circles = (np.concatenate(x) for x in zip(*columns, strict=True))
+    kinds = np.repeat([CENTRE if kind in _AXES else kind for kind in kinds], counts).tolist()
+    surface = np.array([kind != CENTRE for kind in kinds], dtype=bool)[:, None]
+    covs, outward = covs + tolerance**2 * np.eye(3), (sides + normals) * surface  # only one of the two is given
     radii = np.repeat([view[0].tip_radius for view in views], counts) * outward.any(axis=1)
     return ContactPoints(
         tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs, radii,
         np.zeros(points.shape), normals, sds, np.zeros(len(points)), gained,
         np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
-        labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(np.repeat(kinds, counts).tolist()), sides=sides,
+        labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(kinds), sides=sides, circles=circles,
     )  # fmt: skip
 
 
@@ -60,6 +67,7 @@ class FeaturePoints(NamedTuple):
         normals: sensed outward normals, else zero ``(n, 3)``.
         normal_sds: of these, pi where there is none ``(n,)`` [rad].
         shared_jacobian: of the points by the whitened shared errors ``(n, 3, D)``.
+        circles: of centres of circles, radius [m] or 0, its sd [m], and 1 for a hole, -1 for a boss ``(n, 3)``.
     """
 
     points: Vectors
@@ -68,6 +76,7 @@ class FeaturePoints(NamedTuple):
     normals: Vectors
     normal_sds: FloatArray
     shared_jacobian: FloatArray
+    circles: FloatArray
 
 
 ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePoints]
@@ -76,7 +85,7 @@ ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePo
 
 def _none(D: int) -> FeaturePoints:
     none = np.zeros((0, 3))
-    return FeaturePoints(none, np.zeros((0, 3, 3)), none, none, np.zeros(0), np.zeros((0, 3, D)))
+    return FeaturePoints(none, np.zeros((0, 3, 3)), none, none, np.zeros(0), np.zeros((0, 3, D)), none)
 
 
 def _names(features: Sequence[Feature]) -> list[str]:
@@ -102,7 +111,7 @@ def _rows(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoin
 
 def _plain(points: Vectors, covs: Covariances, shared_jacobian: FloatArray) -> FeaturePoints:
     none = np.zeros(points.shape)
-    return FeaturePoints(points, covs, none, none, np.full(len(points), np.pi), shared_jacobian)
+    return FeaturePoints(points, covs, none, none, np.full(len(points), np.pi), shared_jacobian, none)
 
 
 def _of_vertex(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
@@ -138,6 +147,7 @@ def _of_plane(view: tuple[Feature, ...], name: str, gain: FloatArray) -> Feature
         normal[None],
         np.array([tilt]),
         _along(normal, lever @ gain),
+        np.zeros((1, 3)),
     )
 
 
@@ -180,7 +190,35 @@ def _along(direction: Vectors, shared_jacobian: FloatArray) -> FloatArray:
 
 def _of_edge(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
     """Two points of the edge, about where it is known best."""
-    feature, T = view[0], view[0].T_world_feature
+    return _of_line(view[0], view[0].T_world_feature, gain)
+
+
+def _of_circle(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """Its centre, with its axis."""
+    feature, T, R = view[0], view[0].T_world_feature, view[0].T_world_feature[:3, :3]
+    tilt = float(np.sqrt(np.linalg.eigvalsh(feature.P[3:, 3:])[-1]))
+    centre = _plain(T[None, :3, 3], (R @ feature.P[:3, :3] @ R.T)[None], (R @ gain[:3])[None])
+    return centre._replace(normals=R[None, :, 2], normal_sds=np.array([tilt]), circles=_size(feature)[None])
+
+
+def _of_cylinder(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """Two points of its axis, about where it is known best; the first has its radius."""
+    feature, T = view[0], np.array(view[0].T_world_feature)
+    T[:3, :3] = np.roll(T[:3, :3], -(feature.kind.axis or 0), axis=1)  # the axis first
+    return _of_line(feature, T, gain)._replace(circles=np.stack([_size(feature), np.zeros(3)]))
+
+
+def _size(feature: Feature) -> FloatArray:
+    """Radius, its standard deviation and the side of the material ``(3,)``; zero where nothing is known."""
+    size = getattr(feature, "size", None)
+    if size is None:
+        return np.zeros(3)
+    side = 0.0 if size.convex is None else (-1.0 if size.convex else 1.0)
+    return np.array([size.value, np.hypot(np.sqrt(size.variance), MADE), side])
+
+
+def _of_line(feature: Feature, T: Transforms, gain: FloatArray) -> FeaturePoints:
+    """Two points of a line along the x axis of a frame, about where it is known best."""
     turn = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]])  # (y, z, wy, wz) of (y, z, wz, -wy)
     information = turn.T @ np.linalg.inv(feature.P) @ turn
     # y + x wz and z - x wy at places of mean m and mean square q say: n (1, m; m, q) (x) inverse covariance
@@ -200,5 +238,8 @@ def _of_edge(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeatureP
     return _plain(SE3.apply(T, np.column_stack([x, 0 * x, 0 * x])), np.tile(world, (2, 1, 1)), T[:3, :3] @ lever @ gain)
 
 
-TO_POINTS: dict[str, ToPoints] = {PLANE.name: _of_plane, EDGE.name: _of_edge, VERTEX.name: _of_vertex}
+TO_POINTS: dict[str, ToPoints] = {
+    PLANE.name: _of_plane, EDGE.name: _of_edge, VERTEX.name: _of_vertex,
+    CIRCLE.name: _of_circle, CYLINDER.name: _of_cylinder,
+}  # fmt: skip
 """How features of each kind become points, by its name."""

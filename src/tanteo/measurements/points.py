@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import label_kind
-from tanteo.sensors import PointMeasurements
+from tanteo.sensors import CENTRE, WALLS, PointMeasurements
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
 _BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
@@ -17,6 +17,23 @@ _BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
 
 _BLUNT = 0.3
 """A beam's spread across is taken as no less than this share of that along."""
+
+
+_OF_CIRCLES = (*WALLS, "cone", "sphere")
+"""Kinds of contact points on a wall that is not flat, as labels name it."""
+
+MADE = 1e-4
+"""To how much a radius tells what hole or boss it is [m]: they are made no more exactly, or modelled as threads."""
+
+
+def directions_met(kind: str) -> int:
+    """In how many directions a point of that kind is held by what it was sensed on."""
+    return 2 if kind == CENTRE else 1 if kind in _OF_CIRCLES else label_kind(kind).faces
+
+
+def is_round(kind: str) -> bool:
+    """Whether points of that kind are on a wall that is not flat, or of one label share one."""
+    return kind in _OF_CIRCLES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +54,11 @@ class ContactPoints:
         tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
         places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
         labels: names of what the points were sensed on ``(n,)``, '' for none: points of one label share one face.
-        kinds: of what was sensed: ``point`` or ``plane`` for faces, ``edge``, ``vertex``.
+        kinds: of what was sensed: ``point`` or ``plane`` for faces, ``circle`` and ``cylinder`` for walls of holes and
+            bosses, ``edge``, ``vertex``; ``centre`` for points on the axis of a hole or boss, whose normal, if any, is
+            the axis with either sign.
+        circles: of centres, the radius [m] or 0, its standard deviation [m], and 1 for a hole, -1 for a boss, 0 where
+            nobody knows ``(n, 3)``; zero elsewhere, or if not given.
         sides: about outward, where only the side of the material is known ``(n, 3)``; zero elsewhere, or if not given.
         directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
         oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
@@ -60,6 +81,7 @@ class ContactPoints:
     labels: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
     sides: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
+    circles: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     directed: BoolArray = field(init=False, repr=False)
     oriented: BoolArray = field(init=False, repr=False)
     variance: float = field(init=False, repr=False)
@@ -69,14 +91,20 @@ class ContactPoints:
         alike = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v))
         for name, none in (("labels", ""), ("kinds", "point")):
             object.__setattr__(self, name, getattr(self, name) or (none,) * len(self.ids))
-        if len(self.sides) != len(self.ids):
-            object.__setattr__(self, "sides", np.zeros((len(self.ids), 3)))
+        for name in ("sides", "circles"):
+            if len(getattr(self, name)) != len(self.ids):
+                object.__setattr__(self, name, np.zeros((len(self.ids), 3)))
         object.__setattr__(self, "directed", np.any(self.directions != 0, axis=1))
         object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
         object.__setattr__(self, "variance", v if alike and len(self.covs) else float("nan"))
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    @property
+    def centres(self) -> BoolArray:
+        """Which are centres of circles ``(n,)``: beside the surface, not on it."""
+        return np.array([kind == CENTRE for kind in self.kinds], dtype=np.bool_)
 
     @property
     def inward(self) -> Vectors:
@@ -98,6 +126,7 @@ class ContactPoints:
                 "reach",
                 "shared_jacobian",
                 "sd",
+                "circles",
             )
         }
         places = None if self.places is None else self.places[rows]
@@ -132,13 +161,18 @@ def as_contact_points(
     """
     points, independent, radii = measured.centres()
     for label, kind, radius in zip(measured.features, measured.kinds, radii, strict=True):
-        if label_kind(kind).faces > 1 and radius > 0:
+        if kind != CENTRE and directions_met(kind) > 1 and radius > 0:
             raise InputError(
                 f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radius:g} mm, whose "
                 f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
             )
     directions = np.nan_to_num(measured.directions)
+    centres = np.array([kind == CENTRE for kind in measured.kinds], dtype=np.bool_)
+    directions[centres] = 0.0  # how a device came to a centre says nothing of it
+    reach = np.zeros(len(measured)) if reach is None else np.where(centres, 0.0, np.nan_to_num(reach))
     covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
+    sd = np.sqrt(np.linalg.eigvalsh(covs)[:, -1])
+    made = np.where(measured.circles[:, 0] > 0, np.hypot(sd, MADE), 0.0)
     return ContactPoints(
         measured.ids,
         points,
@@ -147,12 +181,13 @@ def as_contact_points(
         directions,
         np.nan_to_num(measured.normals),
         np.nan_to_num(measured.normal_sds, nan=np.pi),
-        np.zeros(len(measured)) if reach is None else np.nan_to_num(reach),
+        reach,
         measured.whitened()[0],
-        np.sqrt(np.linalg.eigvalsh(covs)[:, -1]),
+        sd,
         tolerance,
         labels=measured.features,
         kinds=measured.kinds,
+        circles=np.column_stack([measured.circles[:, 0], made, measured.circles[:, 1]]),
     )
 
 

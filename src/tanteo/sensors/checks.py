@@ -20,16 +20,25 @@ if TYPE_CHECKING:
 
 _ARRAYS = (
     "points", "directions", "normals", "normal_sds", "sds", "across_sds", "radii", "Ts_world_hand", "ranges",
-    "max_ranges",
+    "max_ranges", "hole_radii",
 )  # fmt: skip
-_POSITIVE = {"normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m"}
+WALLS, CENTRE = ("circle", "cylinder"), "centre"
+"""Kinds of contacts on the wall of a hole or boss, and of the centre of a circle."""
 
-_LENGTHS = "points", "ranges", "max_ranges", "radii", "sds", "across_sds"
+_LEAST_ON_WALL = 3
+"""Contacts of one wall: of fewer nobody knows whether they are contacts."""
+
+_SIDES = "", "hole", "boss"
+
+_POSITIVE = {"normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m", "hole_radii": "m"}
+
+_LENGTHS = "points", "ranges", "max_ranges", "radii", "hole_radii", "sds", "across_sds"
 
 
 def reading_kinds() -> tuple[str, ...]:
     """What a reading can be taken on: a kind of feature, any ``point``; ``free`` is a beam without echo."""
-    return (*(kind.name for kind in KINDS.values() if kind.min_readings), "point", "free")
+    labelled = (kind.name for kind in KINDS.values() if kind.min_readings)
+    return tuple(dict.fromkeys((*labelled, *WALLS, CENTRE, "point", "free")))
 
 
 def check_readings(readings: Readings) -> None:
@@ -44,6 +53,7 @@ def check_readings(readings: Readings) -> None:
     _check_tilts(readings)
     _check_hands(readings)
     _check_labels(readings)
+    _check_centres(readings)
     _check_located(readings)
 
 
@@ -55,7 +65,7 @@ def check_features(readings: Readings) -> None:
     """
     counts = Counter(zip(readings.features, readings.kinds, strict=True))
     for (label, kind), count in counts.items():
-        least = KINDS[kind].min_readings if kind in KINDS else 0
+        least = _LEAST_ON_WALL if kind in WALLS else KINDS[kind].min_readings if kind in KINDS else 0
         if label and count < least:
             members = [i for i, f in zip(readings.ids, readings.features, strict=True) if f == label]
             raise ReadingsError(
@@ -152,6 +162,24 @@ def _check_labels(readings: Readings) -> None:
                 f"feature of reading '{name}': expected a label for kind '{kind}', got none. Label the readings "
                 "that were taken on one feature, or leave kind empty."
             )
+
+
+def _check_centres(readings: Readings) -> None:
+    """Only centres of circles have the radius and the side of a hole or boss, and they have no ball."""
+    if strange := set(readings.material_sides) - set(_SIDES):
+        raise ReadingsError(f"material_sides: expected hole, boss or nothing, got '{min(strange)}'. Correct it.")
+    centre = np.array([kind == CENTRE for kind in readings.kinds], dtype=bool)
+    said = ~np.isnan(readings.hole_radii) | np.array([bool(side) for side in readings.material_sides], dtype=bool)
+    if who := _first_bad(readings, said & ~centre):
+        raise ReadingsError(
+            f"kind of reading {who}: expected '{CENTRE}' of a row with the radius or side of a hole or boss, got "
+            "another. Correct the kind, or leave radius and side of the hole empty."
+        )
+    if who := _first_bad(readings, centre & (readings.radii > 0)):
+        raise ReadingsError(
+            f"radii of reading {who}: expected none of the centre of a circle, which is no centre of a tip's ball, got "
+            "one. The radius of a hole or boss is hole_radii (hole_radius_mm in a file)."
+        )
 
 
 def _check_located(readings: Readings) -> None:

@@ -112,7 +112,15 @@ def measure(
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers, shared),
         taken_off=(readings.radii - radii)[hit],
+        circles=_circles(readings)[hit],
     )
+
+
+def _circles(readings: Readings) -> FloatArray:
+    """Radius and side of the hole or boss of each centre ``(n, 2)``; 0 where nobody said."""
+    side = {"hole": 1.0, "boss": -1.0}
+    sides = np.array([side.get(name, 0.0) for name in readings.material_sides])
+    return np.column_stack([np.nan_to_num(readings.hole_radii), sides])
 
 
 def unstated_sd(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -66,12 +66,14 @@ class PointMeasurements:
         normals: Unit outward surface normals where they were sensed, else NaN, ``(n, 3)``.
         normal_sds: Their standard deviation about each tilt [rad], NaN where unknown, ``(n,)``.
         features: Labels of the readings, ``''`` for none.
-        kinds: ``plane``, ``edge``, ``vertex`` or ``point``.
+        kinds: as of :class:`Readings`.
         shared: The errors that the points have in common.
         jacobians: One ``(n, 3, d)`` a shared error: how the points move with it.
         rows: Row of each point in the readings, ``(n,)``.
         free: The beams that met nothing.
         taken_off: Radius of the tip that was taken off along the sensed normal [m], ``(n,)``; 0 where it was not.
+        circles: Of centres of circles: radius [m] or 0, and 1 for a hole, -1 for a boss, 0 where unknown, ``(n, 2)``;
+            zero elsewhere, or if not given.
     """
 
     ids: tuple[str, ...]
@@ -88,9 +90,12 @@ class PointMeasurements:
     rows: IntArray
     free: FreeBeams
     taken_off: FloatArray
+    circles: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __post_init__(self) -> None:
         n = len(self.ids)
+        circles = self.circles if len(self.circles) == n else np.zeros((n, 2))
+        object.__setattr__(self, "circles", frozen_array(circles))
         for name in ("points", "radii", "directions", "normals", "normal_sds", "taken_off"):
             array = frozen_array(getattr(self, name))
             if array.shape[0] != n:

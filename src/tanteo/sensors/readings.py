@@ -15,9 +15,9 @@ from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _COLUMNS = {
     "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "across_sds": (), "radii": (),
-    "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (),
+    "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (), "hole_radii": (),
 }  # fmt: skip
-_NAMES = ("ids", "features", "kinds", "sensors")
+_NAMES = ("ids", "features", "kinds", "sensors", "material_sides")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,12 +38,16 @@ class Readings:
             well an edge was placed by crossing it.
         radii: Radius of the tip's ball [m], 0 for none.
         features: Labels: rows with one label were taken on one feature.
-        kinds: ``plane``, ``edge``, ``vertex``, ``point`` or ``free``, one a row.
+        kinds: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder`` (contacts on the wall of a hole or boss),
+            ``centre``, ``point`` or ``free``, one a row. A ``centre`` is that of a circle, on the axis of a hole or
+            boss at any height; its normal, if given, is the axis with either sign, and it has no ball.
         Ts_world_hand: Pose of the hand at the reading.
         ranges: Raw ranges along the beam [m].
         sensors: Name of the sensor of the rig that gave the range.
         is_free: The beam met nothing (status ``none``).
         max_ranges: How far a free-space ray was free [m].
+        hole_radii: Radius of the hole or boss of which the row gives the centre [m].
+        material_sides: ``hole``, ``boss`` or ``''`` of the same.
         source: Where the readings come from (a file name), for messages.
         notes: What was left out or taken as something when they were read, a sentence each.
 
@@ -68,6 +72,8 @@ class Readings:
     sensors: tuple[str, ...]
     is_free: BoolArray
     max_ranges: FloatArray
+    hole_radii: FloatArray
+    material_sides: tuple[str, ...]
     source: str = field(default="readings")
     notes: tuple[str, ...] = ()
 
@@ -76,7 +82,7 @@ class Readings:
         for name, shape in _COLUMNS.items():
             object.__setattr__(self, name, _frozen(name, getattr(self, name), (n, *shape)))
         object.__setattr__(self, "is_free", _frozen_flags(self.is_free, n))
-        for name in ("features", "kinds", "sensors"):
+        for name in ("features", "kinds", "sensors", "material_sides"):
             if len(getattr(self, name)) != n:
                 raise ReadingsError(f"{name}: expected {n} entries, one a reading, got {len(getattr(self, name))}.")
         check_readings(self)
@@ -104,6 +110,8 @@ class Readings:
         sensors: Sequence[str] | None = None,
         is_free: BoolArray | None = None,
         max_ranges: FloatArray | None = None,
+        hole_radii: FloatArray | None = None,
+        material_sides: Sequence[str] | None = None,
         source: str = "readings",
         notes: Sequence[str] = (),
     ) -> Readings:
@@ -127,7 +135,7 @@ class Readings:
             "normals": _units("normals", normals), "normal_sds": normal_sds, "sds": sds,
             "across_sds": across_sds,
             "radii": np.zeros(n) if radii is None else radii, "Ts_world_hand": Ts_world_hand,
-            "ranges": ranges, "max_ranges": max_ranges,
+            "ranges": ranges, "max_ranges": max_ranges, "hole_radii": hole_radii,
         }  # fmt: skip
         arrays = {k: np.broadcast_to(np.nan, (n, *_COLUMNS[k])) if v is None else v for k, v in columns.items()}
         return cls(
@@ -135,6 +143,7 @@ class Readings:
             features=tuple("" if f else label for f, label in zip(free, labels, strict=True)) if free.any() else labels,
             kinds=kinds,
             sensors=("",) * n if sensors is None else _names(sensors),
+            material_sides=("",) * n if material_sides is None else _names(material_sides),
             is_free=free,
             source=source,
             notes=tuple(notes),

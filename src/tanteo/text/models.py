@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.text.layout import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
-    from tanteo.parts import Part
+    from tanteo.parts import HolePattern, Part
 
 _MOST_ROWS = 20
 
@@ -84,7 +84,41 @@ def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
                 if f.surface != "plane"
             ],
         ),
+        *_holes(part),
     ]
+
+
+def _holes(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Holes and bosses, and the patterns of holes."""
+    from tanteo.parts import hole_patterns, round_features  # slow to import
+
+    return [
+        (
+            "hole or boss",
+            ["diameter mm", "length mm", "", "axis x", "y", "z", "to x mm", "y", "z", "faces", "residual um"],
+            [
+                [
+                    one.name, " to ".join(dict.fromkeys(f"{2e3 * r:.4g}" for r in one.radii)),
+                    f"{1e3 * one.length:.4g}",
+                    {True: "through", False: "blind", None: ""}[one.through], *_unit(one.axis), *_mm(one.ends[1]),
+                    ", ".join(map(str, one.faces)), f"{round(1e6 * one.residual, 3):.3g}",
+                ]
+                for one in round_features(part)
+            ],
+        ),
+        (
+            "pattern",
+            ["holes", "diameter mm", "", "centre x mm", "y", "z"],
+            [[p.kind, ", ".join(map(str, p.holes)), f"{2e3 * p.hole_radius:.4g}", _size(p), *_mm(p.centre)]
+             for p in hole_patterns(part)],
+        ),
+    ]  # fmt: skip
+
+
+def _size(pattern: HolePattern) -> str:
+    if pattern.radius is not None:
+        return f"circle of {2e3 * pattern.radius:.5g} mm"
+    return " x ".join(f"{1e3 * step:.4g}" for step in pattern.steps) + (" mm" if pattern.steps else "")
 
 
 def _symmetry(part: Part) -> str:

@@ -1,0 +1,210 @@
+"""Poses from centres of circles: three of them on three axes of holes and bosses that are as far apart.
+
+The centre of a hole may be at any height along its axis, so two of them are as far apart as places of two axes can be.
+Of many holes few triples fit that, as few triples of faces fit three labelled planes (``label_tuples.py``).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.prepared import PreparedPart
+from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints
+from tanteo.parts import RoundFeature, round_features
+from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
+
+_SDS, _MADE = 4.0, 5e-5
+"""Distances agree within so many standard deviations, and so much [m]: holes are not made where they are drawn."""
+
+_TRIPLES, _AMONG = 4, 10
+"""Triples of centres that are tried, no centre in two of them, and those far apart that they are of."""
+
+_MOST = 1000
+"""Triples of axes that are tried for one of them."""
+
+_SHARP = 0.1
+"""Least height of a triangle over its longest side: centres in a row leave a turn free."""
+
+_PARALLEL = 1e-3
+"""Axes closer than this are parallel [rad]."""
+
+_STEPS = 8
+"""Steps of a pose to the axes."""
+
+_ON = 0.5
+"""Lengths of a wall that a centre may be beyond it."""
+
+_CLOSER, _BEST = 0.6, 12
+"""Ratio of the scales of the steps to all points; poses that are kept."""
+
+_SOME = 32
+"""Centres, and other points, on which poses are settled and compared."""
+
+
+class Axes:
+    """The axes of a part's holes and bosses, as far as places of two of them can be apart.
+
+    Attributes:
+        ends: of each ``(N, 2, 3)`` [m].
+        radii: least and largest of each ``(N, 2)`` [m].
+        sides: 1 of a hole, -1 of a boss ``(N,)``.
+    """
+
+    def __init__(self, rounds: tuple[RoundFeature, ...]) -> None:
+        self.ends = np.array([one.ends for one in rounds]).reshape(-1, 2, 3)
+        self.radii = np.sort(np.array([one.radii for one in rounds]).reshape(-1, 2), axis=1)
+        self.sides = np.array([1.0 if one.hole else -1.0 for one in rounds])
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    @cached_property
+    def distances(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest distance between places of two axes ``(N, N)`` [m], their walls' rims at the farthest.
+
+        A centre may be anywhere along an axis, so parallel ones are as near as their lines.
+        """
+        a, along = self.ends[:, 0], self.ends[:, 1] - self.ends[:, 0]
+        unit = along / np.linalg.norm(along, axis=1)[:, None]
+        corners = np.linalg.norm(self.ends[:, None, :, None] - self.ends[None, :, None], axis=-1)
+        off = a[None] - a[:, None]
+        beside = np.linalg.norm(off - np.einsum("ijk,jk->ij", off, unit)[..., None] * unit, axis=-1)
+        across = np.cross(unit[:, None], unit)
+        sines = np.linalg.norm(across, axis=-1)
+        skew = np.abs(np.einsum("ijk,ijk->ij", off, across)) / np.maximum(sines, 1e-12)
+        return np.where(sines > _PARALLEL, skew, np.minimum(beside, beside.T)), corners.max(axis=(2, 3))
+
+    def allowed(self, points: ContactPoints) -> BoolArray:
+        """Which axes each centre may be of, by side and radius ``(n, N)``."""
+        radius, sd, side = points.circles.T[..., None]
+        near = (radius > self.radii[:, 0] - _SDS * sd) & (radius < self.radii[:, 1] + _SDS * sd)
+        return np.asarray((side * self.sides >= 0) & ((radius == 0) | near))
+
+
+def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedPart) -> Transforms:
+    """Poses that put three centres on three axes, moved until all points are near: the best first ``(S, 4, 4)``."""
+    rows, none = np.flatnonzero(points.centres), np.zeros((0, 4, 4))
+    if len(rows) < 3:
+        return none
+    axes = Axes(round_features(prepared.part))
+    if len(axes) < 3:
+        return none
+    centres = points.take(rows)
+    found = [_placed(centres, axes, triple) for triple in _triples(centres)]
+    Ts = np.concatenate([none, *found])
+    Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[:_BEST]]
+    return _settled(points, core, prepared, axes, Ts) if len(Ts) else none
+
+
+def _triples(centres: ContactPoints) -> list[IntArray]:
+    """Triples of centres that are far apart and not in a row, the largest triangles first."""
+    spread = _spread(centres.points, _AMONG)
+    triples = np.array(list(combinations(spread.tolist(), 3)))
+    a, b, c = centres.points[triples].transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    chosen, used = list[IntArray](), set[int]()
+    for k in np.argsort(-areas, kind="stable"):
+        if areas[k] > _SHARP * longest[k] ** 2 and used.isdisjoint(triples[k].tolist()):
+            chosen.append(triples[k])
+            used.update(triples[k].tolist())
+    return chosen[:_TRIPLES]
+
+
+def _spread(p: Vectors, count: int) -> IntArray:
+    """Rows of points that are far from each other."""
+    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
+    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(p)):
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
+    """Poses that put three centres on three axes."""
+    p, sd, allowed = centres.points[triple], centres.sd[triple], axes.allowed(centres.take(triple))
+    least, most = axes.distances
+
+    def fits(i: int, j: int) -> BoolArray:
+        apart, within = float(np.linalg.norm(p[i] - p[j])), _SDS * float(np.hypot(sd[i], sd[j])) + _MADE
+        near = (least < apart + within) & (most > apart - within)
+        return np.asarray(near & allowed[i][:, None] & allowed[j] & ~np.eye(len(axes), dtype=bool))
+
+    first, second, third = fits(0, 1), fits(0, 2), fits(1, 2)
+    a, b = np.nonzero(first)
+    a, b = a[: 20 * _MOST], b[: 20 * _MOST]
+    pair, c = np.nonzero(second[a] & third[b])
+    picked = np.linspace(0, len(pair) - 1, min(len(pair), _MOST)).astype(int)
+    chosen = axes.ends[np.column_stack([a[pair], b[pair], c])[picked]]
+    return _on_axes(p, chosen) if len(chosen) else np.zeros((0, 4, 4))
+
+
+def _on_axes(p: Vectors, ends: FloatArray) -> Transforms:
+    """Poses ``(K, 4, 4)`` that bring points ``(3, 3)`` near axes ``(K, 3, 2, 3)``: to the nearest places, in turns."""
+    along = ends[:, :, 1] - ends[:, :, 0]
+    squares = np.sum(along**2, axis=-1)
+    places = ends.mean(axis=2)
+    Ts = _aligned(places, p)
+    for _ in range(_STEPS):
+        there = SE3.apply(SE3.inverse(Ts)[:, None], np.broadcast_to(p, places.shape))
+        t = np.clip(np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares, -_ON, 1 + _ON)
+        places = ends[:, :, 0] + t[..., None] * along
+        Ts = _aligned(places, p)
+    return Ts
+
+
+def _aligned(places: Vectors, p: Vectors) -> Transforms:
+    """Rigid motions that bring places ``(K, 3, 3)`` nearest to points ``(3, 3)`` (Kabsch 1976)."""
+    middles, middle = places.mean(axis=1), p.mean(axis=0)
+    u, _, v = np.linalg.svd(np.einsum("kni,nj->kij", places - middles[:, None], p - middle))
+    u[..., 2] *= np.sign(np.linalg.det(u) * np.linalg.det(v))[:, None]
+    R = np.swapaxes(u @ v, 1, 2)
+    return SE3.from_parts(R, middle - np.einsum("kij,kj->ki", R, middles))
+
+
+def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
+    """How far some of the centres are from the axes, in what they may be off, each as one at most ``(S,)``."""
+    some = _spread(centres.points, _SOME)
+    a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
+    squares, allowed = np.sum(along**2, axis=1), axes.allowed(centres.take(some))
+    within = _SDS * centres.sd[some] + 2 * _MADE
+    out = np.zeros(len(Ts))
+    for k, T in enumerate(SE3.inverse(Ts)):
+        off = SE3.apply(T, centres.points[some])[:, None] - a
+        t = np.clip(np.sum(off * along, axis=-1) / squares, -_ON, 1 + _ON)
+        beside = np.linalg.norm(off - t[..., None] * along, axis=-1)
+        nearest = np.where(allowed, beside, np.inf).min(axis=1)
+        out[k] = np.sum(np.minimum((nearest / within) ** 2, 9.0))
+    return out
+
+
+def _settled(
+    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, axes: Axes, Ts: Transforms
+) -> Transforms:
+    """The poses after steps to what all points are near, from as far as a hole is deep to their noise.
+
+    Where centres leave the height open, what is nearest to a point may be a face on the wrong side: so each pose is
+    also tried slid along the holes, up and down.
+    """
+    rows: Indices = np.concatenate([_some(np.flatnonzero(is_some)) for is_some in (points.centres, ~points.centres)])
+    along = axes.ends[:, 1] - axes.ends[:, 0]
+    deep = float(np.median(np.linalg.norm(along, axis=1)))
+    slides = np.tile(np.eye(4), (3, 1, 1))
+    slides[:, :3, 3] = np.outer([0.0, -0.5 * deep, 0.5 * deep], np.linalg.svd(along, full_matrices=False)[2][0])
+    Ts = (Ts[:, None] @ slides).reshape(-1, 4, 4)
+    end = 2 * float(np.median(points.sd))
+    count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / -np.log(_CLOSER))) + 1)
+    scales = np.geomspace(max(deep, end), end, count)
+    settled, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
+    return np.asarray(settled)
+
+
+def _some(rows: IntArray) -> IntArray:
+    """So many of some rows, evenly."""
+    return rows[np.linspace(0, len(rows) - 1, min(len(rows), _SOME)).astype(int)]

@@ -1,0 +1,102 @@
+"""Which rows of a table give centres of circles: a single row of kind circle or cylinder, not contacts on the wall."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.sensors import CENTRE, WALLS
+from tanteo.typing import BoolArray, Vectors
+
+_AXIS_SD = np.radians(1.0)
+"""Of an axis of which nobody said how well it is known [rad]."""
+
+
+def find_centres(
+    columns: dict[str, Any], n: int, outward: Vectors | None, source: str, notes: list[str]
+) -> tuple[BoolArray, Vectors | None]:
+    """Make rows that give the centre of a circle readings of kind ``centre``; what is taken so is said.
+
+    They are those of kind circle or cylinder that are alone with their label, or that have the radius or the side of
+    the hole or boss. Several rows with one label are contacts on its wall.
+
+    Args:
+        columns: of :meth:`Readings.from_columns`, in SI; None where the file has none.
+        n: how many rows there are.
+        outward: vectors I J K ``(n, 3)`` of the file; of centres they are axes.
+        source: the file, for messages.
+        notes: what was said of it so far.
+
+    Returns:
+        Which rows give centres ``(n,)``, and the vectors of the others; None if there are none.
+
+    Raises:
+        ReadingsError: one of them has a ball's radius.
+    """
+    kinds = columns["kinds"]
+    if kinds is None or not any(kind in (*WALLS, CENTRE) for kind in kinds):
+        return np.zeros(n, dtype=np.bool_), outward
+    rows = _rows(columns, n)
+    columns["kinds"] = [CENTRE if row else kind for row, kind in zip(rows, kinds, strict=True)]
+    if not rows.any():
+        return rows, outward
+    _without_ball(columns, rows, source)
+    names = _named(columns, rows)
+    alone = f"{len(rows[rows])} rows give" if rows.sum() > 1 else "one row gives"
+    notes.append(
+        f"{alone[0].upper()}{alone[1:]} the centre of a hole or boss ({names}); the height along its axis is not used, "
+        "so sense a face as well."
+    )
+    if outward is None:
+        return rows, None
+    own = columns["normals"]
+    if own is None:
+        columns["normals"] = np.where(rows[:, None], outward, np.nan)
+    return rows, None if rows.all() else np.where(rows[:, None], np.nan, outward)
+
+
+def _rows(columns: dict[str, Any], n: int) -> BoolArray:
+    """Which rows give centres ``(n,)``."""
+    kinds, labels = columns["kinds"], columns["features"] or [""] * n
+    counts = Counter(labels)
+    radii, sides = columns.get("hole_radii"), columns.get("material_sides") or [""] * n
+    said = np.array([bool(side) for side in sides]) | (False if radii is None else ~np.isnan(radii))
+    single = np.array([not label or counts[label] == 1 for label in labels])
+    wall = np.array([kind in WALLS for kind in kinds])
+    return np.asarray((wall & (single | said)) | np.array([kind == CENTRE for kind in kinds]))
+
+
+def _without_ball(columns: dict[str, Any], rows: BoolArray, source: str) -> None:
+    """A radius that all readings have is the ball's of the others; one of centres alone was meant for the hole."""
+    radii = columns["radii"]
+    if radii is None:
+        return
+    own, others = radii[rows], radii[~rows]
+    if np.any(own > 0) and not np.any(others > 0):
+        raise ReadingsError(
+            f"{source}: expected no radius of a tip's ball (radius_mm, --radius) beside centres of circles alone, got "
+            f"{1e3 * np.nanmax(own):g} mm. Name the radius of holes and bosses hole_radius_mm."
+        )
+    columns["radii"] = np.where(rows, 0.0, radii)
+
+
+def _named(columns: dict[str, Any], rows: BoolArray) -> str:
+    labels, ids = columns["features"], columns["ids"]
+    names = [(labels[k] if labels is not None else "") or str(ids[k] if ids is not None else k + 1)
+             for k in np.flatnonzero(rows)]  # fmt: skip
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+
+
+def know_axes(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> None:
+    """Axes of which nobody said how well they are known are known to a degree."""
+    if columns["normals"] is None or not rows.any():
+        return
+    given = rows & ~np.isnan(columns["normals"]).any(axis=1)
+    sds = np.full(len(rows), np.nan) if columns["normal_sds"] is None else np.array(columns["normal_sds"])
+    unknown = given & np.isnan(sds)
+    if unknown.any():
+        columns["normal_sds"] = np.where(unknown, _AXIS_SD, sds)
+        notes.append("Axes of holes and bosses are taken as known to 1 degree; normal_sd_deg says it otherwise.")

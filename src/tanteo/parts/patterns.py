@@ -1,0 +1,116 @@
+"""Patterns of equal holes with parallel axes: bolt circles, rows and grids."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from tanteo.parts.part import Part
+from tanteo.parts.rounds import RoundFeature, round_features
+from tanteo.typing import FloatArray
+
+PatternKind: TypeAlias = Literal["bolt circle", "grid", "row", "irregular"]
+
+_LEAST = 3
+"""Equal holes from which they are a pattern."""
+
+_SAME = 1e-4
+"""Share of the diagonal within which radii and places are the same."""
+
+_PARALLEL = 1e-3
+"""Axes closer than this are parallel [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HolePattern:
+    """Equal holes with parallel axes.
+
+    Attributes:
+        kind: ``bolt circle`` (evenly around a centre), ``grid`` or ``row`` (even steps), else ``irregular``.
+        holes: index into :func:`round_features`.
+        hole_radius: of each [m].
+        axis: that they share, unit ``(3,)``.
+        centre: of the pattern in the plane across the axis, at the height of the middle of the holes ``(3,)`` [m].
+        radius: of a bolt circle [m]; None elsewhere.
+        steps: between neighbours of a row ``(1,)`` or a grid ``(2,)`` [m]; empty elsewhere.
+    """
+
+    kind: PatternKind
+    holes: tuple[int, ...]
+    hole_radius: float
+    axis: FloatArray
+    centre: FloatArray
+    radius: float | None = None
+    steps: tuple[float, ...] = ()
+
+
+def hole_patterns(part: Part) -> tuple[HolePattern, ...]:
+    """The patterns of three or more equal holes of a part."""
+    rounds, near = round_features(part), _SAME * part.diagonal
+    left = [k for k, one in enumerate(rounds) if one.hole and one.surface == "cylinder"]
+    found = []
+    while left:
+        first = rounds[left[0]]
+        group = [k for k in left if _alike(first, rounds[k], near)]
+        left = [k for k in left if k not in group]
+        if len(group) >= _LEAST:
+            found.append(_pattern(rounds, group, near))
+    return tuple(found)
+
+
+def _alike(a: RoundFeature, b: RoundFeature, near: float) -> bool:
+    parallel = float(np.linalg.norm(np.cross(a.axis, b.axis))) < _PARALLEL
+    return parallel and abs(float(a.radii[0] - b.radii[0])) < near
+
+
+def _pattern(rounds: tuple[RoundFeature, ...], group: list[int], near: float) -> HolePattern:
+    axis, radius = rounds[group[0]].axis, float(rounds[group[0]].radii[0])
+    centres = np.array([rounds[k].centre for k in group])
+    across = np.linalg.svd(axis[None])[2][1:]
+    flat, height = centres @ across.T, float(np.mean(centres @ axis))
+    flat = flat[np.sort(np.unique(np.round(flat / near), axis=0, return_index=True)[1])]  # one behind the other
+
+    def at(middle: FloatArray) -> FloatArray:
+        return np.asarray(middle @ across + height * axis)
+
+    middle = flat.mean(axis=0)
+    if (circle := _circle(flat, middle, near)) is not None:
+        return HolePattern("bolt circle", tuple(group), radius, axis, at(middle), circle)
+    steps = _lattice(flat, near)
+    kind: PatternKind = "irregular" if steps is None else ("grid", "row")[len(steps) == 1]
+    return HolePattern(kind, tuple(group), radius, axis, at(middle), None, steps or ())
+
+
+def _circle(flat: FloatArray, middle: FloatArray, near: float) -> float | None:
+    """Radius of the circle on which places are evenly spread; None if they are not."""
+    off = flat - middle
+    radii = np.linalg.norm(off, axis=1)
+    if len(flat) < _LEAST or np.ptp(radii) > 2 * near or radii.min() < near:
+        return None
+    turns = np.sort(np.arctan2(off[:, 1], off[:, 0]))
+    gaps = np.diff(np.r_[turns, turns[0] + 2 * np.pi])
+    return float(radii.mean()) if np.ptp(gaps) * radii.mean() < 4 * near else None
+
+
+def _lattice(flat: FloatArray, near: float) -> tuple[float, ...] | None:
+    """Steps of a row or of a right-angled grid without gaps; None if places are neither."""
+    if len(flat) < _LEAST:
+        return None
+    gaps = np.linalg.norm(flat[:, None] - flat, axis=-1) + np.where(np.eye(len(flat)), np.inf, 0.0)
+    i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+    x = (flat[j] - flat[i]) / gaps[i, j]
+    found = [_levels(flat @ along, near) for along in (x, np.array([-x[1], x[0]]))]
+    places = [levels for levels in found if levels is not None]
+    if len(places) < 2 or len(places[0]) * len(places[1]) != len(flat):
+        return None
+    return tuple(float(levels[1] - levels[0]) for levels in places if len(levels) > 1)
+
+
+def _levels(values: FloatArray, near: float) -> FloatArray | None:
+    """Different values, where their steps are equal; None where they are not."""
+    values = np.sort(values)
+    levels = values[np.r_[True, np.diff(values) > 2 * near]]
+    steps = np.diff(levels)
+    return levels if not len(steps) or np.ptp(steps) < 4 * near else None

@@ -1,0 +1,256 @@
+"""Holes and bosses of a part: cylinders and cones that go far enough around, with their rims, and through or blind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.parts.part import Face, Part
+from tanteo.parts.surfaces import surface_offsets
+from tanteo.parts.topology import components, mesh_edges
+from tanteo.shapes import Surface
+from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+
+_BINS, _LEAST_BINS = 72, 34
+"""Sectors around an axis, and how many have to have surface for a hole or boss: half a turn, with a mesh's rounding."""
+
+_PARALLEL, _SAME = 1e-4, 1e-4
+"""Axes closer than this are parallel [rad]; positions and radii within this share of the diagonal are the same."""
+
+_TIP = 1.2
+"""A hole ends where material lies on its axis no farther beyond its wall than so many radii: what a drill leaves."""
+
+_INSIDE = 0.02
+"""Share of the radius by which a ray along a boss runs below its surface."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rim:
+    """The circle at one end of a hole or boss.
+
+    Attributes:
+        centre: in the part frame ``(3,)`` [m].
+        axis: unit, out of the material at that end: out of a hole, off the free end of a boss ``(3,)``.
+        radius: [m].
+        faces: that meet the wall there, index into :attr:`Part.faces`.
+        open: whether a hole opens there, or a boss ends in the open.
+    """
+
+    centre: FloatArray
+    axis: FloatArray
+    radius: float
+    faces: tuple[int, ...]
+    open: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundFeature:
+    """A hole or boss: a wall about an axis.
+
+    Attributes:
+        name: ``hole 3``, ``boss 4``; the number is the index in :func:`round_features`.
+        hole: True of a hole, False of a boss.
+        surface: ``cylinder`` or ``cone``.
+        faces: of the wall, index into :attr:`Part.faces`.
+        ends: of the axis where the wall begins and ends, in the part frame ``(2, 3)`` [m].
+        radii: at these ends ``(2,)`` [m]; equal of a cylinder.
+        rims: at these ends.
+        through: of a hole, whether it is open at both ends; None of a boss, and where the surface does not close.
+        residual: largest distance of a corner of the mesh from the surface [m].
+    """
+
+    name: str
+    hole: bool
+    surface: str
+    faces: tuple[int, ...]
+    ends: FloatArray
+    radii: FloatArray
+    rims: tuple[Rim, Rim]
+    through: bool | None
+    residual: float
+
+    @property
+    def axis(self) -> FloatArray:
+        """Unit direction from the first end to the second ``(3,)``; out of the material at the second."""
+        along = self.ends[1] - self.ends[0]
+        return np.asarray(along / np.linalg.norm(along))
+
+    @property
+    def length(self) -> float:
+        """Of the wall along the axis [m]."""
+        return float(np.linalg.norm(self.ends[1] - self.ends[0]))
+
+    @property
+    def centre(self) -> FloatArray:
+        """Middle of the axis ``(3,)`` [m]."""
+        return np.asarray(self.ends.mean(axis=0))
+
+
+def round_features(part: Part) -> tuple[RoundFeature, ...]:
+    """The holes and bosses of a part, in the order of their first faces; kept with the part.
+
+    Cylinders that share axis, radius and side and overlap are one wall. Walls of less than about half a turn are
+    roundings, and left out.
+    """
+    if "rounds" not in part.derived:
+        walls = [_wall(part, faces) for faces in _together(part)]
+        found = [wall for wall in walls if wall is not None]
+        context = _Context.of(part) if found else None
+        part.derived["rounds"] = tuple(_feature(context, k, wall) for k, wall in enumerate(found) if context)
+    rounds: tuple[RoundFeature, ...] = part.derived["rounds"]
+    return rounds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Wall:
+    """Faces of one wall with axis, extent along it [m], and a place of the surface."""
+
+    faces: tuple[int, ...]
+    point: Vectors
+    axis: Vectors
+    low: float
+    high: float
+    place: Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Context:
+    """A part with its surface, and the edges of its mesh with the faces beside them ``(N, 2)``; none if it is open."""
+
+    part: Part
+    surface: Surface
+    middles: Vectors
+    sides: IntArray
+
+    @classmethod
+    def of(cls, part: Part) -> _Context:
+        surface = Surface(part.vertices, part.triangles)
+        if not part.closed:
+            return cls(part, surface, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64))
+        edges = mesh_edges(part.triangles)
+        sides = part.triangle_face[np.stack([edges.left, edges.right], axis=1)]
+        apart = sides[:, 0] != sides[:, 1]
+        return cls(part, surface, part.vertices[edges.ends[apart]].mean(axis=1), sides[apart])
+
+
+def _together(part: Part) -> list[tuple[int, ...]]:
+    """Faces of each wall: cones alone, cylinders with those that continue them."""
+    round_ones = [
+        k
+        for k, face in enumerate(part.faces)
+        if face.surface in ("cylinder", "cone") and face.axis_direction is not None and face.convex is not None
+    ]
+    if not round_ones:
+        return []
+    first, second = np.nonzero(np.triu(_continued(part, round_ones), 1))
+    labels = components(len(round_ones), first, second)
+    groups: dict[int, list[int]] = {}
+    for k, label in zip(round_ones, labels.tolist(), strict=True):
+        groups.setdefault(label, []).append(k)
+    return sorted(tuple(group) for group in groups.values())
+
+
+def _continued(part: Part, rows: list[int]) -> BoolArray:
+    """Which of some faces are of one cylinder and overlap along it ``(n, n)``."""
+    faces, near = [part.faces[k] for k in rows], _SAME * part.diagonal
+    points = np.array([face.axis_point for face in faces]) - part.centroid
+    axes = np.array([face.axis_direction for face in faces])
+    axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
+    feet = points - np.sum(points * axes, axis=1, keepdims=True) * axes
+    extents = np.array([_extent(_corners(part, (k,)), part.centroid, axis) for k, axis in zip(rows, axes, strict=True)])
+    radii = np.array([face.radius if face.surface == "cylinder" else np.nan for face in faces], dtype=np.float64)
+    convex = np.array([face.convex for face in faces])
+    same = (np.abs(radii[:, None] - radii) < near) & (convex[:, None] == convex)
+    same &= np.linalg.norm(axes[:, None] - axes, axis=-1) < _PARALLEL
+    same &= np.linalg.norm(feet[:, None] - feet, axis=-1) < near
+    low, high = extents.T
+    return np.asarray(same & (np.minimum(high[:, None], high) - np.maximum(low[:, None], low) > -near))
+
+
+def _corners(part: Part, faces: tuple[int, ...]) -> Vectors:
+    return np.asarray(part.vertices[np.unique(part.triangles[np.isin(part.triangle_face, faces)])])
+
+
+def _extent(points: Vectors, point: Vectors, axis: Vectors) -> tuple[float, float]:
+    along = (points - point) @ axis
+    return float(along.min()), float(along.max())
+
+
+def _wall(part: Part, faces: tuple[int, ...]) -> _Wall | None:
+    """The wall of some faces; None if it does not go far enough around."""
+    face = part.faces[faces[0]]
+    point, axis = np.asarray(face.axis_point), np.asarray(face.axis_direction)
+    triangles = part.vertices[part.triangles[np.isin(part.triangle_face, faces)]]
+    if np.count_nonzero(_sectors(triangles, point, axis)) < _LEAST_BINS:
+        return None
+    low, high = _extent(triangles.reshape(-1, 3), point, axis)
+    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    place = triangles[np.argmax(np.linalg.norm(across, axis=1))].mean(axis=0)
+    return _Wall(faces, point, axis, low, high, place) if high - low > 0 else None
+
+
+def _sectors(triangles: FloatArray, point: Vectors, axis: Vectors) -> BoolArray:
+    """Which sectors around an axis have surface ``(_BINS,)``."""
+    x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    x /= np.linalg.norm(x)
+    off = triangles - point
+    angles = np.arctan2(off @ np.cross(axis, x), off @ x)
+    beside = (angles - angles[:, :1] + np.pi) % (2 * np.pi) - np.pi
+    low, high = angles[:, 0] + beside.min(axis=1), angles[:, 0] + beside.max(axis=1)
+    middles = 2 * np.pi * (np.arange(_BINS) + 0.5) / _BINS
+    after = (middles - low[:, None]) % (2 * np.pi)
+    return np.asarray((after <= (high - low)[:, None]).any(axis=0))
+
+
+def _feature(context: _Context, number: int, wall: _Wall) -> RoundFeature:
+    part = context.part
+    face = part.faces[wall.faces[0]]
+    hole = not face.convex
+    ends = wall.point + np.array([[wall.low], [wall.high]]) * wall.axis
+    opened = _open_ends(context, wall, hole)
+    if opened == (True, False) or (opened[0] == opened[1] and wall.axis[np.argmax(np.abs(wall.axis))] < 0):
+        ends, opened = ends[::-1], opened[::-1]
+    along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    radii = np.array([_radius_at(face, end) for end in ends])
+    meets = _meeting(context, wall, ends)
+    rims = tuple(
+        Rim(end, sign * along, float(radius), faces, is_open)
+        for end, sign, radius, faces, is_open in zip(ends, (-1, 1), radii, meets, opened, strict=True)
+    )
+    fields = {name: getattr(face, name) for name in ("axis_point", "axis_direction", "radius", "half_angle")}
+    residual = float(np.abs(surface_offsets(face.surface, fields, _corners(part, wall.faces))).max())
+    through = all(opened) if hole and part.closed else None
+    name = f"{'hole' if hole else 'boss'} {number}"
+    return RoundFeature(name, hole, face.surface, wall.faces, ends, radii, (rims[0], rims[1]), through, residual)
+
+
+def _radius_at(face: Face, end: Vectors) -> float:
+    if face.surface == "cylinder":
+        return float(face.radius or 0.0)
+    return float(np.linalg.norm(end - np.asarray(face.axis_point)) * np.tan(face.half_angle or 0.0))
+
+
+def _open_ends(context: _Context, wall: _Wall, hole: bool) -> tuple[bool, bool]:
+    """Whether a hole is open at its lower and upper end; whether a boss ends in the open there."""
+    middle = wall.point + 0.5 * (wall.low + wall.high) * wall.axis
+    half, out = 0.5 * (wall.high - wall.low), wall.place - wall.point
+    out = out - (out @ wall.axis) * wall.axis
+    start = middle if hole else middle + (1 - _INSIDE) * out
+    origins, directions = np.stack([start, start]), np.stack([-wall.axis, wall.axis])
+    far = context.surface.cast(origins, directions).distances
+    if hole:
+        beyond = half + _TIP * float(np.linalg.norm(out))
+        return bool(far[0] > beyond), bool(far[1] > beyond)
+    near = half + _INSIDE * float(np.linalg.norm(out)) + _SAME * context.part.diagonal
+    return bool(far[0] < near), bool(far[1] < near)
+
+
+def _meeting(context: _Context, wall: _Wall, ends: Vectors) -> list[tuple[int, ...]]:
+    """Faces that meet a wall at each of its ends."""
+    own = np.isin(context.sides, wall.faces)
+    rim = own.any(axis=1) & ~own.all(axis=1)
+    middles = context.middles[rim]
+    others: IntArray = np.where(own[rim, 0], context.sides[rim, 1], context.sides[rim, 0])
+    nearer = (middles - ends.mean(axis=0)) @ (ends[1] - ends[0]) > 0
+    return [tuple(np.unique(others[nearer == second]).tolist()) for second in (False, True)]

@@ -1,0 +1,70 @@
+"""Centres of circles on the axes of holes and bosses: the core against the oracle, gradients against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.bodies import flat_bodies
+from core.questions import anisotropic, asked, near_pose, random_pose, with_shared
+from core.test_oracle import agree
+from core.test_slopes import off
+
+SD = 5e-4
+
+
+def _body(rng):
+    """A body with axes anywhere: ends, radii, weight, side, number."""
+    ends = rng.uniform(-0.02, 0.02, size=(6, 6))
+    radii = np.sort(rng.uniform(2e-3, 6e-3, size=(6, 2)), axis=1)
+    radii[::2, 1] = radii[::2, 0]
+    sides = np.tile([1.0, -1.0], 3)
+    body = flat_bodies()["bracket"]
+    return replace(body, axes=np.column_stack([ends, radii, np.full(6, 1 / 6), sides, np.arange(6) // 2]))
+
+
+def _centres(body, rng, n=8):
+    """Centres near the axes, with their axes, radii and sides; of each some that are not told."""
+    T, rows = random_pose(rng), rng.integers(len(body.axes), size=n)
+    a, b = body.axes[rows, :3], body.axes[rows, 3:6]
+    p = a + rng.uniform(-0.05, 1.05, size=(n, 1)) * (b - a) + SD * rng.normal(size=(n, 3))
+    m = (b - a) / np.linalg.norm(b - a, axis=1)[:, None] * rng.choice([-1, 1], size=(n, 1)) + 0.1 * rng.normal(
+        size=(n, 3)
+    )
+    m = m / np.linalg.norm(m, axis=1)[:, None] * rng.choice([0, 1], size=(n, 1))
+    radii = rng.choice([0, 1], size=n) * (body.axes[rows, 6:8].mean(axis=1) + 3e-4 * rng.normal(size=n))
+    circles = np.column_stack([radii, np.full(n, 4e-4), rng.choice([0, 1], size=n) * body.axes[rows, 9]])
+    q = replace(
+        asked(p @ T[:3, :3].T + T[:3, 3], SD), kinds=np.full(n, 3, np.int32), circles=circles, normals=m @ T[:3, :3].T,
+        normal_sds=np.full(n, 0.1),
+    )  # fmt: skip
+    return q, np.stack([near_pose(T, rng, 2e-4, 5e-3) for _ in range(3)])
+
+
+MAKES = {
+    "plain": lambda q, rng: q,
+    "uneven": anisotropic,
+    "shared": lambda q, rng: with_shared(q, 2, rng),
+    "scale": lambda q, rng: replace(q, scale_sd=0.3),
+}
+
+
+@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize("seed", range(3))
+def test_centres_agree_with_the_oracle(make, seed):
+    rng = np.random.default_rng(seed)
+    body = _body(rng)
+    q, Ts = _centres(body, rng)
+    q = MAKES[make](q, rng)
+    agree(body, q, Ts, 0.3 * rng.normal(size=(len(Ts), q.states)))
+
+
+@pytest.mark.parametrize("make", ["plain", "shared", "scale"])
+def test_the_gradient_is_exact_for_centres(make):
+    rng = np.random.default_rng(4)
+    body = _body(rng)
+    q, Ts = _centres(body, rng)
+    q = MAKES[make](q, rng)
+    assert off(body, q, Ts, 0.3 * rng.normal(size=(len(Ts), q.states))).max() < 1e-4
