@@ -145,14 +145,20 @@ def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     """
     if not len(part.planes):
         return ""
-    n, c = part.planes.normals, part.planes.centroids
-    moved = np.abs(n @ (free[:3] * part.diagonal) + np.cross(c - part.centroid, n) @ free[3:])
-    worth = np.where(moved > _RESISTS * moved.max(initial=0.0), moved * np.sqrt(part.planes.areas), 0.0)
+    row = np.full(len(part.faces), -1)
+    row[part.planes.faces] = np.arange(len(part.planes))
+    plane = row[part.triangle_face]
+    middles = part.vertices[part.triangles].mean(axis=1)
+    n = part.planes.normals[plane]
+    # not at the centre of a face, which a turn about an axis in front of it only slides
+    moved = np.abs(n @ (free[:3] * part.diagonal) + np.cross(middles - part.centroid, n) @ free[3:])
+    moved[plane < 0] = 0.0
+    worth = np.where(moved > _RESISTS * moved.max(initial=0.0), moved * np.sqrt(part.planes.areas[plane]), 0.0)
     if worth.max(initial=0.0) <= 1e-9:
         return ""
     k = int(np.argmax(worth))
-    at = T_world_part[:3, :3] @ c[k] + T_world_part[:3, 3]
-    name = part.faces[part.planes.faces[k]].name
+    at = T_world_part[:3, :3] @ middles[k] + T_world_part[:3, 3]
+    name = part.faces[part.triangle_face[k]].name
     return f"sense {name} of {part.name}, around ({', '.join(f'{1e3 * v:.0f}' for v in at)}) mm in the world"
 
 
