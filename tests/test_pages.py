@@ -82,7 +82,23 @@ def sensing_hand(wedge, folder):
     }  # fmt: skip
 
 
-GIVEN = {made.__name__: made for made in (active_sensing, replay, reading_cad, report, sense_part, sensing_hand)}
+def round_features(wedge, folder):
+    """Twelve touches of a bore of 10 mm in three rings, and the face in which it is."""
+    from tanteo.features import PLANE, Feature
+
+    turn = np.tile(np.linspace(0, 2 * np.pi, 4, endpoint=False), 3)
+    away = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    depths = np.outer(np.repeat([2e-3, 6e-3, 10e-3], 4), [0.0, 0.0, -1.0])
+    return {
+        "centres": 9e-3 * away + depths, "covs": np.tile(1e-10 * np.eye(3), (12, 1, 1)), "touches": away,
+        "top": Feature(PLANE, np.eye(4), np.diag([1e-10, 1e-8, 1e-8]), "top"),
+    }  # fmt: skip
+
+
+GIVEN = {
+    made.__name__: made
+    for made in (active_sensing, replay, reading_cad, report, round_features, sense_part, sensing_hand)
+}
 """What the code of a page takes as given."""
 
 ELSEWHERE = {"README": "tests/test_readme.py", "CONTRIBUTING": "tests/test_extending.py", "view": "tests/viewer"}
