@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.active import Added
 from tanteo.report.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
 from tanteo.report.page import Html, Section, element, join, table
-from tanteo.report.words import MM, percent
+from tanteo.report.words import MM, brief, percent
 from tanteo.session import Session, Step
 
 _IN_TABLE = 2
@@ -71,11 +71,11 @@ def _corners(session: Session) -> Html:
         return Html("")
     places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
     leaders = ["", *(names[s.part] if s.part >= 0 else "" for s in steps)]
-    said = tuple(f"after {p}: {v:.3g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
+    said = tuple(f"after {p}: {v:.2g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
     tolerance = session.stop.tolerance if session.stop.feature is None else None
     goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
     scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
-    label = f"Largest corner sd after {len(steps)} answers, {values[-1]:.3g} mm at last."
+    label = f"Largest corner sd after {len(steps)} answers, {values[-1]:.2g} mm at last."
     curve = Curve("largest corner sd of the likeliest part", values, said)
     return curve_chart(label, [curve], scale, places, goal)
 
@@ -95,10 +95,10 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
             _listed(tuple(dict.fromkeys(one.met))),
             *(_share(step.probabilities[k]) for k in shown),
             _share(step.unknown),
-            _number(MM * step.corner_sd, "{:.3g} mm"),
+            _number(MM * step.corner_sd, "{:.2g} mm"),
             _number(one.about_part, "{:.2f}"),
             _number(one.about_pose, "{:.2f}"),
-            one.motion.partition(" through")[0] or "–",
+            brief(one.motion) or "–",
             _number(100 * one.narrowed, "{:.0f} %"),
         )
         for n, (step, one) in enumerate(zip(steps, added, strict=True), 1)

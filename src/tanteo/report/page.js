@@ -46,6 +46,20 @@ byId("copy").addEventListener("click", async () => {
   byId("copy").textContent = "Copied";
 });
 
+/* A phone shows the first section; the others open by a touch. On paper all are open, and the picture is an image. */
+const folds = [...document.querySelectorAll(".fold")];
+if (window.matchMedia("(max-width: 600px)").matches) folds.forEach((fold, k) => { fold.open = k === 0; });
+let opened = [];
+window.addEventListener("beforeprint", () => {
+  opened = folds.filter((fold) => !fold.open);
+  opened.forEach((fold) => { fold.open = true; });
+  if (picture) byId("printed").src = picture.still();
+});
+window.addEventListener("afterprint", () => {
+  opened.forEach((fold) => { fold.open = false; });
+  byId("printed").removeAttribute("src");
+});
+
 if (picture) {
   for (const select of document.querySelectorAll(".overlays select")) {
     select.addEventListener("change", () => { picture.way = select.value; picture.redraw(); });

@@ -26,12 +26,12 @@ def element(name: str, /, *children: Html | str, **attributes: object) -> Html:
     """One element. A trailing underscore of an attribute's name is dropped, others become hyphens; None leaves it out.
 
     Args:
-        name: Of the element; ``input`` and ``br`` have no end.
+        name: Of the element; ``input``, ``br`` and ``img`` have no end.
         children: Content; plain text is escaped.
         attributes: ``True`` writes the name alone.
     """
     words = "".join(_attribute(key, value) for key, value in attributes.items() if value is not None)
-    if name in ("input", "br"):
+    if name in ("input", "br", "img"):
         return Html(f"<{name}{words}>")
     return Html(f"<{name}{words}>{join(children).text}</{name}>")
 
@@ -107,8 +107,9 @@ def render(section: Section) -> Html:
     """The section as markup; nothing if it has no body."""
     if not section.bodies:
         return Html("")
-    heading = element("h2", section.title)
-    return element("section", heading, element("p", section.lead), switched(section.bodies), id=section.key)
+    heading = element("summary", element("h2", section.title))
+    folded = element("details", heading, element("p", section.lead), switched(section.bodies), class_="fold", open=True)
+    return element("section", folded, id=section.key)
 
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"

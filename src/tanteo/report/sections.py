@@ -10,11 +10,12 @@ from tanteo.active import Direction
 from tanteo.answers import prior_rows
 from tanteo.lie import SO3
 from tanteo.report.charts import bar, residual_chart
+from tanteo.report.combined import combined
 from tanteo.report.contacts import Sensed
 from tanteo.report.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.report.scene import Candidate
 from tanteo.report.uncertainty import Budget, make_budget
-from tanteo.report.words import MM, brief, fixed, length, percent
+from tanteo.report.words import MM, brief, fixed, percent, uncertain
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 
@@ -27,7 +28,7 @@ def figure_section(candidates: Sequence[Candidate]) -> Section:
 def _pose_table(candidate: Candidate) -> Html:
     h = candidate.hypothesis
     more = [
-        ("largest corner sd of the box, 1 sd", f"{MM * h.corner_sd:.3g}", "mm", "any direction"),
+        ("largest corner sd", f"{MM * h.corner_sd:.2g}", "mm", "any direction"),
         ("rms distance of readings", f"{MM * h.rms:.3g}", "mm", "–"),
         ("chi-square", f"{h.chi2:.3g} with {h.dof} degrees of freedom", "–", "–"),
         ("p-value", f"{h.p_value:.3g}", "–", "–"),
@@ -143,7 +144,7 @@ _MOST_ROWS = 300
 """Of a table or chart of readings."""
 
 _DIFFERS = 0.15
-"""A budget that is off the answer's figure by more says so."""
+"""A linear budget that is larger than the answer's figure by more says so."""
 
 
 def residual_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
@@ -200,7 +201,8 @@ def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
     lead = (
         "Shares of the variance at the corner of the part's box that is known worst. More readings shrink the noise; "
         "errors that all readings share stay, until they are calibrated. Where such an error has to be "
-        "estimated from the same readings, it costs more than its share: see what is left without it."
+        "estimated from the same readings, it costs more than its share: see what is left without it. Type as in the "
+        "GUM: A from the scatter of these readings, B stated, calibrated or known beforehand."
     )
     bodies = per_hypothesis(candidates, lambda c: _budget(c, sensed))
     return Section("budget", "Where the uncertainty comes from", lead, bodies)
@@ -211,21 +213,27 @@ def _budget(candidate: Candidate, sensed: Sensed) -> Html:
     budget = make_budget(candidate.contacts, sensed, candidate.part, best.T_world_part, best.noise_scale[0])
     if budget is None:
         return element("p", "The readings fix no direction of the pose, so there is nothing to divide.")
+    linear, told = budget.total, best.corner_sd
+    if not best.unobserved:
+        budget = combined(budget, told)
     rows: list[Sequence[Html | str]] = [
-        [s.name, join([bar(s.share), f" {_share(s.share)}"]), _mm(s.sd), _mm(s.without)] for s in budget.sources
+        [s.name, s.kind, join([bar(s.share), f" {_share(s.share)}"]), _mm(s.sd), _mm(s.without)] for s in budget.sources
     ]
-    headers = ["source", "share of the variance", "alone, 1 sd [mm]", "left without it [mm]"]
-    return join([table(headers, rows, class_="shares"), element("p", _total(candidate, budget), class_="note")])
+    rows.append(["together", "", "100 %", f"{MM * budget.total:.2g}", ""])
+    headers = ["source", "type", "share of the variance", "alone, 1 sd [mm]", "left without it [mm]"]
+    note = element("p", _total(candidate, budget, linear), class_="note")
+    return join([table(headers, rows, class_="shares"), note])
 
 
-def _total(candidate: Candidate, budget: Budget) -> str:
+def _total(candidate: Candidate, budget: Budget, linear: float) -> str:
     told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.unobserved
-    words = f"Together {length(budget.total)} at the largest corner sd, one standard deviation"
+    total = uncertain(budget.total)
     if free:
-        return f"{words}; without what nothing observes: {'; '.join(free)}."
-    if abs(budget.total - told) > _DIFFERS * told:
-        return f"{words}; the answer says {length(told)}, which also has what a linear budget cannot see."
-    return f"{words}."
+        return f"Together {total}, without what nothing observes: {'; '.join(brief(word) for word in free)}."
+    words = f"Together {total}, the largest corner sd of the answer; expanded (k = 2) {uncertain(2 * told)}."
+    if linear > (1 + _DIFFERS) * told:
+        return f"{words} To first order it would be {uncertain(linear)}: the sources are scaled to the answer."
+    return words
 
 
 def _share(share: float) -> str:
