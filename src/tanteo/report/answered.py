@@ -38,8 +38,7 @@ def picture(
     overlay = Html('<svg id="overlay" aria-hidden="true"></svg><div id="tip" hidden></div>')
     words = "The picture needs JavaScript; everything else on this page does not."
     no_script = element("noscript", element("p", words))
-    printed = element("img", id="printed", class_="printed", alt="The part with the readings")
-    stage = element("div", canvas, printed, overlay, element("p", id="no3d", hidden=True), no_script, class_="stage")
+    stage = element("div", canvas, overlay, element("p", id="no3d", hidden=True), no_script, class_="stage")
     return element("div", stage, _controls(layers, overlays, haunted), _legend(legend, scaled), class_="picture")
 
 

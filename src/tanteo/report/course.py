@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.active import Added
+from tanteo.active import Added, Stop
 from tanteo.report.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
 from tanteo.report.page import Html, Section, element, join, table
-from tanteo.report.words import MM, brief, percent
+from tanteo.report.words import MM, brief, percent, uncertain
 from tanteo.session import Session, Step
 
 _IN_TABLE = 2
@@ -37,7 +37,37 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
     if not steps:
         return Section("course", "How it went", lead, ())
     told = element("details", element("summary", "What each answer told, as a table"), _rows(session, added))
-    return Section("course", "How it went", lead, (join([_probabilities(session), _corners(session), told]),))
+    asked = _asked(session)
+    return Section("course", "How it went", lead, (join([asked, _probabilities(session), _corners(session), told]),))
+
+
+def goal_words(stop: Stop) -> str:
+    """What was to be reached."""
+    where = ""
+    if stop.tolerance is not None:
+        of_what = stop.feature or "the corners of the part"
+        where = f" and {of_what} within {MM * stop.tolerance:.3g} mm at {100 * stop.confidence:.3g} %"
+    return f"Goal: the part with {100 * stop.probability:.4g} %{where}."
+
+
+_MOST_ASKED = 12
+"""Questions that are told one by one above the charts; of more, the last."""
+
+
+def _asked(session: Session) -> Html:
+    """Line by line: what was asked and why, and what was known after it."""
+    names, first = _names(session), max(len(session.steps) - _MOST_ASKED, 0)
+    lines = [_line(step, names) for step in session.steps[first:]]
+    return element("ol", *lines, class_="asked", start=first + 1)
+
+
+def _line(step: Step, names: Sequence[str]) -> Html:
+    action, best = step.action, int(np.argmax(step.probabilities))
+    question = "Not asked for" if action is None else f"{action.face} of {action.part}"
+    after = f"{names[best]} {percent(float(step.probabilities[best]))}"
+    sd = f", largest corner sd {uncertain(step.corner_sd)}" if np.isfinite(step.corner_sd) else ""
+    why = "" if action is None else f" – {action.why}"
+    return element("li", element("strong", question), f"{why} → {after}{sd}")
 
 
 def _probabilities(session: Session) -> Html:

@@ -53,11 +53,14 @@ let opened = [];
 window.addEventListener("beforeprint", () => {
   opened = folds.filter((fold) => !fold.open);
   opened.forEach((fold) => { fold.open = true; });
-  if (picture) byId("printed").src = picture.still();
+  if (picture) {
+    const image = Object.assign(new Image(), { src: picture.still(), id: "printed", className: "printed", alt: "The part with the readings" });
+    byId("view").after(image);
+  }
 });
 window.addEventListener("afterprint", () => {
   opened.forEach((fold) => { fold.open = false; });
-  byId("printed").removeAttribute("src");
+  byId("printed")?.remove();
 });
 
 if (picture) {

@@ -5,6 +5,7 @@ Whatever is not :class:`Html` is escaped, so nothing that a file says becomes ma
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 from collections.abc import Callable, Iterable, Sequence
@@ -148,6 +149,20 @@ def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) 
     ]
     document = element("html", element("head", *head), element("body", *body), lang="en")
     return f"<!doctype html>\n{document.text}\n"
+
+
+def photo_section(key: str, title: str, lead: str, png: bytes, said: str) -> Section:
+    """A section that shows an image, which the page holds.
+
+    Args:
+        key: Its anchor.
+        title: A few words.
+        lead: What is to be seen.
+        png: The image as a PNG file.
+        said: For those who do not see it.
+    """
+    source = f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+    return Section(key, title, lead, (element("img", src=source, alt=said, class_="photo"),))
 
 
 def fact_list(facts: Sequence[tuple[str, str]]) -> Html:
