@@ -40,6 +40,6 @@ def _seen(png: bytes) -> Section:
 
     lead = (
         "The image with what was found in it: blue dots where it has the edges of the likeliest part, orange crosses "
-        "where it has not. The parts that it leaves open differ in height, which a camera from above hardly sees."
+        "where it has not. It leaves open which of two parts lies there: they differ in their step alone."
     )
     return photo_section("seen", "What the camera saw", lead, png, "The part on the table, with the edges that fit")

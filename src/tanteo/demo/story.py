@@ -26,7 +26,7 @@ from tanteo.session import Action, Sensing, Session
 from tanteo.typing import Transforms
 
 if TYPE_CHECKING:
-    from tanteo.vision.sight import Sighting
+    from tanteo.vision import Sighting
 
 _IMAGE, _NOISE, _TOLERANCE, _MOST = "twins", 3e-4, 5e-4, 25
 _LASER = Probe(

@@ -42,12 +42,12 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
 
 
 def goal_words(stop: Stop) -> str:
-    """What was to be reached."""
-    where = ""
+    """What was to be reached: part and place; nothing where no goal was set."""
+    goals = [] if stop.probability is None else [f"the part with {100 * stop.probability:.4g} %"]
     if stop.tolerance is not None:
         of_what = stop.feature or "the corners of the part"
-        where = f" and {of_what} within {MM * stop.tolerance:.3g} mm at {100 * stop.confidence:.3g} %"
-    return f"Goal: the part with {100 * stop.probability:.4g} %{where}."
+        goals.append(f"{of_what} within {MM * stop.tolerance:.3g} mm at {100 * stop.confidence:.3g} %")
+    return f"Goal: {' and '.join(goals)}." if goals else ""
 
 
 _MOST_ASKED = 12

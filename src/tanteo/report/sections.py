@@ -9,13 +9,11 @@ import numpy as np
 from tanteo.active import Direction
 from tanteo.answers import prior_rows
 from tanteo.lie import SO3
-from tanteo.report.charts import bar, residual_chart
-from tanteo.report.combined import combined
+from tanteo.report.charts import residual_chart
 from tanteo.report.contacts import Sensed
 from tanteo.report.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.report.scene import Candidate
-from tanteo.report.uncertainty import Budget, make_budget
-from tanteo.report.words import MM, brief, fixed, percent, uncertain
+from tanteo.report.words import MM, brief, fixed, percent
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 
@@ -143,9 +141,6 @@ def _said(d: Direction) -> str:
 _MOST_ROWS = 300
 """Of a table or chart of readings."""
 
-_DIFFERS = 0.15
-"""A linear budget that is larger than the answer's figure by more says so."""
-
 
 def residual_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
     """Every reading's distance to the surface."""
@@ -194,54 +189,6 @@ def _rows(candidate: Candidate) -> IntArray:
         return np.arange(n)
     wrong = np.flatnonzero(~candidate.contacts.used)[: _MOST_ROWS // 2]
     return np.unique(np.concatenate([np.linspace(0, n - 1, _MOST_ROWS // 2).astype(np.int64), wrong]))
-
-
-def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
-    """Sensor, robot, shared errors, part."""
-    lead = (
-        "Shares of the variance at the corner of the part's box that is known worst. More readings shrink the noise; "
-        "errors that all readings share stay, until they are calibrated. Where such an error has to be "
-        "estimated from the same readings, it costs more than its share: see what is left without it. Type as in the "
-        "GUM: A from the scatter of these readings, B stated, calibrated or known beforehand."
-    )
-    bodies = per_hypothesis(candidates, lambda c: _budget(c, sensed))
-    return Section("budget", "Where the uncertainty comes from", lead, bodies)
-
-
-def _budget(candidate: Candidate, sensed: Sensed) -> Html:
-    best = candidate.hypothesis
-    budget = make_budget(candidate.contacts, sensed, candidate.part, best.T_world_part, best.noise_scale[0])
-    if budget is None:
-        return element("p", "The readings fix no direction of the pose, so there is nothing to divide.")
-    linear, told = budget.total, best.corner_sd
-    if not best.unobserved:
-        budget = combined(budget, told)
-    rows: list[Sequence[Html | str]] = [
-        [s.name, s.kind, join([bar(s.share), f" {_share(s.share)}"]), _mm(s.sd), _mm(s.without)] for s in budget.sources
-    ]
-    rows.append(["together", "", "100 %", f"{MM * budget.total:.2g}", ""])
-    headers = ["source", "type", "share of the variance", "alone, 1 sd [mm]", "left without it [mm]"]
-    note = element("p", _total(candidate, budget, linear), class_="note")
-    return join([table(headers, rows, class_="shares"), note])
-
-
-def _total(candidate: Candidate, budget: Budget, linear: float) -> str:
-    told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.unobserved
-    total = uncertain(budget.total)
-    if free:
-        return f"Together {total}, without what nothing observes: {'; '.join(brief(word) for word in free)}."
-    words = f"Together {total}, the largest corner sd of the answer; expanded (k = 2) {uncertain(2 * told)}."
-    if linear > (1 + _DIFFERS) * told:
-        return f"{words} To first order it would be {uncertain(linear)}: the sources are scaled to the answer."
-    return words
-
-
-def _share(share: float) -> str:
-    return "< 1 %" if share < 0.005 else f"{100 * share:.0f} %"
-
-
-def _mm(metres: float) -> str:
-    return f"{MM * metres:.3g}" if np.isfinite(metres) else "–"
 
 
 def rerun_section(command: str, made: str) -> Section:

@@ -29,12 +29,10 @@ class Source:
 
     Attributes:
         name: In words.
-        kind: Of the evaluation in the GUM (JCGM 100:2008, 4.2 and 4.3): ``A`` from the scatter of these readings, ``B``
-            from what was stated, calibrated or known before.
+        kind: Type in the GUM (JCGM 100:2008): ``A`` from the scatter of these readings, ``B`` stated or known before.
         share: Of the variance of the corner that is known worst; the shares of a budget sum to one.
         sd: What the source alone does to the largest corner sd, one standard deviation [m].
-        without: Largest corner sd if this error were not there [m]; NaN where that leaves
-            nothing.
+        without: Largest corner sd if this error were not there [m]; NaN where that leaves nothing.
     """
 
     name: str
@@ -78,7 +76,10 @@ def make_budget(
     J, total = _worst_corner(part, _covariance(H, basis, terms))
     G = basis @ _estimator(H @ basis, _assumed(terms))
     sds = {name: float(np.sqrt(J @ _sandwich(G, term.real) @ J)) for name, term in terms.items()}
-    found = [Source(name, _kind(name, noise_scale), (sd / total) ** 2, sd, _left(H, basis, terms, name, part)) for name, sd in sds.items()]
+    found = [
+        Source(name, _kind(name, noise_scale), (sd / total) ** 2, sd, _left(H, basis, terms, name, part))
+        for name, sd in sds.items()
+    ]
     return Budget(tuple(sorted(found, key=lambda s: -s.share)), total)
 
 

@@ -12,12 +12,12 @@ from tanteo.errors import InputError
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.report.answered import answer_front
+from tanteo.report.combined import budget_section
 from tanteo.report.contacts import Sensed, find_contacts, gather
 from tanteo.report.course import course_section, goal_words
 from tanteo.report.page import Section, make_page
 from tanteo.report.scene import Candidate, scene_document
 from tanteo.report.sections import (
-    budget_section,
     directions_of,
     figure_section,
     rerun_section,
