@@ -48,7 +48,10 @@ byId("copy").addEventListener("click", async () => {
 
 /* A phone shows the first section; the others open by a touch. On paper all are open, and the picture is an image. */
 const folds = [...document.querySelectorAll(".fold")];
-if (window.matchMedia("(max-width: 600px)").matches) folds.forEach((fold, k) => { fold.open = k === 0; });
+if (window.matchMedia("(max-width: 600px)").matches) {
+  folds.forEach((fold, k) => { fold.open = k === 0; });
+  if (document.documentElement.scrollHeight > 3000) folds[0].open = false;
+}
 let opened = [];
 window.addEventListener("beforeprint", () => {
   opened = folds.filter((fold) => !fold.open);
