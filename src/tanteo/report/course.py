@@ -58,7 +58,8 @@ def _asked(session: Session) -> Html:
     """Line by line: what was asked and why, and what was known after it."""
     names, first = _names(session), max(len(session.steps) - _MOST_ASKED, 0)
     lines = [_line(step, names) for step in session.steps[first:]]
-    return element("ol", *lines, class_="asked", start=first + 1)
+    earlier = element("p", f"The first {first} are in the table below.", class_="note") if first else Html("")
+    return join([earlier, element("ol", *lines, class_="asked", start=first + 1)])
 
 
 def _line(step: Step, names: Sequence[str]) -> Html:
