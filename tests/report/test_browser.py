@@ -280,3 +280,33 @@ def test_without_the_means_to_draw_the_rest_is_there(open_page):
     assert "cannot draw the picture" in watched.page.locator("#no3d").inner_text()
     assert watched.page.locator("#view").is_hidden()
     assert watched.page.locator(".chart").is_visible()
+
+
+@pytest.mark.parametrize("name", ["clear", "several", "none", "session", "plan", "twins"])
+def test_a_phone_has_a_short_page(open_page, name):
+    assert open_page(name, "phone").page.evaluate("document.documentElement.scrollHeight") <= 3000
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_part_fills_the_picture(open_page, size):
+    watched = open_page("clear", size)
+    seen = "() => { const p = unpack(scene.seen, Float32Array); return picture.project([p[0], p[1], p[2]]); }"
+    assert len(watched.page.evaluate(seen)) == 2
+    picture = watched.picture()
+    marked = np.abs(picture - picture[2, 2]).max(axis=-1) > 0.1
+    filled = [np.ptp(np.flatnonzero(marked.any(axis=k))) / marked.shape[1 - k] for k in (0, 1)]
+    assert max(filled) > 0.7
+
+
+def test_paper_has_the_picture_and_all_sections(open_page):
+    page = open_page("clear", "phone", "dark").page
+    page.evaluate("() => window.dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    assert page.locator(".fold:not([open])").count() == 0
+    assert page.locator("#printed").is_visible()
+    assert page.locator("#view").is_hidden()
+    assert page.evaluate("getComputedStyle(document.documentElement).backgroundColor") == "rgb(255, 255, 255)"
+    page.emulate_media(media="screen")
+    page.evaluate("() => window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator("#printed").count() == 0
+    assert page.locator(".fold[open]").count() == 1

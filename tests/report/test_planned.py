@@ -49,8 +49,8 @@ def test_its_words_table_and_curves_say_the_same(planned, wedge):
     assert f"{len(planned.readings)} readings place wedge." in page
     assert "✓ planned" in page
     for n, r in enumerate(planned.readings, 1):
-        assert f"after {n}: {1e3 * r.corner_sd:.3g} mm" in page
-        assert f"<td>{1e3 * r.corner_sd:.3g}</td>" in page
+        assert f"after {n}: {1e3 * r.corner_sd:.2g} mm" in page
+        assert f"<td>{1e3 * r.corner_sd:.2g}</td>" in page
     assert "tolerance, 0.2 mm" in page
     assert "wanted, 95.0 %" in page
     last = planned.readings[-1]

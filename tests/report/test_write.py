@@ -51,6 +51,7 @@ def test_nothing_outside_the_file_is_named(run, wedge):
     readings, answer = run
     page = report_page(answer, gather(readings), [wedge], Run("tanteo"))
     assert "default-src 'none'" in page
+    assert '<section id="fit"><details class="fold" open><summary><h2>' in page  # without a program all is open
     assert set(re.findall(r"https?://[^\s\"']+", page)) == {"http://www.w3.org/2000/svg"}  # a name, not an address
     assert not re.search(r"<(?:link|img|iframe)|\ssrc=|@import|url\(", page)
 

@@ -18,7 +18,7 @@ from tanteo.errors import InputError, PartError, UnitError
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
-    from tanteo.report import Run
+    from tanteo.report import Run, Section
     from tanteo.sensors import Rig
     from tanteo.session import Session
 
@@ -154,8 +154,10 @@ def write_page(path: str, page: str, *, as_json: bool) -> None:
     say(f"report written: {path}", sys.stderr if as_json else sys.stdout)
 
 
-def report_session(path: str, session: Session, *facts: tuple[str, str], as_json: bool) -> None:
-    """Report a session: its answer, and how it came to that."""
+def report_session(
+    path: str, session: Session, *facts: tuple[str, str], as_json: bool, more: Sequence[Section] = ()
+) -> None:
+    """Report a session: its answer, and how it came to that; further sections stand first."""
     from tanteo.report import session_page
 
-    write_page(path, session_page(session, this_run(*facts)), as_json=as_json)
+    write_page(path, session_page(session, this_run(*facts), more), as_json=as_json)

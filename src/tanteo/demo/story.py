@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +18,15 @@ from tanteo.answers import Priors, box_corners
 from tanteo.catalogue import read_parts
 from tanteo.hand import Workspace
 from tanteo.inference import PreparedPart, prepare
-from tanteo.io import read_camera, read_image, read_marks
+from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
 from tanteo.sensors import NoiseLaw
 from tanteo.session import Action, Sensing, Session
 from tanteo.typing import Transforms
+
+if TYPE_CHECKING:
+    from tanteo.vision import Sighting
 
 _IMAGE, _NOISE, _TOLERANCE, _MOST = "twins", 3e-4, 5e-4, 25
 _LASER = Probe(
@@ -41,12 +46,14 @@ class Observation:
         truth: name of the part that lay there.
         off: how far the worst corner is off [m].
         needed: readings in many tries, planned and at random, in words; None without the camera's start.
+        picture: the camera's image with what was seen, as a PNG file; None without the camera.
     """
 
     session: Session
     truth: str
     off: float
     needed: tuple[str, str] | None
+    picture: bytes | None = None
 
 
 def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
@@ -62,7 +69,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
         say(f"One of {len(parts)} parts lies on a table. Which one, and where?")
         targets = {part.name: prepare(part) for part in parts}
         seen = bool(find_spec("cv2"))
-        start = _seen(folder, parts, targets, say) if seen else _placed(targets, T, name, say)
+        start, picture = _seen(folder, parts, targets, say) if seen else (_placed(targets, T, name, say), None)
     say("")
     say("A laser (0.3 mm, from above) is sent where it tells most:")
     session = _session(start, "information", seed)
@@ -77,7 +84,7 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
     planned, random = needed()
     tries = f" In {planned.tries} tries the plan needed {planned}, random places {random}." if seen else ""
     say(f"Readings: {session.count}.{tries}")
-    return Observation(session, name, float(off), (str(planned), str(random)) if seen else None)
+    return Observation(session, name, float(off), (str(planned), str(random)) if seen else None, picture)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +122,7 @@ def try_it(policy: str, seeds: Sequence[int]) -> list[int]:
         parts = read_parts([folder / "parts"], unit="mm").parts
         name, T = _truth(folder)
         targets = {part.name: prepare(part) for part in parts}
-        start = _seen(folder, parts, targets, lambda _: None)
+        start, _ = _seen(folder, parts, targets, lambda _: None)
     counts = []
     for seed in seeds:
         session = _session(start, policy, seed)
@@ -132,20 +139,44 @@ def _truth(folder: Path) -> tuple[str, Transforms]:
     return row["part"], SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), p)
 
 
-def _seen(folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart], say: Callable[[str], None]) -> Start:
-    """What the camera leaves open."""
-    from tanteo.vision import fit_camera, prepare_vision, see_table
+def _seen(
+    folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart], say: Callable[[str], None]
+) -> tuple[Start, bytes]:
+    """What the camera leaves open, and its image with what was seen."""
+    from tanteo.vision import draw_sight, fit_camera, prepare_vision, see_table
 
     camera = read_camera(folder / "camera.yaml")
     placed = fit_camera(camera, *read_marks(folder / "marks.csv"))
     camera = replace(camera, T_world_camera=placed.T_world_camera, covariance=placed.covariance)
-    sight = see_table(read_image(folder / f"{_IMAGE}.png"), camera, [prepare_vision(part) for part in parts])
+    image = read_image(folder / f"{_IMAGE}.png")
+    sight = see_table(image, camera, [prepare_vision(part) for part in parts])
     answer = sight.objects[0].answer
     likely = [h for h in answer.hypotheses if h.probability > 1e-3]
     words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in likely)
     say(f"The camera above it: {words}; largest corner sd {1e3 * likely[0].corner_sd:.1f} mm.")
     names = list(dict.fromkeys(h.part for h in answer.hypotheses))
-    return from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
+    start = from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
+    return start, _as_png(_cut(draw_sight(image, camera, sight), sight.objects[0]))
+
+
+_ENLARGED = 2
+"""Times that :func:`tanteo.vision.draw_sight` draws an image enlarged."""
+
+
+def _cut(picture: np.ndarray, seen: Sighting) -> np.ndarray:
+    """The picture about what was seen in it, with its name."""
+    if seen.region is None:
+        return picture
+    low, high = _ENLARGED * seen.region.contour.min(axis=0), _ENLARGED * seen.region.contour.max(axis=0)
+    middle, half = (low + high) / 2, float((high - low).max())
+    (left, top), (right, bottom) = np.maximum(middle - half, 0).astype(int), (middle + half).astype(int)
+    return picture[top:bottom, left:right]
+
+
+def _as_png(picture: np.ndarray) -> bytes:
+    with TemporaryDirectory() as folder:
+        write_image(path := Path(folder) / "seen.png", picture)
+        return path.read_bytes()
 
 
 def _placed(targets: dict[str, PreparedPart], T: Transforms, name: str, say: Callable[[str], None]) -> Start:

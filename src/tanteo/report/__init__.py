@@ -6,19 +6,22 @@ more to tell about an answer hands in further :class:`Section` values.
 """
 
 from tanteo.report.charts import bar
+from tanteo.report.combined import combined
 from tanteo.report.contacts import Contacts, Sensed, find_contacts, gather
-from tanteo.report.course import course_section
+from tanteo.report.course import course_section, goal_words
 from tanteo.report.discrimination import distinction_page
-from tanteo.report.page import Html, Section, element
+from tanteo.report.page import Html, Section, element, photo_section
 from tanteo.report.planned import plan_page
 from tanteo.report.scene import Drawn, draw_part
 from tanteo.report.sections import directions_of, rests_section
 from tanteo.report.uncertainty import Budget, Source, Way, find_ways, make_budget
-from tanteo.report.words import headline, length, percent
+from tanteo.report.words import brief, headline, length, percent
 from tanteo.report.write import Run, report_page, session_page, write_report
 
 __all__ = [
-    "Budget", "Contacts", "Drawn", "Html", "Run", "Section", "Sensed", "Source", "Way", "bar", "course_section",
-    "directions_of", "distinction_page", "draw_part", "element", "find_contacts", "find_ways", "gather", "headline",
-    "length", "make_budget", "percent", "plan_page", "report_page", "rests_section", "session_page", "write_report",
+    "Budget", "Contacts", "Drawn", "Html", "Run", "Section", "Sensed", "Source", "Way", "bar", "brief",
+    "combined", "course_section", "directions_of", "distinction_page", "draw_part", "element", "find_contacts",
+    "find_ways", "gather", "goal_words", "headline",
+    "length", "make_budget", "percent", "photo_section", "plan_page", "report_page", "rests_section", "session_page",
+    "write_report",
 ]  # fmt: skip

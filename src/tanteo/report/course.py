@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.active import Added
+from tanteo.active import Added, Stop
 from tanteo.report.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
 from tanteo.report.page import Html, Section, element, join, table
-from tanteo.report.words import MM, percent
+from tanteo.report.words import MM, brief, percent, uncertain
 from tanteo.session import Session, Step
 
 _IN_TABLE = 2
@@ -37,7 +37,38 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
     if not steps:
         return Section("course", "How it went", lead, ())
     told = element("details", element("summary", "What each answer told, as a table"), _rows(session, added))
-    return Section("course", "How it went", lead, (join([_probabilities(session), _corners(session), told]),))
+    asked = _asked(session)
+    return Section("course", "How it went", lead, (join([asked, _probabilities(session), _corners(session), told]),))
+
+
+def goal_words(stop: Stop) -> str:
+    """What was to be reached: part and place; nothing where no goal was set."""
+    goals = [] if stop.probability is None else [f"the part with {100 * stop.probability:.4g} %"]
+    if stop.tolerance is not None:
+        of_what = stop.feature or "the corners of the part"
+        goals.append(f"{of_what} within {MM * stop.tolerance:.3g} mm at {100 * stop.confidence:.3g} %")
+    return f"Goal: {' and '.join(goals)}." if goals else ""
+
+
+_MOST_ASKED = 12
+"""Questions that are told one by one above the charts; of more, the last."""
+
+
+def _asked(session: Session) -> Html:
+    """Line by line: what was asked and why, and what was known after it."""
+    names, first = _names(session), max(len(session.steps) - _MOST_ASKED, 0)
+    lines = [_line(step, names) for step in session.steps[first:]]
+    earlier = element("p", f"The first {first} are in the table below.", class_="note") if first else Html("")
+    return join([earlier, element("ol", *lines, class_="asked", start=first + 1)])
+
+
+def _line(step: Step, names: Sequence[str]) -> Html:
+    action, best = step.action, int(np.argmax(step.probabilities))
+    question = "Not asked for" if action is None else f"{action.face} of {action.part}"
+    after = f"{names[best]} {percent(float(step.probabilities[best]))}"
+    sd = f", largest corner sd {uncertain(step.corner_sd)}" if np.isfinite(step.corner_sd) else ""
+    why = "" if action is None else f" – {action.why}"
+    return element("li", element("strong", question), f"{why} → {after}{sd}")
 
 
 def _probabilities(session: Session) -> Html:
@@ -71,11 +102,11 @@ def _corners(session: Session) -> Html:
         return Html("")
     places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
     leaders = ["", *(names[s.part] if s.part >= 0 else "" for s in steps)]
-    said = tuple(f"after {p}: {v:.3g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
+    said = tuple(f"after {p}: {v:.2g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
     tolerance = session.stop.tolerance if session.stop.feature is None else None
     goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
     scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
-    label = f"Largest corner sd after {len(steps)} answers, {values[-1]:.3g} mm at last."
+    label = f"Largest corner sd after {len(steps)} answers, {values[-1]:.2g} mm at last."
     curve = Curve("largest corner sd of the likeliest part", values, said)
     return curve_chart(label, [curve], scale, places, goal)
 
@@ -95,10 +126,10 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
             _listed(tuple(dict.fromkeys(one.met))),
             *(_share(step.probabilities[k]) for k in shown),
             _share(step.unknown),
-            _number(MM * step.corner_sd, "{:.3g} mm"),
+            _number(MM * step.corner_sd, "{:.2g} mm"),
             _number(one.about_part, "{:.2f}"),
             _number(one.about_pose, "{:.2f}"),
-            one.motion.partition(" through")[0] or "–",
+            brief(one.motion) or "–",
             _number(100 * one.narrowed, "{:.0f} %"),
         )
         for n, (step, one) in enumerate(zip(steps, added, strict=True), 1)

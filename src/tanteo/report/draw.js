@@ -120,7 +120,7 @@ class Picture {
     const [turn, tilt] = VIEWS[name];
     const scale = this.data.size_mm * Math.max(1.18 / (this.canvas.clientWidth || 400), 0.98 / (this.canvas.clientHeight || 400));
     this.eye = { turn, tilt, scale, middle: [0, 0, 0] };
-    if (this.data.seen) this.fit(unpack(this.data.seen, Float32Array));
+    this.fit(unpack(this.data.seen, Float32Array));
     this.redraw();
   }
 
@@ -195,12 +195,22 @@ class Picture {
     this.drawOverlay(now);
   }
 
+  /* The picture as an image, in the colours of paper. */
+  still() {
+    document.documentElement.dataset.paper = "";
+    this.draw();
+    const image = this.canvas.toDataURL("image/png");
+    delete document.documentElement.dataset.paper;
+    this.redraw();
+    return image;
+  }
+
   drawPart(part, pose) {
     const { gl } = this;
     gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(1.5, 2);
     this.drawMesh(part, pose, this.colour("part"));
     gl.disable(gl.POLYGON_OFFSET_FILL);
-    this.drawLines(part.lines, pose, this.colour("edge", 0.9), 0.8);
+    this.drawLines(part.lines, pose, this.colour("edge", 0.9), 1.1);
   }
 
   drawMesh(mesh, pose, colour) {
@@ -298,6 +308,7 @@ class Picture {
     const bar = [5, 2, 1].map((m) => m * power).find((m) => m <= wanted), long = bar / this.eye.scale;
     marks.push(line([w - 18 - long, h - 18], [w - 18, h - 18]), text(w - 18 - long / 2, h - 26, `${Number(bar.toPrecision(3))} mm`));
     marks.push(...this.words(now, w, h));
+    this.overlay.setAttribute("viewBox", `0 0 ${w} ${h}`);
     this.overlay.replaceChildren(...marks);
   }
 
@@ -305,6 +316,10 @@ class Picture {
   words(now, w, h) {
     const taken = [[0, h - 96, 96, h], [w - 0.3 * w, h - 44, w, h]], marks = [];
     if (!this.layers.readings) return marks;
+    this.data.readings.names.forEach((_, i) => {
+      const [x, y] = this.project(this.place(i));
+      taken.push([x - 6, y - 6, x + 6, y + 6]);
+    });
     const { names } = this.data.readings, wrong = (i) => Boolean(now && now.wrong[i]);
     names.forEach((name, i) => {
       if (wrong(i)) marks.push(...beside(this.project(this.place(i)), `${name}: ${Math.abs(now.off_mm[i]).toPrecision(3)} mm off`, "wrong", taken, w, h));
@@ -319,12 +334,18 @@ class Picture {
 /* Words at the first place about a point where nothing stands; nowhere, if there is none. */
 function beside([x, y], words, kind, taken, w, h) {
   const long = 7.9 * words.length + 2;
-  for (const [left, base] of [[x + 9, y + 4], [x - 9 - long, y + 4], [x - long / 2, y - 9], [x - long / 2, y + 20]]) {
+  const ring = [9, 22, 38].flatMap((r) => [
+    [x + r, y + 4], [x - r - long, y + 4], [x - long / 2, y - r], [x - long / 2, y + r + 11],
+    [x + r, y - r], [x - r - long, y - r], [x + r, y + r + 11], [x - r - long, y + r + 11],
+  ]);
+  for (const [k, [left, base]] of ring.entries()) {
     const box = [left, base - 13, left + long, base + 4];
     const clear = taken.every((t) => box[0] >= t[2] || t[0] >= box[2] || box[1] >= t[3] || t[1] >= box[3]);
     if (!clear || left < 3 || left + long > w - 3 || base < 16 || base > h - 6) continue;
     taken.push(box);
-    return [text(left, base, words, kind, "start")];
+    const word = text(left, base, words, kind, "start");
+    const near = [Math.min(Math.max(x, box[0]), box[2]), Math.min(Math.max(y, box[1]), box[3])];
+    return k < 8 ? [word] : [svg("line", { x1: x, y1: y, x2: near[0], y2: near[1], class: "leader" }), word];
   }
   return [];
 }

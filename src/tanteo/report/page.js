@@ -46,6 +46,26 @@ byId("copy").addEventListener("click", async () => {
   byId("copy").textContent = "Copied";
 });
 
+/* A phone shows the first section; the others open by a touch. On paper all are open, and the picture is an image. */
+const folds = [...document.querySelectorAll(".fold")];
+if (window.matchMedia("(max-width: 600px)").matches) {
+  folds.forEach((fold, k) => { fold.open = k === 0; });
+  if (document.documentElement.scrollHeight > 3000) folds[0].open = false;
+}
+let opened = [];
+window.addEventListener("beforeprint", () => {
+  opened = folds.filter((fold) => !fold.open);
+  opened.forEach((fold) => { fold.open = true; });
+  if (picture) {
+    const image = Object.assign(new Image(), { src: picture.still(), id: "printed", className: "printed", alt: "The part with the readings" });
+    byId("view").after(image);
+  }
+});
+window.addEventListener("afterprint", () => {
+  opened.forEach((fold) => { fold.open = false; });
+  byId("printed")?.remove();
+});
+
 if (picture) {
   for (const select of document.querySelectorAll(".overlays select")) {
     select.addEventListener("change", () => { picture.way = select.value; picture.redraw(); });

@@ -5,6 +5,7 @@ Whatever is not :class:`Html` is escaped, so nothing that a file says becomes ma
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 from collections.abc import Callable, Iterable, Sequence
@@ -26,12 +27,12 @@ def element(name: str, /, *children: Html | str, **attributes: object) -> Html:
     """One element. A trailing underscore of an attribute's name is dropped, others become hyphens; None leaves it out.
 
     Args:
-        name: Of the element; ``input`` and ``br`` have no end.
+        name: Of the element; ``input``, ``br`` and ``img`` have no end.
         children: Content; plain text is escaped.
         attributes: ``True`` writes the name alone.
     """
     words = "".join(_attribute(key, value) for key, value in attributes.items() if value is not None)
-    if name in ("input", "br"):
+    if name in ("input", "br", "img"):
         return Html(f"<{name}{words}>")
     return Html(f"<{name}{words}>{join(children).text}</{name}>")
 
@@ -107,8 +108,9 @@ def render(section: Section) -> Html:
     """The section as markup; nothing if it has no body."""
     if not section.bodies:
         return Html("")
-    heading = element("h2", section.title)
-    return element("section", heading, element("p", section.lead), switched(section.bodies), id=section.key)
+    heading = element("summary", element("h2", section.title))
+    folded = element("details", heading, element("p", section.lead), switched(section.bodies), class_="fold", open=True)
+    return element("section", folded, id=section.key)
 
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
@@ -147,6 +149,20 @@ def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) 
     ]
     document = element("html", element("head", *head), element("body", *body), lang="en")
     return f"<!doctype html>\n{document.text}\n"
+
+
+def photo_section(key: str, title: str, lead: str, png: bytes, said: str) -> Section:
+    """A section that shows an image, which the page holds.
+
+    Args:
+        key: Its anchor.
+        title: A few words.
+        lead: What is to be seen.
+        png: The image as a PNG file.
+        said: For those who do not see it.
+    """
+    source = f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+    return Section(key, title, lead, (element("img", src=source, alt=said, class_="photo"),))
 
 
 def fact_list(facts: Sequence[tuple[str, str]]) -> Html:

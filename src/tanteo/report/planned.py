@@ -17,7 +17,7 @@ from tanteo.report.page import Front, Section, element, fact_list, join, make_pa
 from tanteo.report.scene import feature_lines, overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.report.sections import pose_figures, rerun_section
 from tanteo.report.uncertainty import Way, find_ways
-from tanteo.report.words import MM, fixed, length, percent
+from tanteo.report.words import MM, fixed, length, percent, uncertain
 from tanteo.report.write import Run
 from tanteo.typing import Vectors
 
@@ -61,12 +61,12 @@ def _front(
     x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
     facts = [
         ("Goal", f"{_all(plan)} within {length(tolerance)}, with {percent(confidence)}"),
-        (f"{_worst(plan).capitalize()} before, 1 sd", length(plan.before)),
+        (f"{_worst(plan).capitalize()} before, 1 sd", uncertain(plan.before)),
     ]
     if plan.readings:
         last = plan.readings[-1]
         facts += [
-            (f"{_worst(plan).capitalize()} after {n} reading{'s' * (n > 1)}, 1 sd", length(last.sd)),
+            (f"{_worst(plan).capitalize()} after {n} reading{'s' * (n > 1)}, 1 sd", uncertain(last.sd)),
             (f"{_all(plan).capitalize()} within the tolerance then, wherever the part lies", percent(last.within)),
             (
                 f"The same if every reading meets its face, as in {percent(plan.all_meet)} of the placements",
@@ -97,7 +97,7 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     sds = MM * np.array([plan.before, *(r.sd for r in plan.readings)])
     within = np.array([np.nan, *(r.within for r in plan.readings)])
     words = ["before", *(f"after {k}" for k in places[1:])]
-    sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.3g} mm" for w, v in zip(words, sds, strict=True)))
+    sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.2g} mm" for w, v in zip(words, sds, strict=True)))
     if_met = np.array([np.nan, *(r.within_if_met for r in plan.readings)])
     chances = [
         Curve(name, v, tuple(f"{w}: {percent(p)}" for w, p in zip(words, v, strict=True)), style)
@@ -105,7 +105,7 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     ]
     charts = [
         curve_chart(
-            f"Standard deviation of {of_what} over {len(plan.readings)} readings, {sds[-1]:.3g} mm at last.",
+            f"Standard deviation of {of_what} over {len(plan.readings)} readings, {sds[-1]:.2g} mm at last.",
             [sd], lengths_scale(np.r_[sds, MM * tolerance]), places,
             (MM * tolerance, f"tolerance, {length(tolerance)}"),
         ),
@@ -140,7 +140,7 @@ def _all(plan: Plan) -> str:
 
 def _row(n: int, r: PlannedReading) -> tuple[str, ...]:
     return (
-        str(n), r.face, f"{MM * r.sd:.3g}", percent(r.within), percent(r.within_if_met), percent(r.meets),
+        str(n), r.face, f"{MM * r.sd:.2g}", percent(r.within), percent(r.within_if_met), percent(r.meets),
         _three(MM * r.origin, 1), _three(r.direction, 3), _three(MM * r.point, 1),
     )  # fmt: skip
 
@@ -199,4 +199,4 @@ def _arrows(plan: Plan) -> list[tuple[PlannedReading, list[int]]]:
 def _said(plan: Plan, numbers: Sequence[int]) -> str:
     r = plan.readings[numbers[0] - 1]
     name = f"reading {numbers[0]}" if len(numbers) == 1 else f"readings {', '.join(map(str, numbers))}"
-    return f"{name}: {r.face}; {_worst(plan)} {length(r.sd)} after {numbers[0]}"
+    return f"{name}: {r.face}; {_worst(plan)} {uncertain(r.sd)} after {numbers[0]}"

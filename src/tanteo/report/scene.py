@@ -127,6 +127,7 @@ def scene_document(candidates: Sequence[Candidate], sensed: Sensed) -> dict[str,
     ends = free.origins + free.directions * free.lengths[:, None]
     return {
         **view_document(centre, size),
+        "seen": packed(_seen(candidates, measured.points) - centre),
         "parts": [part_document(shown[name], len(parts)) for name in parts],
         "readings": {
             "names": [measured.ids[i] for i in rows],
@@ -159,6 +160,24 @@ def _extent(candidates: Sequence[Candidate], points: FloatArray) -> tuple[FloatA
         return np.zeros(3), 0.1
     low, high = points.min(axis=0), points.max(axis=0)
     return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3)
+
+
+_DIRECTIONS = 64
+"""In which the farthest vertices of a part are looked for, to frame it."""
+
+
+def _seen(candidates: Sequence[Candidate], points: FloatArray) -> FloatArray:
+    """What the picture has to hold: the best hypothesis' part, or the readings where there is none ``(k, 3)`` [m]."""
+    if not candidates:
+        return points if len(points) else 0.05 * np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+    best = candidates[0]
+    z = 1 - 2 * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    around = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS)
+    directions = np.stack([np.cos(around) * np.sqrt(1 - z**2), np.sin(around) * np.sqrt(1 - z**2), z])
+    vertices = best.part.vertices
+    farthest = vertices[np.unique(np.argmax(vertices @ directions, axis=0))]
+    T = best.hypothesis.T_world_part
+    return np.asarray(farthest @ T[:3, :3].T + T[:3, 3])
 
 
 def view_document(centre: Vectors, size: float) -> dict[str, Any]:

@@ -9,12 +9,11 @@ import numpy as np
 from tanteo.active import Direction
 from tanteo.answers import prior_rows
 from tanteo.lie import SO3
-from tanteo.report.charts import bar, residual_chart
+from tanteo.report.charts import residual_chart
 from tanteo.report.contacts import Sensed
 from tanteo.report.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.report.scene import Candidate
-from tanteo.report.uncertainty import Budget, make_budget
-from tanteo.report.words import MM, brief, fixed, length, percent
+from tanteo.report.words import MM, brief, fixed, percent
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 
@@ -27,7 +26,7 @@ def figure_section(candidates: Sequence[Candidate]) -> Section:
 def _pose_table(candidate: Candidate) -> Html:
     h = candidate.hypothesis
     more = [
-        ("largest corner sd of the box, 1 sd", f"{MM * h.corner_sd:.3g}", "mm", "any direction"),
+        ("largest corner sd", f"{MM * h.corner_sd:.2g}", "mm", "any direction"),
         ("rms distance of readings", f"{MM * h.rms:.3g}", "mm", "–"),
         ("chi-square", f"{h.chi2:.3g} with {h.dof} degrees of freedom", "–", "–"),
         ("p-value", f"{h.p_value:.3g}", "–", "–"),
@@ -142,9 +141,6 @@ def _said(d: Direction) -> str:
 _MOST_ROWS = 300
 """Of a table or chart of readings."""
 
-_DIFFERS = 0.15
-"""A budget that is off the answer's figure by more says so."""
-
 
 def residual_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
     """Every reading's distance to the surface."""
@@ -193,47 +189,6 @@ def _rows(candidate: Candidate) -> IntArray:
         return np.arange(n)
     wrong = np.flatnonzero(~candidate.contacts.used)[: _MOST_ROWS // 2]
     return np.unique(np.concatenate([np.linspace(0, n - 1, _MOST_ROWS // 2).astype(np.int64), wrong]))
-
-
-def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
-    """Sensor, robot, shared errors, part."""
-    lead = (
-        "Shares of the variance at the corner of the part's box that is known worst. More readings shrink the noise; "
-        "errors that all readings share stay, until they are calibrated. Where such an error has to be "
-        "estimated from the same readings, it costs more than its share: see what is left without it."
-    )
-    bodies = per_hypothesis(candidates, lambda c: _budget(c, sensed))
-    return Section("budget", "Where the uncertainty comes from", lead, bodies)
-
-
-def _budget(candidate: Candidate, sensed: Sensed) -> Html:
-    best = candidate.hypothesis
-    budget = make_budget(candidate.contacts, sensed, candidate.part, best.T_world_part, best.noise_scale[0])
-    if budget is None:
-        return element("p", "The readings fix no direction of the pose, so there is nothing to divide.")
-    rows: list[Sequence[Html | str]] = [
-        [s.name, join([bar(s.share), f" {_share(s.share)}"]), _mm(s.sd), _mm(s.without)] for s in budget.sources
-    ]
-    headers = ["source", "share of the variance", "alone, 1 sd [mm]", "left without it [mm]"]
-    return join([table(headers, rows, class_="shares"), element("p", _total(candidate, budget), class_="note")])
-
-
-def _total(candidate: Candidate, budget: Budget) -> str:
-    told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.unobserved
-    words = f"Together {length(budget.total)} at the largest corner sd, one standard deviation"
-    if free:
-        return f"{words}; without what nothing observes: {'; '.join(free)}."
-    if abs(budget.total - told) > _DIFFERS * told:
-        return f"{words}; the answer says {length(told)}, which also has what a linear budget cannot see."
-    return f"{words}."
-
-
-def _share(share: float) -> str:
-    return "< 1 %" if share < 0.005 else f"{100 * share:.0f} %"
-
-
-def _mm(metres: float) -> str:
-    return f"{MM * metres:.3g}" if np.isfinite(metres) else "–"
 
 
 def rerun_section(command: str, made: str) -> Section:

@@ -29,13 +29,14 @@ class Source:
 
     Attributes:
         name: In words.
+        kind: Type in the GUM (JCGM 100:2008): ``A`` from the scatter of these readings, ``B`` stated or known before.
         share: Of the variance of the corner that is known worst; the shares of a budget sum to one.
         sd: What the source alone does to the largest corner sd, one standard deviation [m].
-        without: Largest corner sd if this error were not there [m]; NaN where that leaves
-            nothing.
+        without: Largest corner sd if this error were not there [m]; NaN where that leaves nothing.
     """
 
     name: str
+    kind: str
     share: float
     sd: float
     without: float
@@ -75,8 +76,19 @@ def make_budget(
     J, total = _worst_corner(part, _covariance(H, basis, terms))
     G = basis @ _estimator(H @ basis, _assumed(terms))
     sds = {name: float(np.sqrt(J @ _sandwich(G, term.real) @ J)) for name, term in terms.items()}
-    found = [Source(name, (sd / total) ** 2, sd, _left(H, basis, terms, name, part)) for name, sd in sds.items()]
+    found = [
+        Source(name, _kind(name, noise_scale), (sd / total) ** 2, sd, _left(H, basis, terms, name, part))
+        for name, sd in sds.items()
+    ]
     return Budget(tuple(sorted(found, key=lambda s: -s.share)), total)
+
+
+_SENSOR, _ROBOT, _SCALE = "noise of the sensor", "repeatability of the robot", "noise scale: scatter beyond the stated"
+
+
+def _kind(name: str, noise_scale: float) -> str:
+    """The scatter of the readings tells the noise scale; noise below the stated comes from it as well."""
+    return "A" if name == _SCALE or (noise_scale < 1 and name in (_SENSOR, _ROBOT)) else "B"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,9 +117,12 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, nois
         spread = _Spread(np.pad(np.zeros(m) if own is None else own, (0, known)), factor)
         return _Term(spread, spread)
 
-    out = {"noise of the sensor": term(noise_scale**2 * contacts.noise[used])}
+    stated = min(noise_scale, 1.0) ** 2
+    out = {_SENSOR: term(stated * contacts.noise[used])}
     if contacts.repeatability[used].any():
-        out["repeatability of the robot"] = term(noise_scale**2 * contacts.repeatability[used])
+        out[_ROBOT] = term(stated * contacts.repeatability[used])
+    if noise_scale > 1:
+        out[_SCALE] = term((noise_scale**2 - 1) * (contacts.noise + contacts.repeatability)[used])
     for error, gain in zip(sensed.measured.shared, contacts.shared_jacobian, strict=True):
         out[f"{error.name} (shared)"] = term(common=gain[used] @ shared_root([error]))
     if sensed.tolerance > 0:
@@ -159,7 +174,8 @@ def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term]) ->
 
 def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: str, part: Part) -> float:
     """Largest corner sd without one source; NaN if the others leave a row without noise."""
-    rest = {other: term for other, term in terms.items() if other != name}
+    gone = (name, _SCALE) if name == _SENSOR else (name,)  # the scale is of this noise
+    rest = {other: term for other, term in terms.items() if other not in gone}
     if not rest or not np.all(_assumed(rest).own > 0):
         return float("nan")
     return _worst_corner(part, _covariance(H, basis, rest))[1]

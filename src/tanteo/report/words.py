@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from tanteo.answers import CONFIDENCE, Answer, Hypothesis, corner_sd
@@ -25,7 +27,7 @@ def headline(answer: Answer) -> str:
     if answer.status == "recognized":
         P = sum(h.probability for h in answer.hypotheses if h.part == best.part)
         sure = "" if P >= CONFIDENCE else f" ({percent(P)})"
-        return f"It is {best.part}{sure}, located to {MM * best.corner_sd:.2g} mm."
+        return f"It is {best.part}{sure}, located to {uncertain(best.corner_sd)}."
     if answer.status == "insufficient":
         free = " and ".join(best.unobserved) or "a direction"
         return (
@@ -46,12 +48,12 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str,
     x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
     rows = [
         ("Position in the world", f"x {x}, y {y}, z {z} mm"),
-        ("Largest corner sd", length(hypothesis.corner_sd)),
-        ("Readings that fit", f"{used} of {n}"),
+        ("Largest corner sd", uncertain(hypothesis.corner_sd)),
+        ("Readings that fit", _fitting(used, n, len(sensed.measured.free))),
     ]
     if hypothesis.covariance_relative is not None and not hypothesis.unobserved:
         same = corner_sd(part, hypothesis.covariance_relative)
-        rows.insert(2, ("The same, if the errors that all readings share were known", length(same)))
+        rows.insert(2, ("Largest corner sd if the shared errors were known", uncertain(same)))
     if wrong:
         rows.append(("Wrong readings", _wrong(hypothesis)))
     if hypothesis.unobserved:
@@ -61,6 +63,12 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str,
     elif hypothesis.symmetry_axis is not None:
         rows.append(("Symmetry", "turns about its axis are equivalent"))
     return [*rows, ("Do they agree", _agreement(hypothesis))]
+
+
+def _fitting(used: int, met: int, free: int) -> str:
+    """How many fit, of all readings; those that met nothing are said."""
+    nothing = f"; {'one' if free == 1 else free} met nothing" if free else ""
+    return f"{used} of {met + free}{nothing}"
 
 
 def _wrong(hypothesis: Hypothesis) -> str:
@@ -80,9 +88,31 @@ def _agreement(hypothesis: Hypothesis) -> str:
     return f"{verdict} (p = {hypothesis.p_value:.2g})"
 
 
+_NUMBERED = re.compile(r"the world direction \(([^)]*)\)")
+_TILTED = 0.35
+"""An axis that takes this share of the tilt or more is named."""
+
+
 def brief(motion: str) -> str:
-    """A motion without where its axis passes."""
-    return motion.partition(" through")[0]
+    """A motion without where its axis passes, its direction in words: ``sliding along world y, 26° towards z``."""
+    return _NUMBERED.sub(_tilted, motion.partition(" through")[0])
+
+
+def _tilted(found: re.Match[str]) -> str:
+    """The nearest axis of the world, and how far the direction leans from it and to where."""
+    u = np.array([float(v) for v in found[1].split(",")])
+    k = int(np.argmax(np.abs(u)))
+    u = u * np.sign(u[k])
+    lean = np.delete(u, k)
+    tilt = float(np.degrees(np.arctan2(np.linalg.norm(lean), u[k])))
+    others = zip("xyz".replace("xyz"[k], ""), lean, strict=True)
+    to = [("−" if v < 0 else "") + name for name, v in others if abs(v) >= _TILTED * np.linalg.norm(lean)]
+    return f"world {'xyz'[k]}, {tilt:.0f}° towards {' and '.join(to)}"
+
+
+def uncertain(metres: float) -> str:
+    """A standard deviation in millimetres, two digits: the same wherever a page says it."""
+    return f"{MM * metres:.2g} mm"
 
 
 def length(metres: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tanteo.active import explain
@@ -12,12 +12,12 @@ from tanteo.errors import InputError
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.report.answered import answer_front
+from tanteo.report.combined import budget_section
 from tanteo.report.contacts import Sensed, find_contacts, gather
-from tanteo.report.course import course_section
+from tanteo.report.course import course_section, goal_words
 from tanteo.report.page import Section, make_page
 from tanteo.report.scene import Candidate, scene_document
 from tanteo.report.sections import (
-    budget_section,
     directions_of,
     figure_section,
     rerun_section,
@@ -63,12 +63,13 @@ def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run,
     return _page(answer, candidates, sensed, run, [fit, rests, budget, *more])
 
 
-def session_page(session: Session, run: Run) -> str:
+def session_page(session: Session, run: Run, more: Sequence[Section] = ()) -> str:
     """The report of a session as the text of one HTML file: its answer as of now, and how it came to that.
 
     Args:
         session: That was told something, or nothing yet.
         run: Where it comes from.
+        more: Further sections; they stand first.
     """
     answer, told = session.answer(), explain(session.state, session.steps)
     readings = Readings.from_columns(n=0) if session.readings is None else session.readings
@@ -77,7 +78,8 @@ def session_page(session: Session, run: Run) -> str:
     directions = [told.directions, *(directions_of(c, sensed) for c in candidates[1:])]
     rests = rests_section(candidates, directions[: len(candidates)])
     fit, budget = residual_section(candidates, sensed), budget_section(candidates, sensed)
-    return _page(answer, candidates, sensed, run, [course_section(session, told.added), fit, rests, budget])
+    sections = [*more, course_section(session, told.added), fit, rests, budget]
+    return _page(answer, candidates, sensed, run, sections, goal_words(session.stop))
 
 
 def write_report(path: str | Path, page: str) -> None:
@@ -95,11 +97,17 @@ def write_report(path: str | Path, page: str) -> None:
 
 
 def _page(
-    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, run: Run, sections: Sequence[Section]
+    answer: Answer,
+    candidates: Sequence[Candidate],
+    sensed: Sensed,
+    run: Run,
+    sections: Sequence[Section],
+    goal: str = "",
 ) -> str:
     made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
     last = [figure_section(candidates), rerun_section(run.command, made)]
     front = answer_front(answer, candidates, sensed, run.facts)
+    front = replace(front, message=f"{goal} {front.message}".strip())
     return make_page(front, scene_document(candidates, sensed), [*sections, *last])
 
 

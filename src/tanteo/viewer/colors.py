@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tanteo.viewer.primitives import Colour
 
-PART, EDGE, INK, SOFT = (195, 204, 213), (61, 74, 87), (27, 36, 45), (85, 97, 109)
+PART, EDGE, INK, SOFT = (159, 171, 184), (61, 74, 87), (27, 36, 45), (85, 97, 109)
 """The likeliest part and its edges; the next reading and the truth; the hand."""
 
 GOOD, BAD, BEAM, FREE, OVERLAY = (0, 114, 178), (184, 72, 0), (125, 137, 148), (45, 174, 91), (125, 18, 217)
