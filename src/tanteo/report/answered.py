@@ -118,7 +118,7 @@ def _hypotheses(answer: Answer) -> Html:
     rest = 1 - answer.unknown_probability - sum(h.probability for h in answer.hypotheses)
     if rest > 0.0005:
         rows.append(_plain_row("others, not shown", rest))
-    rows.append(_plain_row("unknown object parts", answer.unknown_probability))
+    rows.append(_plain_row("unknown object", answer.unknown_probability))
     heading = element("h2", "What it may be")
     hint = [element("p", "Choose one to see it everywhere on this page.", class_="note")] if several else []
     return element("div", heading, *hint, element("div", *rows, class_="bars"))
