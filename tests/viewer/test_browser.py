@@ -14,6 +14,7 @@ from tanteo.viewer.view import extent
 from viewer_scenes import TRUE, maker
 
 pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")
+expect = pytest.importorskip("playwright.sync_api", reason="playwright is not installed").expect
 
 PATIENCE = 90_000
 """A busy machine without a graphics card draws slowly [ms]."""
@@ -79,7 +80,7 @@ class Watched:
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.on("websocket", lambda socket: self.asked.append(socket.url.replace("ws://", "http://")))
         self.page.goto(url)
-        self.until("Places sensed: 0")
+        self.until("Places sensed: ")
 
     def until(self, words):
         """Wait for words in the page."""
@@ -148,6 +149,7 @@ def pixel(point, middle, size, window):
 
 def test_a_session_is_played(open_page, live, tmp_path):
     watched = open_page("desk")
+    watched.until("Places sensed: 0")
     page, (_, middle, size, player) = watched.page, live
     first = watched.seen()
     assert colours(first) > 40
@@ -161,7 +163,8 @@ def test_a_session_is_played(open_page, live, tmp_path):
     watched.until("Places sensed: 2 (1 by you, 1 by the policy)")
     page.screenshot(path=tmp_path / "clicked.png")
     page.get_by_text("What is drawn").click()
-    page.get_by_label("Beams").uncheck()
+    page.get_by_label("Beams").click()
+    expect(page.get_by_label("Beams")).not_to_be_checked(timeout=PATIENCE)
     assert differ(watched.seen(), stepped) > 0.002
     watched.press("Go")
     watched.until("alone needs")
