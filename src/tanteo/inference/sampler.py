@@ -13,6 +13,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.answers import in_box
+from tanteo.inference.box_cut import cut_by_box
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.symmetry import is_held, log_gauge
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
@@ -141,11 +142,11 @@ class Sampler:
         D, peaks = self.objective.problem.states, self.peaks
         self.Ts, self.zs = np.zeros((0, 4, 4)), np.zeros((0, D))
         self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
-        self.shares, self.means = np.zeros((0, len(peaks))), np.zeros((len(peaks), 6))
-        self.covariances, self._slopes = self._about(peaks)
+        self.shares = np.zeros((0, len(peaks)))
+        self.means, self.covariances, self._slopes, cut = self._about(peaks)
         turns = self.objective.prepared.part.symmetry.Ts
         self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
-        self._fitted, self.local = np.full(len(peaks), self.trusted), np.zeros(len(peaks), dtype=bool)
+        self._fitted, self.local = cut | self.trusted, np.zeros(len(peaks), dtype=bool)
         far = np.eye(4)
         far[:3, 3] = peaks.Ts[0, :3, 3] + _AWAY * self.objective.prepared.part.diagonal
         shape, core = self.objective.prepared.shape, self.objective.core
@@ -153,24 +154,28 @@ class Sampler:
         if len(self.objective.problem.points):
             self._untouched = float(_core.marginals(shape, core, far[None], np.zeros((1, D)))[0][0])
 
-    def _about(self, peaks: Peaks) -> tuple[Covariances, FloatArray]:
-        """Scales of first components ``(m, 6, 6)``, and how the other states follow the pose ``(m, D, 6)``."""
+    def _about(self, peaks: Peaks) -> tuple[FloatArray, Covariances, FloatArray, BoolArray]:
+        """First components: means ``(m, 6)``, scales ``(m, 6, 6)``, how the other states follow the pose ``(m, D, 6)``.
+
+        And which of them a box cuts ``(m,)``.
+        """
         covariances = np.asarray(_WIDER * np.linalg.inv(self.objective.of_pose(peaks.information)), dtype=np.float64)
+        means, covariances, cut = cut_by_box(self.objective, peaks.Ts, covariances)
         full = self.objective.regular(peaks.information)
         if full.shape[-1] == 6:
-            return covariances, np.zeros((len(peaks), 0, 6))
-        return covariances, np.asarray(-np.linalg.solve(full[:, 6:, 6:], full[:, 6:, :6]), dtype=np.float64)
+            return means, covariances, np.zeros((len(peaks), 0, 6)), cut
+        slopes = np.asarray(-np.linalg.solve(full[:, 6:, 6:], full[:, 6:, :6]), dtype=np.float64)
+        return means, covariances, slopes, cut
 
     def add(self, peaks: Peaks) -> None:
         """More maxima, whose components come after those there are; they have no samples yet."""
-        covariances, slopes = self._about(peaks)
+        means, covariances, slopes, cut = self._about(peaks)
         self.peaks = self.peaks.join(peaks)
         self.covariances = np.concatenate([self.covariances, covariances])
-        self.means = np.concatenate([self.means, np.zeros((len(peaks), 6))])
+        self.means = np.concatenate([self.means, means])
         self._slopes = np.concatenate([self._slopes, slopes])
         self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
-        none = np.zeros(len(peaks), dtype=bool)
-        self._fitted, self.local = np.concatenate([self._fitted, none]), np.concatenate([self.local, none])
+        self._fitted, self.local = np.concatenate([self._fitted, cut]), np.concatenate([self.local, np.zeros_like(cut)])
 
     def counts(self) -> IntArray:
         """Samples drawn so far of each component ``(m,)``."""
@@ -303,7 +308,7 @@ class Sampler:
             trust = size / (size + 12)
             mean = own @ x
             off = x - mean
-            self.means[k] = trust * mean
+            self.means[k] = trust * mean + (1 - trust) * self.means[k]
             self.covariances[k] = trust * 1.2 * (own[:, None] * off).T @ off + (1 - trust) * self.covariances[k]
 
     def compared(self, k: int, weights: FloatArray) -> Compared:

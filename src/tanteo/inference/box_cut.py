@@ -1,0 +1,85 @@
+"""A normal density of poses that a box cuts: mean and covariance of what is inside of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.inference.peaks import Objective
+from tanteo.lie import SE3, SO3
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
+
+_WHOLE = 3.0
+"""Standard deviations from all sides of a box at which it cuts nothing worth it."""
+
+_REACH, _FALL = 4.0, 8.0
+"""Standard deviations to which a density is followed, and by how much its log may fall along an axis."""
+
+_NODES = 16
+"""Places along each axis at which a density inside of a box is looked at: steps of half a standard deviation."""
+
+_SWEEPS = 50
+"""Of coordinate descent in three coordinates, which is at rest long before."""
+
+
+def cut_by_box(
+    objective: Objective, Ts: Transforms, covariances: Covariances
+) -> tuple[FloatArray, Covariances, BoolArray]:
+    """Normal densities about poses, as far as the box of the prior leaves them.
+
+    The box bounds where the part's centroid may be. Its three coordinates are normal, cut by the box; the mean and the
+    covariance of those are summed over a grid; the pose follows them by regression (moments of a truncated normal).
+
+    Args:
+        objective: the part and the problem.
+        Ts: poses ``(m, 4, 4)``.
+        covariances: of motions about the part's centre ``(m, 6, 6)`` [m, rad].
+
+    Returns:
+        Mean motions ``(m, 6)``, covariances, and which of them the box cuts ``(m,)``.
+    """
+    means, cut = np.zeros((len(Ts), 6)), np.zeros(len(Ts), dtype=bool)
+    pose, part = objective.problem.priors.pose, objective.prepared.part
+    if pose is None or pose.box is None:
+        return means, covariances, cut
+    covariances = covariances.copy()
+    for k, (T, P) in enumerate(zip(Ts, covariances, strict=True)):
+        J = T[:3, :3] @ np.hstack([np.eye(3), -SO3.hat(part.centroid - objective.prepared.shape.centre)])
+        at, S = SE3.apply(T, part.centroid), J @ P @ J.T
+        reach = _WHOLE * np.sqrt(np.diag(S))
+        cut[k] = bool(((at - reach < pose.box[0]) | (at + reach > pose.box[1])).any())
+        if cut[k]:
+            mean, C = _moments(at, S, pose.box)
+            gain = np.linalg.solve(S, J @ P).T
+            means[k], covariances[k] = gain @ (mean - at), P + gain @ (C - S) @ gain.T
+    return means, covariances, cut
+
+
+def _moments(at: Vectors, S: Covariances, box: Vectors) -> tuple[Vectors, Covariances]:
+    """Mean ``(3,)`` and covariance ``(3, 3)`` of a normal density inside of a box ``(2, 3)``."""
+    Q = np.asarray(np.linalg.inv(S), dtype=np.float64)
+    top = _likeliest(at, Q, box)
+    slope = Q @ (top - at)
+    with np.errstate(divide="ignore"):
+        reach = np.minimum(_REACH * np.sqrt(np.diag(S)), np.where(_on_border(top, box), _FALL / np.abs(slope), np.inf))
+    low, high = np.maximum(top - reach, box[0]), np.minimum(top + reach, box[1])
+    shares = (np.arange(_NODES) + 0.5) / _NODES
+    x = np.stack(np.meshgrid(*(low + shares[:, None] * (high - low)).T, indexing="ij"), axis=-1).reshape(-1, 3)
+    log = -0.5 * np.einsum("ni,ij,nj->n", x - at, Q, x - at)
+    w = np.exp(log - log.max())
+    mean = w @ x / w.sum()
+    return mean, ((w[:, None] * (x - mean)).T @ (x - mean)) / w.sum()
+
+
+def _on_border(x: Vectors, box: Vectors) -> BoolArray:
+    """Which coordinates are at a side of the box ``(3,)``."""
+    return np.asarray((x <= box[0]) | (x >= box[1]))
+
+
+def _likeliest(at: Vectors, Q: FloatArray, box: Vectors) -> Vectors:
+    """The place inside of a box that is nearest to another by the information ``Q`` ``(3,)``."""
+    x = np.clip(at, *box)
+    for _ in range(_SWEEPS):
+        for i in range(3):
+            rest = Q[i] @ (x - at) - Q[i, i] * (x[i] - at[i])
+            x[i] = np.clip(at[i] - rest / Q[i, i], box[0, i], box[1, i])
+    return x
