@@ -12,6 +12,7 @@
 #include "overlaps.hpp"
 #include "propose.hpp"
 #include "sample.hpp"
+#include "parallel.hpp"
 #include "solve.hpp"
 
 #ifndef TANTEO_VERSION
@@ -206,8 +207,11 @@ Out log_densities(const Shape& shape, const Problem& problem, Doubles Ts, Double
     std::vector<double> out(all.size());
     {
         nb::gil_scoped_release release;
-        Likelihood likelihood(shape, problem);
-        for (size_t k = 0; k < all.size(); ++k) out[k] = likelihood.at(all[k], false);
+        for_all(all.size(), [&] {
+            return [&, likelihood = Likelihood(shape, problem)](size_t k) mutable {
+                out[k] = likelihood.at(all[k], false);
+            };
+        });
     }
     return array_of(std::move(out), {all.size()});
 }
@@ -218,12 +222,13 @@ std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Dou
     std::vector<double> logs(S), gradients(S * K), informations(S * K * K);
     {
         nb::gil_scoped_release release;
-        Likelihood likelihood(shape, problem);
-        for (size_t k = 0; k < S; ++k) {
-            logs[k] = likelihood.at(all[k], true);
-            std::copy(likelihood.gradient.begin(), likelihood.gradient.end(), &gradients[k * K]);
-            symmetric(likelihood.information, static_cast<int>(K), &informations[k * K * K]);
-        }
+        for_all(S, [&] {
+            return [&, likelihood = Likelihood(shape, problem)](size_t k) mutable {
+                logs[k] = likelihood.at(all[k], true);
+                std::copy(likelihood.gradient.begin(), likelihood.gradient.end(), &gradients[k * K]);
+                symmetric(likelihood.information, static_cast<int>(K), &informations[k * K * K]);
+            };
+        });
     }
     return {array_of(std::move(logs), {S}), array_of(std::move(gradients), {S, K}),
             array_of(std::move(informations), {S, K, K})};
@@ -397,8 +402,11 @@ std::tuple<Out, Out> marginals(const Shape& shape, const Problem& problem, Doubl
     std::vector<double> logs(all.size());
     {
         nb::gil_scoped_release release;
-        Likelihood likelihood(shape, problem);
-        for (size_t k = 0; k < all.size(); ++k) logs[k] = marginal(likelihood, problem, all[k]);
+        for_all(all.size(), [&] {
+            return [&, likelihood = Likelihood(shape, problem)](size_t k) mutable {
+                logs[k] = marginal(likelihood, problem, all[k]);
+            };
+        });
     }
     const size_t count = logs.size();
     return {array_of(std::move(logs), {count}), shared_out(all, problem.size() - 6)};

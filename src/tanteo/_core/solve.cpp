@@ -1,5 +1,7 @@
 #include "solve.hpp"
 
+#include "parallel.hpp"
+
 #include <cmath>
 
 namespace tanteo {
@@ -123,11 +125,13 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
     for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
     for (size_t k = 0; k <= scales.size(); ++k) {
         const bool last = k == scales.size();
+        for_all(all.size(), [&] {
+            return [&](size_t i) {
+                all[i].cost = settle_step(shape, problem, rows, scales[last ? k - 1 : k], !last, all[i].pose);
+            };
+        });
         double best = 1e300;
-        for (Settled& one : all) {
-            one.cost = settle_step(shape, problem, rows, scales[last ? k - 1 : k], !last, one.pose);
-            best = std::min(best, one.cost);
-        }
+        for (const Settled& one : all) best = std::min(best, one.cost);
         if (k % 3 != 2 && !last) continue;
         all.erase(std::remove_if(all.begin(), all.end(), [&](const Settled& one) { return one.cost > best + HOPELESS; }),
                   all.end());
@@ -222,8 +226,7 @@ static std::vector<char> far_apart(const std::vector<Point>& points, size_t coun
 
 std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
                              const std::vector<double>& blurs, int steps, double enough, double margin) {
-    Likelihood likelihood(shape, problem);
-    likelihood.coarse = far_apart(problem.points, ROUGH_POINTS);
+    const std::vector<char> coarse = far_apart(problem.points, ROUGH_POINTS);
     std::vector<Maximum> maxima(starts.size());
     for (size_t k = 0; k < starts.size(); ++k) {
         maxima[k].state = starts[k];
@@ -231,11 +234,15 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
     }
     const int few = std::min(steps, FIRST_STEPS);
     const auto level = [&](double blur, int most, double gain, double behind) {
+        for_all(maxima.size(), [&] {
+            Likelihood own(shape, problem);
+            own.coarse = coarse;
+            return [&, likelihood = std::move(own)](size_t k) mutable {
+                ascend(likelihood, shape, problem, blur, most, gain, maxima[k]);
+            };
+        });
         double best = -1e300;
-        for (Maximum& maximum : maxima) {
-            ascend(likelihood, shape, problem, blur, most, gain, maximum);
-            best = std::max(best, maximum.log);
-        }
+        for (const Maximum& maximum : maxima) best = std::max(best, maximum.log);
         maxima.erase(std::remove_if(maxima.begin(), maxima.end(),
                                     [&](const Maximum& maximum) { return !(maximum.log >= best - behind); }),
                      maxima.end());
