@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tanteo.inference.sampler import roots
+from tanteo.inference.widths import roots
 
 
 def test_a_covariance_that_is_indefinite_by_rounding_has_a_root():

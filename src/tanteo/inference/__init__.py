@@ -19,7 +19,9 @@ if TYPE_CHECKING:
         about_units,
         scale_of,
     )
+    from tanteo.inference.fit_at_mode import GoodnessOfFit, face_names, goodness_of_fit, information_by_point
     from tanteo.inference.free_space import gone_through
+    from tanteo.inference.limits import what_limits
     from tanteo.inference.modes import Mode
     from tanteo.inference.otherwise import Ask, about_conventions
     from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer
@@ -27,15 +29,7 @@ if TYPE_CHECKING:
     from tanteo.inference.prior_check import p_of_prior
     from tanteo.inference.problem import PoseMixture, Problem
     from tanteo.inference.recognition import identify_points
-    from tanteo.inference.result import (
-        GoodnessOfFit,
-        as_hypothesis,
-        face_names,
-        goodness_of_fit,
-        information_by_point,
-        what_limits,
-        worst_reading,
-    )
+    from tanteo.inference.result import as_hypothesis, worst_reading
     from tanteo.inference.settling import settle
     from tanteo.inference.update import on_part, posterior_about, update_posterior
 
@@ -95,9 +89,9 @@ __getattr__, __dir__ = lazy(
         "around": "outlier_log_density",
         "problem": "PoseMixture Problem",
         "recognition": "identify_points",
-        "result": (
-            "GoodnessOfFit as_hypothesis goodness_of_fit face_names information_by_point what_limits worst_reading"
-        ),
+        "fit_at_mode": "GoodnessOfFit face_names goodness_of_fit information_by_point",
+        "limits": "what_limits",
+        "result": "as_hypothesis worst_reading",
         "settling": "settle",
         "update": "on_part posterior_about update_posterior",
     },

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.answers import Hypothesis, Priors
+from tanteo.inference.fit_at_mode import GoodnessOfFit
 from tanteo.inference.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
 from tanteo.inference.outliers import so_many
-from tanteo.inference.result import GoodnessOfFit
 from tanteo.measurements import ContactPoints
 from tanteo.special import binomial_cdf
 

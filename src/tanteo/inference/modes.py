@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
+from tanteo.inference.compared import Compared
 from tanteo.inference.peaks import Objective
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.sampler import COUNTS, Compared, Sampler, roots
+from tanteo.inference.sampler import COUNTS, Sampler
 from tanteo.inference.symmetry import folded
+from tanteo.inference.widths import roots
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from tanteo.answers import Hypothesis, Priors, in_box, part_scale, prior_rows
 from tanteo.inference.around import without_pose
+from tanteo.inference.fit_at_mode import GoodnessOfFit, goodness_of_fit
 from tanteo.inference.modes import Mode
 from tanteo.inference.outliers import so_many
 from tanteo.inference.peaks import Objective
 from tanteo.inference.posterior import Posterior
-from tanteo.inference.result import GoodnessOfFit, goodness_of_fit
 from tanteo.localization import pose_information, weak_motions
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Transforms

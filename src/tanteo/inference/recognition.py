@@ -19,11 +19,13 @@ from tanteo.inference.diagnostics import (
     not_on_it,
     scattered,
 )
+from tanteo.inference.fit_at_mode import GoodnessOfFit, goodness_of_fit
+from tanteo.inference.limits import what_limits
 from tanteo.inference.posterior import Posterior, infer
 from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
-from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
+from tanteo.inference.result import as_hypothesis, worst_reading
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.typing import FloatArray

@@ -14,8 +14,10 @@ import numpy as np
 from tanteo import _core
 from tanteo.answers import in_box
 from tanteo.inference.box_cut import cut_by_box
+from tanteo.inference.compared import Compared
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.symmetry import is_held, log_gauge
+from tanteo.inference.widths import narrowed, roots
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
 FREEDOM = 4.0
@@ -26,13 +28,6 @@ _WIDER = 1.3
 
 _CLIP = 15
 """A sample's share of the weights while components are adapted is no more than one in so many."""
-
-_TOLD, _NORMAL = 24, 0.1
-"""Effective samples that tell whether a region is normal, and the variance of the ratio of both densities up to which
-it is."""
-
-_OF_SPREAD = 4.0 / 3.0
-"""Mean square of a squared length over the square of its mean, of a normal density in six directions."""
 
 _LEFT = 0.2
 """Share of the samples' own mass that is left at least: where less is, what is known tells nothing of this region."""
@@ -47,61 +42,14 @@ _COMPARABLE = 30.0
 """Log of the mass of a region by its curvature over the largest weight of a sample, either way, up to which one tells
 something about the other."""
 
-_WORTH, _STEEP, _HALVINGS = 32, 2.0, 7
-"""Samples from which a component is fitted; how far the log density may fall within its width, and how often that is
-halved: a normal density falls by half of its square there."""
+_WORTH = 32
+"""Samples from which the widths of a component are fitted."""
 
 _AWAY = 1e3
 """Diagonals of the part at which it is out of reach of all points."""
 
 _STRANGE, _LOOKED_AT = 0.1, 4
 """Share of all weights at which a new maximization starts from a sample; so many of them at a time."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Compared:
-    """Samples of a region beside what they would be if it were normal: a control variate.
-
-    Attributes:
-        weights: of the samples ``(N,)``.
-        normal: what they would be, times the factor with which they come nearest to them, 1 at most ``(N,)``; 0 where
-            the curvature is not known.
-        expected: what the sum of those is without the noise of the samples.
-        gaps: squared lengths of the motions from the maximum, by its curvature ``(N,)``.
-    """
-
-    weights: FloatArray
-    normal: FloatArray
-    expected: float
-    gaps: FloatArray
-
-    @classmethod
-    def alone(cls, weights: FloatArray) -> Compared:
-        """Samples beside nothing: what they say is all there is."""
-        return cls(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)))
-
-    @property
-    def rest(self) -> FloatArray:
-        """What the samples tell beyond what is known ``(N,)``."""
-        return self.weights - self.normal
-
-    @property
-    def mass(self) -> float:
-        """Of the region."""
-        return float(self.rest.sum()) + self.expected
-
-    @property
-    def ess(self) -> float:
-        """How many samples of a normal density would tell its spread as well."""
-        noise = float(np.sum((self.rest * self.gaps) ** 2))
-        return _OF_SPREAD * float(self.weights @ self.gaps) ** 2 / noise if noise > 0 else 0.0
-
-    @property
-    def is_normal(self) -> bool:
-        """Whether the weights are nearly those of a normal density, as far as they tell."""
-        squares = float(self.weights @ self.weights)
-        told = squares > 0 and self.weights.sum() ** 2 >= _TOLD * squares
-        return told and float(self.rest @ self.rest) < _NORMAL * squares
 
 
 @dataclass(slots=True, eq=False)
@@ -204,7 +152,6 @@ class Sampler:
         if not len(on):
             return
         self._fit_widths(on[~self._fitted[on] & (counts[on] >= _WORTH)])
-        centre = self.objective.prepared.shape.centre
         owners = np.repeat(on, counts[on])
         L = roots(self.covariances[on])
         for k in on:
@@ -212,8 +159,8 @@ class Sampler:
         n = len(owners)
         z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(FREEDOM, size=(n, 1)) / FREEDOM)
         x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
-        Ts = _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, centre)
-        log, zs = self._target(Ts, self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
+        Ts = self._placed(owners, x)
+        log, zs = self._target(Ts, self._followed(owners, x))
         log[np.linalg.norm(x[:, 3:], axis=1) >= np.pi] = -np.inf
         self.Ts, self.zs = np.concatenate([self.Ts, Ts]), np.concatenate([self.zs, zs])
         self.log_target = np.concatenate([self.log_target, log])
@@ -228,27 +175,25 @@ class Sampler:
         self._components.append((k, self.means[k].copy(), self.covariances[k].copy(), count))
 
     def _fit_widths(self, which: IntArray) -> None:
-        """Narrow first components where the density falls faster than its curvature says: where a face ends."""
+        """Narrow first components where the density falls faster than its curvature says."""
         self._fitted[which] = True
         if not len(which):
             return
+
+        def log_at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+            owners, x = np.repeat(which, x.shape[1]), np.ascontiguousarray(x.reshape(-1, 6))
+            return self._target(self._placed(owners, x), self._followed(owners, x))
+
         size = np.r_[np.ones(3), np.full(3, 4 / self.objective.prepared.part.diagonal)]  # turns as shifts of the rim
-        values, vectors = np.linalg.eigh(self.covariances[which] / (size[:, None] * size))
-        widths, axes = np.sqrt(values.clip(0)), np.swapaxes(vectors, 1, 2) * size
-        top = self._target(self.peaks.Ts[which], self.peaks.zs[which])[0]
-        owners = np.repeat(which, 12)
-        for _ in range(_HALVINGS):
-            x = (widths[..., None] * axes)[:, :, None] * np.array([1.0, -1.0])[:, None]
-            x = np.ascontiguousarray(x.reshape(-1, 6))
-            Ts = _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.objective.prepared.shape.centre)
-            zs = self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x)
-            there = self._target(Ts, zs)[0].reshape(-1, 6, 2).max(axis=-1)
-            steep = there < top[:, None] - _STEEP
-            widths = np.where(steep, 0.5 * widths, widths)
-            if not steep.any():
-                break
-        scaled = widths[..., None] * axes
-        self.covariances[which] = np.swapaxes(scaled, 1, 2) @ scaled
+        self.covariances[which] = narrowed(self.covariances[which], size, log_at)
+
+    def _placed(self, owners: IntArray, x: FloatArray) -> Transforms:
+        """Poses after motions ``(N, 6)`` from maxima."""
+        return _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.objective.prepared.shape.centre)
+
+    def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
+        """The other states as they follow the pose on such motions ``(N, D)``."""
+        return np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
 
     def _target(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log of prior times likelihood over shifts and turns, and the other states there."""
@@ -357,13 +302,3 @@ class Sampler:
             x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts @ turn), centre)
             out = np.minimum(out, np.sum((x @ information) * x, axis=1))
         return out
-
-
-def roots(covariances: Covariances) -> FloatArray:
-    """Lower roots ``(m, 6, 6)``; a direction in which all samples agree keeps a little of its width."""
-    width = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 1e-30))
-    unit = covariances / (width[:, :, None] * width[:, None])
-    values, vectors = np.linalg.eigh(unit)
-    if values.min(initial=1.0) < 0:  # by rounding: a nearly free direction beside a sharp one
-        unit = (vectors * values.clip(0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
-    return np.asarray(width[:, :, None] * np.linalg.cholesky(unit + 1e-8 * np.eye(6)))
