@@ -18,7 +18,7 @@ LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")
 FIGURE = re.compile(r"\d[\d,.]*\s?(%|ms|µs|s|milliseconds|microseconds)(?![\w/])")
 COMMAND = re.compile(r"\b(?:python|pytest)\s+((?:examples|benchmarks|tests|docs)/[\w/]+\.py)")
 TYPED = re.compile(
-    r"(tanteo (identify|locate|see|part|plan|replay|sense|sensor|view)|make (demo|test|bench|core|wheel))\b"
+    r"(tanteo (bench|identify|locate|see|part|plan|replay|sense|sensor|view)|make (demo|test|bench|core|wheel))\b"
 )
 
 

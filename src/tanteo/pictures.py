@@ -37,7 +37,7 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
     """
     if preset.is_contact:
         raise InputError(f"preset: expected a sensor with a range to draw over, got '{preset.name}', which touches.")
-    figure = _figure(10, 4.2)
+    figure = make_figure(10, 4.2)
     d = np.linspace(max(preset.min_range, 1e-3 * preset.max_range), preset.max_range, 300)
     left, right = figure.subplots(1, 2)
     for i, beta in enumerate(np.linspace(0, preset.max_incidence, 3)):
@@ -56,7 +56,7 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
     bar.set_ticks(levels[::3], labels=[f"{level:.3g}" for level in levels[::3]])
     bar.minorticks_off()
     right.set(xlabel="range [mm]", ylabel="incidence [deg]", title="beam on a flat surface")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def range_sd(preset: SensorPreset, d: FloatArray, incidence: FloatArray | float) -> FloatArray:
@@ -77,7 +77,7 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
         InputError: The file's suffix is of another kind.
         OSError: The file cannot be written.
     """
-    figure = _figure(10, 4.2)
+    figure = make_figure(10, 4.2)
     left, right = figure.subplots(1, 2)
     for k, beam in enumerate(found.beams):
         mine = found.log.beam == k
@@ -99,10 +99,15 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
     for axes in (left, right):
         axes.grid(True, alpha=0.3)
     left.legend(frameon=False)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
-def _figure(width: float, height: float) -> Any:
+def make_figure(width: float, height: float) -> Any:
+    """An empty figure of so many inches.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -112,7 +117,13 @@ def _figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), dpi=110, layout="constrained")
 
 
-def _save(figure: Any, path: str | Path) -> None:
+def save_figure(figure: Any, path: str | Path) -> None:
+    """Write a figure as PNG, SVG or PDF, whole or not at all.
+
+    Raises:
+        InputError: for another suffix.
+        OSError: it cannot be written.
+    """
     path = Path(path)
     if path.suffix.lower() not in _SUFFIXES:
         raise InputError(f"picture: expected a file name that ends in {', '.join(_SUFFIXES)}, got '{path.name}'.")

@@ -14,7 +14,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import typer
 from typer.core import TyperCommand
 
-from tanteo.cli import answer, demo, doctor, part, plan, replay, see, sense, sensor, view
+from tanteo.cli import answer, bench, demo, doctor, part, plan, replay, see, sense, sensor, view
 from tanteo.cli.arguments import MisuseError, Words, misuse
 from tanteo.cli.printing import complain, listening
 from tanteo.errors import TanteoError
@@ -173,6 +173,7 @@ _add(_sensor, "rig", sensor.show_rig)
 _add(_sensor, "fit", sensor.fit)
 app.add_typer(_part, name="part")
 _add(_part, "show", part.show)
+_add(app, "bench", bench.bench)
 _add(app, "demo", demo.demo)
 _add(app, "doctor", doctor.doctor)
 

@@ -1,0 +1,145 @@
+"""Sets that are made: readings even over the surface of parts at random poses, the same for the same seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+
+import numpy as np
+
+from tanteo.bench.sets import BenchScene, BenchSet
+from tanteo.errors import InputError
+from tanteo.lie import SE3, SO3
+from tanteo.parts import Part, read_part
+from tanteo.typing import Vectors
+
+TOLERANCE = 0.05
+"""Farthest that a corner of a right answer may be off, of the middle diagonal of the parts: the strictest threshold of
+the BOP benchmark."""
+
+SD, NORMAL_SD = 5e-4, float(np.radians(3.0))
+"""Of the readings: a laser on a robot arm [m], a surface that is felt at three places [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How the scenes of a set are made.
+
+    Attributes:
+        words: a sentence on them.
+        readings: in each scene.
+        normals: whether normals are sensed.
+        alone: one candidate, or all parts.
+        true_noise: true over stated standard deviation.
+        outliers: readings of each that are up to 50 mm off.
+        absent: share of scenes of a part that is taken out of the candidates.
+    """
+
+    words: str
+    readings: int
+    normals: bool = False
+    alone: bool = True
+    true_noise: float = 1.0
+    outliers: int = 0
+    absent: float = 0.0
+
+
+GENERATED: dict[str, Recipe] = {
+    "points": Recipe("30 points on one part, no first guess", 30),
+    "few": Recipe("10 points on one part: often more than one pose fits", 10),
+    "normals": Recipe("10 points with sensed normals on one part", 10, normals=True),
+    "catalogue": Recipe("15 points on one of twelve parts", 15, alone=False),
+    "unknown": Recipe("15 points, every second time on a part that is no candidate", 15, alone=False, absent=0.5),
+    "noise": Recipe("20 points on one part, with twice the noise that is stated", 20, true_noise=2.0),
+    "outliers": Recipe("20 points on one part, two of them up to 50 mm off", 20, outliers=2),
+}
+"""The sets that ``tanteo bench`` makes, by name."""
+
+
+def generate(name: str, count: int = 50, seed: int = 0, parts: Sequence[Part] | None = None) -> BenchSet:
+    """One of the sets that are made.
+
+    Args:
+        name: of :data:`GENERATED`.
+        count: of scenes.
+        seed: of all draws; a scene is the same whatever the count.
+        parts: candidates; the twelve of the demo if not given.
+
+    Raises:
+        InputError: for an unknown name, or a count below one.
+
+    Example:
+        >>> tanteo.bench.generate("few", 2).scenes[0].points.shape
+        (10, 3)
+    """
+    if name not in GENERATED:
+        raise InputError(f"set: expected one of {', '.join(GENERATED)} or a folder, got '{name}'.")
+    if count < 1:
+        raise InputError(f"scenes: expected one or more, got {count}.")
+    recipe, own = GENERATED[name], tuple(demo_parts() if parts is None else parts)
+    number = list(GENERATED).index(name)
+    rngs = [np.random.default_rng((seed, number, k)) for k in range(count)]
+    if recipe.alone:
+        part = own[min(1, len(own) - 1)]
+        return BenchSet(
+            name,
+            (part,),
+            tuple(_scene(recipe, part, k, rng) for k, rng in enumerate(rngs)),
+            tolerance_of((part,)),
+            recipe.words,
+        )
+    stranger = own[-1] if recipe.absent and len(own) > 1 else None
+    candidates = tuple(part for part in own if part is not stranger)
+    scenes = []
+    for k, rng in enumerate(rngs):
+        away = rng.uniform() < recipe.absent and stranger is not None
+        part = stranger if away and stranger is not None else candidates[int(rng.integers(len(candidates)))]
+        scenes.append(_scene(recipe, part, k, rng, known=not away))
+    return BenchSet(name, candidates, tuple(scenes), tolerance_of(candidates), recipe.words)
+
+
+def tolerance_of(parts: Sequence[Part]) -> float:
+    """How far off a corner may be where nobody says [m]."""
+    return TOLERANCE * float(np.median([part.diagonal for part in parts]))
+
+
+def demo_parts() -> list[Part]:
+    """The twelve parts of the demo."""
+    out = []
+    for file in sorted(files("tanteo.demo").joinpath("parts").iterdir(), key=lambda one: one.name):
+        with as_file(file) as path:
+            out.append(read_part(path, unit="mm"))
+    return out
+
+
+def _scene(recipe: Recipe, part: Part, k: int, rng: np.random.Generator, *, known: bool = True) -> BenchScene:
+    T = SE3.from_parts(SO3.from_quaternion(_unit(rng.normal(size=4))), rng.uniform(-0.5, 0.5, 3))
+    p, n = surface_points(part, recipe.readings, rng)
+    points = SE3.apply(T, p) + recipe.true_noise * SD * rng.normal(size=p.shape)
+    off = rng.normal(size=(recipe.outliers, 3))
+    points[: recipe.outliers] += 0.05 * rng.uniform(0.1, 1.0, (len(off), 1)) * _unit(off)
+    rows = rng.permutation(len(points))
+    normals = None
+    if recipe.normals:
+        normals = n @ T[:3, :3].T
+        tilt = NORMAL_SD * rng.normal(size=normals.shape)
+        tilt -= np.sum(tilt * normals, axis=1, keepdims=True) * normals
+        normals = (SO3.exp(tilt) @ normals[..., None])[rows, :, 0]
+    spread = NORMAL_SD if recipe.normals else float(np.pi)
+    return BenchScene(f"{k}", points[rows], SD, normals, spread, part.name if known else None, T if known else None)
+
+
+def _unit(v: Vectors) -> Vectors:
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
+def surface_points(part: Part, n: int, rng: np.random.Generator) -> tuple[Vectors, Vectors]:
+    """Places even over the mesh of a part and its outward normals there, part frame ``(n, 3)`` [m]."""
+    corners = part.vertices[part.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(across, axis=1)
+    chosen = rng.choice(len(corners), size=n, p=areas / areas.sum())
+    u, v = np.sort(rng.uniform(size=(2, n, 1)), axis=0)
+    a, b, c = corners[chosen].transpose(1, 0, 2)
+    return u * a + (v - u) * b + (1 - v) * c, across[chosen] / areas[chosen, None]

@@ -1,0 +1,239 @@
+"""What is scored: right or not, whether the covariance is true, what is said of what else it may be, time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.answers import without_spin
+from tanteo.bench.running import Outcome
+from tanteo.bench.sets import BenchScene, BenchSet, Placement
+from tanteo.lie import SE3
+from tanteo.parts import Part
+from tanteo.typing import Covariances, FloatArray, Transforms
+
+SURE = 0.9
+"""Probability of one answer from which it is given as the answer."""
+
+LIKELY = 0.05
+"""Probability from which another answer counts as said."""
+
+_LEVEL = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One method on one set.
+
+    Attributes:
+        bench_set: name of the set.
+        method: name of the method.
+        scenes: how many; failures are among them.
+        right: share whose first answer is the true part within the tolerance, or that says rightly that it is unknown.
+        among: share with such an answer anywhere.
+        sure_and_wrong: share whose first answer is wrong, by the tolerance and by its own 95 % region, although it is
+            claimed with 0.9 or more; None where nothing is claimed.
+        declared: share of the scenes with more than one likely answer in which the truth is one of them; None where
+            there is no such scene.
+        several: share of scenes with more than one likely answer.
+        claimed: mean probability of the first answers; None where none is given.
+        in_region: share of first answers with a covariance whose 95 % region holds the true pose; a wrong part's does
+            not. None without covariances.
+        nees: mean of the normalised squared error of right answers over its degrees of freedom; None without.
+        median_nees: median over what is expected of it; None without.
+        nees_count: of these.
+        median_ms: time of a scene.
+        slow_ms: time that one scene in twenty takes longer than.
+        readings: median number of readings after which the answer is the only likely one, claimed with 0.9 or more;
+            None where that was not asked, or came in fewer than half of the scenes.
+        decided: share of scenes in which it came; None where it was not asked.
+        decided_right: share of these answers that are right; None without.
+        failures: scenes without an answer because the method raised, ended or took too long.
+        why: the first reason of that.
+    """
+
+    bench_set: str
+    method: str
+    scenes: int
+    right: float
+    among: float
+    sure_and_wrong: float | None
+    declared: float | None
+    several: float | None
+    claimed: float | None
+    in_region: float | None
+    nees: float | None
+    median_nees: float | None
+    nees_count: int
+    median_ms: float
+    slow_ms: float
+    failures: int
+    why: str = ""
+    readings: float | None = None
+    decided: float | None = None
+    decided_right: float | None = None
+
+
+def largest_corner_error(part: Part, T: Transforms, truth: Transforms) -> float:
+    """How far the corner that is farthest off is off, up to the part's symmetry [m].
+
+    The maximum symmetry-aware surface distance of the BOP benchmark (Hodan and others 2020), over the vertices.
+
+    Args:
+        part: of which the poses are.
+        T: a pose ``(4, 4)``.
+        truth: the true one.
+
+    Example:
+        >>> part = tanteo.bench.generate("points", 1).parts[0]
+        >>> T = np.eye(4)
+        >>> T[0, 3] = 0.002
+        >>> round(tanteo.bench.largest_corner_error(part, T, np.eye(4)), 6)
+        0.002
+    """
+    images = _images(part, T, truth)
+    there = SE3.apply(truth, part.vertices)
+    return min(float(np.linalg.norm(SE3.apply(image, part.vertices) - there, axis=1).max()) for image in images)
+
+
+def squared_error(part: Part, one: Placement, truth: Transforms) -> tuple[float, int]:
+    """Squared Mahalanobis distance of the truth from an answer up to symmetry, and its degrees of freedom."""
+    gaps = SE3.inverse(np.asarray(one.T_world_part)) @ (truth @ part.symmetry.Ts)
+    dof = 6
+    if part.symmetry.continuous:
+        gaps, dof = without_spin(part, gaps), 3 if part.symmetry.spherical else 5
+    xi = SE3.log(gaps)
+    return float(np.einsum("si,ij,sj->s", xi, _information(one.covariance), xi).min()), dof
+
+
+def score(bench_set: BenchSet, method: str, outcomes: Sequence[Outcome]) -> Score:
+    """Score what a method made of a set.
+
+    Args:
+        bench_set: with its truth.
+        method: name of the method.
+        outcomes: one a scene.
+    """
+    rows = [_row(bench_set, scene, one) for scene, one in zip(bench_set.scenes, outcomes, strict=True)]
+    failures = [one.failure for one in outcomes if one.failure]
+    told = [row for row in rows if row.several is not None]
+    several = [row for row in told if row.several]
+    claims = [row.claimed for row in rows if row.claimed is not None]
+    values = [row.nees for row in rows if row.nees is not None]
+    regions = [row.inside for row in rows if row.inside is not None]
+    times = 1e3 * np.array([one.seconds for one in outcomes if not one.failure] or [np.nan])
+    return Score(
+        bench_set.name, method, len(rows), _share([row.right for row in rows]), _share([row.among for row in rows]),
+        _share([row.sure and not row.right and not row.inside for row in rows]) if claims else None,
+        _share([row.among for row in several]) if several else None,
+        _share([bool(row.several) for row in told]) if told else None,
+        float(np.mean(claims)) if claims else None,
+        _share(regions) if regions else None,
+        float(np.mean([value / dof for value, dof in values])) if values else None,
+        float(np.median([value / _quantile(0.5, dof) for value, dof in values])) if values else None,
+        len(values), float(np.median(times)), float(np.quantile(times, 0.95)), len(failures),
+        failures[0] if failures else "",
+    )  # fmt: skip
+
+
+COUNTS = (6, 8, 10, 13, 16, 20, 25, 32, 40, 50)
+"""Numbers of readings after which a decision is asked for: a pose has six degrees of freedom."""
+
+
+def with_decisions(
+    one: Score, bench_set: BenchSet, ask: Callable[[BenchScene], Outcome], progress: Callable[[int, int], None]
+) -> Score:
+    """The score with how many readings a decision takes: the first ones of each scene, more and more of them.
+
+    Args:
+        one: score of the whole scenes.
+        bench_set: with its truth.
+        ask: the method.
+        progress: told how many of how many scenes are done.
+    """
+    counts, right = [], []
+    for k, scene in enumerate(bench_set.scenes):
+        for count in (c for c in COUNTS if c <= len(scene.points)):
+            row = _row(bench_set, scene, ask(scene.first(count)))
+            if row.sure and not row.several:
+                counts.append(count)
+                right.append(row.right or bool(row.inside))
+                break
+        progress(k + 1, len(bench_set.scenes))
+    n = len(bench_set.scenes)
+    every = sorted(counts) + [math.inf] * (n - len(counts))
+    middle = every[n // 2]
+    return replace(
+        one,
+        readings=middle if math.isfinite(middle) else None,
+        decided=len(counts) / n,
+        decided_right=_share(right) if right else None,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    right: bool
+    among: bool
+    sure: bool
+    several: bool | None
+    claimed: float | None
+    inside: bool | None
+    nees: tuple[float, int] | None
+
+
+def _row(bench_set: BenchSet, scene: BenchScene, one: Outcome) -> _Row:
+    best = one.placements[0] if one.placements else None
+    right = [_is_right(bench_set, scene, placement) for placement in one.placements]
+    if best is None:
+        unknown = scene.truth is None and not one.failure
+        return _Row(unknown, unknown, False, None, None, None, None)
+    claimed = best.probability
+    likely = [p.probability >= LIKELY for p in one.placements if p.probability is not None]
+    said = [p.probability is None or p.probability >= LIKELY for p in one.placements]
+    among = any(r and s for r, s in zip(right, said, strict=True))
+    inside = nees = None
+    if best.covariance is not None:
+        inside = False
+        if scene.T_world_part is not None and best.part == scene.truth:
+            value, dof = squared_error(bench_set.part(best.part), best, scene.T_world_part)
+            inside = value < _quantile(_LEVEL, dof)
+            nees = (value, dof) if right[0] else None
+    sure = claimed is not None and claimed >= SURE
+    # an unknown object is said by none of the answers being likely
+    is_right = right[0] if scene.truth is not None else claimed is not None and sum(likely) == 0
+    several = sum(likely) > 1 if claimed is not None else None
+    return _Row(is_right, among or is_right, sure, several, claimed, inside, nees)
+
+
+def _is_right(bench_set: BenchSet, scene: BenchScene, one: Placement) -> bool:
+    if one.part != scene.truth:
+        return False
+    if scene.T_world_part is None:
+        return True
+    return largest_corner_error(bench_set.part(one.part), one.T_world_part, scene.T_world_part) < bench_set.tolerance
+
+
+def _images(part: Part, T: Transforms, truth: Transforms) -> Transforms:
+    """The pose as all that symmetry makes the same, a continuous turn undone as far as it can be."""
+    images = np.asarray(T) @ part.symmetry.Ts
+    if part.symmetry.continuous:
+        images = truth @ without_spin(part, SE3.inverse(truth) @ images)
+    return images
+
+
+def _information(covariance: Covariances | None) -> FloatArray:
+    return np.asarray(np.linalg.pinv(np.asarray(covariance), rcond=1e-12, hermitian=True))
+
+
+def _quantile(level: float, dof: int) -> float:
+    from scipy.stats import chi2  # slow to import
+
+    return float(chi2.ppf(level, dof))
+
+
+def _share(values: Sequence[bool]) -> float:
+    return float(np.mean(values)) if len(values) else 0.0

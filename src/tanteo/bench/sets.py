@@ -1,0 +1,137 @@
+"""Readings whose truth is known, and what a method says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.frames import frozen_array
+from tanteo.parts import Part
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BenchScene:
+    """Readings of one part, in the world.
+
+    Attributes:
+        name: of the scene.
+        points: on its surface, with their noise ``(n, 3)`` [m].
+        sd: what is stated of that noise: standard deviation of a coordinate [m].
+        normals: sensed outward normals ``(n, 3)``, or None.
+        normal_sd: what is stated of theirs: standard deviation of either tilt [rad].
+        truth: name of the part; None where it is none of the set's.
+        T_world_part: its true pose ``(4, 4)``; None where that is not known.
+
+    Raises:
+        InputError: for shapes that do not match or numbers that are not finite.
+    """
+
+    name: str
+    points: Vectors
+    sd: float
+    normals: Vectors | None = None
+    normal_sd: float = float(np.pi)
+    truth: str | None = None
+    T_world_part: Transforms | None = None
+
+    def __post_init__(self) -> None:
+        points = frozen_array(self.points)
+        if points.ndim != 2 or points.shape[1:] != (3,) or not len(points) or not np.isfinite(points).all():
+            raise InputError(f"scene {self.name!r}, points: expected n x 3 finite lengths [m], got {points.shape}.")
+        if not (np.isfinite(self.sd) and self.sd > 0):
+            raise InputError(f"scene {self.name!r}, sd: expected a positive length [m], got {self.sd}.")
+        object.__setattr__(self, "points", points)
+        if self.normals is not None:
+            normals = frozen_array(self.normals)
+            if normals.shape != points.shape or not np.isfinite(normals).all():
+                raise InputError(f"scene {self.name!r}, normals: expected {points.shape}, got {normals.shape}.")
+            object.__setattr__(self, "normals", normals)
+        if self.T_world_part is not None:
+            object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part))
+
+    def first(self, count: int) -> BenchScene:
+        """The scene with its first readings alone."""
+        normals = None if self.normals is None else self.normals[:count]
+        return BenchScene(
+            self.name, self.points[:count], self.sd, normals, self.normal_sd, self.truth, self.T_world_part
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BenchSet:
+    """Scenes of the parts of a catalogue.
+
+    Attributes:
+        name: of the set.
+        parts: the candidates.
+        scenes: of them.
+        tolerance: a pose is right where no corner of the part is farther off [m].
+        words: a sentence on what the scenes are.
+
+    Raises:
+        InputError: for parts of one name, a truth that is no part, or no tolerance.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    scenes: tuple[BenchScene, ...]
+    tolerance: float
+    words: str = ""
+
+    def __post_init__(self) -> None:
+        names = [part.name for part in self.parts]
+        if not names or len(set(names)) < len(names):
+            raise InputError(f"set {self.name!r}, parts: expected parts with names of their own, got {names}.")
+        if not (np.isfinite(self.tolerance) and self.tolerance > 0):
+            raise InputError(f"set {self.name!r}, tolerance: expected a positive length [m], got {self.tolerance}.")
+        for scene in self.scenes:
+            if scene.truth is not None and scene.truth not in names:
+                raise InputError(
+                    f"set {self.name!r}, scene {scene.name!r}: expected one of {', '.join(names)}, got "
+                    f"'{scene.truth}'. A part that is not among the candidates is left out: it is unknown then."
+                )
+
+    def part(self, name: str) -> Part:
+        """The part of that name."""
+        return next(part for part in self.parts if part.name == name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """One answer of a method: a part at a pose.
+
+    Attributes:
+        part: name of the part.
+        T_world_part: pose ``(4, 4)`` [m].
+        covariance: of it ``(6, 6)``, part frame, right perturbation, order x y z rx ry rz [m, rad]; None without.
+        probability: of this part at about this pose; None without.
+
+    Example:
+        >>> tanteo.bench.Placement("cube", np.eye(4), probability=0.9).covariance is None
+        True
+    """
+
+    part: str
+    T_world_part: Transforms
+    covariance: Covariances | None = None
+    probability: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """What a method is told of a part.
+
+    Attributes:
+        name: of the part.
+        vertices: of its mesh ``(V, 3)``, part frame [m].
+        triangles: counter-clockwise from outside ``(T, 3)``.
+        part: as tanteo reads its file, with planes and exact round faces.
+    """
+
+    name: str
+    vertices: FloatArray = field(repr=False)
+    triangles: IntArray = field(repr=False)
+    part: Part
