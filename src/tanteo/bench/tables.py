@@ -46,8 +46,13 @@ def _row(one: Score) -> tuple[str, ...]:
     return (
         one.bench_set, one.method, _percent(one.right), _percent(one.among), _percent(one.sure_and_wrong),
         _percent(one.several), _percent(one.declared), _percent(one.claimed), _percent(one.in_region), nees,
-        f"{one.median_ms:.3g}", f"{one.slow_ms:.3g}", f"{one.failures} of {one.scenes}" if one.failures else "-",
+        _time(one.median_ms), _time(one.slow_ms), f"{one.failures} of {one.scenes}" if one.failures else "-",
     )  # fmt: skip
+
+
+def _time(milliseconds: float) -> str:
+    """Whole numbers; ``-`` where no scene was answered."""
+    return "-" if milliseconds != milliseconds else f"{milliseconds:.0f}"
 
 
 def _percent(share: float | None) -> str:
