@@ -36,7 +36,7 @@ def image_edge(camera: Camera, segments: Segments, index: int, T_world_camera: T
     Raises:
         InputError: the camera's place is not known.
     """
-    T = _standing(camera, T_world_camera)
+    T = standing(camera, T_world_camera)
     middle, direction = segments.middles[index], segments.directions[index]
     ray = np.append((middle - camera.centre) / camera.focal, 1.0)
     along = np.append(direction / camera.focal, 0.0)
@@ -69,7 +69,7 @@ def image_corner(camera: Camera, corners: Corners, index: int, T_world_camera: T
     Raises:
         InputError: the camera's place is not known.
     """
-    T = _standing(camera, T_world_camera)
+    T = standing(camera, T_world_camera)
     covariance = corners.covariances[index] + camera.edge_sd**2 * np.eye(2)
     return _ray_feature(camera, corners.pixels[index], covariance, T, f"image corner {index}")
 
@@ -88,7 +88,12 @@ def _ray_feature(camera: Camera, pixel: FloatArray, C: Covariances, T: Transform
     return Feature(EDGE, T @ SE3.from_parts(R, np.zeros(3)), P, label=label)
 
 
-def _standing(camera: Camera, T_world_camera: Transforms | None) -> Transforms:
+def standing(camera: Camera, T_world_camera: Transforms | None) -> Transforms:
+    """Where the camera stands.
+
+    Raises:
+        InputError: that is not known.
+    """
     T = camera.T_world_camera if T_world_camera is None else T_world_camera
     if T is None:
         raise InputError("camera: expected where it stands (T_world_camera), got none. Fit it with fit_camera.")

@@ -1,0 +1,277 @@
+"""A circle behind an ellipse: its centre and axis with covariance, two of them, or the lines on which its centre lies.
+
+The camera's centre and the ellipse span a cone. Planes of two directions cut circles out of it (Young and others 1992,
+Kanatani and Liu 1993); the radius says where along the cone. The covariance is that of the ellipse carried through the
+inverse of the projection, whose derivative is exact (``math.md`` section 13).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.errors import DegenerateError, InputError
+from tanteo.features import CIRCLE, EDGE, Feature, Round
+from tanteo.lie import SE3, SO3
+from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.vision.camera import Camera
+from tanteo.vision.ellipse_fit import Ellipse
+from tanteo.vision.features import CENTRE_SD, standing
+
+HEAD_ON = 3.0
+"""A tilt against the line of sight that is known worse than to a third of itself is not known from an ellipse."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CirclePose:
+    """One of the two circles that look like an ellipse.
+
+    Attributes:
+        T_camera_circle: origin at the centre, z along the axis, towards the camera ``(4, 4)`` [m].
+        covariance: of ``x, y, z, rx, ry`` and the radius ``(6, 6)`` [m, rad].
+        radius: [m].
+    """
+
+    T_camera_circle: Transforms
+    covariance: Covariances
+    radius: float
+
+
+def circle_poses(
+    camera: Camera, ellipse: Ellipse, radius: float, radius_sd: float = 0.0
+) -> tuple[CirclePose, CirclePose]:
+    """The two circles of a radius that an ellipse may be.
+
+    Args:
+        camera: that took the image.
+        ellipse: of :func:`tanteo.vision.find_ellipses`.
+        radius: of the circle [m].
+        radius_sd: its standard deviation [m].
+
+    Raises:
+        InputError: a radius that is none.
+        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> ellipse = tanteo.vision.project_circle(camera, tanteo.SE3.from_parts(np.eye(3), [0, 0, 0.5]), 5e-3)
+        >>> tanteo.vision.circle_poses(camera, ellipse, 5e-3)
+        Traceback (most recent call last):
+        ...
+        tanteo.errors.DegenerateError: circle: expected ...
+    """
+    if not (np.isfinite(radius) and radius > 0 and np.isfinite(radius_sd) and radius_sd >= 0):
+        raise InputError(f"radius: expected a positive radius and its deviation [m], got {radius} and {radius_sd}.")
+    first, second = (_posed(camera, ellipse, T, radius, radius_sd) for T in circle_frames(camera, ellipse, radius))
+    return first, second
+
+
+def circle_frames(camera: Camera, ellipse: Ellipse, radius: float) -> Transforms:
+    """Frames of the two circles of a radius that an ellipse may be, without covariance ``(2, 4, 4)``, camera frame [m].
+
+    The two are about one where a circle is seen along its axis.
+    """
+    D = _dual(camera, ellipse)
+    values, axes = np.linalg.eigh(np.linalg.inv(D))
+    Q, values, axes = (np.linalg.inv(D), values, axes) if values[1] > 0 else (-np.linalg.inv(D), -values[::-1], axes[:, ::-1])
+    low, middle, high = values  # low < 0 < middle <= high
+    along, across = np.sqrt(max(high - middle, 0.0) / (high - low)), np.sqrt((middle - low) / (high - low))
+    out = []
+    for sign in (1.0, -1.0):
+        n = sign * along * axes[:, 2] + across * axes[:, 0]
+        pole = np.linalg.solve(Q, n)
+        c = pole * np.sqrt(-middle / (pole @ n)) * radius
+        c = c if c[2] > 0 else -c
+        out.append(SE3.from_parts(SO3.frame_from_axis(n if n @ c < 0 else -n, 2), c))
+    return np.stack(out)
+
+
+def project_circle(camera: Camera, T_camera_circle: Transforms, radius: float) -> Ellipse:
+    """The ellipse of a circle, in pixels without distortion, without error.
+
+    Args:
+        camera: that looks at it.
+        T_camera_circle: origin at its centre, z along its axis ``(4, 4)`` [m].
+        radius: [m].
+
+    Raises:
+        DegenerateError: a part of the circle is not in front of the camera, or it is seen from the side.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> ellipse = tanteo.vision.project_circle(camera, tanteo.SE3.from_parts(np.eye(3), [0, 0, 0.5]), 5e-3)
+        >>> np.ptp(ellipse.semi_axes) < 1e-9
+        True
+    """
+    D = _dual_of(camera, T_camera_circle, radius)
+    if T_camera_circle[2, 3] <= radius * np.hypot(*T_camera_circle[2, :2]) or D[2, 2] >= 0:
+        raise DegenerateError("circle: expected all of it in front of the camera, got one that is not. Move it away.")
+    m, S = D[:2, 2] / D[2, 2], np.outer(D[:2, 2], D[:2, 2]) / D[2, 2] ** 2 - D[:2, :2] / D[2, 2]
+    values, axes = np.linalg.eigh(S)
+    if values[0] < 1e-9 * values[1]:
+        raise DegenerateError("circle: expected one that looks like an ellipse, got one seen from the side. Turn it.")
+    return Ellipse(m, (axes * np.sqrt(values)) @ axes.T, np.zeros((5, 5)), 0.0, 1.0, 2 * np.pi, 0)
+
+
+def image_circle(
+    camera: Camera,
+    ellipse: Ellipse,
+    radius: float,
+    *,
+    radius_sd: float = 0.0,
+    T_world_camera: Transforms | None = None,
+    label: str = "image circle",
+) -> tuple[Feature, Feature]:
+    """The two circles of a radius that an ellipse may be, as sensed features to be paired with one of the model.
+
+    Lens and calibration (``Camera.edge_sd``) move the whole ellipse.
+
+    Args:
+        camera: that took the image.
+        ellipse: of :func:`tanteo.vision.find_ellipses`.
+        radius: of the circle, as the part has it [m].
+        radius_sd: its standard deviation [m].
+        T_world_camera: where the camera stands; that of ``camera`` if not given.
+        label: of the features.
+
+    Raises:
+        InputError: the camera's place is not known, or a radius that is none.
+        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
+    """
+    T = standing(camera, T_world_camera)
+    poses = circle_poses(camera, with_lens(camera, ellipse), radius, radius_sd)
+    first, second = (
+        Feature(
+            CIRCLE,
+            T @ pose.T_camera_circle,
+            pose.covariance[:5, :5],
+            label=label,
+            size=Round(pose.radius, float(pose.covariance[5, 5]), pose.covariance[:5, 5]),
+        )
+        for pose in poses
+    )
+    return first, second
+
+
+def image_centre(
+    camera: Camera,
+    ellipse: Ellipse,
+    *,
+    T_world_camera: Transforms | None = None,
+    label: str = "image centre",
+) -> tuple[Feature, Feature]:
+    """The two lines through the camera's centre on which the circle's centre lies, whatever its radius.
+
+    A line is a sensed edge, to be paired with a model vertex at the circle's centre: two equations, no depth.
+
+    Args:
+        camera: that took the image.
+        ellipse: of :func:`tanteo.vision.find_ellipses`.
+        T_world_camera: where the camera stands; that of ``camera`` if not given.
+        label: of the features.
+
+    Raises:
+        InputError: the camera's place is not known.
+        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
+    """
+    T = standing(camera, T_world_camera)
+    first, second = (_line(T, pose, label) for pose in circle_poses(camera, with_lens(camera, ellipse), 1.0))
+    return first, second
+
+
+def with_lens(camera: Camera, ellipse: Ellipse) -> Ellipse:
+    """The ellipse with what lens and calibration add to its covariance: half of the variance shifts it, half widens."""
+    C = ellipse.covariance.copy()
+    C[:2, :2] += 0.5 * camera.edge_sd**2 * np.eye(2)
+    C[2:4, 2:4] += 0.5 * camera.edge_sd**2
+    return replace(ellipse, covariance=C)
+
+
+def _line(T_world_camera: Transforms, pose: CirclePose, label: str) -> Feature:
+    c = pose.T_camera_circle[:3, 3]
+    R = SO3.frame_from_axis(c / np.linalg.norm(c), 0)
+    across = (R.T @ pose.T_camera_circle[:3, :3])[1:] / np.linalg.norm(c)
+    G = np.stack([-across[1], across[0]])  # a turn w moves the x axis by w_z y - w_y z
+    P = np.zeros((4, 4))
+    P[:2, :2], P[2:, 2:] = CENTRE_SD**2 * np.eye(2), G @ pose.covariance[:3, :3] @ G.T
+    return Feature(EDGE, T_world_camera @ SE3.from_parts(R, np.zeros(3)), P, label=label)
+
+
+def _dual(camera: Camera, ellipse: Ellipse) -> FloatArray:
+    """The dual conic in rays: lines ``l`` with ``l D l = 0`` touch the ellipse; ``D[2, 2] = -1``."""
+    A = np.diag(1 / camera.focal)
+    m, S = A @ (ellipse.centre - camera.centre), A @ ellipse.shape @ ellipse.shape @ A
+    D = np.empty((3, 3))
+    D[:2, :2], D[:2, 2], D[2, :2], D[2, 2] = S - np.outer(m, m), -m, -m, -1.0
+    return D
+
+
+_UNIT = np.diag([1.0, 1.0, -1.0])
+
+
+def _homography(camera: Camera, T: Transforms, radius: float) -> FloatArray:
+    """From the unit circle to the image."""
+    return np.asarray(camera.K @ np.column_stack([radius * T[:3, 0], radius * T[:3, 1], T[:3, 3]]))
+
+
+def _dual_of(camera: Camera, T: Transforms, radius: float) -> FloatArray:
+    H = _homography(camera, T, radius)
+    return np.asarray(H @ _UNIT @ H.T)
+
+
+def _posed(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float, radius_sd: float) -> CirclePose:
+    G = _projection_derivatives(camera, T, radius)
+    # lengths in radii, so that the matrix says how well the tilt is seen
+    scale = np.array([radius, radius, radius, 1.0, 1.0])
+    try:
+        inverse = scale[:, None] * np.linalg.inv(G[:, :5] * scale)
+    except np.linalg.LinAlgError:
+        raise _head_on(np.inf, 0.0) from None
+    by_radius = -inverse @ G[:, 5]
+    C = np.zeros((6, 6))
+    C[:5, :5] = inverse @ ellipse.covariance @ inverse.T + radius_sd**2 * np.outer(by_radius, by_radius)
+    C[:5, 5] = C[5, :5] = radius_sd**2 * by_radius
+    C[5, 5] = radius_sd**2
+    ray = T[:3, 3] / np.linalg.norm(T[:3, 3])
+    tilt = float(np.arccos(np.clip(-ray @ T[:3, 2], -1.0, 1.0)))
+    sd = float(np.sqrt(np.linalg.eigvalsh(C[3:5, 3:5])[1]))
+    if not sd * HEAD_ON < tilt:
+        raise _head_on(sd, tilt)
+    return CirclePose(T, C, radius)
+
+
+def _head_on(sd: float, tilt: float) -> DegenerateError:
+    return DegenerateError(
+        f"circle: expected one that is seen aslant, got one tilted by {np.degrees(tilt):.1f} degrees (sd "
+        f"{np.degrees(min(sd, np.pi)):.0f}) against the line of sight: its axis cannot be told. Look from farther aside."
+    )
+
+
+def _projection_derivatives(camera: Camera, T: Transforms, radius: float) -> FloatArray:
+    """Of the ellipse's five numbers by ``x, y, z, rx, ry`` and the radius ``(5, 6)``."""
+    R, H = T[:3, :3], _homography(camera, T, radius)
+    zero = np.zeros(3)
+    # columns of the homography: r x, r y, c; a turn about x takes y to z, one about y takes x to -z
+    moved = [np.column_stack([zero, zero, R[:, k]]) for k in range(3)]
+    moved += [np.column_stack([zero, radius * R[:, 2], zero]), np.column_stack([-radius * R[:, 2], zero, zero])]
+    moved += [np.column_stack([R[:, 0], R[:, 1], zero])]
+    D = H @ _UNIT @ H.T
+    m = D[:2, 2] / D[2, 2]
+    P = _root(np.outer(m, m) - D[:2, :2] / D[2, 2])
+    # P dP + dP P = dS for the three numbers of a symmetric matrix
+    sylvester = np.array([[2 * P[0, 0], 0, 2 * P[0, 1]], [0, 2 * P[1, 1], 2 * P[0, 1]], [P[0, 1], P[0, 1], P[0, 0] + P[1, 1]]])
+    out = np.empty((5, 6))
+    for k, change in enumerate(moved):
+        half = camera.K @ change @ _UNIT @ H.T
+        dD = half + half.T
+        dm = dD[:2, 2] / D[2, 2] - m * dD[2, 2] / D[2, 2]
+        dS = np.outer(dm, m) + np.outer(m, dm) - dD[:2, :2] / D[2, 2] + D[:2, :2] * dD[2, 2] / D[2, 2] ** 2
+        out[:2, k] = dm
+        out[2:, k] = np.linalg.solve(sylvester, np.array([dS[0, 0], dS[1, 1], dS[0, 1]]))
+    return out
+
+
+def _root(S: FloatArray) -> FloatArray:
+    values, axes = np.linalg.eigh(S)
+    return np.asarray((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)
