@@ -31,7 +31,7 @@ _OFF, _ALONG = 0.6, np.cos(np.radians(12.0))
 """Points within this of an ellipse, with its direction, may be its own [px, cosine]."""
 
 _OUTLYING, _ROUNDS = 4.0, 4
-_OWN, _ODD = 0.75, 8.0
+_OWN, _ODD = 0.75, 5.0
 """An arc is an ellipse's if this share of its points is, and chi-square over its degrees of freedom is below the other."""
 
 _COVERED = 0.25

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.descriptors import Descriptors, describe, like_outline
 from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
+from tanteo.vision.ellipses import Ellipses, find_ellipses
 from tanteo.vision.evidence import Weights
 from tanteo.vision.fit import BIAS
 from tanteo.vision.models import VisionModel, prepare_vision
@@ -96,12 +97,14 @@ class Sight:
         edges: the edge points.
         T_world_camera: where the camera stands; the world is the camera's frame where that is not known.
         frame: of poses, ``"world"``, or ``"camera"`` where its place is not known.
+        ellipses: of the image, and arcs that determine none.
     """
 
     objects: tuple[Sighting, ...]
     edges: EdgePoints
     T_world_camera: Transforms
     frame: str = "world"
+    ellipses: Ellipses = field(default_factory=lambda: Ellipses((), ()))
 
 
 def see_table(
@@ -156,7 +159,7 @@ def see_table(
         objects.append(replace(seen, outline=outline, alike=tuple(dict.fromkeys(order))))
     seconds = {"total": time.perf_counter() - start}
     timed = [replace(o, answer=replace(o.answer, elapsed=seconds)) for o in objects]
-    return Sight(tuple(timed), points, camera.T_world_camera)
+    return Sight(tuple(timed), points, camera.T_world_camera, ellipses=find_ellipses(camera, points))
 
 
 def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms) -> Descriptors | None:
