@@ -14,6 +14,7 @@ import numpy as np
 from tanteo.errors import DegenerateError
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.camera import Camera, without_distortion
+from tanteo.vision.choices import EdgeErrors
 from tanteo.vision.edges import CORRELATION, EdgePoints
 from tanteo.vision.ellipse_fit import FEWEST, Ellipse, fit_ellipse, offsets_from
 from tanteo.vision.fit import BIAS
@@ -33,6 +34,9 @@ _OFF, _ALONG = 0.6, np.cos(np.radians(12.0))
 _OUTLYING, _ROUNDS = 4.0, 4
 _OWN, _ODD = 0.75, 5.0
 """An arc is an ellipse's if this share of its points is, and chi-square over its degrees of freedom is below the other."""
+
+_SPACING = 1.1
+"""What an edge point stands for: about one pixel along an edge, more along a slanted one [px]."""
 
 _COVERED = 0.25
 """An ellipse has points along this share of its circumference, at least."""
@@ -88,7 +92,7 @@ def find_ellipses(camera: Camera, points: EdgePoints) -> Ellipses:
             x, y = pixels[arc].mean(axis=0)
             refused.append(f"arc about x {x:.0f} y {y:.0f} px: {error}")
             continue
-        if result is not None and not any((own & result[1]).sum() > 0.5 * result[1].sum() for _, own in found):
+        if not any((own & result[1]).sum() > 0.5 * result[1].sum() for _, own in found):
             found.append(result)
     ordered = sorted((ellipse for ellipse, _ in found), key=lambda e: -float(np.prod(e.semi_axes)))
     return Ellipses(tuple(ordered), tuple(refused))
@@ -103,7 +107,10 @@ def _arcs(pixels: FloatArray, normals: FloatArray) -> list[IntArray]:
     side = np.where(np.abs(bends) > _STRAIGHT, np.sign(bends), 0.0)
     pairs = tree.query_pairs(_NEAR, output_type="ndarray")
     i, j = pairs.T
-    joined = pairs[(np.sum(normals[i] * normals[j], axis=1) > _TURN) & (side[i] == side[j]) & (side[i] != 0)]
+    gap, middle = pixels[j] - pixels[i], normals[i] + normals[j]
+    beside = np.abs(np.sum(gap * middle, axis=1)) < 0.7 * np.linalg.norm(gap, axis=1) + 0.5
+    alike = (np.sum(normals[i] * normals[j], axis=1) > _TURN) & (side[i] == side[j]) & (side[i] != 0)
+    joined = pairs[alike & beside]  # not across two edges that run side by side
     return _connected(len(pixels), joined)
 
 
@@ -139,34 +146,47 @@ def _bends(pairs: IntArray, pixels: FloatArray, normals: FloatArray) -> FloatArr
     return up / down
 
 
-def _ellipse(pixels: FloatArray, points: EdgePoints, arc: IntArray) -> tuple[Ellipse, BoolArray] | None:
-    """The ellipse of an arc and which edge points are its own; None if the arc is of another curve."""
-    own, ellipse = arc, _fitted(pixels, points, arc)
-    outward = float(np.sign(np.sum(points.normals[arc] * offsets_from(ellipse, pixels[arc])[1])))
+def _ellipse(pixels: FloatArray, points: EdgePoints, arc: IntArray) -> tuple[Ellipse, BoolArray]:
+    """The ellipse of an arc and which edge points are its own.
+
+    Raises:
+        DegenerateError: the arc is of another curve, or determines none.
+    """
+    alone = _fitted(pixels, points, arc)
+    outward = float(np.sign(np.sum(points.normals[arc] * offsets_from(alone, pixels[arc])[1])))
+    own, ellipse = arc, alone
     for _ in range(_ROUNDS):
-        box = np.flatnonzero(np.linalg.norm(pixels - ellipse.centre, axis=1) < ellipse.semi_axes[0] + 2)
-        off, normals, radii = offsets_from(ellipse, pixels[box])
-        off = off + 0.5 * points.widths[box] ** 2 / radii
-        alike = outward * np.sum(points.normals[box] * normals, axis=1) > _ALONG
-        near = np.abs(off) < np.minimum(_OFF, _OUTLYING * np.hypot(points.sds[box], 2 * BIAS))
-        before, own = own, box[alike & near]
+        before, own = own, _near(pixels, points, ellipse, outward)
         if len(own) < SHORTEST:
-            return None
+            break
         ellipse = _fitted(pixels, points, own)
         if np.array_equal(before, own):
             break
-    mask = np.zeros(len(pixels), dtype=np.bool_)
-    mask[own] = True
-    whole = 2 * np.pi * float(np.sqrt(np.mean(ellipse.semi_axes**2)))
-    good = mask[arc].mean() > _OWN and ellipse.chi2 < _ODD * ellipse.dof and len(own) > _COVERED * whole
-    return (replace(ellipse, dark=bool(outward > 0)), mask) if good else None
+    # points that lie elsewhere may be of another curve: the arc by itself, then
+    for own, ellipse in ((own, ellipse), (arc, alone)):
+        whole = 2 * np.pi * float(np.sqrt(np.mean(ellipse.semi_axes**2)))
+        fits = ellipse.chi2 < _ODD * ellipse.dof and len(own) > _COVERED * whole
+        if fits and np.isin(arc, own).mean() > _OWN:
+            return replace(ellipse, dark=bool(outward > 0)), np.isin(np.arange(len(pixels)), own)
+    raise DegenerateError(
+        f"ellipse: expected an arc of one, got {len(arc)} points that do not run along one (chi2 {alone.chi2:.0f} of "
+        f"{alone.dof:.0f}), or along too little of it. Show more of the rim, or closer."
+    )
+
+
+def _near(pixels: FloatArray, points: EdgePoints, ellipse: Ellipse, outward: float) -> IntArray:
+    """Edge points that are on an ellipse, dark and bright on the same sides."""
+    box = np.flatnonzero(np.linalg.norm(pixels - ellipse.centre, axis=1) < ellipse.semi_axes[0] + 2)
+    off, normals, radii = offsets_from(ellipse, pixels[box])
+    off = off + 0.5 * points.widths[box] ** 2 / radii
+    alike = outward * np.sum(points.normals[box] * normals, axis=1) > _ALONG
+    near = np.abs(off) < np.minimum(_OFF, _OUTLYING * np.hypot(points.sds[box], 2 * BIAS))
+    return np.asarray(box[alike & near])
 
 
 def _fitted(pixels: FloatArray, points: EdgePoints, own: IntArray) -> Ellipse:
     if len(own) < FEWEST:
         raise DegenerateError("ellipse: expected an arc with more points. Show more of the rim.")
-    length = float(np.linalg.norm(pixels[own] - pixels[own].mean(axis=0), axis=1).max())
-    # an edge has about one point a pixel; a rim cannot have more of its own than a draw each correlation length
-    share = min(1.0, 1.15 / CORRELATION) if length else 1.0
     blur = float(np.median(points.widths[own]))
-    return fit_ellipse(pixels[own], points.sds[own], share=share, blur=blur, common=BIAS)
+    sds = np.hypot(points.sds[own], EdgeErrors().pulled * points.drifts[own])
+    return fit_ellipse(pixels[own], sds, share=_SPACING / CORRELATION, blur=blur, common=BIAS)
