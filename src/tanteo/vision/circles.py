@@ -22,6 +22,10 @@ from tanteo.vision.features import CENTRE_SD, standing
 HEAD_ON = 3.0
 """A tilt against the line of sight that is known worse than to a third of itself is not known from an ellipse."""
 
+BENT = 2.0
+"""A circle is refused where the map from the ellipse is bent by more than so many standard deviations, over one: of
+second order its covariance is right so far."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CirclePose:
@@ -230,7 +234,12 @@ def _posed(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float, radiu
         raise _head_on(np.inf, 0.0) from None
     by_radius = -inverse @ G[:, 5]
     C = np.zeros((6, 6))
-    C[:5, :5] = inverse @ ellipse.covariance @ inverse.T + radius_sd**2 * np.outer(by_radius, by_radius)
+    flat, bends = inverse @ ellipse.covariance @ inverse.T, _bends(camera, ellipse, T, radius)
+    if np.any(ellipse.covariance):
+        _refuse_bent(flat, bends)
+    total = bends.sum(axis=0)
+    C[:5, :5] = flat + 2 * bends.T @ bends + np.outer(total, total)
+    C[:5, :5] += radius_sd**2 * np.outer(by_radius, by_radius)
     C[:5, 5] = C[5, :5] = radius_sd**2 * by_radius
     C[5, 5] = radius_sd**2
     ray = T[:3, 3] / np.linalg.norm(T[:3, 3])
@@ -239,6 +248,49 @@ def _posed(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float, radiu
     if not sd * HEAD_ON < tilt:
         raise _head_on(sd, tilt)
     return CirclePose(T, C, radius)
+
+
+def _bends(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float) -> FloatArray:
+    """By how much the map from ellipse to circle is bent, at one standard deviation along each axis of the ellipse's
+    covariance: rows of ``x, y, z, rx, ry`` ``(5, 5)``.
+
+    Of a short arc some of the five numbers are known a hundred times better than others. Along the loose ones the map
+    may be bent by more than the width of the narrow ones.
+    """
+    values, vectors = np.linalg.eigh(ellipse.covariance)
+    out = np.zeros((5, 5))
+    for k, step in enumerate((vectors * np.sqrt(np.maximum(values, 0.0))).T):
+        ahead, back = (_moved(camera, ellipse, T, radius, sign * step) for sign in (1.0, -1.0))
+        out[k] = 0.5 * (ahead + back)
+    return out
+
+
+def _refuse_bent(flat: Covariances, bends: FloatArray) -> None:
+    """Refuse a circle whose errors are far from normal.
+
+    Raises:
+        DegenerateError: the map is bent by more than :data:`BENT` standard deviations.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(flat), 1e-300))
+    values, axes = np.linalg.eigh(flat / np.outer(scale, scale))
+    bent = np.linalg.norm((bends / scale) @ (axes / np.sqrt(np.maximum(values, 1e-12))), axis=1).max()
+    if not bent < BENT:
+        raise DegenerateError(
+            f"circle: expected an ellipse that is known well enough, got one by which centre and axis are bent by "
+            f"{bent:.1f} standard deviations ({BENT:.1f} is allowed). Show more of the rim, or closer."
+        )
+
+
+def _moved(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float, step: FloatArray) -> FloatArray:
+    """How the circle moves, in its own frame, if the ellipse's five numbers move ``(5,)`` [m, rad]."""
+    x = ellipse.numbers + step
+    other = replace(ellipse, centre=x[:2], shape=np.array([[x[2], x[4]], [x[4], x[3]]]))
+    found = circle_frames(camera, other, radius)
+    near = found[np.argmax(found[:, :3, 2] @ T[:3, 2])]
+    M = T[:3, :3].T @ near[:3, :3]
+    back = np.arctan2(M[0, 1] - M[1, 0], M[0, 0] + M[1, 1])  # a circle may turn about its axis
+    turned = near @ SE3.from_parts(SO3.axis_rotation(2, back), np.zeros(3))
+    return np.asarray(SE3.log(SE3.inverse(T) @ turned)[:5])
 
 
 def _head_on(sd: float, tilt: float) -> DegenerateError:
