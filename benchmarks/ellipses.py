@@ -132,7 +132,7 @@ def _beside_rims(frame, features):
         height = local @ rim.axis
         out = np.linalg.norm(local - height[:, None] * rim.axis, axis=1) - rim.radius
         own &= np.hypot(height, out) > 1e-3 * rim.radius
-    fields = (frame.points, frame.tangents, frame.normals, frame.lengths, frame.sharp, frame.groups)
+    fields = (frame.points, frame.tangents, frame.bends, frame.normals, frame.lengths, frame.sharp, frame.groups)
     return Wireframe(*(a[own] for a in fields), frame.surface, frame.diagonal, frame.middle)
 
 

@@ -41,6 +41,8 @@ class Wireframe:
     Attributes:
         points: ``(N, 3)``, part frame [m].
         tangents: ``(N, 3)``, unit, along the edge.
+        bends: ``(N, 3)``, from the sample to the middle of the rim that it is on, over the square of its radius; zero
+            elsewhere [1/m].
         normals: ``(N, 2, 3)``, of the two faces that meet there, outward.
         lengths: ``(N,)``, how much edge each sample stands for [m].
         sharp: ``(N,)``, False for the smooth ones, seen only where they are a rim.
@@ -55,6 +57,7 @@ class Wireframe:
 
     points: Vectors
     tangents: Vectors
+    bends: Vectors
     normals: FloatArray
     lengths: FloatArray
     sharp: BoolArray
@@ -93,10 +96,11 @@ def wireframe(part: Part, samples: int = SAMPLES) -> Wireframe:
     _, groups = np.unique(faces[edge], axis=0, return_inverse=True)
     a, b = part.vertices[edges.ends[edge, 0]], part.vertices[edges.ends[edge, 1]]
     chords = a + np.concatenate([piece[1] for piece in pieces])[:, None] * (b - a)
-    points, tangents = _rounded(chords, (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True), rims, edge)
+    points, tangents, bends = _rounded(chords, (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True), rims, edge)
     return Wireframe(
         points=points,
         tangents=tangents,
+        bends=bends,
         normals=normals[edge],
         lengths=np.concatenate([piece[2] for piece in pieces]),
         sharp=sharp[edge],
@@ -127,9 +131,9 @@ def _rims_of(part: Part, ends: IntArray, sharp: BoolArray) -> _Rims:
     return _Rims(rims, which)
 
 
-def _rounded(chords: Vectors, tangents: Vectors, rims: _Rims, edge: IntArray) -> tuple[Vectors, Vectors]:
-    """Samples of chords of a rim, put on its circle."""
-    points, tangents = chords.copy(), tangents.copy()
+def _rounded(chords: Vectors, tangents: Vectors, rims: _Rims, edge: IntArray) -> tuple[Vectors, Vectors, Vectors]:
+    """Samples of chords of a rim, put on its circle: points, tangents and bends."""
+    points, tangents, bends = chords.copy(), tangents.copy(), np.zeros_like(chords)
     for k, rim in enumerate(rims.rims):
         own = np.flatnonzero(rims.which[edge] == k)
         local = chords[own] - rim.centre
@@ -137,7 +141,8 @@ def _rounded(chords: Vectors, tangents: Vectors, rims: _Rims, edge: IntArray) ->
         out = local / np.linalg.norm(local, axis=1, keepdims=True)
         points[own] = rim.centre + rim.radius * out
         tangents[own] = np.cross(rim.axis, out)
-    return points, tangents
+        bends[own] = -out / rim.radius
+    return points, tangents, bends
 
 
 def _sampled(
