@@ -23,7 +23,7 @@ from tanteo.vision.camera import Camera, project
 from tanteo.vision.edges import EdgeMap, cell_of, channel_of, find_edges, map_edges
 from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.ellipses import find_ellipses
-from tanteo.vision.evidence import REACH, Weights, chance_map, log_weight, weigh
+from tanteo.vision.evidence import REACH, Weights, chance_hits, chance_map, log_weight, weigh
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.models import VisionModel
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
@@ -36,6 +36,9 @@ from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
 TRIED, KEPT = 240, 48
 """Poses of each part that are refined a little, and of these to the end."""
+
+_LOST = 1.0
+"""A settled pose that explains the image worse than the refined one by more than this has lost edges [nats]."""
 
 _QUICK = (12.0, 9.0, 6.0, 4.0)
 _LAST = (2.5, 1.5, 1.0, 1.0)
@@ -74,15 +77,29 @@ def see_anywhere(
     modes, hypotheses = [], []
     for mode in posterior.modes[:top]:
         T = refine(mode.model.frame, camera, edges, mode.T_camera_part[None], reaches=_LAST)[0]
-        # where nothing holds the part, as a table would, the mean of the mixture may wander off to other edges
         settled = settle(mode.model, camera, edges, T)
-        modes.append(replace(mode, T_camera_part=T))
+        told = _better(mode.model, camera, edges, T, settled.T_camera_part, weights or Weights())
+        modes.append(replace(mode, T_camera_part=told))
         hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
     status, message = judged(hypotheses, posterior)
     answer = Answer(status, message, tuple(hypotheses), posterior.unknown)
     objects = (Sighting(answer, tuple(modes), None, None),) if modes else ()
     frame = "camera" if camera.T_world_camera is None else "world"
     return Sight(objects, points, T_world_camera, frame, ellipses)
+
+
+def _better(
+    model: VisionModel,
+    camera: Camera,
+    edges: EdgeMap,
+    refined: Transforms,
+    settled: Transforms,
+    weights: Weights,
+) -> Transforms:
+    """The settled pose, unless it lost edges: where no table holds the part, it may wander off to other ones."""
+    met = meet(model.frame, camera, edges, np.stack([refined, settled]), REACH)
+    log = log_weight(weigh(model.frame, met, chance_hits(edges.points, np.ones(len(edges.points), np.bool_))), weights)
+    return settled if log[1] > log[0] - _LOST else refined
 
 
 def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
