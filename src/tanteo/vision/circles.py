@@ -2,7 +2,7 @@
 
 The camera's centre and the ellipse span a cone. Planes of two directions cut circles out of it (Young and others 1992,
 Kanatani and Liu 1993); the radius says where along the cone. The covariance is that of the ellipse carried through the
-inverse of the projection, whose derivative is exact (``math.md`` section 13).
+inverse of the projection, whose derivative is exact (``math.md`` section 8).
 """
 
 from __future__ import annotations

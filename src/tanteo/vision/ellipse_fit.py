@@ -2,7 +2,7 @@
 
 The ellipse is ``c + P (cos t, sin t)`` with a symmetric, positive ``P``: five numbers without a special case at circles,
 where an angle of the axes means nothing. Distances are along its normal; their derivative by the five numbers needs
-the foot only (``math.md`` section 13). The start is the direct fit of Fitzgibbon, Pilu and Fisher (1999) in OpenCV.
+the foot only (``math.md`` section 8). The start is the direct fit of Fitzgibbon, Pilu and Fisher (1999) in OpenCV.
 """
 
 from __future__ import annotations
@@ -63,6 +63,13 @@ class Ellipse:
     def semi_axes(self) -> FloatArray:
         """The longer and the shorter ``(2,)`` [px]."""
         return np.linalg.eigvalsh(self.shape)[::-1]
+
+    @property
+    def semi_axis_sds(self) -> FloatArray:
+        """Standard deviations of the two ``(2,)`` [px]."""
+        axes = np.linalg.eigh(self.shape)[1][:, ::-1]
+        rows = np.stack([[0, 0, v[0] ** 2, v[1] ** 2, 2 * v[0] * v[1]] for v in axes.T])
+        return np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows))
 
     @property
     def angle(self) -> float:
@@ -229,9 +236,7 @@ def _refuse_loose(ellipse: Ellipse) -> None:
     Raises:
         DegenerateError: the size in some direction is known worse than :data:`LOOSE`, or the arc is about straight.
     """
-    values, vectors = np.linalg.eigh(ellipse.shape)
-    rows = np.stack([[0, 0, v[0] ** 2, v[1] ** 2, 2 * v[0] * v[1]] for v in vectors.T])
-    sds = np.sqrt(np.einsum("ki,ij,kj->k", rows, ellipse.covariance, rows)) / values
+    sds = ellipse.semi_axis_sds / ellipse.semi_axes
     if sds.max() > LOOSE or not np.isfinite(sds).all():
         known = f"{100 * sds.max():.0f} %" if sds.max() < 10 else "nothing"
         raise DegenerateError(

@@ -35,6 +35,9 @@ _OUTLYING, _ROUNDS = 4.0, 4
 _OWN, _ODD = 0.75, 5.0
 """An arc is an ellipse's if this share of its points is, and chi-square over its degrees of freedom is below the other."""
 
+_TURNING = np.radians(20.0)
+"""Edges that turn less than this are taken as straight: no arc, and nothing is said of them [rad]."""
+
 _SPACING = 1.1
 """What an edge point stands for: about one pixel along an edge, more along a slanted one [px]."""
 
@@ -48,7 +51,7 @@ class Ellipses:
 
     Attributes:
         found: largest first.
-        refused: of every arc that is long enough but does not determine an ellipse: where it is, and why.
+        refused: of every arc of 20 degrees or more that does not determine an ellipse: where it is, and why.
     """
 
     found: tuple[Ellipse, ...]
@@ -79,7 +82,7 @@ def find_ellipses(camera: Camera, points: EdgePoints) -> Ellipses:
     if len(points) < SHORTEST:
         return Ellipses((), ())
     pixels = without_distortion(camera, points.pixels)
-    arcs = _arcs(pixels, points.normals)
+    arcs = [arc for arc in _arcs(pixels, points.normals) if _turns(points.normals[arc]) > _TURNING]
     found: list[tuple[Ellipse, BoolArray]] = []
     refused = []
     for arc in sorted(arcs, key=len, reverse=True):
@@ -112,6 +115,13 @@ def _arcs(pixels: FloatArray, normals: FloatArray) -> list[IntArray]:
     alike = (np.sum(normals[i] * normals[j], axis=1) > _TURN) & (side[i] == side[j]) & (side[i] != 0)
     joined = pairs[alike & beside]  # not across two edges that run side by side
     return _connected(len(pixels), joined)
+
+
+def _turns(normals: FloatArray) -> float:
+    """By how much normals ``(n, 2)`` turn altogether, as long as that is less than a whole turn [rad]."""
+    mean = normals.mean(axis=0)
+    angles = np.arctan2(normals[:, 1], normals[:, 0]) - np.arctan2(mean[1], mean[0])
+    return float(np.ptp((angles + np.pi) % (2 * np.pi)))
 
 
 def _connected(count: int, pairs: IntArray) -> list[IntArray]:

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.errors import DegenerateError
 from tanteo.lie import SE3, SO3
-from tanteo.parts import Part, round_features
+from tanteo.parts import Part, Rim, round_features
 from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
-from tanteo.vision.circles import circle_frames
+from tanteo.vision.circles import circle_frames, project_circle
 from tanteo.vision.ellipse_fit import Ellipse
 
 _ELLIPSES, _RIMS = 12, 24
@@ -26,6 +27,9 @@ _AS_FAR = 0.12
 
 _APART = 0.5
 """A second rim is farther from the axis than this, in radii of the first: a nearer one does not tell the turn."""
+
+_ITS_OWN = 2.5
+"""An ellipse is a rim's if none of its five numbers is farther off than this [px]."""
 
 _PAIRED, _ALONE, _TURNS = 600, 2, 48
 """Poses by two rims that are kept, best first; how many ellipses are tried without a second one, at how many turns."""
@@ -106,3 +110,33 @@ def _turns(T: Transforms, rays: Vectors, others: Vectors, radius: float) -> tupl
 
 def _turned(T: Transforms, turns: FloatArray) -> Transforms:
     return np.asarray(T @ SE3.from_parts(SO3.axis_rotation(2, turns), np.zeros(3)))
+
+
+def name_ellipses(
+    camera: Camera, ellipses: tuple[Ellipse, ...], part: Part, T_camera_part: Transforms
+) -> tuple[str, ...]:
+    """Of which hole or boss each ellipse is a rim, for a part at a pose; an empty name if of none.
+
+    Args:
+        camera: that took the image.
+        ellipses: of it.
+        part: that was found.
+        T_camera_part: where ``(4, 4)``.
+    """
+    expected = [(f.name, _seen(camera, T_camera_part, rim)) for f in round_features(part) for rim in f.rims]
+    shown = [(name, numbers) for name, numbers in expected if numbers is not None]
+    names = []
+    for ellipse in ellipses:
+        off = [float(np.abs(numbers - ellipse.numbers).max()) for _, numbers in shown]
+        k = int(np.argmin(off)) if off else -1
+        names.append(shown[k][0] if off and off[k] < _ITS_OWN else "")
+    return tuple(names)
+
+
+def _seen(camera: Camera, T_camera_part: Transforms, rim: Rim) -> FloatArray | None:
+    """The five numbers of a rim's ellipse; None if it is behind the camera or seen from the side."""
+    T = T_camera_part @ SE3.from_parts(SO3.frame_from_axis(rim.axis, 2), rim.centre)
+    try:
+        return project_circle(camera, T, rim.radius).numbers
+    except DegenerateError:
+        return None

@@ -31,14 +31,15 @@ from tanteo.vision.posterior import UNKNOWN, ImageMode, ImagePosterior, distinct
 from tanteo.vision.rims import poses_from_ellipses
 from tanteo.vision.segments import find_corners, find_segments
 from tanteo.vision.settle import settle
-from tanteo.vision.sight import Sight, Sighting, check_sight, see_table
+from tanteo.vision.sight import Sight, Sighting, check_sight, see_table, with_rims
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
 TRIED, KEPT = 240, 48
 """Poses of each part that are refined a little, and of these to the end."""
 
-_LOST = 1.0
-"""A settled pose that explains the image worse than the refined one by more than this has lost edges [nats]."""
+_LOST = 0.5
+"""A settled pose that has less than this share of the refined one's log weight has lost edges: pulled ones count in that
+weight, and not in the settled pose."""
 
 _QUICK = (12.0, 9.0, 6.0, 4.0)
 _LAST = (2.5, 1.5, 1.0, 1.0)
@@ -83,7 +84,8 @@ def see_anywhere(
         hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
     status, message = judged(hypotheses, posterior)
     answer = Answer(status, message, tuple(hypotheses), posterior.unknown)
-    objects = (Sighting(answer, tuple(modes), None, None),) if modes else ()
+    found = Sighting(answer, tuple(modes), None, None)
+    objects = (with_rims(found, camera, ellipses),) if modes else ()
     frame = "camera" if camera.T_world_camera is None else "world"
     return Sight(objects, points, T_world_camera, frame, ellipses)
 
@@ -99,7 +101,7 @@ def _better(
     """The settled pose, unless it lost edges: where no table holds the part, it may wander off to other ones."""
     met = meet(model.frame, camera, edges, np.stack([refined, settled]), REACH)
     log = log_weight(weigh(model.frame, met, chance_hits(edges.points, np.ones(len(edges.points), np.bool_))), weights)
-    return settled if log[1] > log[0] - _LOST else refined
+    return settled if log[1] > _LOST * log[0] else refined
 
 
 def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
