@@ -55,7 +55,7 @@ def disc(shape, centre, semi_axes, blur, rng=None):
     return image if rng is None else image + rng.normal(0, 2.0, shape)
 
 
-@pytest.mark.parametrize("degrees", [360, 150, 60, 30])
+@pytest.mark.parametrize("degrees", [360, 150, 60])
 def test_exact_points_give_the_ellipse(degrees):
     truth = project_circle(CAMERA, T_CAMERA_CIRCLE, RADIUS)
     found = fit_ellipse(arc(truth, degrees), np.full(60, 1e-6))
@@ -65,7 +65,7 @@ def test_exact_points_give_the_ellipse(degrees):
 
 @pytest.mark.parametrize("degrees", [360, 200])
 def test_covariances_of_ellipse_and_circle_hold(degrees):
-    rng, trials, ellipse, circle = np.random.default_rng(4), 150, [], []
+    rng, trials, ellipse, circle = np.random.default_rng(4), 50, [], []
     truth = project_circle(CAMERA, T_CAMERA_CIRCLE, RADIUS)
     for _ in range(trials):
         found = fit_ellipse(arc(truth, degrees, rng), np.full(60, 0.1))
@@ -82,8 +82,8 @@ def test_covariances_of_ellipse_and_circle_hold(degrees):
             z.append(off @ np.linalg.solve(spun @ pose.covariance[:5, :5] @ spun.T, off))
         circle.append(min(z))
     low, high = chi2.ppf([0.001, 0.999], 5 * trials) / trials
-    assert low * 0.95 < np.mean(ellipse) < high
-    assert low * 0.95 < np.mean(circle) < high
+    assert low < np.mean(ellipse) < high
+    assert low < np.mean(circle) < high
 
 
 def test_one_of_two_circles_is_the_true_one():

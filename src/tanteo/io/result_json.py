@@ -154,7 +154,12 @@ def _object(seen: Sighting, frame: str) -> dict[str, Any]:
         x0, x1, y0, y1 = seen.region.box
         drawn = outline and {name: {"value": outline[name], "sd": outline.sd(name)} for name in DESCRIPTOR_NAMES}
         region = {"box_px": [x0, y0, x1, y1], "leaves_the_image": seen.region.cut, "outline": drawn}
-    return {**kept, "region": region, "rims": seen.rims, "question": None if seen.question is None else _question(seen.question)}
+    return {
+        **kept,
+        "region": region,
+        "rims": seen.rims,
+        "question": None if seen.question is None else _question(seen.question),
+    }
 
 
 def _question(question: Question) -> dict[str, Any]:

@@ -78,7 +78,9 @@ def circle_frames(camera: Camera, ellipse: Ellipse, radius: float) -> Transforms
     """
     D = _dual(camera, ellipse)
     values, axes = np.linalg.eigh(np.linalg.inv(D))
-    Q, values, axes = (np.linalg.inv(D), values, axes) if values[1] > 0 else (-np.linalg.inv(D), -values[::-1], axes[:, ::-1])
+    Q, values, axes = (
+        (np.linalg.inv(D), values, axes) if values[1] > 0 else (-np.linalg.inv(D), -values[::-1], axes[:, ::-1])
+    )
     low, middle, high = values  # low < 0 < middle <= high
     along, across = np.sqrt(max(high - middle, 0.0) / (high - low)), np.sqrt((middle - low) / (high - low))
     out = []
@@ -312,7 +314,9 @@ def _projection_derivatives(camera: Camera, T: Transforms, radius: float) -> Flo
     m = D[:2, 2] / D[2, 2]
     P = _root(np.outer(m, m) - D[:2, :2] / D[2, 2])
     # P dP + dP P = dS for the three numbers of a symmetric matrix
-    sylvester = np.array([[2 * P[0, 0], 0, 2 * P[0, 1]], [0, 2 * P[1, 1], 2 * P[0, 1]], [P[0, 1], P[0, 1], P[0, 0] + P[1, 1]]])
+    sylvester = np.array(
+        [[2 * P[0, 0], 0, 2 * P[0, 1]], [0, 2 * P[1, 1], 2 * P[0, 1]], [P[0, 1], P[0, 1], P[0, 0] + P[1, 1]]]
+    )
     out = np.empty((5, 6))
     for k, change in enumerate(moved):
         half = camera.K @ change @ _UNIT @ H.T

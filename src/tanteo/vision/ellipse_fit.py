@@ -62,14 +62,14 @@ class Ellipse:
     @property
     def semi_axes(self) -> FloatArray:
         """The longer and the shorter ``(2,)`` [px]."""
-        return np.linalg.eigvalsh(self.shape)[::-1]
+        return np.asarray(np.linalg.eigvalsh(self.shape)[::-1], dtype=np.float64)
 
     @property
     def semi_axis_sds(self) -> FloatArray:
         """Standard deviations of the two ``(2,)`` [px]."""
         axes = np.linalg.eigh(self.shape)[1][:, ::-1]
         rows = np.stack([[0, 0, v[0] ** 2, v[1] ** 2, 2 * v[0] * v[1]] for v in axes.T])
-        return np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows))
+        return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows)))
 
     @property
     def angle(self) -> float:
@@ -108,18 +108,24 @@ def fit_ellipse(
     x = _fit(pixels, weights, _start(pixels))
     if blur:
         for _ in range(2):
-            feet, normals, radii = _feet(pixels, x)
+            _, normals, radii = _feet(pixels, x)
             x = _fit(pixels + (0.5 * blur**2 / radii)[:, None] * normals, weights, x)
-        pixels = pixels + (0.5 * blur**2 / _feet(pixels, x)[2])[:, None] * _feet(pixels, x)[1]
+        _, normals, radii = _feet(pixels, x)
+        pixels = pixels + (0.5 * blur**2 / radii)[:, None] * normals
     t, normals, _ = _feet(pixels, x)
     J = _derivatives(t, normals)
     off = _offsets(pixels, x, t, normals)
     chi2, dof = float(weights @ off**2), max(float(len(pixels) * share - 5), 1.0)
-    covariance = _inverse((J.T * weights) @ J) * max(1.0, chi2 / dof)
+    covariance = _inverse((J.T * weights) @ J) * _excess(chi2, dof)
     covariance[2:4, 2:4] += common**2
     ellipse = Ellipse(x[:2], _matrix(x), covariance, chi2, dof, _arc(t), len(pixels))
     _refuse_loose(ellipse)
     return ellipse
+
+
+def _excess(chi2: float, dof: float) -> float:
+    """By how much points scatter more than they say, where that is no chance: factor of the covariance."""
+    return chi2 / dof if chi2 > dof + 3 * np.sqrt(2 * dof) else 1.0
 
 
 def offsets_from(ellipse: Ellipse, pixels: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -132,7 +138,9 @@ def _check(pixels: FloatArray, sds: FloatArray) -> None:
     if pixels.ndim != 2 or pixels.shape[1:] != (2,) or len(pixels) < FEWEST:
         raise InputError(f"ellipse: expected {FEWEST} or more pixels (n, 2), got shape {pixels.shape}. Give more.")
     if sds.shape != (len(pixels),) or not (np.all(np.isfinite(sds)) and np.all(sds >= 0) and np.isfinite(pixels).all()):
-        raise InputError("ellipse: expected finite pixels with a standard deviation of 0 or more each [px], got others.")
+        raise InputError(
+            "ellipse: expected finite pixels with a standard deviation of 0 or more each [px], got others."
+        )
 
 
 def _matrix(x: FloatArray) -> FloatArray:
@@ -192,7 +200,7 @@ def _feet(pixels: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, Fl
         c, s = np.cos(t), np.sin(t)
         dx, dy = local[:, 0] - a * c, local[:, 1] - b * s
         f = -dx * a * s + dy * b * c
-        slope = -(a * s) ** 2 - (b * c) ** 2 - dx * a * c - dy * b * s
+        slope = -((a * s) ** 2) - (b * c) ** 2 - dx * a * c - dy * b * s
         slope = np.minimum(slope, -0.2 * b * b)
         t = t - np.clip(f / slope, -0.3, 0.3)
     c, s = np.cos(t), np.sin(t)
@@ -240,6 +248,6 @@ def _refuse_loose(ellipse: Ellipse) -> None:
     if sds.max() > LOOSE or not np.isfinite(sds).all():
         known = f"{100 * sds.max():.0f} %" if sds.max() < 10 else "nothing"
         raise DegenerateError(
-            f"ellipse: expected an arc that determines it, got {np.degrees(ellipse.arc):.0f} degrees of one: a semi-axis "
-            f"is known to {known}, {100 * LOOSE:.0f} % is asked for. Show more of the rim, or closer."
+            f"ellipse: expected an arc that determines it, got {np.degrees(ellipse.arc):.0f} degrees of one: a "
+            f"semi-axis is known to {known}, {100 * LOOSE:.0f} % is asked for. Show more of the rim, or closer."
         )

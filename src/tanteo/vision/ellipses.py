@@ -33,7 +33,7 @@ _OFF, _ALONG = 0.6, np.cos(np.radians(12.0))
 
 _OUTLYING, _ROUNDS = 4.0, 4
 _OWN, _ODD = 0.75, 5.0
-"""An arc is an ellipse's if this share of its points is, and chi-square over its degrees of freedom is below the other."""
+"""An arc is an ellipse's if this share of its points is, and chi-square a degree of freedom is below the other."""
 
 _TURNING = np.radians(20.0)
 """Edges that turn less than this are taken as straight: no arc, and nothing is said of them [rad]."""
@@ -173,11 +173,11 @@ def _ellipse(pixels: FloatArray, points: EdgePoints, arc: IntArray) -> tuple[Ell
         if np.array_equal(before, own):
             break
     # points that lie elsewhere may be of another curve: the arc by itself, then
-    for own, ellipse in ((own, ellipse), (arc, alone)):
-        whole = 2 * np.pi * float(np.sqrt(np.mean(ellipse.semi_axes**2)))
-        fits = ellipse.chi2 < _ODD * ellipse.dof and len(own) > _COVERED * whole
-        if fits and np.isin(arc, own).mean() > _OWN:
-            return replace(ellipse, dark=bool(outward > 0)), np.isin(np.arange(len(pixels)), own)
+    for its, found in ((own, ellipse), (arc, alone)):
+        whole = 2 * np.pi * float(np.sqrt(np.mean(found.semi_axes**2)))
+        fits = found.chi2 < _ODD * found.dof and len(its) > _COVERED * whole
+        if fits and np.isin(arc, its).mean() > _OWN:
+            return replace(found, dark=bool(outward > 0)), np.isin(np.arange(len(pixels)), its)
     raise DegenerateError(
         f"ellipse: expected an arc of one, got {len(arc)} points that do not run along one (chi2 {alone.chi2:.0f} of "
         f"{alone.dof:.0f}), or along too little of it. Show more of the rim, or closer."
