@@ -22,7 +22,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from common import Table
 from holes import part_of
-from vision import pose_errors
 
 from rendered import table_camera
 from tanteo.errors import DegenerateError
@@ -30,6 +29,7 @@ from tanteo.lie import SE3, SO3
 from tanteo.parts import round_features
 from tanteo.vision import Stage, circle_poses, fit_ellipse, prepare_vision, project_circle, render, see, thing
 from tanteo.vision.wireframe import Wireframe
+from vision import pose_errors
 from vision_scenes import random_look
 
 ARCS = (360, 180, 120, 90, 75, 60, 45, 30)
@@ -96,8 +96,8 @@ def arcs(trials, seed):
         rows.append((str(degrees), refused[0], shown[0], inside[0], refused[1], shown[1], inside[1]))
     head = ("arc deg", "ellipse refused", "NEES / 5", "in 95 %", "circle refused", "NEES / 5", "in 95 %")
     words = (
-        f"{trials} trials a row, sd {SD} px, a point every {SPACING} px, circles tilted by 20 to 65 degrees. 95 % interval of "
-        f"the mean NEES with nothing refused: {low_high[0]:.3f} to {low_high[1]:.3f}."
+        f"{trials} trials a row, sd {SD} px, a point every {SPACING} px, circles tilted by 20 to 65 degrees. 95 % "
+        f"interval of the mean NEES with nothing refused: {low_high[0]:.3f} to {low_high[1]:.3f}."
     )
     return Table("Arcs of ellipses", words, head, rows)
 
@@ -187,8 +187,8 @@ def seen(scenes, seed):
         inside = f"{100 * np.mean(z * dof < chi2.ppf(0.95, dof)):.0f} %" if len(z) else "-"
         low, high = chi2.ppf([0.025, 0.975], dof * max(len(z), 1)) / (dof * max(len(z), 1))
         rows.append((
-            "on the table" if way[1] else "no table", "in use" if way[0] else "left out", f"{100 * np.mean(right):.0f} %",
-            f"{np.mean(share):.2f}", f"{100 * len(z) / scenes:.0f} %", f"{nees} ({low:.2f} to {high:.2f})", inside,
+            "on the table" if way[1] else "no table", "in use" if way[0] else "left out",
+            f"{100 * np.mean(right):.0f} %", f"{np.mean(share):.2f}", f"{100 * len(z) / scenes:.0f} %", f"{nees} ({low:.2f} to {high:.2f})", inside,
             f"{np.median(seconds):.1f} s",
         ))  # fmt: skip
     head = ("camera", "rims", "plate right", "mean P of it", "plate and pose right", "NEES / dof (honest)", "in 95 %",

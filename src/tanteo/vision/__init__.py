@@ -1,8 +1,8 @@
 """Image -> what lies there: part, pose with covariance, and what the camera cannot tell.
 
 ``see_table`` for things on a table that the camera knows, ``see_anywhere`` for one part in any pose, ``follow`` from
-image to image; ``image_edge`` and ``image_corner`` make what a camera sees of a single edge or corner a feature for
-``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
+image to image; ``image_edge``, ``image_corner`` and ``image_circle`` make what a camera sees of a single edge, corner or
+rim a feature for ``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
 """
 
 from collections.abc import Callable
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
         rigid,
         without_distortion,
     )
-    from tanteo.vision.circles import CirclePose, circle_poses, image_centre, image_circle, project_circle
+    from tanteo.vision.circles import CirclePose, circle_poses, project_circle
     from tanteo.vision.descriptors import DESCRIPTOR_NAMES, Descriptors, describe, like_outline
     from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
     from tanteo.vision.ellipse_fit import Ellipse, fit_ellipse
     from tanteo.vision.ellipses import Ellipses, find_ellipses
-    from tanteo.vision.features import image_corner, image_edge
+    from tanteo.vision.features import image_centre, image_circle, image_corner, image_edge
     from tanteo.vision.models import Rest, VisionModel, prepare_vision, rests
     from tanteo.vision.picture import draw_sight
     from tanteo.vision.regions import Region, find_regions, silhouette
@@ -56,12 +56,12 @@ __getattr__, __dir__ = lazy(
     {
         "answers": "Question",
         "camera": "DISTORTION_COUNTS PIXELS USUAL_EDGE_SD Camera on_plane opencv project rays rigid without_distortion",
-        "circles": "CirclePose circle_poses image_centre image_circle project_circle",
+        "circles": "CirclePose circle_poses project_circle",
         "descriptors": "DESCRIPTOR_NAMES Descriptors describe like_outline",
         "edges": "EdgeMap EdgePoints find_edges map_edges",
         "ellipse_fit": "Ellipse fit_ellipse",
         "ellipses": "Ellipses find_ellipses",
-        "features": "image_corner image_edge",
+        "features": "image_centre image_circle image_corner image_edge",
         "models": "Rest VisionModel prepare_vision rests",
         "picture": "draw_sight",
         "regions": "Region find_regions silhouette",

@@ -1,4 +1,4 @@
-"""A circle behind an ellipse: its centre and axis with covariance, two of them, or the lines on which its centre lies.
+"""A circle behind an ellipse: two of them, each with centre, axis and covariance.
 
 The camera's centre and the ellipse span a cone. Planes of two directions cut circles out of it (Young and others 1992,
 Kanatani and Liu 1993); the radius says where along the cone. The covariance is that of the ellipse carried through the
@@ -12,12 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import CIRCLE, EDGE, Feature, Round
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Transforms
 from tanteo.vision.camera import Camera
 from tanteo.vision.ellipse_fit import Ellipse
-from tanteo.vision.features import CENTRE_SD, standing
 
 HEAD_ON = 3.0
 """A tilt against the line of sight that is known worse than to a third of itself is not known from an ellipse."""
@@ -120,90 +118,6 @@ def project_circle(camera: Camera, T_camera_circle: Transforms, radius: float) -
     return Ellipse(m, (axes * np.sqrt(values)) @ axes.T, np.zeros((5, 5)), 0.0, 1.0, 2 * np.pi, 0)
 
 
-def image_circle(
-    camera: Camera,
-    ellipse: Ellipse,
-    radius: float,
-    *,
-    radius_sd: float = 0.0,
-    T_world_camera: Transforms | None = None,
-    label: str = "image circle",
-) -> tuple[Feature, Feature]:
-    """The two circles of a radius that an ellipse may be, as sensed features to be paired with one of the model.
-
-    Lens and calibration (``Camera.edge_sd``) move the whole ellipse.
-
-    Args:
-        camera: that took the image.
-        ellipse: of :func:`tanteo.vision.find_ellipses`.
-        radius: of the circle, as the part has it [m].
-        radius_sd: its standard deviation [m].
-        T_world_camera: where the camera stands; that of ``camera`` if not given.
-        label: of the features.
-
-    Raises:
-        InputError: the camera's place is not known, or a radius that is none.
-        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
-    """
-    T = standing(camera, T_world_camera)
-    poses = circle_poses(camera, with_lens(camera, ellipse), radius, radius_sd)
-    first, second = (
-        Feature(
-            CIRCLE,
-            T @ pose.T_camera_circle,
-            pose.covariance[:5, :5],
-            label=label,
-            size=Round(pose.radius, float(pose.covariance[5, 5]), pose.covariance[:5, 5]),
-        )
-        for pose in poses
-    )
-    return first, second
-
-
-def image_centre(
-    camera: Camera,
-    ellipse: Ellipse,
-    *,
-    T_world_camera: Transforms | None = None,
-    label: str = "image centre",
-) -> tuple[Feature, Feature]:
-    """The two lines through the camera's centre on which the circle's centre lies, whatever its radius.
-
-    A line is a sensed edge, to be paired with a model vertex at the circle's centre: two equations, no depth.
-
-    Args:
-        camera: that took the image.
-        ellipse: of :func:`tanteo.vision.find_ellipses`.
-        T_world_camera: where the camera stands; that of ``camera`` if not given.
-        label: of the features.
-
-    Raises:
-        InputError: the camera's place is not known.
-        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
-    """
-    T = standing(camera, T_world_camera)
-    first, second = (_line(T, pose, label) for pose in circle_poses(camera, with_lens(camera, ellipse), 1.0))
-    return first, second
-
-
-def with_lens(camera: Camera, ellipse: Ellipse) -> Ellipse:
-    """The ellipse with what lens and calibration add to its covariance: half of the variance shifts it, half widens."""
-    C = ellipse.covariance.copy()
-    C[:2, :2] += 0.5 * camera.edge_sd**2 * np.eye(2)
-    C[2:4, 2:4] += 0.5 * camera.edge_sd**2
-    return replace(ellipse, covariance=C)
-
-
-def _line(T_world_camera: Transforms, pose: CirclePose, label: str) -> Feature:
-    c = pose.T_camera_circle[:3, 3]
-    R = SO3.frame_from_axis(c / np.linalg.norm(c), 0)
-    across = (R.T @ pose.T_camera_circle[:3, :3])[1:] / np.linalg.norm(c)
-    G = np.stack([-across[1], across[0]])  # a turn w moves the x axis by w_z y - w_y z
-    P = np.zeros((4, 4))
-    P[:2, :2], P[2:, 2:] = CENTRE_SD**2 * np.eye(2), G @ pose.covariance[:3, :3] @ G.T
-    return Feature(EDGE, T_world_camera @ SE3.from_parts(R, np.zeros(3)), P, label=label)
-
-
 def _dual(camera: Camera, ellipse: Ellipse) -> FloatArray:
     """The dual conic in rays: lines ``l`` with ``l D l = 0`` touch the ellipse; ``D[2, 2] = -1``."""
     A = np.diag(1 / camera.focal)
@@ -253,10 +167,9 @@ def _posed(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float, radiu
 
 
 def _bends(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float) -> FloatArray:
-    """By how much the map from ellipse to circle is bent, at one standard deviation along each axis of the ellipse's
-    covariance: rows of ``x, y, z, rx, ry`` ``(5, 5)``.
+    """By how much the map from ellipse to circle is bent: rows of ``x, y, z, rx, ry`` ``(5, 5)``.
 
-    Of a short arc some of the five numbers are known a hundred times better than others. Along the loose ones the map
+    Each is half a second difference over one standard deviation along an axis of the ellipse's covariance. Of a short arc some of the five numbers are known a hundred times better than others. Along the loose ones the map
     may be bent by more than the width of the narrow ones.
     """
     values, vectors = np.linalg.eigh(ellipse.covariance)
@@ -298,7 +211,7 @@ def _moved(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float, step:
 def _head_on(sd: float, tilt: float) -> DegenerateError:
     return DegenerateError(
         f"circle: expected one that is seen aslant, got one tilted by {np.degrees(tilt):.1f} degrees (sd "
-        f"{np.degrees(min(sd, np.pi)):.0f}) against the line of sight: its axis cannot be told. Look from farther aside."
+        f"{np.degrees(min(sd, np.pi)):.0f}) against the line of sight: its axis cannot be told. Look from aside."
     )
 
 

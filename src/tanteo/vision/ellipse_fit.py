@@ -1,7 +1,7 @@
 """An ellipse through edge points by maximum likelihood: geometric distances, covariance, refusal of short arcs.
 
-The ellipse is ``c + P (cos t, sin t)`` with a symmetric, positive ``P``: five numbers without a special case at circles,
-where an angle of the axes means nothing. Distances are along its normal; their derivative by the five numbers needs
+The ellipse is ``c + P (cos t, sin t)`` with a symmetric, positive ``P``: five numbers, regular at circles, where
+an angle of the axes means nothing. Distances are along its normal; their derivative by the five numbers needs
 the foot only (``math.md`` section 8). The start is the direct fit of Fitzgibbon, Pilu and Fisher (1999) in OpenCV.
 """
 
@@ -87,8 +87,8 @@ def fit_ellipse(
         pixels: ``(n, 2)``, without distortion [px].
         sds: ``(n,)`` [px].
         share: of a point that is information of its own: neighbours of :func:`tanteo.vision.find_edges` share noise.
-        blur: standard deviation of what blurred the edge [px]. A blurred edge moves by ``blur^2 / 2`` over its radius of
-            curvature towards the centre of that (Bouma and others 2005), which is put right.
+        blur: standard deviation of what blurred the edge [px]. A blurred edge moves by ``blur^2 / 2`` over its radius
+            of curvature towards the centre of that (Bouma and others 2005), which is put right.
         common: standard deviation of what moves the whole edge out or in [px].
 
     Raises:

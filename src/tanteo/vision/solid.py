@@ -38,8 +38,8 @@ TRIED, KEPT = 240, 48
 """Poses of each part that are refined a little, and of these to the end."""
 
 _LOST = 0.5
-"""A settled pose that has less than this share of the refined one's log weight has lost edges: those that neighbours pull
-count in that weight, and not in the settled pose."""
+"""A settled pose that has less than this share of the refined one's log weight has lost edges: those that neighbours
+pull count in that weight, and not in the settled pose."""
 
 _QUICK = (12.0, 9.0, 6.0, 4.0)
 _LAST = (2.5, 1.5, 1.0, 1.0)
