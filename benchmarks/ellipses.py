@@ -188,7 +188,8 @@ def seen(scenes, seed):
         low, high = chi2.ppf([0.025, 0.975], dof * max(len(z), 1)) / (dof * max(len(z), 1))
         rows.append((
             "on the table" if way[1] else "no table", "in use" if way[0] else "left out",
-            f"{100 * np.mean(right):.0f} %", f"{np.mean(share):.2f}", f"{100 * len(z) / scenes:.0f} %", f"{nees} ({low:.2f} to {high:.2f})", inside,
+            f"{100 * np.mean(right):.0f} %", f"{np.mean(share):.2f}",
+            f"{100 * len(z) / scenes:.0f} %", f"{nees} ({low:.2f} to {high:.2f})", inside,
             f"{np.median(seconds):.1f} s",
         ))  # fmt: skip
     head = ("camera", "rims", "plate right", "mean P of it", "plate and pose right", "NEES / dof (honest)", "in 95 %",

@@ -1,8 +1,8 @@
 """Image -> what lies there: part, pose with covariance, and what the camera cannot tell.
 
 ``see_table`` for things on a table that the camera knows, ``see_anywhere`` for one part in any pose, ``follow`` from
-image to image; ``image_edge``, ``image_corner`` and ``image_circle`` make what a camera sees of a single edge, corner or
-rim a feature for ``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
+image to image; ``image_edge``, ``image_corner`` and ``image_circle`` make what a camera sees of one edge, corner or rim
+a feature for ``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
 """
 
 from collections.abc import Callable

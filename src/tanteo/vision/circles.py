@@ -169,8 +169,9 @@ def _posed(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float, radiu
 def _bends(camera: Camera, ellipse: Ellipse, T: Transforms, radius: float) -> FloatArray:
     """By how much the map from ellipse to circle is bent: rows of ``x, y, z, rx, ry`` ``(5, 5)``.
 
-    Each is half a second difference over one standard deviation along an axis of the ellipse's covariance. Of a short arc some of the five numbers are known a hundred times better than others. Along the loose ones the map
-    may be bent by more than the width of the narrow ones.
+    Each is half a second difference over one standard deviation along an axis of the ellipse's covariance. Of a short
+    arc some of the five numbers are known a hundred times better than others: along the loose ones the map may be bent
+    by more than the width of the narrow ones.
     """
     values, vectors = np.linalg.eigh(ellipse.covariance)
     out = np.zeros((5, 5))
