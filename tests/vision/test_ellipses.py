@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import doctest
+import inspect
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+import tanteo.vision
 from drilled import as_part, drilled
 from rendered import table_camera
 from tanteo.errors import DegenerateError, InputError
@@ -148,6 +152,15 @@ def test_blur_does_not_shrink_what_is_found(semi_axes):
     assert found[0].dark
     assert found[0].semi_axes == pytest.approx(semi_axes, abs=0.05)
     assert found[0].centre == pytest.approx([61.3, 47.6], abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["circle_poses", "find_ellipses", "fit_ellipse", "image_centre", "image_circle"])
+def test_the_example_in_its_docstring_runs(name, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[2] / "examples")
+    text = inspect.getdoc(getattr(tanteo.vision, name))
+    test = doctest.DocTestParser().get_doctest(text, {"tanteo": tanteo, "np": np}, name, name, 0)
+    found = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test)
+    assert found.attempted and not found.failed  # noqa: PT018
 
 
 def test_straight_edges_make_no_ellipses():

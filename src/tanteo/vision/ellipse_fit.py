@@ -100,7 +100,7 @@ def fit_ellipse(
         >>> points = np.stack([300 + 40 * np.cos(t), 200 + 25 * np.sin(t)], axis=1)
         >>> ellipse = tanteo.vision.fit_ellipse(points, np.full(len(t), 0.05))
         >>> np.round(ellipse.semi_axes, 6), round(np.degrees(ellipse.arc))
-        (array([40., 25.]), 200)
+        (array([40., 25.]), 195)
     """
     pixels, sds = np.asarray(pixels, dtype=np.float64), np.asarray(sds, dtype=np.float64)
     _check(pixels, sds)

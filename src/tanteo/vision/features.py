@@ -103,6 +103,14 @@ def image_circle(
     Raises:
         InputError: the camera's place is not known, or a radius that is none.
         DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> aslant = tanteo.lie.SE3.exp(np.array([0, 0, 0.3, 2.5, 0, 0]))
+        >>> ellipse = tanteo.vision.project_circle(camera, aslant, 5e-3)
+        >>> first, second = tanteo.vision.image_circle(camera, ellipse, 5e-3, T_world_camera=np.eye(4))
+        >>> first.kind.name, first.radius
+        ('circle', 0.005)
     """
     T = standing(camera, T_world_camera)
     poses = circle_poses(camera, with_lens(camera, ellipse), radius, radius_sd)
@@ -139,6 +147,14 @@ def image_centre(
     Raises:
         InputError: the camera's place is not known.
         DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> aslant = tanteo.lie.SE3.exp(np.array([0, 0, 0.3, 2.5, 0, 0]))
+        >>> ellipse = tanteo.vision.project_circle(camera, aslant, 5e-3)
+        >>> first, second = tanteo.vision.image_centre(camera, ellipse, T_world_camera=np.eye(4))
+        >>> first.kind.name, second.kind.name
+        ('edge', 'edge')
     """
     T = standing(camera, T_world_camera)
     first, second = (_line(T, pose, label) for pose in circle_poses(camera, with_lens(camera, ellipse), 1.0))
