@@ -106,8 +106,8 @@ def image_circle(
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
-        >>> aslant = tanteo.lie.SE3.exp(np.array([0, 0, 0.3, 2.5, 0, 0]))
-        >>> ellipse = tanteo.vision.project_circle(camera, aslant, 5e-3)
+        >>> points = tanteo.vision.find_edges(tanteo.read_image("images/three_parts.png"))
+        >>> ellipse = tanteo.vision.find_ellipses(camera, points).found[0]
         >>> first, second = tanteo.vision.image_circle(camera, ellipse, 5e-3, T_world_camera=np.eye(4))
         >>> first.kind.name, first.radius
         ('circle', 0.005)
@@ -150,8 +150,8 @@ def image_centre(
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
-        >>> aslant = tanteo.lie.SE3.exp(np.array([0, 0, 0.3, 2.5, 0, 0]))
-        >>> ellipse = tanteo.vision.project_circle(camera, aslant, 5e-3)
+        >>> points = tanteo.vision.find_edges(tanteo.read_image("images/three_parts.png"))
+        >>> ellipse = tanteo.vision.find_ellipses(camera, points).found[0]
         >>> first, second = tanteo.vision.image_centre(camera, ellipse, T_world_camera=np.eye(4))
         >>> first.kind.name, second.kind.name
         ('edge', 'edge')
