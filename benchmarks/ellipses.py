@@ -28,7 +28,6 @@ from tanteo.errors import DegenerateError
 from tanteo.lie import SE3, SO3
 from tanteo.parts import round_features
 from tanteo.vision import Stage, circle_poses, fit_ellipse, prepare_vision, project_circle, render, see, thing
-from tanteo.vision.wireframe import Wireframe
 from vision import pose_errors
 from vision_scenes import random_look
 
@@ -133,7 +132,7 @@ def _beside_rims(frame, features):
         out = np.linalg.norm(local - height[:, None] * rim.axis, axis=1) - rim.radius
         own &= np.hypot(height, out) > 1e-3 * rim.radius
     fields = (frame.points, frame.tangents, frame.bends, frame.normals, frame.lengths, frame.sharp, frame.groups)
-    return Wireframe(*(a[own] for a in fields), frame.surface, frame.diagonal, frame.middle)
+    return type(frame)(*(a[own] for a in fields), frame.surface, frame.diagonal, frame.middle)
 
 
 def scene(k, seed, folder):
