@@ -82,6 +82,10 @@ def sensing_hand(wedge, folder):
     }  # fmt: skip
 
 
+def vision(wedge, folder):
+    return report(wedge, folder)
+
+
 def round_features(wedge, folder):
     """Twelve touches of a bore of 10 mm in three rings, and the face in which it is."""
     from tanteo.features import PLANE, Feature
@@ -101,7 +105,7 @@ def bench(wedge, folder):
 
 GIVEN = {
     made.__name__: made
-    for made in (active_sensing, bench, replay, reading_cad, report, round_features, sense_part, sensing_hand)
+    for made in (active_sensing, bench, replay, reading_cad, report, round_features, sense_part, sensing_hand, vision)
 }
 """What the code of a page takes as given."""
 

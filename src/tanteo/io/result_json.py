@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tanteo.active import Explanation
     from tanteo.answers import Hypothesis
     from tanteo.execution import Executed, Visit
-    from tanteo.vision import Question, Sight, Sighting
+    from tanteo.vision import Ellipse, Question, Sight, Sighting
 
 EMPTY = Answer("unknown", "Nothing was seen that could be a part: check light, focus and camera file.", (), 1.0)
 """The answer of an image that shows nothing."""
@@ -132,7 +132,16 @@ def sight_json(sight: Sight, warnings: Sequence[str] = ()) -> str:
     """The document ``tanteo.recognition/1`` of the largest object, with ``objects`` for every one, itself included."""
     first = sight.objects[0].answer if sight.objects else EMPTY
     objects = {"objects": [_object(seen, sight.frame) for seen in sight.objects]}
-    return document_json(recognition_document(first, sight.frame) | objects, warnings)
+    arcs = {"ellipses": [_ellipse(e) for e in sight.ellipses.found], "refused_arcs": list(sight.ellipses.refused)}
+    return document_json(recognition_document(first, sight.frame) | objects | arcs, warnings)
+
+
+def _ellipse(ellipse: Ellipse) -> dict[str, Any]:
+    """In pixels without distortion; the covariance is that of ``cx, cy, Pxx, Pyy, Pxy``."""
+    return {
+        "centre_px": ellipse.centre, "shape_px": ellipse.shape, "covariance_px2": ellipse.covariance,
+        "semi_axes_px": ellipse.semi_axes, "arc_rad": ellipse.arc, "points": ellipse.count, "dark_inside": ellipse.dark,
+    }  # fmt: skip
 
 
 def _object(seen: Sighting, frame: str) -> dict[str, Any]:
@@ -145,7 +154,12 @@ def _object(seen: Sighting, frame: str) -> dict[str, Any]:
         x0, x1, y0, y1 = seen.region.box
         drawn = outline and {name: {"value": outline[name], "sd": outline.sd(name)} for name in DESCRIPTOR_NAMES}
         region = {"box_px": [x0, y0, x1, y1], "leaves_the_image": seen.region.cut, "outline": drawn}
-    return {**kept, "region": region, "question": None if seen.question is None else _question(seen.question)}
+    return {
+        **kept,
+        "region": region,
+        "rims": seen.rims,
+        "question": None if seen.question is None else _question(seen.question),
+    }
 
 
 def _question(question: Question) -> dict[str, Any]:

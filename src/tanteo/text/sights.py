@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tanteo.io import EMPTY
 from tanteo.text.answers import answer_lines
 from tanteo.text.layout import PLAIN, Layout, printable
@@ -29,9 +31,25 @@ def sight_lines(sight: Sight, *, verbose: bool = False, layout: Layout = PLAIN) 
         lines += answer_lines(seen.answer, frame=sight.frame, verbose=verbose, layout=layout)
         if verbose and seen.alike:
             lines.append(f"By the outline alone: {printable(', '.join(seen.alike[:3]))}.")
+        if any(seen.rims):
+            lines.append(f"Rims that were seen: {printable(', '.join(dict.fromkeys(filter(None, seen.rims))))}.")
         if seen.question is not None and seen.answer.status != "ambiguous":
             lines.append(f"To be sure, {printable(seen.question.words)}.")
-    return lines
+    return [*lines, *_ellipse_lines(sight)] if verbose else lines
+
+
+def _ellipse_lines(sight: Sight) -> list[str]:
+    """The ellipses of the image, and why other bent edges are none."""
+    lines = []
+    for k, ellipse in enumerate(sight.ellipses.found):
+        (x, y), (a, b), sds = ellipse.centre, ellipse.semi_axes, ellipse.semi_axis_sds
+        own = next((seen.rims[k] for seen in sight.objects if seen.rims and seen.rims[k]), "no rim of an answer")
+        lines.append(
+            f"Ellipse at x {x:.1f} y {y:.1f} px, semi-axes {a:.2f} +- {sds[0]:.2f} and {b:.2f} +- {sds[1]:.2f} px, "
+            f"{np.degrees(ellipse.arc):.0f} degrees of it: {printable(own)}."
+        )
+    lines += [f"No ellipse: {printable(words)}" for words in sight.ellipses.refused]
+    return ["", *lines] if lines else []
 
 
 def _heading(k: int, n: int, seen: Sighting) -> str:

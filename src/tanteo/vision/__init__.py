@@ -1,8 +1,8 @@
 """Image -> what lies there: part, pose with covariance, and what the camera cannot tell.
 
 ``see_table`` for things on a table that the camera knows, ``see_anywhere`` for one part in any pose, ``follow`` from
-image to image; ``image_edge`` and ``image_corner`` make what a camera sees of a single edge or corner a feature for
-``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
+image to image; ``image_edge``, ``image_corner`` and ``image_circle`` make what a camera sees of one edge, corner or rim
+a feature for ``localization``. Needs OpenCV (the extra ``vision``), imported when the first image comes.
 """
 
 from collections.abc import Callable
@@ -24,9 +24,12 @@ if TYPE_CHECKING:
         rigid,
         without_distortion,
     )
+    from tanteo.vision.circles import CirclePose, circle_poses, project_circle
     from tanteo.vision.descriptors import DESCRIPTOR_NAMES, Descriptors, describe, like_outline
     from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
-    from tanteo.vision.features import image_corner, image_edge
+    from tanteo.vision.ellipse_fit import Ellipse, fit_ellipse
+    from tanteo.vision.ellipses import Ellipses, find_ellipses
+    from tanteo.vision.features import image_centre, image_circle, image_corner, image_edge
     from tanteo.vision.models import Rest, VisionModel, prepare_vision, rests
     from tanteo.vision.picture import draw_sight
     from tanteo.vision.regions import Region, find_regions, silhouette
@@ -37,12 +40,13 @@ if TYPE_CHECKING:
     from tanteo.vision.table import CameraPose, TableErrors, fit_camera
 
 __all__ = [
-    "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "Corners",
-    "Descriptors", "EdgeMap", "EdgePoints", "Look", "Question", "Region", "Rest", "Segments", "Sight", "Sighting",
-    "Stage", "TableErrors", "Thing", "VisionModel", "describe", "draw_sight", "find_corners", "find_edges",
-    "find_regions", "find_segments", "fit_camera", "follow", "image_corner", "image_edge", "like_outline",
-    "map_edges", "on_plane", "opencv", "prepare_vision", "project", "rays", "render", "rests", "rigid", "see",
-    "see_anywhere", "see_table", "silhouette", "thing", "without_distortion",
+    "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "CirclePose",
+    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "Question", "Region", "Rest",
+    "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "VisionModel", "circle_poses", "describe",
+    "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions", "find_segments", "fit_camera",
+    "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner", "image_edge", "like_outline",
+    "map_edges", "on_plane", "opencv", "prepare_vision", "project", "project_circle", "rays", "render", "rests",
+    "rigid", "see", "see_anywhere", "see_table", "silhouette", "thing", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -52,9 +56,12 @@ __getattr__, __dir__ = lazy(
     {
         "answers": "Question",
         "camera": "DISTORTION_COUNTS PIXELS USUAL_EDGE_SD Camera on_plane opencv project rays rigid without_distortion",
+        "circles": "CirclePose circle_poses project_circle",
         "descriptors": "DESCRIPTOR_NAMES Descriptors describe like_outline",
         "edges": "EdgeMap EdgePoints find_edges map_edges",
-        "features": "image_corner image_edge",
+        "ellipse_fit": "Ellipse fit_ellipse",
+        "ellipses": "Ellipses find_ellipses",
+        "features": "image_centre image_circle image_corner image_edge",
         "models": "Rest VisionModel prepare_vision rests",
         "picture": "draw_sight",
         "regions": "Region find_regions silhouette",

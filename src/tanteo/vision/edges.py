@@ -51,6 +51,7 @@ class EdgePoints:
         drifts: ``(n,)``, how far the point moves along the normal if the image is smoothed with :data:`COARSER`;
             nothing for a straight step that stands alone, much where another edge, a corner or a bend is near [px].
         contrasts: ``(n,)``, gradient in standard deviations of its noise.
+        widths: ``(n,)``, standard deviation of the Gaussian that a step was blurred with, smoothing included [px].
         noise: standard deviation of one pixel of the image [grey levels].
         shape: rows and columns of the image.
     """
@@ -60,11 +61,12 @@ class EdgePoints:
     sds: FloatArray
     drifts: FloatArray
     contrasts: FloatArray
+    widths: FloatArray
     noise: float
     shape: tuple[int, int]
 
     def __post_init__(self) -> None:
-        freeze(self, "pixels", "normals", "sds", "drifts", "contrasts")
+        freeze(self, "pixels", "normals", "sds", "drifts", "contrasts", "widths")
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -126,7 +128,9 @@ def find_edges(image: FloatArray) -> EdgePoints:
     sides = g * np.exp(0.5 * np.maximum(curvature, -2.0))
     sds = np.minimum(np.hypot(np.hypot(top_sd, shift * bend_sd) / (sides * np.abs(curvature)), FLOOR), 0.5)
     drifts = np.abs(_moved(image, rows, columns, normals) - shift)
-    return EdgePoints(pixels, normals, sds, drifts, g / slope_sd, noise, (image.shape[0], image.shape[1]))
+    widths = 1 / np.sqrt(-curvature)
+    shape = image.shape[0], image.shape[1]
+    return EdgePoints(pixels, normals, sds, drifts, g / slope_sd, widths, noise, shape)
 
 
 def _moved(image: FloatArray, i: IntArray, j: IntArray, normals: FloatArray) -> FloatArray:

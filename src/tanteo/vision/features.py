@@ -1,20 +1,25 @@
-"""Edges and corners of an image as sensed features, for ``localization``.
+"""Edges, corners and ellipses of an image as sensed features, for ``localization``.
 
 An edge in the image is a plane through the camera's centre that holds the model edge (relation ``plane_has_edge``, two
 equations); a corner is a line through the centre that holds the model vertex (``edge_has_vertex``, two equations).
-How far away they are, the camera does not say: neither fixes a pose alone. What lens and calibration add to
+How far away they are, the camera does not say: neither fixes a pose alone. An ellipse is one of two circles where the
+radius is known, and says on which of two lines the centre lies where it is not. What lens and calibration add to
 each is ``Camera.edge_sd``.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import EDGE, PLANE, Feature
+from tanteo.features import CIRCLE, EDGE, PLANE, Feature, Round
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Transforms
 from tanteo.vision.camera import Camera
+from tanteo.vision.circles import CirclePose, circle_poses
+from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.segments import Corners, Segments
 
 CENTRE_SD = 1e-6
@@ -36,7 +41,7 @@ def image_edge(camera: Camera, segments: Segments, index: int, T_world_camera: T
     Raises:
         InputError: the camera's place is not known.
     """
-    T = _standing(camera, T_world_camera)
+    T = standing(camera, T_world_camera)
     middle, direction = segments.middles[index], segments.directions[index]
     ray = np.append((middle - camera.centre) / camera.focal, 1.0)
     along = np.append(direction / camera.focal, 0.0)
@@ -69,9 +74,109 @@ def image_corner(camera: Camera, corners: Corners, index: int, T_world_camera: T
     Raises:
         InputError: the camera's place is not known.
     """
-    T = _standing(camera, T_world_camera)
+    T = standing(camera, T_world_camera)
     covariance = corners.covariances[index] + camera.edge_sd**2 * np.eye(2)
     return _ray_feature(camera, corners.pixels[index], covariance, T, f"image corner {index}")
+
+
+def image_circle(
+    camera: Camera,
+    ellipse: Ellipse,
+    radius: float,
+    *,
+    radius_sd: float = 0.0,
+    T_world_camera: Transforms | None = None,
+    label: str = "image circle",
+) -> tuple[Feature, Feature]:
+    """The two circles of a radius that an ellipse may be, as sensed features to be paired with one of the model.
+
+    Lens and calibration (``Camera.edge_sd``) move the whole ellipse.
+
+    Args:
+        camera: that took the image.
+        ellipse: of :func:`tanteo.vision.find_ellipses`.
+        radius: of the circle, as the part has it [m].
+        radius_sd: its standard deviation [m].
+        T_world_camera: where the camera stands; that of ``camera`` if not given.
+        label: of the features.
+
+    Raises:
+        InputError: the camera's place is not known, or a radius that is none.
+        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> points = tanteo.vision.find_edges(tanteo.read_image("images/three_parts.png"))
+        >>> ellipse = tanteo.vision.find_ellipses(camera, points).found[0]
+        >>> first, second = tanteo.vision.image_circle(camera, ellipse, 5e-3, T_world_camera=np.eye(4))
+        >>> first.kind.name, first.radius
+        ('circle', 0.005)
+    """
+    T = standing(camera, T_world_camera)
+    poses = circle_poses(camera, with_lens(camera, ellipse), radius, radius_sd)
+    first, second = (
+        Feature(
+            CIRCLE,
+            T @ pose.T_camera_circle,
+            pose.covariance[:5, :5],
+            label=label,
+            size=Round(pose.radius, float(pose.covariance[5, 5]), pose.covariance[:5, 5]),
+        )
+        for pose in poses
+    )
+    return first, second
+
+
+def image_centre(
+    camera: Camera,
+    ellipse: Ellipse,
+    *,
+    T_world_camera: Transforms | None = None,
+    label: str = "image centre",
+) -> tuple[Feature, Feature]:
+    """The two lines through the camera's centre on which the circle's centre lies, whatever its radius.
+
+    A line is a sensed edge, to be paired with a model vertex at the circle's centre: two equations, no depth.
+
+    Args:
+        camera: that took the image.
+        ellipse: of :func:`tanteo.vision.find_ellipses`.
+        T_world_camera: where the camera stands; that of ``camera`` if not given.
+        label: of the features.
+
+    Raises:
+        InputError: the camera's place is not known.
+        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
+
+    Example:
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> points = tanteo.vision.find_edges(tanteo.read_image("images/three_parts.png"))
+        >>> ellipse = tanteo.vision.find_ellipses(camera, points).found[0]
+        >>> first, second = tanteo.vision.image_centre(camera, ellipse, T_world_camera=np.eye(4))
+        >>> first.kind.name, second.kind.name
+        ('edge', 'edge')
+    """
+    T = standing(camera, T_world_camera)
+    first, second = (_line(T, pose, label) for pose in circle_poses(camera, with_lens(camera, ellipse), 1.0))
+    return first, second
+
+
+def with_lens(camera: Camera, ellipse: Ellipse) -> Ellipse:
+    """The ellipse with what lens and calibration add to its covariance: half of the variance shifts it, half widens."""
+    C = ellipse.covariance.copy()
+    C[:2, :2] += 0.5 * camera.edge_sd**2 * np.eye(2)
+    C[2:4, 2:4] += 0.5 * camera.edge_sd**2
+    return replace(ellipse, covariance=C)
+
+
+def _line(T_world_camera: Transforms, pose: CirclePose, label: str) -> Feature:
+    c = pose.T_camera_circle[:3, 3]
+    R = SO3.frame_from_axis(c / np.linalg.norm(c), 0)
+    across = (R.T @ pose.T_camera_circle[:3, :3])[1:] / np.linalg.norm(c)
+    G = np.stack([-across[1], across[0]])  # a turn w moves the x axis by w_z y - w_y z
+    P = np.zeros((4, 4))
+    P[:2, :2], P[2:, 2:] = CENTRE_SD**2 * np.eye(2), G @ pose.covariance[:3, :3] @ G.T
+    return Feature(EDGE, T_world_camera @ SE3.from_parts(R, np.zeros(3)), P, label=label)
 
 
 def _ray_feature(camera: Camera, pixel: FloatArray, C: Covariances, T: Transforms, label: str) -> Feature:
@@ -88,7 +193,12 @@ def _ray_feature(camera: Camera, pixel: FloatArray, C: Covariances, T: Transform
     return Feature(EDGE, T @ SE3.from_parts(R, np.zeros(3)), P, label=label)
 
 
-def _standing(camera: Camera, T_world_camera: Transforms | None) -> Transforms:
+def standing(camera: Camera, T_world_camera: Transforms | None) -> Transforms:
+    """Where the camera stands.
+
+    Raises:
+        InputError: that is not known.
+    """
     T = camera.T_world_camera if T_world_camera is None else T_world_camera
     if T is None:
         raise InputError("camera: expected where it stands (T_world_camera), got none. Fit it with fit_camera.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,11 +18,13 @@ from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.descriptors import Descriptors, describe, like_outline
 from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
+from tanteo.vision.ellipses import Ellipses, find_ellipses
 from tanteo.vision.evidence import Weights
 from tanteo.vision.fit import BIAS
 from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.posterior import POSSIBLE, ImageMode, ImagePosterior, infer, settle_lying
 from tanteo.vision.regions import Region, find_regions
+from tanteo.vision.rims import name_ellipses
 from tanteo.vision.table import TableErrors, seen_table
 
 _FARTHEST = 200.0
@@ -77,6 +79,7 @@ class Sighting:
         outline: descriptors of the region's outline as if it were drawn on the table, shadow and all [m]; None without
             a region.
         alike: names of parts by how like their outlines from above are to it, the likest first: a first look.
+        rims: of each ellipse of the image, of which hole or boss of the best answer it is a rim; empty if of none.
     """
 
     answer: Answer
@@ -85,6 +88,7 @@ class Sighting:
     region: Region | None
     outline: Descriptors | None = None
     alike: tuple[str, ...] = ()
+    rims: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,12 +100,14 @@ class Sight:
         edges: the edge points.
         T_world_camera: where the camera stands; the world is the camera's frame where that is not known.
         frame: of poses, ``"world"``, or ``"camera"`` where its place is not known.
+        ellipses: of the image, and arcs that determine none.
     """
 
     objects: tuple[Sighting, ...]
     edges: EdgePoints
     T_world_camera: Transforms
     frame: str = "world"
+    ellipses: Ellipses = field(default_factory=lambda: Ellipses((), ()))
 
 
 def see_table(
@@ -154,9 +160,19 @@ def see_table(
         outline = outline_on_table(camera, region, T_camera_table)
         order = [] if outline is None else [model.part.name for model, _, _ in like_outline(outline, models)]
         objects.append(replace(seen, outline=outline, alike=tuple(dict.fromkeys(order))))
+    ellipses = find_ellipses(camera, points)
     seconds = {"total": time.perf_counter() - start}
     timed = [replace(o, answer=replace(o.answer, elapsed=seconds)) for o in objects]
-    return Sight(tuple(timed), points, camera.T_world_camera)
+    named = tuple(with_rims(seen, camera, ellipses) for seen in timed)
+    return Sight(named, points, camera.T_world_camera, ellipses=ellipses)
+
+
+def with_rims(seen: Sighting, camera: Camera, ellipses: Ellipses) -> Sighting:
+    """The same, with the names of the ellipses that are rims of its best answer."""
+    if not seen.modes:
+        return seen
+    best = seen.modes[0]
+    return replace(seen, rims=name_ellipses(camera, ellipses.found, best.model.part, best.T_camera_part))
 
 
 def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms) -> Descriptors | None:
