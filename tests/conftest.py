@@ -46,7 +46,7 @@ def parts(models):
 
 @pytest.fixture(scope="session")
 def browser():
-    """A headless Chromium; the tests are skipped where there is none. There is no graphics card to put windows together."""
+    """A headless Chromium that puts its windows together without a graphics card; tests are skipped where none is."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     program = os.environ.get("TANTEO_BROWSER") or next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:

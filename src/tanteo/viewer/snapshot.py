@@ -137,9 +137,32 @@ def apart(session: Session, truth: Sequence[Solid]) -> float:
     return float(max(there.max(), back.max()))
 
 
-def compared(policy: int, mine: int, name: str, alone: int) -> str:
-    """The person's count beside the policy's."""
-    together = (
-        f"You needed {mine} places" if not policy else f"Together {policy + mine} places: you {mine}, '{name}' {policy}"
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a run came out.
+
+    Attributes:
+        places: that were sensed.
+        part: the likeliest; empty if none explains the readings.
+        probability: of it.
+        corner_sd: largest corner sd [m].
+        off: how far the truth is from it [m].
+    """
+
+    places: int
+    part: str
+    probability: float
+    corner_sd: float
+    off: float
+
+
+def result(session: Session, truth: Sequence[Solid]) -> Result:
+    """What a session came to, and how far that is from the truth."""
+    now, b = Snapshot.of(session), session.state
+    if not len(b.weights):
+        return Result(len(now.steps), "", 0.0, np.nan, np.nan)
+    best = int(now.order[0])
+    sd = now.steps[-1].corner_sd if now.steps else np.nan
+    return Result(
+        len(now.steps), now.names[best], float(b.of_parts()[best]), sd, apart(session, truth) if truth else np.nan
     )
-    return f"{together}; '{name}' alone needs {alone} on the same scene."
