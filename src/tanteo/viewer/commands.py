@@ -59,10 +59,11 @@ class Choose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Click:
-    """A click into the picture: a ray from the eye, world."""
+    """A click into the picture: a ray from the eye, world; what is in a hidden layer is not clicked."""
 
     eye: Vectors
     ray: Vectors
+    hidden: frozenset[str] = frozenset()
 
 
 Command = Go | Pause | Advance | Restart | Contest | AnswerNow | Quit | Choose | Click

@@ -15,7 +15,7 @@ from tanteo.simulator import Solid
 from tanteo.typing import FloatArray, IntArray, Transforms
 from tanteo.viewer import colors
 from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive, dashed, ellipsoids, hand_mesh, outline
-from tanteo.viewer.snapshot import Snapshot
+from tanteo.viewer.snapshot import RIVAL_LAYERS, Snapshot
 
 _SDS = 2.0
 """Standard deviations at which ellipsoids are drawn."""
@@ -28,9 +28,6 @@ _ARM = 0.14
 
 _DASH, OPEN = 0.006, 0.12
 """Dash of a beam that met nothing, and how much of it is drawn [m]."""
-
-RIVAL_LAYERS = ("rival 1", "rival 2", "rival 3")
-"""Layers of what else it may be, the likeliest first."""
 
 LAYERS = {
     RIVAL_LAYERS[0]: "Second likeliest",
@@ -54,19 +51,12 @@ HIDDEN_AT_FIRST = RIVAL_LAYERS
 def state_primitives(now: Snapshot) -> list[Primitive]:
     """Parts where they may be: the likeliest as a solid, others clear and in colours of their own."""
     out: list[Primitive] = []
-    b, modes = now.state, now.drawn_modes()
-    # of a part that may lie in several ways, the likeliest way is the solid one
-    solid = next((k for k in modes if now.rank(int(b.part[k])) == 0), -1)
-    for k in modes:
-        name = f"mode {k}"
-        rank, w, drawn = now.rank(int(b.part[k])), float(b.weights[k]), _drawn(b.target(int(k)).part)
-        if k == solid:
-            opacity, colour, line, layer = 1.0, colors.PART, colors.EDGE, ""
-        elif rank == 0:
-            opacity, colour, line, layer = 0.12 + 0.3 * w, colors.PART, colors.EDGE, "overlays"
-        else:
-            colour = line = colors.RIVALS[rank - 1]
-            opacity, layer = 0.12 + 0.3 * w, RIVAL_LAYERS[rank - 1]
+    b = now.state
+    for k in now.drawn_modes().tolist():
+        name, layer = f"mode {k}", now.layer(k)
+        rank, w, drawn = now.rank(int(b.part[k])), float(b.weights[k]), _drawn(b.target(k).part)
+        colour, line = (colors.PART, colors.EDGE) if rank == 0 else (colors.RIVALS[rank - 1],) * 2
+        opacity = 0.12 + 0.3 * w if layer else 1.0
         out.append(Mesh(f"{name} body", drawn.vertices, drawn.triangles, colour, opacity, b.poses[k], layer))
         out.append(Lines(f"{name} edges", drawn.lines, line, 2.0 if rank == 0 else 1.5, b.poses[k], layer))
     return [*out, *_overlays(now)]

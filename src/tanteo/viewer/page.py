@@ -90,7 +90,11 @@ class LivePage:
             )
             number.on_update(lambda event: send(Choose(seed=int(event.target.value or 0))))
         self._happened()
-        self._scene.on_click()(lambda event: send(Click(np.array(event.ray_origin), np.array(event.ray_direction))))
+        self._scene.on_click()(
+            lambda event: send(
+                Click(np.array(event.ray_origin), np.array(event.ray_direction), frozenset(self._hidden))
+            )
+        )
 
     def record_controls(self, send: Callable[[int], None], count: int, *, hand: bool) -> None:
         """A slider over what was recorded."""
@@ -188,7 +192,7 @@ def seen_from(middle: Vectors, size: float, aspect: float) -> tuple[Vectors, Vec
     if aspect > 1:
         away, aside = 2.0 * size, 0.1 * aspect * right
     else:
-        away, aside = 1.5 * size / aspect, -0.25 * np.cross(right, forward)
+        away, aside = 1.5 * size / aspect, -0.2 * np.cross(right, forward)
     look_at = middle + 2 * away * np.tan(FOV / 2) * aside
     return look_at - away * forward, look_at
 

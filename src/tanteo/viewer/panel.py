@@ -10,9 +10,9 @@ import numpy as np
 from tanteo.report import Html, bar, element, percent
 from tanteo.session import Step
 from tanteo.viewer import colors
-from tanteo.viewer.drawing import OPEN, RIVAL_LAYERS
+from tanteo.viewer.drawing import OPEN
 from tanteo.viewer.primitives import Colour
-from tanteo.viewer.snapshot import Result, Snapshot, by_hand
+from tanteo.viewer.snapshot import RIVAL_LAYERS, Result, Snapshot, by_hand
 
 _BARS = 5
 """Parts that have a bar of their own."""
@@ -37,7 +37,8 @@ def headline(now: Snapshot) -> str:
     """What is believed now, in a sentence."""
     b, n = now.state, len(now.names)
     if not now.steps:
-        return f"Nothing was sensed yet: {n} parts may be here." if n > 1 else "Nothing was sensed yet."
+        drawn = f"{now.names[now.order[0]]} is drawn"
+        return f"Nothing was sensed yet: {n} parts may be here, {drawn}." if n > 1 else "Nothing was sensed yet."
     if not len(b.weights):
         return "No part explains the readings."
     best = int(now.order[0])
@@ -45,7 +46,7 @@ def headline(now: Snapshot) -> str:
     if not now.decided:
         return f"Not decided; the likeliest is {words}"
     sd = now.steps[-1].corner_sd
-    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm (1 sd)"
+    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm"
 
 
 def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:
@@ -67,9 +68,8 @@ def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
     if not steps:
         return "The planner has sensed nothing yet."
     last = steps[-1]
-    sure = (
-        f"{percent(float(last.probabilities.max(initial=0.0)))} sure, largest corner sd {1e3 * last.corner_sd:.3g} mm"
-    )
+    sure = percent(float(last.probabilities.max(initial=0.0)))
+    sure = f"{sure} sure, largest corner sd {1e3 * last.corner_sd:.3g} mm"
     if through and len(steps) < places:
         return f"The planner was through after {len(steps)}: {sure}."
     return f"The planner after {len(steps)}: {sure}."
@@ -86,12 +86,12 @@ def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: b
     """
     name = "you" if not places[0] else f"you {places[1]}, policy {places[0]}"
     rows: list[tuple[str, str, str]] = [
-        ("places sensed", f"{mine.places}", f"{planned.places}"),
+        ("places", f"{mine.places}", f"{planned.places}"),
         *((words, _said(read(mine)), _said(read(planned))) for words, read in _COMPARED),
     ]
     if not truth:
         rows.pop()
-    head = element("tr", element("td"), element("th", name, scope="col"), element("th", "planner alone", scope="col"))
+    head = element("tr", element("td"), element("th", name, scope="col"), element("th", "planner", scope="col"))
     body = [element("tr", element("th", a, scope="row"), element("td", b), element("td", c)) for a, b, c in rows]
     return element("table", head, *body, class_="compared").text
 
@@ -99,8 +99,8 @@ def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: b
 _COMPARED: tuple[tuple[str, Callable[[Result], str | float]], ...] = (
     ("answer", lambda r: r.part or "none"),
     ("probability", lambda r: percent(r.probability)),
-    ("largest corner sd", lambda r: r.corner_sd),
-    ("farthest off the truth", lambda r: r.off),
+    ("corner sd", lambda r: r.corner_sd),
+    ("off the truth", lambda r: r.off),
 )
 
 
@@ -113,7 +113,9 @@ def _said(value: str | float) -> str:
 def counted(now: Snapshot) -> str:
     """Places sensed so far, and by whom."""
     policy, mine = now.places
-    return f"Places sensed: {policy + mine}" + (f" ({mine} by you, {policy} by the policy)" if mine else "")
+    if not mine or not policy:
+        return f"Places sensed: {policy + mine}" + (", all by you" if mine else "")
+    return f"Places sensed: {policy + mine} ({mine} by you, {policy} by the policy)"
 
 
 def bars(now: Snapshot) -> str:

@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NoReturn, Protocol
 
+import numpy as np
+
 from tanteo.active import policy_named
 from tanteo.hand import HandReading
 from tanteo.session import Action, Done
@@ -221,7 +223,9 @@ class Player:
         if not resting or session.asked is None:
             self._say("Wait until the hand rests, then click again.")
             return
-        found = picked(session, Snapshot.of(session).drawn_modes(), click.eye, click.ray, session.asked.number)
+        now = Snapshot.of(session)
+        seen = np.array([k for k in now.drawn_modes().tolist() if now.layer(k) not in click.hidden], dtype=np.int64)
+        found = picked(session, seen, click.eye, click.ray, session.asked.number)
         if not isinstance(found, Action):
             self._say(found)
             return
@@ -239,9 +243,8 @@ class Player:
         words, table = [*ending_words(session, done, truth)], ""
         if Snapshot.of(session).places[1] or self._contest:
             self._end([*words, f"Playing what '{self.policy}' does alone ..."])
-            table = panel.compared(
-                result(session, truth), self._planned(), Snapshot.of(session).places, truth=bool(truth)
-            )
+            planned, places = self._planned(), Snapshot.of(session).places
+            table = panel.compared(result(session, truth), planned, places, truth=bool(truth))
         self._end(words, table)
         while True:
             command = self._next(0.0)

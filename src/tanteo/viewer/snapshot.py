@@ -15,7 +15,10 @@ from tanteo.shapes import Surface
 from tanteo.simulator import Solid
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
-_MODES, _PARTS = 6, 4
+RIVAL_LAYERS = ("rival 1", "rival 2", "rival 3")
+"""Layers of what else it may be, the likeliest first."""
+
+_MODES, _PARTS = 6, 1 + len(RIVAL_LAYERS)
 """Most modes that are drawn, and most parts of which they are."""
 
 _SHOWN = 0.01
@@ -89,6 +92,14 @@ class Snapshot:
         order = np.argsort(-b.weights, kind="stable")
         shown = order[np.isin(b.part[order], self.order[:_PARTS]) & (b.weights[order] >= _SHOWN)]
         return np.asarray(shown[:_MODES] if len(shown) else order[:1])
+
+    def layer(self, mode: int) -> str:
+        """Layer of a mode: none for the one that is always drawn, the likeliest pose of the likeliest part."""
+        rank = self.rank(int(self.state.part[mode]))
+        if rank:
+            return RIVAL_LAYERS[rank - 1]
+        own = np.where(self.state.part == self.state.part[mode], self.state.weights, -1.0)
+        return "" if mode == int(np.argmax(own)) else "overlays"
 
     def rank(self, part: int) -> int:
         """Place of a part in the order of probability, 0 for the likeliest."""
