@@ -122,7 +122,7 @@ $(VENV)/.tools: constraints.txt $(ZIG) | $(BIN)/python
 	touch $@
 
 $(VENV)/.demo: pyproject.toml $(CORE) $(VENV)/.tools
-	$(EDIT) '.[step,vision]'
+	$(EDIT) '.[step,vision,viewer]'
 	touch $@
 
 $(VENV)/.test: pyproject.toml $(CORE) $(VENV)/.tools

@@ -24,7 +24,7 @@ from tanteo.parts import Part
 from tanteo.sensors import NoiseLaw, Readings
 from tanteo.session import Action, Sensing, Session
 from tanteo.simulator import Solid
-from tanteo.typing import FloatArray, Transforms
+from tanteo.typing import FloatArray, Transforms, Vectors
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, Sighting
@@ -49,12 +49,14 @@ class Seen:
         likely: the answers that it leaves open, the likeliest first.
         found: the image with what was found in it, as a PNG file.
         likenesses: the image beside what the camera would see of the two likeliest parts, as a PNG file.
+        toward: direction from the part to the camera, world.
     """
 
     image: Path
     likely: tuple[Hypothesis, ...]
     found: bytes
     likenesses: bytes
+    toward: Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,11 +148,12 @@ def _look(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart])
     likenesses = _as_png(_likenesses(image, camera, [(targets[h.part].part, h.T_world_part) for h in best], window))
     start = from_hypotheses(hypotheses, [targets[n] for n in names], Priors())
     likely = tuple(h for h in hypotheses if h.probability > _LIKELY)
-    return start, Seen(folder / f"{_IMAGE}.png", likely, found, likenesses)
+    toward = placed.T_world_camera[:3, 3] - SE3.apply(best[0].T_world_part, targets[best[0].part].part.centroid)
+    return start, Seen(folder / f"{_IMAGE}.png", likely, found, likenesses, toward / np.linalg.norm(toward))
 
 
 _LIKELY, _ENLARGED, _DIFFERS, _TINT = 1e-3, 2, 6.0, (230, 110, 0)
-"""Probability that is said; times that pictures are enlarged; grey levels that are seen as different, and their colour."""
+"""Least probability that is said; times that pictures are enlarged; grey levels that differ, and their colour."""
 
 
 def _window(seen: Sighting, shape: tuple[int, ...]) -> tuple[slice, slice]:

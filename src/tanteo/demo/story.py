@@ -50,10 +50,8 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
     assert STOP.tolerance is not None
     assert STOP.probability is not None
     stage = set_stage()
-    say(
-        f"Goal: the part with {100 * STOP.probability:.0f} %, and every corner of it within {1e3 * STOP.tolerance:.1f} mm "
-        f"at {100 * STOP.confidence:.0f} %."
-    )
+    within = f"within {1e3 * STOP.tolerance:.1f} mm at {100 * STOP.confidence:.0f} %"
+    say(f"Goal: the part with {100 * STOP.probability:.0f} %, and every corner of it {within}.")
     say(f"One of {len(stage.targets)} parts lies on a table. Which one, and where?")
     say("")
     _say_seen(stage.seen, say)

@@ -70,7 +70,8 @@ def play(
         MissingExtraError: viser is not installed.
     """
     first = make(seed, policy)
-    page = _opened(port, *extent(first.session.start, first.hand))
+    middle, size = extent(first.session.start, first.hand)
+    page = _opened(port, middle, size if first.hand else size + 0.5 * first.session.probe.standoff)
     player = Player(make, page, seed, policy)
     page.session_controls(player.commands.put, tuple(POLICIES), policy, seed, hand=first.hand is not None)
     ready(page.url)
