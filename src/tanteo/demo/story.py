@@ -150,7 +150,7 @@ def _why(session: Session, action: Action) -> str:
     if len(two) == 2 and abs(finite[0] - finite[1]) > _DIFFER:
         words = (f"of {state.target(k).part.name} {_range(r)}" for k, r in zip(modes, ranges, strict=True))
         return f"it would read {', '.join(words)}"
-    return f"the place is known least there ({action.gain:.2f} nats to gain)"
+    return f"it is expected to narrow the place most, by {action.gain:.2f} nats"
 
 
 def _range(distance: float) -> str:
