@@ -62,6 +62,8 @@ napoleon_use_ivar = True
 html_theme = "furo"
 html_title = f"tanteo {release}"
 html_copy_source = False
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 
 FOLDER_LINK = re.compile(r"\[([^\]]*)\]\(((?!https?:|mailto:|#)[^)\s#]+)\)")
@@ -84,7 +86,33 @@ def draw_math(translator: Any, node: Any) -> None:
     raise nodes.SkipNode
 
 
+BESIDE = "build/notebooks/04_the_paper_equation_by_equation"
+"""Page whose formulas stand beside the code."""
+
+
+def finish_page(app: Any, name: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """Captions of the contents are headings of a level, as screen readers want it; formulas beside code."""
+    level = 'role="heading" aria-level="2"'
+    for part in ("body", "furo_navigation_tree"):
+        if context.get(part):
+            context[part] = context[part].replace('role="heading"', level)
+    if name == BESIDE:
+        context["body"] = f'<div class="beside">{context["body"]}</div>'
+
+
+HOME = '<!doctype html><meta charset="utf-8"><title>tanteo</title><meta http-equiv="refresh" content="0; url=docs/index.html">'
+
+
+def lead_home(app: Any, error: Exception | None) -> None:
+    """Whoever opens the folder of the site comes to its first page."""
+    if error is None and app.builder.name == "html":
+        page = f'{HOME}<a href="docs/index.html">tanteo</a>\n'
+        (Path(app.outdir) / "index.html").write_text(page, encoding="utf-8")
+
+
 def setup(app: Any) -> None:
     """What the site needs beside its extensions."""
     app.connect("source-read", without_folders)
+    app.connect("html-page-context", finish_page, priority=900)
+    app.connect("build-finished", lead_home)
     app.add_html_math_renderer("mathml", (draw_math, None), (draw_math, None))
