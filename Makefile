@@ -70,7 +70,7 @@ fuzz: $(VENV)/.test
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(abspath $(BIN))/python -m fuzz $(COUNT) $(SEED)
 
 docs: $(VENV)/.docs
-	$(BIN)/python -m sphinx -W -q -c docs -b html . build/docs
+	$(BIN)/python -m sphinx -W -q -j auto -c docs -b html . build/docs
 	@echo "The site: file://$(CURDIR)/build/docs/docs/index.html"
 
 bench: $(VENV)/.bench

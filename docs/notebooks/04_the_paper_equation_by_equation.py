@@ -89,7 +89,9 @@ print(f"mean squared distance {np.mean(np.sum(error * np.linalg.solve(stated, er
 # .. math::
 #
 #    p_z = 0, \quad \theta = 0 \qquad (5)
-#    
+#
+# .. math::
+#
 #    D^2 = v^T S^{-1} v \sim \chi^2_2, \quad v = (p_z, \theta)
 
 for psi in (0, 45, 90):
@@ -114,7 +116,9 @@ for psi in (0, 45, 90):
 # .. math::
 #
 #    s = \frac{p_z}{\sin\theta} \qquad (9)
-#    
+#
+# .. math::
+#
 #    s = -\frac{n_y p_y + n_z p_z}{n_y^2 + n_z^2}
 
 E2, C_E = edge([1, 0, 0], [20, 0, 0]), cov(EDGE, EDGE_SD)
@@ -135,9 +139,13 @@ for off in (90, 45, 15, 5):
 # .. math::
 #
 #    \ell = |s_B - s_A| \qquad (13)
-#    
+#
+# .. math::
+#
 #    \sigma_\ell^2 = \sigma_A^2 + \sigma_B^2 \qquad (15)
-#    
+#
+# .. math::
+#
 #    \sigma_\ell^2 = \sigma_A^2 + \sigma_B^2 - 2\, g_A C_E\, g_B^T
 
 a = np.radians(60)
@@ -167,7 +175,9 @@ for name, b in (("trapezoid", np.radians(60)), ("parallelogram", np.radians(120)
 # .. math::
 #
 #    \alpha = \arccos(\cos\phi \cos\theta) \qquad (16)
-#    
+#
+# .. math::
+#
 #    \alpha = \arccos(\cos\psi \cos\theta) \qquad (19)
 
 sd = np.array([0.05, 0.05, 0.005, 0.005])
@@ -189,7 +199,9 @@ for degrees in (40, 0):
 # .. math::
 #
 #    \cos\phi \cos\theta = 1 \qquad (21)
-#    
+#
+# .. math::
+#
 #    D^2 = v^T S^{-1} v \sim \chi^2_2, \quad v = \pm(n_y, n_z)
 
 for tilt in (0, 3, 4):
@@ -215,7 +227,9 @@ for tilt in (0, 3, 4):
 # .. math::
 #
 #    d = \sqrt{p_y^2 + p_z^2}, \qquad d = |p_z| \quad (24)
-#    
+#
+# .. math::
+#
 #    d^* = d - S_{dv} S_{vv}^{-1} v
 
 T2 = SE3.from_parts(np.eye(3), np.array([0, 30.0, 0]))
@@ -263,7 +277,9 @@ for planes in (3, 4, 5):
 # .. math::
 #
 #    e_{12} = e_2 - J e_1 \qquad (26)
-#    
+#
+# .. math::
+#
 #    C = J C_1 J^T + C_2 - J C_{12} - C_{12}^T J^T
 
 Ts = (np.eye(4), T2)
