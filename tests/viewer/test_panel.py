@@ -10,8 +10,7 @@ import pytest
 
 from sensing_scenes import without_modes
 from tanteo.measurements import FreeRays
-from tanteo.viewer import Snapshot, colors, drawing, panel
-from tanteo.viewer.snapshot import Result
+from tanteo.viewer import Snapshot, colors, drawing, panel, snapshot
 from viewer_scenes import maker
 
 
@@ -67,7 +66,7 @@ def test_everything_that_is_drawn_has_a_sign_of_its_colour():
 
 
 def test_two_runs_are_compared_in_a_table():
-    mine, planned = Result(9, "wedge", 0.412, 2.5e-3, np.nan), Result(4, "<clamp>", 0.996, 3e-4, 1e-4)
+    mine, planned = snapshot.Result(9, "wedge", 0.412, 2.5e-3, np.nan), snapshot.Result(4, "<clamp>", 0.996, 3e-4, 1e-4)
     table = panel.compared(mine, planned, (0, 9), truth=True)
     cells = re.findall(r"<t[hd][^>]*>([^<]*)<", table)
     assert cells == [
