@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 
@@ -18,7 +17,7 @@ from viewer_scenes import TRUE, maker
 pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")
 expect = pytest.importorskip("playwright.sync_api", reason="playwright is not installed").expect
 
-SLACK = float(os.environ.get("TANTEO_SLACK", "10"))
+SLACK = 10.0
 """How much slower than a machine that does nothing else the tests may be."""
 
 

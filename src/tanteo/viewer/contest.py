@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from tanteo.hand import HandReading
 from tanteo.session import Done, Step
+from tanteo.simulator import Solid
+from tanteo.viewer import drawing, panel
+from tanteo.viewer.primitives import Primitive
 from tanteo.viewer.shows import Show
+from tanteo.viewer.snapshot import Result, Snapshot, result
 
 
 class Opponent:
@@ -63,9 +67,10 @@ class Opponent:
         return self.end
 
     def leave(self) -> None:
-        """End it where it is."""
+        """End it where it is, and wait until it does not compute."""
         self._gone = True
         self._allowed.release()
+        self._resting.wait()
 
     def place(self, note: str) -> None:
         """It sensed a place: its turn is over (see :class:`tanteo.viewer.Watch`)."""
@@ -96,3 +101,59 @@ class Opponent:
 
 class _GoneError(Exception):
     """It is no longer wanted."""
+
+
+class Rival:
+    """The planner beside the person: in a contest it plays along; otherwise it is played when the person is through.
+
+    Args:
+        make: A show from seed and policy; always the same one for the same.
+    """
+
+    def __init__(self, make: Callable[[int, str], Show]) -> None:
+        self._make = make
+        self._opponent: Opponent | None = None
+        self._results: dict[tuple[int, str], Result] = {}
+
+    def begin(self, seed: int, policy: str) -> None:
+        """Sit down to a contest."""
+        self.leave()
+        self._opponent = Opponent(self._make(seed, policy))
+
+    def leave(self) -> None:
+        """Stop playing."""
+        if self._opponent is not None:
+            self._opponent.leave()
+        self._opponent = None
+
+    def turn(self) -> None:
+        """Sense one more place, if it plays along."""
+        if self._opponent is not None:
+            self._opponent.turn()
+
+    def rest(self) -> None:
+        """Wait until it does not compute."""
+        if self._opponent is not None:
+            self._opponent.rest()
+
+    def standing(self, places: int) -> str:
+        """How far it was after so many places, in words; nothing if it does not play along."""
+        if self._opponent is None or not places:
+            return ""
+        return panel.standing(self._opponent.steps[:places], places, through=self._opponent.end is not None)
+
+    def play_on(self, patience: Callable[[], None]) -> list[Primitive]:
+        """Play along to the end; where it sensed."""
+        assert self._opponent is not None
+        self._opponent.finish(patience)
+        return drawing.planner_primitives(Snapshot.of(self._opponent.show.session))
+
+    def result(self, seed: int, policy: str, truth: Sequence[Solid], patience: Callable[[], None]) -> Result:
+        """What it comes to alone on the same scene."""
+        if (seed, policy) not in self._results:
+            if self._opponent is None:
+                self.begin(seed, policy)
+            assert self._opponent is not None
+            self._opponent.finish(patience)
+            self._results[seed, policy] = result(self._opponent.show.session, truth)
+        return self._results[seed, policy]

@@ -33,10 +33,10 @@ from tanteo.viewer.commands import (
     leave,
     picked,
 )
-from tanteo.viewer.contest import Opponent
+from tanteo.viewer.contest import Rival
 from tanteo.viewer.primitives import Primitive
 from tanteo.viewer.shows import Show
-from tanteo.viewer.snapshot import Result, Snapshot, by_hand, ending_words, result
+from tanteo.viewer.snapshot import Snapshot, by_hand, ending_words, result
 
 _FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
 """Seconds between two pictures of a moving hand; between two places without a hand in real time; of one wait."""
@@ -84,15 +84,17 @@ class Player:
     _drawn: float = field(init=False, default=0.0)
     _last: HandReading | None = field(init=False, default=None)
     _contest: bool = field(init=False, default=False)
-    _opponent: Opponent | None = field(init=False, default=None)
-    _alone: dict[tuple[int, str], Result] = field(init=False, default_factory=dict)
+    _rival: Rival = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._rival = Rival(self.make)
 
     def run(self) -> None:
         """Play; comes back when it is told to quit."""
         how: Command = Restart()
         while not isinstance(how, Quit):
             how = self._once(contest=isinstance(how, Contest))
-        self._dismiss()
+        self._rival.leave()
 
     def _once(self, *, contest: bool) -> Command:
         """Play one show, and wait at its end; what was wanted then."""
@@ -113,13 +115,8 @@ class Player:
                 return Done(False, "It was ended here.")
             raise
 
-    def _dismiss(self) -> None:
-        if self._opponent is not None:
-            self._opponent.leave()
-        self._opponent = None
-
     def _begin(self) -> None:
-        self._dismiss()
+        self._rival.leave()
         self._show = self.make(self.seed, self.policy)
         self._lines, self._note, self._drawn, self._played = [], "", 0.0, (self.seed, self.policy)
         self._mode = "paused"
@@ -127,7 +124,7 @@ class Player:
         self.page.show("truth", [])
         self.page.show("planner", [])
         if self._contest:
-            self._opponent = Opponent(self.make(self.seed, self.policy))
+            self._rival.begin(self.seed, self.policy)
         self._last = None if self._show.hand is None else self._show.hand[1]
         self._hand()
 
@@ -157,13 +154,12 @@ class Player:
 
     def _gate(self) -> None:
         """Choose and show what comes next, and wait until it may happen."""
-        self._rested()
+        self._rival.rest()
         asked = self._show.session.ask()
         self._draw()
         if isinstance(asked, Done):
             return
-        if self._opponent is not None:
-            self._opponent.turn()  # while the person looks
+        self._rival.turn()  # while the person looks
         self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
 
     def _wait(self, seconds: float, *, resting: bool) -> None:
@@ -186,13 +182,8 @@ class Player:
         except queue.Empty:
             return None
 
-    def _rested(self) -> None:
-        """Nothing is computed while the planner computes."""
-        if self._opponent is not None:
-            self._opponent.rest()
-
     def _take(self, command: Command, *, resting: bool) -> None:
-        self._rested()
+        self._rival.rest()
         leave(command)
         if isinstance(command, Choose):
             self._choose(command, resting=resting)
@@ -238,13 +229,12 @@ class Player:
         """Show how it ended, what is truly there, and who needed how many places."""
         session, truth = self._show.session, self._show.truth
         self._mode = "paused"
-        self._rested()
+        self._rival.rest()
         self.page.show("truth", drawing.truth_primitives(truth))
         words, table = [*ending_words(session, done, truth)], ""
         if Snapshot.of(session).places[1] or self._contest:
             self._end([*words, f"Playing what '{self.policy}' does alone ..."])
-            planned, places = self._planned(), Snapshot.of(session).places
-            table = panel.compared(result(session, truth), planned, places, truth=bool(truth))
+            table = self._compared()
         self._end(words, table)
         while True:
             command = self._next(0.0)
@@ -259,19 +249,14 @@ class Player:
             else:
                 self._end([*words, "It is over: press Restart to begin again."], table)
 
-    def _planned(self) -> Result:
-        """What the policy comes to on the same scene without the person; its readings are drawn."""
-        opponent = self._opponent
-        key = self._played if self._contest else (self._played[0], self.policy)
-        if opponent is None and key in self._alone:
-            return self._alone[key]
-        opponent = opponent or Opponent(self.make(*key))
-        self._opponent = opponent
-        opponent.finish(self._patient)
+    def _compared(self) -> str:
+        """The person's run beside what the policy comes to alone on the same scene, as a table."""
+        session, truth = self._show.session, self._show.truth
+        seed, policy = self._played if self._contest else (self._played[0], self.policy)
         if self._contest:
-            self.page.show("planner", drawing.planner_primitives(Snapshot.of(opponent.show.session)))
-        self._alone[key] = result(opponent.show.session, self._show.truth)
-        return self._alone[key]
+            self.page.show("planner", self._rival.play_on(self._patient))
+        planned = self._rival.result(seed, policy, truth, self._patient)
+        return panel.compared(result(session, truth), planned, Snapshot.of(session).places, truth=bool(truth))
 
     def _patient(self) -> None:
         """The person may leave instead of waiting; other wishes are dropped."""
@@ -299,13 +284,7 @@ class Player:
         now = Snapshot.of(self._show.session)
         waits = self._mode == "paused" and now.action is not None
         help_ = (YOUR_TURN if self._contest else HELP) if waits else ""
-        self.page.say("status", panel.status(now, note, help_, self._standing(len(now.steps))))
-
-    def _standing(self, places: int) -> str:
-        """How far the planner of a contest was after so many places."""
-        if self._opponent is None or not places:
-            return ""
-        return panel.standing(self._opponent.steps[:places], places, through=self._opponent.end is not None)
+        self.page.say("status", panel.status(now, note, help_, self._rival.standing(len(now.steps))))
 
     def _end(self, words: Sequence[str], table: str = "") -> None:
         self.page.say("status", panel.verdict(Snapshot.of(self._show.session), words, table))
