@@ -161,6 +161,8 @@ class Player:
             return
         self._rival.turn()  # while the person looks
         self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
+        if self._show.hand is None:
+            self._say("Sensing there ...")  # what it tells may take a second
 
     def _wait(self, seconds: float, *, resting: bool) -> None:
         """Take commands for so long, and for as long as it is paused."""
