@@ -183,7 +183,8 @@ MARKS: dict[str, tuple[str, Colour]] = {
 
 ALWAYS: tuple[tuple[str, Colour, str], ...] = (
     ("box", colors.PART, "The likeliest part"),
-    ("box", colors.FURNITURE, "What is known to stand there"),
+    ("box", colors.TABLE, "The table"),
+    ("box", colors.FURNITURE, "What else is known to stand there"),
     ("line thick", colors.INK, "In the end: what truly lies there"),
 )
 """What is not hidden: sign, colour and words."""
