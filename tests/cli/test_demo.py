@@ -65,3 +65,18 @@ def test_the_two_candidates_differ_for_camera_at_edges_alone():
     session = stage.session("information", 0)
     assert session.start is stage.start
     assert stage.solid.name == "step_12mm"
+
+
+def test_what_to_do_next_can_be_typed_as_it_stands(monkeypatch, tmp_path):
+    from tanteo.cli import demo
+
+    here = tmp_path / "tanteo"
+    here.touch()
+    monkeypatch.setattr(demo.shutil, "which", lambda name: None)
+    monkeypatch.setattr(demo.sys, "argv", [str(here), "demo"])
+    assert demo.program_here() == str(here)
+    monkeypatch.setattr(demo.sys, "argv", ["-c", "demo"])
+    assert demo.program_here() == "tanteo"
+    monkeypatch.setattr(demo.shutil, "which", lambda name: "/usr/bin/tanteo")
+    monkeypatch.setattr(demo.sys, "argv", [str(here), "demo"])
+    assert demo.program_here() == "tanteo"

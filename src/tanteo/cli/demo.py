@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import webbrowser
 from contextlib import suppress
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
     from tanteo.viewer import Show
 
 NEXT = (
-    "Watch it live, or play against the planner: tanteo demo --live",
-    "Plan for a part of your own: tanteo plan --part YOURS.step --tolerance 0.5mm --sd 0.05mm "
+    "Watch it live, or play against the planner: {program} demo --live",
+    "Plan for a part of your own: {program} plan --part YOURS.step --tolerance 0.5mm --sd 0.05mm "
     "--pose-prior '0,0,0mm 0,0,0deg +- 5mm 5deg'",
 )
 """What can be done after the story; the last line is about a part of one's own."""
@@ -49,9 +50,16 @@ def demo(
     more, look = ([], None) if story.seen is None else (_seen(story.seen), story.seen.toward)
     files.report_session(report, story.session, *facts, as_json=False, more=more, look=look)
     for line in NEXT:
-        say(line)
+        say(line.format(program=program_here()))
     if not no_open and sys.stdout.isatty():
         webbrowser.open(Path(report).resolve().as_uri())
+
+
+def program_here() -> str:
+    """How this program is called here: by its name, or by the path that was typed where the name leads nowhere."""
+    typed = Path(sys.argv[0])
+    known = shutil.which("tanteo") is not None or typed.stem != "tanteo" or not typed.is_file()
+    return "tanteo" if known else str(typed)
 
 
 def _seen(seen: Seen) -> list[Section]:
