@@ -60,7 +60,8 @@ def test_everything_that_is_drawn_has_a_sign_of_its_colour():
     for layer, (kind, hue) in panel.MARKS.items():
         assert colors.css(hue) in panel.sign(layer)
         assert kind in panel.sign(layer)
-    words = panel.legend()
+    assert "truly" not in panel.legend(scene=False)
+    words = panel.legend(scene=True)
     assert "50 mm" in words
     assert all(colors.css(hue) in words and said in words for _, hue, said in panel.ALWAYS)
 

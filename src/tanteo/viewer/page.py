@@ -79,7 +79,7 @@ class LivePage:
             buttons = self._gui.add_button_group("", tuple(commands))
             buttons.on_click(lambda event, commands=commands: send(commands[event.target.value]))
         self._place("bars")
-        self._legend(hand=hand, planner=True)
+        self._legend(hand=hand, scene=True)
         with self._gui.add_folder("How"):
             choice = self._gui.add_dropdown("Policy", tuple(policies), initial_value=policy)
             choice.on_update(lambda event: send(Choose(policy=event.target.value)))
@@ -102,18 +102,18 @@ class LivePage:
         slider = self._gui.add_slider("Step", min=0, max=count, step=1, initial_value=count)
         slider.on_update(lambda event: send(int(event.target.value)))
         self._place("bars")
-        self._legend(hand=hand, planner=False)
+        self._legend(hand=hand, scene=False)
         self._happened()
 
     def _happened(self) -> None:
         with self._gui.add_folder("What happened", expand_by_default=False):
             self._place("told")
 
-    def _legend(self, *, hand: bool, planner: bool) -> None:
+    def _legend(self, *, hand: bool, scene: bool) -> None:
         """What is drawn, what it means, and boxes that show and hide it."""
-        there = {"hand": hand, "planner": planner}
+        there = {"hand": hand, "planner": scene}
         with self._gui.add_folder("What is drawn"):
-            self._gui.add_html(legend())
+            self._gui.add_html(legend(scene=scene))
             for layer, words in LAYERS.items():
                 if there.get(layer, True):
                     self._gui.add_html(sign(layer))

@@ -190,9 +190,14 @@ ALWAYS: tuple[tuple[str, Colour, str], ...] = (
 """What is not hidden: sign, colour and words."""
 
 
-def legend() -> str:
-    """What cannot be hidden, and the scale; the boxes below have a sign of their own each."""
-    rows = [element("li", _sign(kind, colour), element("span", words)) for kind, colour, words in ALWAYS]
+def legend(*, scene: bool) -> str:
+    """What cannot be hidden, and the scale; the boxes below have a sign of their own each.
+
+    Args:
+        scene: whether there is one; a record knows of no table and of no truth.
+    """
+    shown = ALWAYS if scene else ALWAYS[:1]
+    rows = [element("li", _sign(kind, colour), element("span", words)) for kind, colour, words in shown]
     return _framed(element("ul", *rows, class_="key"), element("span", GRID_WORDS, class_="soft"))
 
 
