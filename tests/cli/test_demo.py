@@ -32,6 +32,9 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
 def test_a_report_that_cannot_be_written_is_said_before_story(run, tmp_path):
     assert run("demo", "--no-open", "--report", str(tmp_path / "demo.txt")).code == 2
     assert run("demo", "--no-open", "--report", str(tmp_path / "no" / "demo.html")).code == 1
+    both = run("demo", "--live", "--report", str(tmp_path / "demo.html"))
+    assert both.code == 2
+    assert "--report: expected without --live" in both.err
 
 
 def test_each_question_says_what_it_would_tell_and_what_came(run, tmp_path):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tanteo.report import Section
     from tanteo.viewer import Show
 
+REPORT = "tanteo_demo.html"
 NEXT = (
     "Watch it live, or play against the planner: {program} demo --live",
     "Plan for a part of your own: {program} plan --part YOURS.step --tolerance 0.5mm --sd 0.05mm "
@@ -29,7 +30,7 @@ NEXT = (
 
 
 def demo(
-    report: Annotated[str, args.option("--report", "FILE.html", "Where to write the report.")] = "tanteo_demo.html",
+    report: Annotated[str, args.option("--report", "FILE.html", "Where to write the report.")] = REPORT,
     no_open: Annotated[bool, args.option("--no-open", None, "Do not open the report in a browser.")] = False,
     seed: Annotated[int, args.option("--seed", None, "Of the noise of the readings."), args.SEED] = 0,
     live: Annotated[
@@ -39,6 +40,8 @@ def demo(
     """Show what this is for: one part of twelve on a table, an image, a laser, and an answer with its spread."""
     from tanteo.demo import tell
 
+    if live and report != REPORT:
+        raise args.MisuseError("--report: expected without --live, which writes none, got both. Leave one out.")
     if live:
         _play(seed, show=not no_open)
         return
