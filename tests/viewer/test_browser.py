@@ -194,7 +194,7 @@ def test_on_a_phone_the_controls_are_a_drawer(open_page):
     page = watched.page
     assert colours(watched.seen()) > 40
     outside = page.evaluate(
-        """() => [...document.querySelectorAll(".tanteo *")].filter((e) => e.getClientRects().length &&
+        """() => [...document.querySelectorAll(".tanteo *, input, button")].filter((e) => e.getClientRects().length &&
         (e.getBoundingClientRect().right > innerWidth + 1 || e.getBoundingClientRect().left < -1)).length"""
     )
     assert outside == 0
