@@ -51,9 +51,10 @@ types: $(VENV)/.test
 	venv/bin/python -c 'import json, sys; score = json.load(sys.stdin)["typeCompleteness"]["completenessScore"]; \
 	print(f"{score:.1%} of the symbols have types"); sys.exit(score < 0.99)'
 
-# every worker is a process of its own: more threads than that only wait for each other
+# every worker is a process of its own: more threads than that only wait for each other; screenshots stay in build
 unit: $(VENV)/.test
-	PATH="$(abspath $(BIN)):$$PATH" OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal $(TESTS)
+	PATH="$(abspath $(BIN)):$$PATH" TANTEO_SCREENSHOTS="$(CURDIR)/build/screenshots" \
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal $(TESTS)
 
 # LinuxCNC's interpreter is unpacked, not installed
 OTHERS = $(abspath $(VENV))/others
@@ -69,7 +70,8 @@ fuzz: $(VENV)/.test
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(abspath $(BIN))/python -m fuzz $(COUNT) $(SEED)
 
 docs: $(VENV)/.docs
-	$(BIN)/python -m sphinx -W -q -c docs -b html . build/docs
+	$(BIN)/python -m sphinx -W -q -j auto -c docs -b html . build/docs
+	@echo "The site: file://$(CURDIR)/build/docs/docs/index.html"
 
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/run.py
@@ -120,7 +122,7 @@ $(VENV)/.tools: constraints.txt $(ZIG) | $(BIN)/python
 	touch $@
 
 $(VENV)/.demo: pyproject.toml $(CORE) $(VENV)/.tools
-	$(EDIT) '.[step,vision]'
+	$(EDIT) '.[step,vision,viewer]'
 	touch $@
 
 $(VENV)/.test: pyproject.toml $(CORE) $(VENV)/.tools

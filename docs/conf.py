@@ -6,6 +6,7 @@ is fetched when a page is read: mathematics becomes MathML, which browsers draw 
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ project = "tanteo"
 author = copyright = "The tanteo authors"
 version = release = tanteo.__version__
 root_doc = "docs/index"
-include_patterns = ["docs/**", "build/notebooks/*.rst", "*.md", "LICENSE"]
+include_patterns = ["docs/**", "build/notebooks/*.rst", "build/api/*.rst", "*.md", "LICENSE"]
 exclude_patterns = [
     "docs/pictures/*.py",
     "docs/notebooks/**",
@@ -59,9 +60,14 @@ toc_object_entries = (
 napoleon_google_docstring = True
 napoleon_use_ivar = True
 
+# decisions are listed by docs/README.md: in the contents of every page they would cost a third of the time
+suppress_warnings = ["toc.not_included"]
+
 html_theme = "furo"
 html_title = f"tanteo {release}"
 html_copy_source = False
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 
 FOLDER_LINK = re.compile(r"\[([^\]]*)\]\(((?!https?:|mailto:|#)[^)\s#]+)\)")
@@ -84,7 +90,66 @@ def draw_math(translator: Any, node: Any) -> None:
     raise nodes.SkipNode
 
 
+BESIDE = "build/notebooks/04_the_paper_equation_by_equation"
+"""Page whose formulas stand beside the code."""
+
+
+def finish_page(app: Any, name: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """Captions of the contents are headings of a level, as screen readers want it; formulas beside code."""
+    level = 'role="heading" aria-level="2"'
+    for part in ("body", "furo_navigation_tree"):
+        if context.get(part):
+            context[part] = context[part].replace('role="heading"', level)
+    if name == BESIDE:
+        context["body"] = f'<div class="beside">{context["body"]}</div>'
+
+
+HOME = (
+    '<!doctype html><html lang="en"><meta charset="utf-8"><title>tanteo</title>'
+    '<meta http-equiv="refresh" content="0; url=docs/index.html"><a href="docs/index.html">tanteo</a></html>\n'
+)
+
+
+def lead_home(app: Any, error: Exception | None) -> None:
+    """Whoever opens the folder of the site comes to its first page."""
+    if error is None and app.builder.name == "html":
+        (Path(app.outdir) / "index.html").write_text(HOME, encoding="utf-8")
+
+
+INTERFACE = ROOT / "docs" / "api.rst"
+ROOMS = re.compile(r"^(tanteo[.\w]*)\n-+\n(.*?)(?=^tanteo[.\w]*\n-|\Z)", re.MULTILINE | re.DOTALL)
+"""Sections of the interface: a room and what is shown of it."""
+
+
+def rooms_apart(app: Any) -> None:
+    """A page for each room of the interface, so that a search leads to it."""
+    folder = ROOT / "build" / "api"
+    folder.mkdir(parents=True, exist_ok=True)
+    for room, body in ROOMS.findall(INTERFACE.read_text(encoding="utf-8")):
+        page, text = folder / f"{room}.rst", f"{room}\n{'=' * len(room)}\n{body}"
+        if not page.is_file() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
+
+
+def interface_contents(app: Any, name: str, text: list[str]) -> None:
+    """On the site the page of the interface lists its rooms."""
+    if name == "docs/api":
+        rooms = [room for room, _ in ROOMS.findall(text[0])]
+        pages = "".join(f"   ../build/api/{room}\n" for room in rooms)
+        lines = "".join(f"* :doc:`{room} <../build/api/{room}>`: {first_line(room)}\n" for room in rooms)
+        text[0] = f"{ROOMS.sub('', text[0])}\n{lines}\n.. toctree::\n   :hidden:\n\n{pages}"
+
+
+def first_line(module: str) -> str:
+    """What a module says it is."""
+    return (importlib.import_module(module).__doc__ or "").split("\n", 1)[0]
+
+
 def setup(app: Any) -> None:
     """What the site needs beside its extensions."""
+    app.connect("builder-inited", rooms_apart)
     app.connect("source-read", without_folders)
+    app.connect("source-read", interface_contents)
+    app.connect("html-page-context", finish_page, priority=900)
+    app.connect("build-finished", lead_home)
     app.add_html_math_renderer("mathml", (draw_math, None), (draw_math, None))

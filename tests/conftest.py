@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from browsing import PATIENCE
 from tanteo.inference import prepare
 from tanteo.parts import read_part
 
@@ -44,20 +45,24 @@ def parts(models):
 
 
 @pytest.fixture(scope="session")
-def launch():
-    """Starts a headless Chromium with further arguments; the tests are skipped where there is none."""
+def browser():
+    """A headless Chromium that puts its windows together without a graphics card; tests are skipped where none is."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     program = os.environ.get("TANTEO_BROWSER") or next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
         pytest.skip("no Chromium found; install one, or name it in TANTEO_BROWSER")
-    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing"]
+    sync_api.expect.set_options(timeout=PATIENCE)
     with sync_api.sync_playwright() as driver:
-        yield lambda *more: driver.chromium.launch(executable_path=program, args=[*arguments, *more])
+        started = driver.chromium.launch(executable_path=program, args=arguments, timeout=PATIENCE)
+        yield started
+        started.close()
 
 
 @pytest.fixture(scope="session")
-def browser(launch):
-    """A headless Chromium."""
-    started = launch()
-    yield started
-    started.close()
+def screenshots(tmp_path_factory):
+    """Where screenshots are kept: the folder that TANTEO_SCREENSHOTS names, or else pytest's temporary one."""
+    named = os.environ.get("TANTEO_SCREENSHOTS")
+    folder = Path(named) if named else tmp_path_factory.mktemp("screenshots")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder

@@ -24,7 +24,9 @@ SEEN = {
     "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
 }
 MARKS = ("good", "bad", "overlay", "free", "edge")
-LIVE = {name: colors.css(getattr(colors, name)) for name in ("GOOD", "BAD", "OVERLAY", "FREE", "EDGE", "INK")}
+LIVE = {
+    name: colors.css(getattr(colors, name)) for name in ("GOOD", "BAD", "OVERLAY", "FREE", "EDGE", "INK", "PLANNER")
+}
 LIVE |= {f"rival {k}": colors.css(hue) for k, hue in enumerate(colors.RIVALS)}
 SEEN_IMAGE = {name: colors.css(getattr(picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
 

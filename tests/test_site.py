@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import importlib.util
 import os
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import tanteo
+from browsing import Watched, complaints
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = ROOT / "docs" / "notebooks"
@@ -74,7 +76,7 @@ def test_every_notebook_is_expected_to_say_something():
 
 
 @pytest.mark.parametrize("with_notebooks", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_the_site(tmp_path, with_notebooks):
+def test_the_site(tmp_path, with_notebooks, request):
     """Built once, with the notebooks run or not: no warning, every page, nothing asked of anybody, links that hold."""
     for module in ("sphinx", "furo", "myst_parser", "latex2mathml", "sphinx_gallery", "matplotlib"):
         if importlib.util.find_spec(module) is None:
@@ -100,6 +102,49 @@ def test_the_site(tmp_path, with_notebooks):
         assert not with_notebooks or [w for w in words if w not in shown] == [], name
         assert f"{name}.ipynb" in shown
     assert broken_links(tmp_path, pages) == []
+    assert "tanteo.sensors.measure" in pages["build/api/tanteo.sensors.html"]
+    assert 'href="../build/api/tanteo.sensors.html"' in pages["docs/api.html"]
+    assert "url=docs/index.html" in pages["index.html"]
+    with contextlib.suppress(pytest.skip.Exception):  # the rest needs a browser
+        look_at(tmp_path, request.getfixturevalue("browser"), request.getfixturevalue("screenshots"), with_notebooks)
+
+
+LOOKED_AT = {
+    "home": "docs/index.html",
+    "interface": "build/api/tanteo.sensors.html",
+    "notebook": "build/notebooks/04_the_paper_equation_by_equation.html",
+}
+
+CUT = """() => [...document.querySelectorAll("article pre, article img, article table, article math")].filter((e) => {
+  const box = e.getBoundingClientRect(), around = e.closest(".table-wrapper") ? innerWidth * 9 : innerWidth;
+  return e.scrollWidth > e.clientWidth + 2 && e.tagName === "PRE" || box.right > around + 1;
+}).map((e) => e.outerHTML.slice(0, 120))"""
+"""What is wider than its place."""
+
+
+def look_at(site, browser, folder, with_notebooks):
+    """Three doors and pictures, a search that finds, nothing is cut, nothing lacks a name."""
+    for name, page in LOOKED_AT.items():
+        for size, scheme in (("desk", "light"), ("phone", "dark")):
+            watched = Watched(browser, (site / page).as_uri(), size, scheme, offline=True, noise=("error",))
+            watched.page.wait_for_load_state("load")
+            watched.page.get_by_role("heading", level=1).wait_for()
+            assert watched.page.evaluate(CUT) == [], name
+            if size == "desk":  # furo gives both of its side bars one role
+                assert complaints(watched.page, without=("landmark-unique",)) == [], name
+            watched.page.screenshot(path=folder / f"site_{name}_{size}.png")
+            assert watched.said == []
+            watched.context.close()
+    watched = Watched(browser, (site / "docs/index.html").as_uri(), "desk", offline=True, noise=("error",))
+    doors = watched.page.locator(".door")
+    assert [door.locator("strong").inner_text()[:6] for door in doors.all()] == ["I have", "I have", "I teac"]
+    images = watched.page.locator(".gallery img")
+    assert images.count() >= 6
+    watched.until("[...document.querySelectorAll('.gallery img')].every((i) => i.loading === 'lazy' || i.naturalWidth)")
+    watched.page.get_by_role("searchbox").or_(watched.page.locator("input[name=q]")).first.fill("tolerance")
+    watched.page.keyboard.press("Enter")
+    watched.page.locator("#search-results li a").first.wait_for()
+    watched.context.close()
 
 
 def broken_links(site, pages):

@@ -15,7 +15,7 @@ from tanteo.parts import read_part
 from tanteo.session import Session
 from tanteo.simulator import Scene, Solid, box
 from tanteo.viewer import laser, probe_show, simulated
-from tanteo.viewer.player import HELP
+from tanteo.viewer.player import HELP, YOUR_TURN
 
 PARTS = Path(tanteo.demo.__file__).parent / "parts"
 TRUE = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, 0.2])), [-0.02, -0.045, 0.0])
@@ -59,8 +59,8 @@ class Person:
         if place != "status":
             return
         self.said.append(html)
-        over = self.groups["truth"] and "Counting" not in html
-        if (HELP in html or over) and self.player.commands.empty():
+        over = self.groups["truth"] and "Playing what" not in html
+        if (HELP in html or YOUR_TURN in html or over) and self.player.commands.empty():
             want = self.wants.pop(0)
             want = want(self) if callable(want) else want
             for command in want if isinstance(want, tuple) else (want,):

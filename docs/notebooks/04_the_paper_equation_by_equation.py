@@ -56,6 +56,10 @@ def rejected(D2, dof=1):
 # A feature is a frame with a small error in its own axes, :math:`\hat x = x \oplus e`. The paper writes frames as six
 # numbers; a right angle along z has none (:math:`\theta = \pm 90°`), so matrices are used here, and six numbers only at
 # the border. The same five milliradians:
+#
+# .. math::
+#
+#    \hat T = T\,\mathrm{Exp}(e), \quad e \sim N(0, C)
 
 upright = SE3.from_parts(SO3.axis_rotation(1, np.pi / 2), np.zeros(3))
 six = matrix_to_loc(upright @ SE3.exp(np.c_[np.zeros((N, 3)), 5e-3 * RNG.normal(size=(N, 3))]))
@@ -81,6 +85,14 @@ print(f"mean squared distance {np.mean(np.sum(error * np.linalg.solve(stated, er
 #
 # Height and pitch of the edge over the plane have to be zero. The printed variances are in the edge's frame and depend
 # on its free turn :math:`\psi`. The two together, with two degrees of freedom, do not.
+#
+# .. math::
+#
+#    p_z = 0, \quad \theta = 0 \qquad (5)
+#
+# .. math::
+#
+#    D^2 = v^T S^{-1} v \sim \chi^2_2, \quad v = (p_z, \theta)
 
 for psi in (0, 45, 90):
     flat = SE3.from_parts(SO3.axis_rotation(2, 0.4) @ SO3.axis_rotation(0, np.radians(psi)), np.zeros(3))
@@ -98,7 +110,16 @@ for psi in (0, 45, 90):
 # ------------------
 #
 # Where two edges meet. (9) divides by one component of the direction and is singular for some frames of the same edges;
-# the foot of the common perpendicular is not.
+# the foot of the common perpendicular is not. Along the second edge, whose direction is :math:`n` and whose origin is
+# :math:`p` as the first one sees them:
+#
+# .. math::
+#
+#    s = \frac{p_z}{\sin\theta} \qquad (9)
+#
+# .. math::
+#
+#    s = -\frac{n_y p_y + n_z p_z}{n_y^2 + n_z^2}
 
 E2, C_E = edge([1, 0, 0], [20, 0, 0]), cov(EDGE, EDGE_SD)
 for off in (90, 45, 15, 5):
@@ -114,6 +135,18 @@ for off in (90, 45, 15, 5):
 #
 # Between its corners with two others. (15) adds the variances of both ends as if they were independent; both come from
 # the same middle edge. Here that one is poorly known.
+#
+# .. math::
+#
+#    \ell = |s_B - s_A| \qquad (13)
+#
+# .. math::
+#
+#    \sigma_\ell^2 = \sigma_A^2 + \sigma_B^2 \qquad (15)
+#
+# .. math::
+#
+#    \sigma_\ell^2 = \sigma_A^2 + \sigma_B^2 - 2\, g_A C_E\, g_B^T
 
 a = np.radians(60)
 A, E = edge([np.cos(a), np.sin(a), 0], [10, 17.3, 0], 0.9), edge([1, 0, 0], [20, 0, 0])
@@ -138,6 +171,14 @@ for name, b in (("trapezoid", np.radians(60)), ("parallelogram", np.radians(120)
 #
 # Right, away from 0 and 180 degrees. Two parallel edges have an angle that is never below zero: it is no normal
 # variable, and its test rejects three times too often. Such a pair has no angle here, but two tilts.
+#
+# .. math::
+#
+#    \alpha = \arccos(\cos\phi \cos\theta) \qquad (16)
+#
+# .. math::
+#
+#    \alpha = \arccos(\cos\psi \cos\theta) \qquad (19)
 
 sd = np.array([0.05, 0.05, 0.005, 0.005])
 C = cov(EDGE, sd)
@@ -153,7 +194,15 @@ for degrees in (40, 0):
 # ----------------------
 #
 # The paper tests a cosine against one. At its maximum a cosine has no variance of first order: the test hardly ever
-# rejects, neither what is true nor what is not.
+# rejects, neither what is true nor what is not. Its two components across are tested instead.
+#
+# .. math::
+#
+#    \cos\phi \cos\theta = 1 \qquad (21)
+#
+# .. math::
+#
+#    D^2 = v^T S^{-1} v \sim \chi^2_2, \quad v = \pm(n_y, n_z)
 
 for tilt in (0, 3, 4):
     T2 = SE3.from_parts(SO3.axis_rotation(2, tilt * 0.005 * 2**0.5), np.array([0, 30.0, 0]))
@@ -174,6 +223,14 @@ for tilt in (0, 3, 4):
 #
 # The distance of parallel edges as printed depends on where along the edge its frame happens to sit. The distance of
 # planes is printed without its sign: near zero its mean is wrong, and a step cannot be told from a gap.
+#
+# .. math::
+#
+#    d = \sqrt{p_y^2 + p_z^2}, \qquad d = |p_z| \quad (24)
+#
+# .. math::
+#
+#    d^* = d - S_{dv} S_{vv}^{-1} v
 
 T2 = SE3.from_parts(np.eye(3), np.array([0, 30.0, 0]))
 for slide in (0, 60, 150):
@@ -192,6 +249,10 @@ for slide in (0, 60, 150):
 # Right for one constraint. A part has many, each may fail once in twenty, and together they fail far more often; and
 # angles and distances alone cannot tell a part from its mirror image. That is why matching ends with one joint test of
 # the pose (``tanteo.constraints.joint_test``).
+#
+# .. math::
+#
+#    \frac{(\hat c - c)^2}{\sigma_{\hat c}^2} \le \chi^2_{1,\,1-\alpha} \qquad (25)
 
 for planes in (3, 4, 5):
     n = RNG.normal(size=(planes, 3))
@@ -211,8 +272,15 @@ for planes in (3, 4, 5):
 # (26): errors in common
 # ----------------------
 #
-# Two edges felt by one robot share the error of its base. In their distance it cancels: :math:`e_{12} = e_2 - J e_1`.
-# The print has a plus.
+# Two edges felt by one robot share the error of its base. In their distance it cancels. The print has a plus.
+#
+# .. math::
+#
+#    e_{12} = e_2 - J e_1 \qquad (26)
+#
+# .. math::
+#
+#    C = J C_1 J^T + C_2 - J C_{12} - C_{12}^T J^T
 
 Ts = (np.eye(4), T2)
 base = np.diag([0.5] * 3 + [2e-3] * 3)

@@ -1,7 +1,7 @@
 """Take the pictures of ``docs/view.md``: the live page of the example in a browser, on a desk and on a phone.
 
 ``python docs/pictures/make_view.py [folder]``. Needs the extra ``viewer``, playwright and a Chromium
-(``TANTEO_BROWSER`` names one that is not found by itself). Without a graphics card it takes some minutes.
+(``TANTEO_BROWSER`` names one that is not found by itself). Without a graphics card it takes a minute.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, Page, sync_playwright
 
 HERE = Path(__file__).resolve().parent
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing"]
 PATIENCE = 300_000
 
 
@@ -34,10 +34,9 @@ def opened(browser: Browser, url: str, width: int, height: int) -> Page:
 
 def until_places(page: Page, count: int) -> None:
     """Step until so many places were sensed."""
-    said = page.locator(".tanteo").first
-    while f"Places sensed: {count}" not in said.inner_text():
+    for k in range(1, count + 1):
         page.get_by_role("button", name="Step", exact=True).click()
-        page.wait_for_timeout(4000)
+        page.get_by_text(f"Places sensed: {k}").first.wait_for()
     page.wait_for_timeout(5000)
 
 

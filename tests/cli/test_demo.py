@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
 
 
 def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
-    import tanteo.demo.story as story
+    from tanteo.demo import stage, story
 
-    monkeypatch.setattr(story, "find_spec", lambda name: None)
-    monkeypatch.setattr(story, "_TOLERANCE", 3e-3)  # a few readings
+    monkeypatch.setattr(stage, "find_spec", lambda name: None)
+    easy = replace(stage.STOP, tolerance=3e-3)  # a few readings
+    monkeypatch.setattr(story, "STOP", easy)
+    monkeypatch.setattr(stage.Stage.session, "__defaults__", (easy,))
     report = tmp_path / "demo.html"
     got = run("demo", "--no-open", "--report", str(report))
     assert got.code == 0
+    assert got.out.startswith("Goal: the part with 99 %, and every corner of it within 3.0 mm at 95 %.\n")
     assert "No camera" in got.out
     assert "\nstep_12mm, located to" in got.out
     assert float(re.search(r"It was step_12mm, and the corner farthest off is ([\d.]+) mm", got.out)[1]) < 6  # 2 sd
@@ -25,3 +32,54 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
 def test_a_report_that_cannot_be_written_is_said_before_story(run, tmp_path):
     assert run("demo", "--no-open", "--report", str(tmp_path / "demo.txt")).code == 2
     assert run("demo", "--no-open", "--report", str(tmp_path / "no" / "demo.html")).code == 1
+    both = run("demo", "--live", "--report", str(tmp_path / "demo.html"))
+    assert both.code == 2
+    assert "--report: expected without --live" in both.err
+
+
+def test_each_question_says_what_it_would_tell_and_what_came(run, tmp_path):
+    pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
+    report = tmp_path / "demo.html"
+    got = run("demo", "--no-open", "--report", str(report), "--seed", "1")
+    assert got.code == 0
+    asked = re.findall(
+        r"^ +(\d+)  (face \d+ of \w+): (.+)\n +([\d.]+ mm|nothing): (\w+) ([\d.]+) %", got.out, re.MULTILINE
+    )
+    assert [int(line[0]) for line in asked] == list(range(1, len(asked) + 1))
+    assert asked[0][2].startswith("it would read of step_12mm ")
+    assert asked[-1][4:] == ("step_12mm", max(line[5] for line in asked))
+    assert got.out.rstrip().splitlines()[-1].startswith("Plan for a part of your own: tanteo plan --part ")
+    text = report.read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == 2
+    assert '"look":[' in text
+
+
+def test_the_two_candidates_differ_for_camera_at_edges_alone():
+    pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
+    import cv2
+
+    from tanteo.demo import set_stage
+
+    stage = set_stage()
+    shown = cv2.imdecode(np.frombuffer(stage.seen.likenesses, dtype=np.uint8), cv2.IMREAD_COLOR)
+    orange = (shown == (0, 110, 230)).all(axis=-1)
+    assert 0.002 < orange.mean() < 0.03
+    assert orange[:, : 2 * shown.shape[1] // 3].sum() == 0
+    session = stage.session("information", 0)
+    assert session.start is stage.start
+    assert stage.solid.name == "step_12mm"
+
+
+def test_what_to_do_next_can_be_typed_as_it_stands(monkeypatch, tmp_path):
+    from tanteo.cli import demo
+
+    here = tmp_path / "tanteo"
+    here.touch()
+    monkeypatch.setattr(demo.shutil, "which", lambda name: None)
+    monkeypatch.setattr(demo.sys, "argv", [str(here), "demo"])
+    assert demo.program_here() == str(here)
+    monkeypatch.setattr(demo.sys, "argv", ["-c", "demo"])
+    assert demo.program_here() == "tanteo"
+    monkeypatch.setattr(demo.shutil, "which", lambda name: "/usr/bin/tanteo")
+    monkeypatch.setattr(demo.sys, "argv", [str(here), "demo"])
+    assert demo.program_here() == "tanteo"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 import pytest
 
+from browsing import HARD_TO_READ, SIZES, TEXT_TROUBLE, Watched, colours, complaints, differ, not_reached, pixels
 from report_scenes import ROUGH, SD, TOUCH, TRUTH, told, touches
 from tanteo.active import at_pose, discriminate, plan
 from tanteo.inference import prepare
@@ -14,74 +13,25 @@ from tanteo.recognition import identify, locate
 from tanteo.report import Run, distinction_page, gather, plan_page, report_page, session_page, write_report
 from tanteo.sensors import Readings
 
-SIZES = {"desk": (1280, 800), "phone": (390, 844)}
+expect = pytest.importorskip("playwright.sync_api", reason="playwright is not installed").expect
 
-# Every line of text that can be seen: does it leave the page, is it cut off, does it cover another?
-TEXT_TROUBLE = """() => {
-  const lines = [], trouble = [], wide = document.documentElement.clientWidth;
-  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  while (walk.nextNode()) {
-    const node = walk.currentNode, owner = node.parentElement;
-    if (!node.textContent.trim() || owner.closest("script, style, noscript, title, option")) continue;
-    if (!owner.checkVisibility()) continue;
-    const range = document.createRange();
-    range.selectNodeContents(node);
-    const words = node.textContent.trim();
-    for (const box of range.getClientRects()) if (box.width > 1 && box.height > 1) lines.push([box, owner, words]);
-  }
-  for (const [box, owner, words] of lines) {
-    if (owner.closest(".scroll")) continue;
-    if (box.left < -1 || box.right > wide + 1) trouble.push("leaves the page: " + words);
-    const cut = owner.closest(".stage, .chart");
-    if (cut) {
-      const c = cut.getBoundingClientRect();
-      const beside = box.left < c.left - 1 || box.right > c.right + 1;
-      if (beside || box.top < c.top - 1 || box.bottom > c.bottom + 1) trouble.push("cut off: " + words);
-    }
-  }
-  for (let i = 0; i < lines.length; i++) for (let j = 0; j < i; j++) {
-    const [a, , u] = lines[i], [b, , v] = lines[j];
-    const x = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-    const y = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-    if (x > 1.5 && y > 0.3 * Math.min(a.height, b.height)) trouble.push(`covers: ${u} | ${v}`);
-  }
-  return trouble;
-}"""
+NAMES = ("clear", "several", "none", "session", "plan", "twins")
+
+SMALLEST = 11.5
+"""Letters of a page, in charts and on phones too [px]."""
 
 
-class Watched:
-    """A page, and what it said and asked for."""
+class Report(Watched):
+    """A report, read from a file without a network."""
 
-    def __init__(self, browser, file, size, scheme="light"):
-        self.context = browser.new_context(
-            viewport=dict(zip(("width", "height"), size, strict=True)), color_scheme=scheme, offline=True,
-            has_touch=size[0] < 500,
-        )  # fmt: skip
-        self.page, self.said, self.asked = self.context.new_page(), [], []
-        self.page.on("console", lambda message: self.said.append(message.text))
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.goto(file.as_uri())
-        self.settle()
-
-    def settle(self):
-        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
-    def until(self, expression):
-        """Wait for it to become true, a few seconds at most."""
-        for _ in range(60):
-            if self.page.evaluate(expression):
-                return
-            self.page.wait_for_timeout(50)
-        raise AssertionError(expression)
+    def __init__(self, browser, file, size, scheme):
+        super().__init__(browser, file.as_uri(), size, scheme, offline=True)
+        self.file = file
 
     def picture(self):
         """Pixels of the canvas as they are shown ``(h, w, 3)``."""
-        from matplotlib.image import imread
-
         self.settle()
-        shown = imread(io.BytesIO(self.page.locator("#view").screenshot()))[..., :3]
-        return shown[5:-5, 5:-5]  # less the frame that a focus draws
+        return pixels(self.page.locator("#view").screenshot())[5:-5, 5:-5]  # less the frame that a focus draws
 
 
 @pytest.fixture(scope="module")
@@ -111,40 +61,49 @@ def files(tmp_path_factory, wedge, near_wedge):
 
 
 @pytest.fixture
-def open_page(browser, files, tmp_path, request):
-    """Open a report; at the end a screenshot is kept, and nothing may have been said or asked."""
+def open_page(browser, files):
+    """Open a report; at the end nothing may have been said or asked."""
     opened = []
 
     def call(name, size="desk", scheme="light"):
-        opened.append((Watched(browser, files[name], SIZES[size], scheme), files[name]))
-        return opened[-1][0]
+        opened.append(Report(browser, files[name], size, scheme))
+        return opened[-1]
 
     yield call
-    for watched, file in opened:
-        watched.page.screenshot(path=tmp_path / f"{request.node.name}.png", full_page=True)
+    for watched in opened:
         watched.context.close()
         assert watched.said == []
-        assert watched.asked == [file.as_uri()]
+        assert watched.asked == [watched.file.as_uri()]
 
 
-def colours(picture):
-    return len(np.unique((picture.reshape(-1, 3) * 31).astype(int), axis=0))
-
-
-def differ(one, other):
-    """Share of the pixels that are not the same."""
-    return float(np.mean(np.abs(one - other).max(axis=-1) > 0.04))
-
-
-@pytest.mark.parametrize("name", ["clear", "several", "none", "session", "plan", "twins"])
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_no_words_overlap_or_are_cut_off(open_page, name, size, scheme):
+def test_every_page_can_be_read(open_page, screenshots, name, size, scheme):
+    """Nothing overlaps, is cut off, pale, small or without a name, folded or open; a phone's page is short."""
     watched = open_page(name, size, scheme)
-    assert watched.page.evaluate(TEXT_TROUBLE) == []
-    watched.page.evaluate("() => document.querySelectorAll('details').forEach((d) => { d.open = true; })")
-    assert watched.page.evaluate(TEXT_TROUBLE) == []
-    assert watched.page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    page = watched.page
+    if size == "phone":
+        assert page.evaluate("document.documentElement.scrollHeight") <= 3000
+    assert page.evaluate(TEXT_TROUBLE) == []
+    page.evaluate("() => document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    assert page.evaluate(TEXT_TROUBLE) == []
+    assert page.evaluate(HARD_TO_READ, SMALLEST) == []
+    assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    if size == "desk":
+        assert complaints(page) == []
+    picture = watched.picture()
+    assert colours(picture) > 10
+    page.screenshot(path=screenshots / f"report_{name}_{size}_{scheme}.png", full_page=True)
+
+
+def test_everything_is_reached_by_the_keyboard(open_page):
+    page = open_page("several").page
+    page.evaluate("() => document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    assert not_reached(page) == []
+    page.locator("input[name=hypothesis]").first.focus()
+    page.keyboard.press("ArrowDown")
+    expect(page.locator("input[name=hypothesis]").nth(1)).to_be_checked()
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -173,10 +132,6 @@ def test_the_ghosts_of_a_direction_can_be_shown(open_page):
     page.locator("[data-way='2']:visible").click()
     assert page.locator(".overlays:visible select").input_value() == "2"
     assert differ(before, watched.picture()) > 0.003
-
-
-def test_readings_alone_are_drawn_too(open_page):
-    assert colours(open_page("none").picture()) > 10
 
 
 def test_the_answer_and_the_picture_are_on_the_first_screen(open_page):
@@ -251,12 +206,12 @@ def test_pointing_at_a_reading_names_it(open_page):
     x, y = page.evaluate("() => picture.project(picture.place(7))")
     box = page.locator("#view").bounding_box()
     page.mouse.move(box["x"] + x, box["y"] + y)
-    assert page.locator("#tip").is_visible()
+    expect(page.locator("#tip")).to_be_visible()
     words = page.locator("#tip").inner_text()
     assert words.startswith("reading 8, side 1: ")
     assert words.endswith("does not fit")
     page.mouse.move(1, 1)
-    assert page.locator("#tip").is_hidden()
+    expect(page.locator("#tip")).to_be_hidden()
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -277,14 +232,9 @@ def test_without_the_means_to_draw_the_rest_is_there(open_page):
     watched.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
     watched.page.reload()
     watched.asked[1:] = []
-    assert "cannot draw the picture" in watched.page.locator("#no3d").inner_text()
-    assert watched.page.locator("#view").is_hidden()
-    assert watched.page.locator(".chart").is_visible()
-
-
-@pytest.mark.parametrize("name", ["clear", "several", "none", "session", "plan", "twins"])
-def test_a_phone_has_a_short_page(open_page, name):
-    assert open_page(name, "phone").page.evaluate("document.documentElement.scrollHeight") <= 3000
+    expect(watched.page.locator("#no3d")).to_contain_text("cannot draw the picture")
+    expect(watched.page.locator("#view")).to_be_hidden()
+    expect(watched.page.locator(".chart")).to_be_visible()
 
 
 @pytest.mark.parametrize("size", SIZES)

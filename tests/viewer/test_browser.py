@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import threading
+import time
 
 import numpy as np
 import pytest
 
+from browsing import HARD_TO_READ, PATIENCE, SIZES, Watched, colours, complaints, differ, pixels
 from tanteo.lie import SE3
 from tanteo.viewer import Player, Quit
 from tanteo.viewer.view import extent
@@ -16,10 +17,8 @@ from viewer_scenes import TRUE, maker
 pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")
 expect = pytest.importorskip("playwright.sync_api", reason="playwright is not installed").expect
 
-PATIENCE = 90_000
-"""A busy machine without a graphics card draws slowly [ms]."""
-
-SIZES = {"desk": (1280, 800), "phone": (390, 844)}
+SLACK = 10.0
+"""How much slower than a machine that does nothing else the tests may be."""
 
 
 @pytest.fixture(scope="module")
@@ -41,93 +40,54 @@ def live(targets):
     assert not thread.is_alive()
 
 
-# Words that are small or pale: their text, size and contrast with what is behind them.
-HARD_TO_READ = """() => {
-  const linear = (v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
-  const light = (c) => c.slice(0, 3).map((v) => linear(v / 255))
-    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0.05);
-  const numbers = (colour) => colour.match(/[\\d.]+/g).map(Number);
-  const paper = (e) => {
-    for (; e; e = e.parentElement) {
-      const c = numbers(getComputedStyle(e).backgroundColor);
-      if (c.length < 4 || c[3] > 0.9) return c;
-    }
-    return [255, 255, 255];
-  };
-  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), trouble = [];
-  while (walk.nextNode()) {
-    const node = walk.currentNode, owner = node.parentElement;
-    if (!node.textContent.trim() || owner.closest("script, style") || !owner.checkVisibility()) continue;
-    const style = getComputedStyle(owner), [a, b] = [light(numbers(style.color)), light(paper(owner))];
-    const contrast = Math.max(a, b) / Math.min(a, b), size = parseFloat(style.fontSize);
-    if (size < 12 || contrast < 4.5) trouble.push(`${node.textContent}: ${size} px, ${contrast.toFixed(1)}`);
-  }
-  return trouble;
-}"""
+class Live(Watched):
+    """The live page in a window."""
 
+    def __init__(self, browser, url, size, query=""):
+        super().__init__(browser, f"{url}/?fixedDpr=0.5{query}", size, noise=("error",))
+        self.press("Restart")  # whatever was played before, this begins anew
+        self.until_said("Nothing was sensed yet")
 
-class Watched:
-    """The page in a window, what it said and asked for."""
-
-    def __init__(self, browser, url, size):
-        self.context = browser.new_context(
-            viewport=dict(zip(("width", "height"), size, strict=True)), has_touch=size[0] < 500
-        )
-        self.page, self.errors, self.asked = self.context.new_page(), [], []
-        self.page.set_default_timeout(PATIENCE)
-        self.page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("websocket", lambda socket: self.asked.append(socket.url.replace("ws://", "http://")))
-        self.page.goto(url)
-        self.until("Places sensed: ")
-
-    def until(self, words):
+    def until_said(self, words):
         """Wait for words in the page."""
         self.page.get_by_text(words).first.wait_for()
 
     def press(self, name):
         self.page.get_by_role("button", name=name, exact=True).click()
 
-    def seen(self):
-        """Pixels of the picture beside the controls ``(h, w, 3)``, when it has come to rest."""
-        from matplotlib.image import imread
+    def tick(self, name, *, on):
+        """A box of the legend: it answers when the page gets to it."""
+        self.page.get_by_label(name, exact=True).click()
+        expect(self.page.get_by_label(name, exact=True)).to_be_checked(checked=on)
 
+    def seen(self, unlike=None):
+        """Pixels of the picture beside the controls ``(h, w, 3)`` when it has come to rest, and is unlike another."""
         before = None
-        self.page.wait_for_timeout(1000)
-        for _ in range(20):
-            now = imread(io.BytesIO(self.page.screenshot()))[..., :3]
-            now = now[300:, :900] if now.shape[1] > 900 else now[180:320]
-            if before is not None and np.array_equal(now, before):
+        for _ in range(PATIENCE // 500):
+            now = pixels(self.page.screenshot())
+            now = now[300:, :900] if now.shape[1] > 900 else now[150:380]
+            rests = before is not None and np.array_equal(now, before) and colours(now) > 10
+            if rests and (unlike is None or differ(now, unlike) > 0.002):
                 return now
             before = now
             self.page.wait_for_timeout(500)
-        return before
-
-
-def colours(picture):
-    return len(np.unique((picture.reshape(-1, 3) * 31).astype(int), axis=0))
-
-
-def differ(one, other):
-    """Share of the pixels that are not the same."""
-    return float(np.mean(np.abs(one - other).max(axis=-1) > 0.04))
+        raise AssertionError("the picture did not change and come to rest")
 
 
 @pytest.fixture
-def open_page(browser, live, tmp_path, request):
+def open_page(browser, live, screenshots, request):
     """Open it; at the end a screenshot is kept, and nothing may have gone wrong or out."""
     opened = []
 
-    def call(size):
-        opened.append(Watched(browser, f"{live[0].url}/?fixedDpr=0.5", SIZES[size]))
+    def call(size, query=""):
+        opened.append(Live(browser, live[0].url, size, query))
         return opened[-1]
 
     yield call
     for watched in opened:
-        watched.page.screenshot(path=tmp_path / f"{request.node.name}.png")
+        watched.page.screenshot(path=screenshots / f"live_{request.node.name}.png")
         watched.context.close()
-        assert watched.errors == []
+        assert watched.said == []
         assert all(url.startswith((live[0].url, "data:", f"blob:{live[0].url}")) for url in watched.asked), (
             watched.asked
         )
@@ -147,42 +107,102 @@ def pixel(point, middle, size, window):
     return width / 2 + scale * (d @ right), height / 2 - scale * (d @ np.cross(right, forward))
 
 
-def test_a_session_is_played(open_page, live, tmp_path):
+FOOT = SE3.apply(TRUE, [0.1, 0.04, 0.012])
+"""A place on the foot of the bracket, beside its wall."""
+
+
+def test_a_session_is_played(open_page, live, screenshots):
     watched = open_page("desk")
-    watched.until("Places sensed: 0")
     page, (_, middle, size, player) = watched.page, live
     first = watched.seen()
     assert colours(first) > 40
-    assert page.evaluate(HARD_TO_READ) == []
     watched.press("Step")
-    watched.until("Places sensed: 1")
-    stepped = watched.seen()
-    assert differ(first, stepped) > 0.002
-    # on the foot of the bracket, beside its wall
-    page.mouse.click(*pixel(SE3.apply(TRUE, [0.1, 0.04, 0.012]), middle, size, SIZES["desk"]))
-    watched.until("Places sensed: 2 (1 by you, 1 by the policy)")
-    page.screenshot(path=tmp_path / "clicked.png")
-    page.get_by_text("What is drawn").click()
-    page.get_by_label("Beams").click()
-    expect(page.get_by_label("Beams")).not_to_be_checked(timeout=PATIENCE)
-    assert differ(watched.seen(), stepped) > 0.002
+    watched.until_said("Places sensed: 1")
+    stepped = watched.seen(unlike=first)
+    page.mouse.click(*pixel(FOOT, middle, size, SIZES["desk"]))
+    watched.until_said("Places sensed: 2 (1 by you, 1 by the policy)")
+    page.screenshot(path=screenshots / "live_clicked.png")
+    watched.tick("Beams", on=False)
+    watched.seen(unlike=stepped)
     watched.press("Go")
-    watched.until("alone needs")
-    watched.until("It is bracket_left")
-    ended = watched.seen()
-    assert differ(first, ended) > 0.01
+    watched.until_said("off the truth")
+    watched.until_said("It is bracket_left")
+    watched.seen(unlike=first)
+    watched.tick("Beams", on=True)
     page.locator("input[role=combobox][value=largest-face]").click()
     page.get_by_role("option", name="nearest").click()
     watched.press("Restart")
-    watched.until("Places sensed: 0")
+    watched.until_said("Places sensed: 0")
     assert player.policy == "nearest"
 
 
-def test_on_a_phone_the_part_is_seen_above_the_controls(open_page):
+def test_what_else_it_may_be_is_chosen_in_the_legend(open_page):
+    watched = open_page("desk")
+    one = watched.seen()
+    watched.tick("Second likeliest", on=True)
+    two = watched.seen(unlike=one)
+    watched.tick("Second likeliest", on=False)
+    assert differ(one, watched.seen(unlike=two)) < 0.001
+
+
+def test_a_person_plays_against_the_planner(open_page, live):
+    watched, (_, middle, size, _) = open_page("desk"), live
+    watched.press("You against the planner")
+    watched.until_said("Your turn")
+    watched.page.mouse.click(*pixel(FOOT, middle, size, SIZES["desk"]))
+    watched.until_said("Places sensed: 1, all by you")
+    watched.until_said("The planner after 1:")
+    watched.press("Answer now")
+    table = watched.page.get_by_role("table")
+    expect(table).to_contain_text("off the truth")
+    expect(table.get_by_role("columnheader")).to_have_text(["you", "planner"])
+
+
+def test_the_first_move_is_seen_within_two_seconds(open_page):
+    watched = open_page("desk")
+    begun = time.monotonic()
+    watched.press("Step")
+    watched.until_said("Places sensed: 1")
+    assert time.monotonic() - begun < 2 * SLACK
+
+
+SIGNS_OF_VISER = (".mantine-CloseButton-root", ".mantine-ActionIcon-root")
+"""Its own buttons, which have a picture and no name."""
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("query", ["", "&darkMode"], ids=["light", "dark"])
+def test_the_controls_can_be_read_named_and_reached(open_page, size, query):
+    watched = open_page(size, query)
+    page = watched.page
+    assert page.evaluate(HARD_TO_READ, 12) == []
+    exclude = [[sign] for sign in SIGNS_OF_VISER]
+    assert complaints(page, {"exclude": exclude}, without=("region", "page-has-heading-one", "landmark-one-main")) == []
+    page.get_by_role("button", name="Go", exact=True).focus()
+    names = []
+    for _ in range(30):
+        names.append(
+            page.evaluate("document.activeElement.textContent || document.activeElement.labels?.[0]?.textContent")
+        )
+        page.keyboard.press("Tab")
+    wanted = ("Go", "Step", "Pause", "Restart", "You against the planner", "Answer now", "Second likeliest", "Beams")
+    assert [name for name in (*wanted, "Policy", "Speed", "Seed") if name not in names] == []
+
+
+def test_on_a_phone_the_controls_are_a_drawer(open_page):
     watched = open_page("phone")
+    page = watched.page
     assert colours(watched.seen()) > 40
-    outside = watched.page.evaluate(
-        """() => [...document.querySelectorAll(".tanteo *")].filter((e) => e.getClientRects().length &&
+    outside = page.evaluate(
+        """() => [...document.querySelectorAll(".tanteo *, input, button")].filter((e) => e.getClientRects().length &&
         (e.getBoundingClientRect().right > innerWidth + 1 || e.getBoundingClientRect().left < -1)).length"""
     )
     assert outside == 0
+    drawer = page.locator(".mantine-Paper-root").filter(has=page.get_by_role("button", name="Go", exact=True)).last
+    box = drawer.bounding_box()
+    assert box["width"] == SIZES["phone"][0]
+    assert 0.5 * SIZES["phone"][1] < box["y"] < 0.6 * SIZES["phone"][1]
+    page.get_by_text("tanteo", exact=True).click()
+    watched.until("() => document.querySelector('.mantine-Paper-root').getBoundingClientRect().top > 750")
+    page.get_by_text("tanteo", exact=True).click()
+    expect(page.get_by_role("button", name="Go", exact=True)).to_be_in_viewport()

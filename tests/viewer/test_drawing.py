@@ -60,9 +60,15 @@ def test_each_part_is_drawn_where_the_belief_has_it(moments):
             assert len(mesh.vertices) == len(now.state.target(int(k)).part.vertices)
     first, last = ([p for p in drawing.state_primitives(now) if isinstance(p, Mesh)] for now in moments[::2])
     assert [m.colour for m in first] == [colors.PART, colors.RIVALS[0]]
-    assert [m.layer for m in first] == ["", "rivals"]
-    assert last[0].opacity > first[0].opacity
+    assert [m.layer for m in first] == ["", "rival 1"]
     assert last[0].same_shape(first[0])  # the left bracket, which lies there, is sent once
+
+
+def test_one_thing_is_solid_and_all_else_is_clear(moments):
+    for now in moments:
+        meshes = [p for p in drawing.state_primitives(now) if isinstance(p, Mesh)]
+        assert [p.opacity for p in meshes if p.layer == ""] == [1.0]
+        assert all(p.opacity < 0.5 for p in meshes if p.layer)
 
 
 def test_how_the_pose_may_be_off_shrinks(moments):

@@ -10,7 +10,7 @@ import pytest
 
 from sensing_scenes import without_modes
 from tanteo.measurements import FreeRays
-from tanteo.viewer import Snapshot, colors, drawing, panel
+from tanteo.viewer import Snapshot, colors, drawing, panel, snapshot
 from viewer_scenes import maker
 
 
@@ -21,7 +21,7 @@ def session(targets):
 
 def test_before_the_first_reading(session):
     now = Snapshot.of(session)
-    assert panel.headline(now) == "Nothing was sensed yet: 2 parts may be here."
+    assert panel.headline(now) == "Nothing was sensed yet: 2 parts may be here, bracket_left is drawn."
     bars = panel.bars(now)
     shares = [float(s) for s in re.findall(r"([\d.]+) %</span>", bars)]
     assert sum(shares) == pytest.approx(100, abs=0.2)
@@ -53,22 +53,29 @@ def test_only_the_last_lines_are_shown_the_last_first():
     assert re.findall(r"line (\d+)", words) == [str(k) for k in range(19, 11, -1)]
 
 
-def test_the_legend_has_every_hue_that_has_a_meaning():
-    words = panel.legend(hand=True)
-    for hue in (
-        colors.EDGE,
-        colors.RIVALS[0],
-        colors.OVERLAY,
-        colors.GOOD,
-        colors.BAD,
-        colors.BEAM,
-        colors.FREE,
-        colors.INK,
-        colors.SOFT,
-    ):
-        assert colors.css(hue) in words
+def test_everything_that_is_drawn_has_a_sign_of_its_colour():
+    assert set(panel.MARKS) == set(drawing.LAYERS)
+    signs = [(kind, hue) for kind, hue in panel.MARKS.values()] + [(kind, hue) for kind, hue, _ in panel.ALWAYS]
+    assert len(set(signs)) == len(signs)
+    for layer, (kind, hue) in panel.MARKS.items():
+        assert colors.css(hue) in panel.sign(layer)
+        assert kind in panel.sign(layer)
+    assert "truly" not in panel.legend(scene=False)
+    words = panel.legend(scene=True)
     assert "50 mm" in words
-    assert "hand" not in panel.legend(hand=False)
+    assert all(colors.css(hue) in words and said in words for _, hue, said in panel.ALWAYS)
+
+
+def test_two_runs_are_compared_in_a_table():
+    mine, planned = snapshot.Result(9, "wedge", 0.412, 2.5e-3, np.nan), snapshot.Result(4, "<clamp>", 0.996, 3e-4, 1e-4)
+    table = panel.compared(mine, planned, (0, 9), truth=True)
+    cells = re.findall(r"<t[hd][^>]*>([^<]*)<", table)
+    assert cells == [
+        "", "you", "planner", "places", "9", "4", "answer", "wedge", "&lt;clamp&gt;", "probability", "41.2 %", "99.6 %",
+        "corner sd", "2.5 mm", "0.3 mm", "off the truth", "unknown", "0.1 mm",
+    ]  # fmt: skip
+    assert "you 2, policy 7" in panel.compared(mine, planned, (7, 2), truth=True)
+    assert "off the truth" not in panel.compared(mine, planned, (0, 9), truth=False)
 
 
 def test_nothing_explains_the_readings(session):

@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 import re
+import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tanteo.lie import SE3
-from tanteo.viewer import Advance, Choose, Click, Go, Pause, Player, Quit, Restart
+from tanteo.viewer import (
+    Advance,
+    AnswerNow,
+    Choose,
+    Click,
+    Contest,
+    Go,
+    Pause,
+    Player,
+    Quit,
+    Restart,
+    drawing,
+)
 from viewer_scenes import TRUE, Person, maker
 
 
@@ -85,8 +99,8 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     assert own > 0
     assert f"Places sensed: {1 + own} (1 by you, {own} by the policy)" in person.words["status"]
     assert len(alone.steps) == len(went[1][0].steps)
-    said = f"Together {1 + own} places: you 1, &#x27;largest-face&#x27; {own}; &#x27;largest-face&#x27; alone needs"
-    assert f"{said} {len(alone.steps)} on the same scene" in person.words["status"]
+    cells = re.findall(r"<t[hd][^>]*>([^<]*)<", person.words["status"])
+    assert cells[:6] == ["", f"you 1, policy {own}", "planner", "places", f"{1 + own}", f"{len(alone.steps)}"]
     assert "1. you, " in person.words["told"]
 
 
@@ -116,6 +130,59 @@ def test_a_restart_begins_again_and_another_seed_holds_from_then(targets):
     np.testing.assert_array_equal(one.readings.points, two.readings.points)
     assert three.seed == 9
     assert not np.array_equal(one.readings.points, three.readings.points)
+
+
+def test_a_click_does_not_meet_what_is_hidden(targets):
+    """Whatever else it may be lies there too, in front: a person senses what they see."""
+    click = from_above(0.06, 0.02)
+    hidden = lambda person: replace(click(person), hidden=frozenset(drawing.HIDDEN_AT_FIRST))  # noqa: E731
+    _, (session, _) = play(maker(targets, max_measurements=1), hidden, Quit())
+    assert session.steps[0].action.part == "bracket_left"
+
+
+def test_in_a_contest_the_places_are_the_persons(targets, went):
+    """The planner plays the same scene with the same errors; nothing of it is shown but how sure it is."""
+    arrows = []
+
+    def look(then):
+        return lambda person: arrows.append(len(person.groups["next"])) or (then(person) if callable(then) else then)
+
+    here = [look(from_above(0.06, 0.02)), look(from_above(0.02, 0.05))]
+    wants = [Contest(), look(Advance()), *here, look(AnswerNow()), Quit()]
+    person, (_, mine, planned) = play(maker(targets, tolerance=1e-5), *wants)
+    assert arrows == [0, 0, 0, 0]
+    assert [step.action.why for step in mine.steps] == ["it was chosen by hand"] * 2
+    assert any("the places are yours: click" in said for said in person.said)
+    assert any("The planner after 1: " in said and "sure, largest corner sd" in said for said in person.said)
+    _, (alone,) = play(maker(targets, tolerance=1e-5), Go(), Quit())
+    np.testing.assert_array_equal(planned.readings.points, alone.readings.points)
+    cells = re.findall(r"<t[hd][^>]*>([^<]*)<", person.words["status"])
+    assert cells[:6] == ["", "you", "planner", "places", "2", f"{len(alone.steps)}"]
+    assert person.groups["planner"]
+
+
+def test_a_contest_can_be_left_at_any_time(targets):
+    make = maker(targets, max_measurements=2)
+    wants = [Contest(), from_above(0.06, 0.02), Restart(), Contest(), AnswerNow(), Contest(), Quit()]
+    _, sessions = play(make, *wants)
+    assert len(sessions) == 1 + 2 + 1 + 2 + 2
+    for thread in threading.enumerate():
+        if thread.name == "planner":
+            thread.join(timeout=30)
+            assert not thread.is_alive()
+
+
+def test_what_goes_wrong_with_the_planner_is_not_hidden(targets):
+    make = maker(targets)
+
+    def broken(seed, policy):
+        show = make(seed, policy)
+        made.append(show)
+        return show if len(made) != 3 else replace(show, run=lambda watch: 1 / 0)
+
+    made = []
+    with pytest.raises(ZeroDivisionError):
+        play(broken, Contest(), from_above(0.06, 0.02), Quit())
 
 
 def test_after_the_end_everything_but_a_restart_is_refused(targets):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tanteo.report import Run, Section
     from tanteo.sensors import Rig
     from tanteo.session import Session
+    from tanteo.typing import Vectors
 
 TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 """The words of the command that runs, as they were typed: a report says how to run it again."""
@@ -155,9 +156,14 @@ def write_page(path: str, page: str, *, as_json: bool) -> None:
 
 
 def report_session(
-    path: str, session: Session, *facts: tuple[str, str], as_json: bool, more: Sequence[Section] = ()
+    path: str,
+    session: Session,
+    *facts: tuple[str, str],
+    as_json: bool,
+    more: Sequence[Section] = (),
+    look: Vectors | None = None,
 ) -> None:
-    """Report a session: its answer, and how it came to that; further sections stand first."""
+    """Report a session: its answer, and how it came to that; further sections stand first, seen from a direction."""
     from tanteo.report import session_page
 
-    write_page(path, session_page(session, this_run(*facts), more), as_json=as_json)
+    write_page(path, session_page(session, this_run(*facts), more, look), as_json=as_json)

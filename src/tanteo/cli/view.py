@@ -86,7 +86,7 @@ def view(
     if record is not None:
         _, session, _ = resume(record, parts or [], quiet=False)
         with suppress(KeyboardInterrupt):
-            replay(session, port=port, ready=lambda url: _ready(url, show=not no_open))
+            replay(session, port=port, ready=lambda url: ready(url, show=not no_open))
         return
     with _example(scene, parts or [], options) as (path, folders, chosen):
         _play(path, folders, chosen, port, bare=bare, show=not no_open)
@@ -119,10 +119,11 @@ def _play(path: str | Path, folders: Sequence[str], options: Options, port: int,
 
     seed = scene.seed if options.seed is None else options.seed
     with suppress(KeyboardInterrupt):
-        play(make, seed, options.policy, port=port, ready=lambda url: _ready(url, show=show))
+        play(make, seed, options.policy, port=port, ready=lambda url: ready(url, show=show))
 
 
-def _ready(url: str, *, show: bool) -> None:
+def ready(url: str, *, show: bool) -> None:
+    """Say where the page is, and open it on a desktop."""
     emit([f"Live page: {url} (Ctrl-C ends it)"])
     if show and sys.stdout.isatty():
         webbrowser.open(url)

@@ -1,38 +1,22 @@
-"""One part of twelve on a table: what the camera leaves open, what a beam settles, and how many readings that takes."""
+"""The story in words: what the camera leaves open, what a beam settles, and how many readings that takes."""
 
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import resources
-from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.active import Probe, Start, Stop, around, from_hypotheses, policy_named
-from tanteo.answers import Priors, box_corners
-from tanteo.catalogue import read_parts
-from tanteo.hand import Workspace
-from tanteo.inference import PreparedPart, prepare
-from tanteo.io import read_camera, read_image, read_marks, write_image
-from tanteo.lie import SE3, SO3
-from tanteo.parts import Part
-from tanteo.sensors import NoiseLaw
-from tanteo.session import Action, Sensing, Session
-from tanteo.typing import Transforms
+from tanteo.answers import box_corners
+from tanteo.demo.stage import MOST, STOP, Seen, Stage, range_on, set_stage
+from tanteo.lie import SE3
+from tanteo.sensors import Readings
+from tanteo.session import Action, Session, Step
 
-if TYPE_CHECKING:
-    from tanteo.vision import Sighting
-
-_IMAGE, _NOISE, _TOLERANCE, _MOST = "twins", 3e-4, 5e-4, 25
-_LASER = Probe(
-    "laser", NoiseLaw.of(_NOISE), max_range=0.3, standoff=0.1, clearance=0.01, approach=np.array([0.0, 0.0, -1.0]),
-    cone=np.radians(80.0), workspace=Workspace.above(0.0),
-)  # fmt: skip
 NEEDED = "readings_needed.csv"
 """Readings that each try of ``benchmarks/demo.py`` needed."""
 
@@ -46,14 +30,14 @@ class Observation:
         truth: name of the part that lay there.
         off: how far the worst corner is off [m].
         needed: readings in many tries, planned and at random, in words; None without the camera's start.
-        picture: the camera's image with what was seen, as a PNG file; None without the camera.
+        seen: what the camera saw; None without one.
     """
 
     session: Session
     truth: str
     off: float
     needed: tuple[str, str] | None
-    picture: bytes | None = None
+    seen: Seen | None = None
 
 
 def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
@@ -63,28 +47,40 @@ def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
         say: takes one line.
         seed: of the readings' noise.
     """
-    with resources.as_file(resources.files("tanteo.demo")) as folder:
-        parts = read_parts([folder / "parts"], unit="mm").parts
-        name, T = _truth(folder)
-        say(f"One of {len(parts)} parts lies on a table. Which one, and where?")
-        targets = {part.name: prepare(part) for part in parts}
-        seen = bool(find_spec("cv2"))
-        start, picture = _seen(folder, parts, targets, say) if seen else (_placed(targets, T, name, say), None)
+    assert STOP.tolerance is not None
+    assert STOP.probability is not None
+    stage = set_stage()
+    within = f"within {1e3 * STOP.tolerance:.1f} mm at {100 * STOP.confidence:.0f} %"
+    say(f"Goal: the part with {100 * STOP.probability:.0f} %, and every corner of it {within}.")
+    say(f"One of {len(stage.targets)} parts lies on a table. Which one, and where?")
+    say("")
+    _say_seen(stage.seen, say)
     say("")
     say("A laser (0.3 mm, from above) is sent where it tells most:")
-    session = _session(start, "information", seed)
-    _sense(session, targets[name], T, seed, say)
+    session = stage.session("information", seed)
+    _sense(session, stage.reader(seed), say)
     answer = session.answer()
     say("")
     say(answer.message)
-    moved = SE3.inverse(T) @ answer.hypotheses[0].T_world_part
-    corners = box_corners(targets[name].part)
-    off = np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max()
-    say(f"It was {name}, and the corner farthest off is {1e3 * off:.2f} mm from the truth.")
+    corners = box_corners(stage.targets[stage.truth].part)
+    moved = SE3.inverse(stage.T_world_part) @ answer.hypotheses[0].T_world_part
+    off = float(np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max())
+    say(f"It was {stage.truth}, and the corner farthest off is {1e3 * off:.2f} mm from the truth.")
     planned, random = needed()
-    tries = f" In {planned.tries} tries the plan needed {planned}, random places {random}." if seen else ""
+    tries = f" In {planned.tries} tries the plan needed {planned}, random places {random}." if stage.seen else ""
     say(f"Readings: {session.count}.{tries}")
-    return Observation(session, name, float(off), (str(planned), str(random)) if seen else None, picture)
+    return Observation(session, stage.truth, off, (str(planned), str(random)) if stage.seen else None, stage.seen)
+
+
+def _say_seen(seen: Seen | None, say: Callable[[str], None]) -> None:
+    """What the camera leaves open, and which image that is."""
+    if seen is None:
+        say("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
+        return
+    file = Path(os.path.relpath(seen.image)) if seen.image.is_relative_to(Path.cwd()) else seen.image
+    words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in seen.likely)
+    say(f"A camera above it took {file.as_posix()}.")
+    say(f"It may be: {words}; largest corner sd {1e3 * seen.likely[0].corner_sd:.1f} mm.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +100,7 @@ class Needed:
 
     def __str__(self) -> str:
         low, median, high = (self.counts[round(share * (self.tries - 1))] for share in (0.05, 0.5, 0.95))
-        most = f"{high} or more" if high == _MOST else f"{high}"
+        most = f"{high} or more" if high == MOST else f"{high}"
         return f"{median} ({low} to {most} in nine of ten)"
 
 
@@ -118,90 +114,54 @@ def needed() -> tuple[Needed, Needed]:
 
 def try_it(policy: str, seeds: Sequence[int]) -> list[int]:
     """Readings that the story needs with a policy, by the seed of their noise."""
-    with resources.as_file(resources.files("tanteo.demo")) as folder:
-        parts = read_parts([folder / "parts"], unit="mm").parts
-        name, T = _truth(folder)
-        targets = {part.name: prepare(part) for part in parts}
-        start, _ = _seen(folder, parts, targets, lambda _: None)
-    counts = []
-    for seed in seeds:
-        session = _session(start, policy, seed)
-        _sense(session, targets[name], T, seed, None)
-        counts.append(session.count)
-    return counts
+    stage = set_stage()
+    return [_count(stage, policy, seed) for seed in seeds]
 
 
-def _truth(folder: Path) -> tuple[str, Transforms]:
-    with open(folder / "truth.csv", encoding="utf-8", newline="") as stream:
-        row = next(r for r in csv.DictReader(stream) if r["image"] == _IMAGE)
-    q = np.array([float(row[k]) for k in ("qw", "qx", "qy", "qz")])
-    p = np.array([float(row[k]) for k in ("x_mm", "y_mm", "z_mm")]) / 1e3
-    return row["part"], SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), p)
+def _count(stage: Stage, policy: str, seed: int) -> int:
+    session = stage.session(policy, seed)
+    _sense(session, stage.reader(seed), None)
+    return session.count
 
 
-def _seen(
-    folder: Path, parts: tuple[Part, ...], targets: dict[str, PreparedPart], say: Callable[[str], None]
-) -> tuple[Start, bytes]:
-    """What the camera leaves open, and its image with what was seen."""
-    from tanteo.vision import draw_sight, fit_camera, prepare_vision, see_table
-
-    camera = read_camera(folder / "camera.yaml")
-    placed = fit_camera(camera, *read_marks(folder / "marks.csv"))
-    camera = replace(camera, T_world_camera=placed.T_world_camera, covariance=placed.covariance)
-    image = read_image(folder / f"{_IMAGE}.png")
-    sight = see_table(image, camera, [prepare_vision(part) for part in parts])
-    answer = sight.objects[0].answer
-    likely = [h for h in answer.hypotheses if h.probability > 1e-3]
-    words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in likely)
-    say(f"The camera above it: {words}; largest corner sd {1e3 * likely[0].corner_sd:.1f} mm.")
-    names = list(dict.fromkeys(h.part for h in answer.hypotheses))
-    start = from_hypotheses(answer.hypotheses, [targets[n] for n in names], Priors())
-    return start, _as_png(_cut(draw_sight(image, camera, sight), sight.objects[0]))
-
-
-_ENLARGED = 2
-"""Times that :func:`tanteo.vision.draw_sight` draws an image enlarged."""
-
-
-def _cut(picture: np.ndarray, seen: Sighting) -> np.ndarray:
-    """The picture about what was seen in it, with its name."""
-    if seen.region is None:
-        return picture
-    low, high = _ENLARGED * seen.region.contour.min(axis=0), _ENLARGED * seen.region.contour.max(axis=0)
-    middle, half = (low + high) / 2, float((high - low).max())
-    (left, top), (right, bottom) = np.maximum(middle - half, 0).astype(int), (middle + half).astype(int)
-    return picture[top:bottom, left:right]
-
-
-def _as_png(picture: np.ndarray) -> bytes:
-    with TemporaryDirectory() as folder:
-        write_image(path := Path(folder) / "seen.png", picture)
-        return path.read_bytes()
-
-
-def _placed(targets: dict[str, PreparedPart], T: Transforms, name: str, say: Callable[[str], None]) -> Start:
-    """Without OpenCV: a feeder that puts parts down to some millimetres and degrees."""
-    say("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
-    place = T @ SE3.from_parts(np.eye(3), targets[name].part.centroid)
-    return around(list(targets.values()), place, np.diag(np.repeat([5e-3, 0.1], 3) ** 2))
-
-
-def _session(start: Start, policy: str, seed: int) -> Session:
-    stop = Stop(probability=0.99, tolerance=_TOLERANCE, confidence=0.95, least_gain=0.0, max_measurements=_MOST)
-    return Session(start, _LASER, Sensing(sd=_NOISE), policy_named(policy), stop, seed)
-
-
-def _sense(session: Session, target: PreparedPart, T: Transforms, seed: int, say: Callable[[str], None] | None) -> None:
-    """Ask and tell, with ranges by rays on the part that is truly there."""
-    rng, to_part = np.random.default_rng((1991, seed)), SE3.inverse(T)
+def _sense(session: Session, read: Callable[[Action], Readings], say: Callable[[str], None] | None) -> None:
+    """Ask and tell, and say of each question what was asked, why, and what it told."""
     while isinstance(action := session.ask(), Action):
-        start, along = SE3.apply(to_part, action.origin), to_part[:3, :3] @ action.direction
-        distance = float(target.surface.cast(start[None], along[None]).distances[0])
-        step = session.tell(action.read(distance + _NOISE * rng.normal() if np.isfinite(distance) else np.inf))
+        question = f"  {session.count + 1:2d}  {action.face} of {action.part}: {_why(session, action)}"
+        readings = read(action)
+        step = session.tell(readings)
         if say is not None:
-            best = int(np.argmax(step.probabilities))
-            read = f"{1e3 * distance:6.1f} mm" if np.isfinite(distance) else "  nothing"
-            say(
-                f"  {session.count:2d}  {action.part} {action.face:8} {read}   {session.start.targets[best].part.name} "
-                f"{100 * step.probabilities[best]:5.1f} %, largest corner sd {1e3 * step.corner_sd:.2f} mm"
-            )
+            say(question)
+            say(f"      {_read(readings)}: {_told(session, step)}")
+
+
+_DIFFER = 1e-3
+"""Ranges of two parts that are seen to differ [m]: three times the noise and more."""
+
+
+def _why(session: Session, action: Action) -> str:
+    """What the beam would read of the two likeliest parts if that differs, and else what it is expected to tell."""
+    state = session.state
+    shares = state.of_parts()
+    two = [int(p) for p in np.argsort(-shares, kind="stable")[:2] if shares[p] > 0]
+    modes = [int(np.argmax(np.where(state.part == p, state.weights, -1.0))) for p in two]
+    ranges = [range_on(state.target(k), state.poses[k], action) for k in modes]
+    finite = [r if np.isfinite(r) else 1.0 for r in ranges]
+    if len(two) == 2 and abs(finite[0] - finite[1]) > _DIFFER:
+        words = (f"of {state.target(k).part.name} {_range(r)}" for k, r in zip(modes, ranges, strict=True))
+        return f"it would read {', '.join(words)}"
+    return f"it is expected to narrow the place most, by {action.gain:.2f} nats"
+
+
+def _range(distance: float) -> str:
+    return f"{1e3 * distance:.1f} mm" if np.isfinite(distance) else "nothing"
+
+
+def _read(readings: Readings) -> str:
+    return "nothing" if readings.is_free.any() else f"{1e3 * float(readings.ranges[0]):.1f} mm"
+
+
+def _told(session: Session, step: Step) -> str:
+    best = int(np.argmax(step.probabilities))
+    name = session.start.targets[best].part.name
+    return f"{name} {100 * step.probabilities[best]:.1f} %, largest corner sd {1e3 * step.corner_sd:.2f} mm"

@@ -117,7 +117,7 @@ class Picture {
   lineBuffers(ends) { return { ends: buffer(this.gl, ends), count: ends.length / 6 }; }
 
   look(name) {
-    const [turn, tilt] = VIEWS[name];
+    const [turn, tilt] = (name === "reset" && this.data.look) || VIEWS[name];
     const scale = this.data.size_mm * Math.max(1.18 / (this.canvas.clientWidth || 400), 0.98 / (this.canvas.clientHeight || 400));
     this.eye = { turn, tilt, scale, middle: [0, 0, 0] };
     this.fit(unpack(this.data.seen, Float32Array));

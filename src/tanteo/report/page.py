@@ -52,7 +52,7 @@ def escape(text: str) -> str:
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attributes: object) -> Html:
     """A table that scrolls by itself where it is wider than the page; the first column names its row."""
-    head = element("tr", *(element("th", h, scope="col") for h in headers))
+    head = element("tr", *(element("th", h, scope="col") if h else element("td") for h in headers))
     body = [
         element("tr", element("th", row[0], scope="row"), *(element("td", cell) for cell in row[1:])) for row in rows
     ]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from tanteo.active import explain
 from tanteo.answers import Answer
@@ -27,6 +29,7 @@ from tanteo.report.sections import (
 from tanteo.report.uncertainty import find_ways
 from tanteo.sensors import Readings
 from tanteo.session import Session
+from tanteo.typing import Vectors
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +66,14 @@ def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run,
     return _page(answer, candidates, sensed, run, [fit, rests, budget, *more])
 
 
-def session_page(session: Session, run: Run, more: Sequence[Section] = ()) -> str:
+def session_page(session: Session, run: Run, more: Sequence[Section] = (), look: Vectors | None = None) -> str:
     """The report of a session as the text of one HTML file: its answer as of now, and how it came to that.
 
     Args:
         session: That was told something, or nothing yet.
         run: Where it comes from.
         more: Further sections; they stand first.
+        look: Direction from what is drawn to the eye, in the world; None for the usual one.
     """
     answer, told = session.answer(), explain(session.state, session.steps)
     readings = Readings.from_columns(n=0) if session.readings is None else session.readings
@@ -79,7 +83,7 @@ def session_page(session: Session, run: Run, more: Sequence[Section] = ()) -> st
     rests = rests_section(candidates, directions[: len(candidates)])
     fit, budget = residual_section(candidates, sensed), budget_section(candidates, sensed)
     sections = [*more, course_section(session, told.added), fit, rests, budget]
-    return _page(answer, candidates, sensed, run, sections, goal_words(session.stop))
+    return _page(answer, candidates, sensed, run, sections, goal_words(session.stop), look)
 
 
 def write_report(path: str | Path, page: str) -> None:
@@ -103,12 +107,21 @@ def _page(
     run: Run,
     sections: Sequence[Section],
     goal: str = "",
+    look: Vectors | None = None,
 ) -> str:
     made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
     last = [figure_section(candidates), rerun_section(run.command, made)]
     front = answer_front(answer, candidates, sensed, run.facts)
     front = replace(front, message=f"{goal} {front.message}".strip())
-    return make_page(front, scene_document(candidates, sensed), [*sections, *last])
+    return make_page(front, scene_document(candidates, sensed) | _eye(look), [*sections, *last])
+
+
+def _eye(look: Vectors | None) -> dict[str, Any]:
+    """Turn and tilt of the eye at first."""
+    if look is None:
+        return {}
+    x, y, z = (float(v) for v in look)
+    return {"look": [math.atan2(y, x), math.atan2(z, math.hypot(x, y))]}
 
 
 def _candidates(answer: Answer, sensed: Sensed, parts: Sequence[Part]) -> list[Candidate]:

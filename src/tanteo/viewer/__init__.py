@@ -5,7 +5,7 @@ browser. :class:`Player` plays a :class:`Show` on anything that implements :clas
 :func:`replay` open viser's (extra ``viewer``), which is imported then.
 """
 
-from tanteo.viewer.commands import Advance, Choose, Click, Go, Pause, Quit, Restart
+from tanteo.viewer.commands import Advance, AnswerNow, Choose, Click, Contest, Go, Pause, Quit, Restart
 from tanteo.viewer.player import Page, Player
 from tanteo.viewer.scenes import scene_show
 from tanteo.viewer.shows import Show, Watch, hand_show, laser, probe_show, simulated
@@ -13,7 +13,7 @@ from tanteo.viewer.snapshot import Snapshot
 from tanteo.viewer.view import NEEDS_VISER, moments, play, replay, show_moment
 
 __all__ = [
-    "NEEDS_VISER", "Advance", "Choose", "Click", "Go", "Page", "Pause", "Player", "Quit", "Restart", "Show", "Snapshot",
-    "Watch", "hand_show", "laser", "moments", "play", "probe_show", "replay", "scene_show",
-    "show_moment", "simulated",
+    "NEEDS_VISER", "Advance", "AnswerNow", "Choose", "Click", "Contest", "Go", "Page", "Pause", "Player", "Quit",
+    "Restart", "Show", "Snapshot", "Watch", "hand_show", "laser", "moments", "play", "probe_show", "replay",
+    "scene_show", "show_moment", "simulated",
 ]  # fmt: skip

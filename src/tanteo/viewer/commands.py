@@ -34,6 +34,16 @@ class Restart:
 
 
 @dataclass(frozen=True, slots=True)
+class Contest:
+    """Begin again, the person alone against the policy, which plays the same scene unseen."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerNow:
+    """Sense no more: what is known now is the answer."""
+
+
+@dataclass(frozen=True, slots=True)
 class Quit:
     """End."""
 
@@ -49,20 +59,21 @@ class Choose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Click:
-    """A click into the picture: a ray from the eye, world."""
+    """A click into the picture: a ray from the eye, world; what is in a hidden layer is not clicked."""
 
     eye: Vectors
     ray: Vectors
+    hidden: frozenset[str] = frozenset()
 
 
-Command = Go | Pause | Advance | Restart | Quit | Choose | Click
+Command = Go | Pause | Advance | Restart | Contest | AnswerNow | Quit | Choose | Click
 
 
 class Left(Exception):  # noqa: N818
-    """The run was left before its end: to begin again, or for good."""
+    """The run was left before its end: to begin again in some way, to answer, or for good."""
 
-    def __init__(self, for_good: bool) -> None:
-        self.for_good = for_good
+    def __init__(self, how: Restart | Contest | AnswerNow | Quit) -> None:
+        self.how = how
 
 
 def leave(command: Command) -> None:
@@ -71,8 +82,8 @@ def leave(command: Command) -> None:
     Raises:
         Left: it is.
     """
-    if isinstance(command, Restart | Quit):
-        raise Left(isinstance(command, Quit))
+    if isinstance(command, Restart | Contest | AnswerNow | Quit):
+        raise Left(command)
 
 
 _TILTS = (0.0, 0.25, 0.5, 0.75, 1.0)

@@ -15,7 +15,7 @@ from tanteo.simulator import Solid
 from tanteo.typing import FloatArray, IntArray, Transforms
 from tanteo.viewer import colors
 from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive, dashed, ellipsoids, hand_mesh, outline
-from tanteo.viewer.snapshot import Snapshot
+from tanteo.viewer.snapshot import RIVAL_LAYERS, Snapshot
 
 _SDS = 2.0
 """Standard deviations at which ellipsoids are drawn."""
@@ -30,29 +30,33 @@ _DASH, OPEN = 0.006, 0.12
 """Dash of a beam that met nothing, and how much of it is drawn [m]."""
 
 LAYERS = {
-    "rivals": "What else it may be",
-    "overlays": "How its pose may be off",
-    "readings": "Readings",
+    RIVAL_LAYERS[0]: "Second likeliest",
+    RIVAL_LAYERS[1]: "Third likeliest",
+    RIVAL_LAYERS[2]: "Fourth likeliest",
+    "overlays": "How the pose may be off",
+    "readings": "Readings, with 2 sd",
+    "wrong": "Readings that do not fit",
     "beams": "Beams",
+    "free": "Beams that met nothing",
     "next": "Next reading",
-    "hand": "Hand",
+    "hand": "Hand, and what it sees",
+    "planner": "What the planner sensed",
 }
 """What can be hidden, and what it is called."""
 
+HIDDEN_AT_FIRST = RIVAL_LAYERS
+"""One thing is shown at first, the likeliest part; what else it may be is chosen in the legend."""
+
 
 def state_primitives(now: Snapshot) -> list[Primitive]:
-    """Parts where they may be: the likeliest as a solid, others as overlays in colours of their own."""
+    """Parts where they may be: the likeliest as a solid, others clear and in colours of their own."""
     out: list[Primitive] = []
     b = now.state
-    for k in now.drawn_modes():
-        name = f"mode {k}"
-        rank, w, drawn = now.rank(int(b.part[k])), float(b.weights[k]), _drawn(b.target(int(k)).part)
-        if rank == 0:
-            colour, line, layer = colors.PART, colors.EDGE, ""
-        else:
-            colour = line = colors.RIVALS[rank - 1]
-            layer = "rivals"
-        opacity = 0.25 + 0.6 * w if rank == 0 else 0.08 + 0.3 * w
+    for k in now.drawn_modes().tolist():
+        name, layer = f"mode {k}", now.layer(k)
+        rank, w, drawn = now.rank(int(b.part[k])), float(b.weights[k]), _drawn(b.target(k).part)
+        colour, line = (colors.PART, colors.EDGE) if rank == 0 else (colors.RIVALS[rank - 1],) * 2
+        opacity = 0.12 + 0.3 * w if layer else 1.0
         out.append(Mesh(f"{name} body", drawn.vertices, drawn.triangles, colour, opacity, b.poses[k], layer))
         out.append(Lines(f"{name} edges", drawn.lines, line, 2.0 if rank == 0 else 1.5, b.poses[k], layer))
     return [*out, *_overlays(now)]
@@ -68,16 +72,28 @@ def reading_primitives(now: Snapshot) -> list[Primitive]:
         out.append(Lines("beams", np.stack([starts, t.points], axis=1), colors.BEAM, 1.5, layer="beams"))
         spread = ellipsoids(t.points, t.covs + t.shared_jacobian @ np.swapaxes(t.shared_jacobian, 1, 2), _SDS)
         out.append(Mesh("spread", *spread, colors.GOOD, 0.25, layer="readings"))
-        for name, rows, colour, shape in (
-            ("readings that fit", ~wrong, colors.GOOD, "circle"),
-            ("readings that do not fit", wrong, colors.BAD, "diamond")
+        for name, rows, colour, shape, layer in (
+            ("readings that fit", ~wrong, colors.GOOD, "circle", "readings"),
+            ("readings that do not fit", wrong, colors.BAD, "diamond", "wrong")
         ):  # fmt: skip
             if rows.any():
-                out.append(Dots(name, t.points[rows], colour, 0.02 * now.size, shape, "readings"))
+                out.append(Dots(name, t.points[rows], colour, 0.02 * now.size, shape, layer))
     if len(b.free.origins):
         ends = b.free.origins + b.free.directions * np.minimum(b.free.lengths, OPEN)[:, None]
-        out.append(Lines("free-space rays", dashed(b.free.origins, ends, _DASH), colors.FREE, 2.0, layer="beams"))
+        out.append(Lines("free-space rays", dashed(b.free.origins, ends, _DASH), colors.FREE, 2.0, layer="free"))
     return out
+
+
+def planner_primitives(now: Snapshot) -> list[Primitive]:
+    """Where another session has sensed: the beams that met something."""
+    t = now.state.touches
+    if t is None or not len(t):
+        return []
+    starts = t.points - t.directions * (_ARM * now.size)
+    return [
+        Lines("planner beams", np.stack([starts, t.points], axis=1), colors.PLANNER, 2.5, layer="planner"),
+        Dots("planner readings", t.points, colors.PLANNER, 0.02 * now.size, "square", "planner"),
+    ]
 
 
 def next_primitives(now: Snapshot) -> list[Primitive]:
@@ -88,7 +104,7 @@ def next_primitives(now: Snapshot) -> list[Primitive]:
     end = a.origin + a.expected * a.direction
     return [
         Arrow("next", a.origin, end, colors.INK, 0.01 * now.size, "next"),
-        Label("next label", f"next: {a.face} of {a.part}", a.origin, "next"),
+        Label("next label", f"next: {a.face} of {a.part}", (a.origin + end) / 2, "next"),
     ]
 
 

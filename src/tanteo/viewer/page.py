@@ -12,12 +12,16 @@ import viser
 
 from tanteo.lie import SO3
 from tanteo.typing import Transforms, Vectors
-from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Pause, Restart
-from tanteo.viewer.drawing import LAYERS
+from tanteo.viewer.commands import Advance, AnswerNow, Choose, Click, Command, Contest, Go, Pause, Restart
+from tanteo.viewer.drawing import HIDDEN_AT_FIRST, LAYERS
 from tanteo.viewer.gate import guarded
-from tanteo.viewer.panel import GRID, legend
+from tanteo.viewer.panel import GRID, STYLE, legend, sign
 from tanteo.viewer.primitives import Arrow, Dots, Label, Lines, Mesh, Primitive
 
+_BUTTONS: tuple[Mapping[str, Command], ...] = (
+    {"Go": Go(), "Step": Advance(), "Pause": Pause(), "Restart": Restart()},
+    {"You against the planner": Contest(), "Answer now": AnswerNow()},
+)
 _SPEEDS = {"real time": 1.0, "3 times": 3.0, "10 times": 10.0, "at once": np.inf}
 FOV = float(np.radians(45.0))
 """Of the eye, from top to bottom [rad]."""
@@ -41,9 +45,10 @@ class LivePage:
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._gui, self._scene = self._server.gui, self._server.scene
         self._gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        self._gui.add_html(STYLE)
         self._light()
         self._shown: dict[str, dict[str, tuple[Primitive, Any]]] = {}
-        self._hidden: set[str] = set()
+        self._hidden: set[str] = set(HIDDEN_AT_FIRST)
         self._words: dict[str, Any] = {}
         camera = self._server.initial_camera
         camera.position, camera.look_at = seen_from(middle, size, 1.6)
@@ -70,10 +75,11 @@ class LivePage:
     ) -> None:
         """Everything with which a session is played."""
         self._place("status")
-        buttons = self._gui.add_button_group("", ("Go", "Pause", "Step", "Restart"))
-        commands: Mapping[str, Command] = {"Go": Go(), "Pause": Pause(), "Step": Advance(), "Restart": Restart()}
-        buttons.on_click(lambda event: send(commands[event.target.value]))
+        for commands in _BUTTONS:
+            buttons = self._gui.add_button_group("", tuple(commands))
+            buttons.on_click(lambda event, commands=commands: send(commands[event.target.value]))
         self._place("bars")
+        self._legend(hand=hand, scene=True)
         with self._gui.add_folder("How"):
             choice = self._gui.add_dropdown("Policy", tuple(policies), initial_value=policy)
             choice.on_update(lambda event: send(Choose(policy=event.target.value)))
@@ -83,8 +89,12 @@ class LivePage:
                 "Seed", seed, min=0, step=1, hint="Of all simulated errors; holds from the next restart."
             )
             number.on_update(lambda event: send(Choose(seed=int(event.target.value or 0))))
-        self._below(hand=hand)
-        self._scene.on_click()(lambda event: send(Click(np.array(event.ray_origin), np.array(event.ray_direction))))
+        self._happened()
+        self._scene.on_click()(
+            lambda event: send(
+                Click(np.array(event.ray_origin), np.array(event.ray_direction), frozenset(self._hidden))
+            )
+        )
 
     def record_controls(self, send: Callable[[int], None], count: int, *, hand: bool) -> None:
         """A slider over what was recorded."""
@@ -92,17 +102,22 @@ class LivePage:
         slider = self._gui.add_slider("Step", min=0, max=count, step=1, initial_value=count)
         slider.on_update(lambda event: send(int(event.target.value)))
         self._place("bars")
-        self._below(hand=hand)
+        self._legend(hand=hand, scene=False)
+        self._happened()
 
-    def _below(self, *, hand: bool) -> None:
-        with self._gui.add_folder("What it means"):
-            self._gui.add_html(legend(hand=hand))
+    def _happened(self) -> None:
         with self._gui.add_folder("What happened", expand_by_default=False):
             self._place("told")
-        with self._gui.add_folder("What is drawn", expand_by_default=False):
+
+    def _legend(self, *, hand: bool, scene: bool) -> None:
+        """What is drawn, what it means, and boxes that show and hide it."""
+        there = {"hand": hand, "planner": scene}
+        with self._gui.add_folder("What is drawn"):
+            self._gui.add_html(legend(scene=scene))
             for layer, words in LAYERS.items():
-                if hand or layer != "hand":
-                    box = self._gui.add_checkbox(words, initial_value=True)
+                if there.get(layer, True):
+                    self._gui.add_html(sign(layer))
+                    box = self._gui.add_checkbox(words, initial_value=layer not in HIDDEN_AT_FIRST)
                     box.on_update(lambda event, layer=layer: self._hide(layer, hidden=not event.target.value))
 
     def _place(self, name: str) -> None:
@@ -177,7 +192,7 @@ def seen_from(middle: Vectors, size: float, aspect: float) -> tuple[Vectors, Vec
     if aspect > 1:
         away, aside = 2.0 * size, 0.1 * aspect * right
     else:
-        away, aside = 1.5 * size / aspect, -0.25 * np.cross(right, forward)
+        away, aside = 1.5 * size / aspect, -0.2 * np.cross(right, forward)
     look_at = middle + 2 * away * np.tan(FOV / 2) * aside
     return look_at - away * forward, look_at
 

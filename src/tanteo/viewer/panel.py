@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import resources
 
 import numpy as np
 
 from tanteo.report import Html, bar, element, percent
+from tanteo.session import Step
 from tanteo.viewer import colors
 from tanteo.viewer.drawing import OPEN
 from tanteo.viewer.primitives import Colour
-from tanteo.viewer.snapshot import Snapshot, by_hand
+from tanteo.viewer.snapshot import RIVAL_LAYERS, Result, Snapshot, by_hand
 
 _BARS = 5
 """Parts that have a bar of their own."""
@@ -23,31 +25,7 @@ GRID = 0.05
 
 GRID_WORDS = f"A square of the grid is {1e3 * GRID:.0f} mm; of beams that met nothing {1e3 * OPEN:.0f} mm are drawn."
 
-STYLE = f"""<style>
-.tanteo {{ font-size: 13.5px; line-height: 1.4; padding: 2px 12px 4px; color: {colors.css(colors.INK)};
-  overflow-wrap: anywhere; }}
-.tanteo .say {{ font-size: 15px; font-weight: 600; }}
-.tanteo .soft {{ color: {colors.css(colors.SOFT)}; }}
-.tanteo .row {{ display: grid; grid-template-columns: 14px minmax(0, 1fr) auto; gap: 1px 7px; align-items: center;
-  margin: 5px 0; }}
-.tanteo .row .bar {{ grid-column: 2 / -1; display: block; height: 8px; border-radius: 4px; background: #e3e7eb;
-  overflow: hidden; }}
-.tanteo .fill {{ display: block; height: 100%; background: {colors.css(colors.GOOD)}; }}
-.tanteo .fill.none {{ background: #8a949e; }}
-.tanteo .value {{ font-variant-numeric: tabular-nums; }}
-.tanteo .box {{ width: 13px; height: 13px; border-radius: 3px; border: 2px solid transparent; box-sizing: border-box; }}
-.tanteo ul {{ list-style: none; margin: 0; padding: 0; }}
-.tanteo .key li {{ display: grid; grid-template-columns: 26px 1fr; gap: 8px; align-items: center; margin: 2px 0; }}
-.tanteo .mark {{ display: inline-block; width: 22px; height: 0; }}
-.tanteo .dot {{ width: 10px; height: 10px; border-radius: 50%; margin-left: 6px; }}
-.tanteo .diamond {{ border-radius: 0; transform: rotate(45deg); }}
-.tanteo .told li {{ border-top: 1px solid #e3e7eb; padding: 3px 0; }}
-.mantine-Button-root {{ height: 30px !important; padding: 0 5px !important;
-  border-color: {colors.css(colors.GOOD)} !important; }}
-.mantine-Button-label {{ font-size: 13px; color: {colors.css(colors.GOOD)}; }}
-.mantine-Input-input, .mantine-Select-option {{ font-size: 13.5px !important; }}
-label, .mantine-Notification-description {{ color: {colors.css(colors.SOFT)} !important; }}
-</style>"""
+STYLE = element("style", Html(resources.files("tanteo.viewer").joinpath("page.css").read_text(encoding="utf-8"))).text
 """Of what is said here; and viser's own words, which are small and pale, so that they can be read."""
 
 
@@ -59,7 +37,8 @@ def headline(now: Snapshot) -> str:
     """What is believed now, in a sentence."""
     b, n = now.state, len(now.names)
     if not now.steps:
-        return f"Nothing was sensed yet: {n} parts may be here." if n > 1 else "Nothing was sensed yet."
+        drawn = f"{now.names[now.order[0]]} is drawn"
+        return f"Nothing was sensed yet: {n} parts may be here, {drawn}." if n > 1 else "Nothing was sensed yet."
     if not len(b.weights):
         return "No part explains the readings."
     best = int(now.order[0])
@@ -67,26 +46,76 @@ def headline(now: Snapshot) -> str:
     if not now.decided:
         return f"Not decided; the likeliest is {words}"
     sd = now.steps[-1].corner_sd
-    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm (1 sd)"
+    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm"
 
 
-def status(now: Snapshot, note: str = "", help_: str = "") -> str:
-    """The sentence, how many places were sensed, and what it is waiting for."""
+def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:
+    """The sentence, how many places were sensed, how far a rival was by then, and what it is waiting for."""
     rows = [element("div", headline(now), class_="say"), element("div", counted(now))]
+    rows += [element("div", rival)] if rival else []
     rows += [element("div", text, class_="soft") for text in (note, help_) if text]
-    return _framed(Html(STYLE), *rows)
+    return _framed(*rows)
 
 
-def verdict(now: Snapshot, words: Sequence[str]) -> str:
-    """How it ended: the first sentence large."""
+def verdict(now: Snapshot, words: Sequence[str], table: str = "") -> str:
+    """How it ended: the first sentence large; then a table, if there is one."""
     rows = [element("div", text, class_="say" if k == 0 else None) for k, text in enumerate([*words, counted(now)])]
-    return _framed(Html(STYLE), *rows)
+    return _framed(*rows, Html(table))
+
+
+def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
+    """How sure the planner was after so many places; not of what, which would tell the answer."""
+    if not steps:
+        return "The planner has sensed nothing yet."
+    last = steps[-1]
+    sure = percent(float(last.probabilities.max(initial=0.0)))
+    sure = f"{sure} sure, largest corner sd {1e3 * last.corner_sd:.3g} mm"
+    if through and len(steps) < places:
+        return f"The planner was through after {len(steps)}: {sure}."
+    return f"The planner after {len(steps)}: {sure}."
+
+
+def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: bool) -> str:
+    """The person's run beside what the planner does alone on the same scene, with the same errors.
+
+    Args:
+        mine: how the person's run came out.
+        planned: the planner's.
+        places: of the person's run, those that the policy chose and those that the person did.
+        truth: whether the truth is known.
+    """
+    name = "you" if not places[0] else f"you {places[1]}, policy {places[0]}"
+    rows: list[tuple[str, str, str]] = [
+        ("places", f"{mine.places}", f"{planned.places}"),
+        *((words, _said(read(mine)), _said(read(planned))) for words, read in _COMPARED),
+    ]
+    if not truth:
+        rows.pop()
+    head = element("tr", element("td"), element("th", name, scope="col"), element("th", "planner", scope="col"))
+    body = [element("tr", element("th", a, scope="row"), element("td", b), element("td", c)) for a, b, c in rows]
+    return element("table", head, *body, class_="compared").text
+
+
+_COMPARED: tuple[tuple[str, Callable[[Result], str | float]], ...] = (
+    ("answer", lambda r: r.part or "none"),
+    ("probability", lambda r: percent(r.probability)),
+    ("corner sd", lambda r: r.corner_sd),
+    ("off the truth", lambda r: r.off),
+)
+
+
+def _said(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    return "unknown" if np.isnan(value) else f"{1e3 * value:.3g} mm"
 
 
 def counted(now: Snapshot) -> str:
     """Places sensed so far, and by whom."""
     policy, mine = now.places
-    return f"Places sensed: {policy + mine}" + (f" ({mine} by you, {policy} by the policy)" if mine else "")
+    if not mine or not policy:
+        return f"Places sensed: {policy + mine}" + (", all by you" if mine else "")
+    return f"Places sensed: {policy + mine} ({mine} by you, {policy} by the policy)"
 
 
 def bars(now: Snapshot) -> str:
@@ -139,28 +168,43 @@ def step_line(now: Snapshot) -> str:
     )
 
 
-def legend(*, hand: bool) -> str:
-    """What colours and shapes mean."""
-    keys = [
-        ("mark", colors.EDGE, "the likeliest part"),
-        ("mark", colors.RIVALS[0], "other parts, coloured as above"),
-        ("mark", colors.OVERLAY, "how the likeliest may be off"),
-        ("mark dot", colors.GOOD, "reading that fits, with 2 sd"),
-        ("mark dot diamond", colors.BAD, "reading that does not fit"),
-        ("mark", colors.BEAM, "beam of a reading"),
-        ("mark dashes", colors.FREE, "beam that met nothing"),
-        ("mark", colors.INK, "next reading; in the end, the truth"),
-    ]
-    if hand:
-        keys.append(("mark dot", colors.SOFT, "hand, and what it sees now"))
-    items = [
-        element("li", element("span", class_=kind, style=_ink(kind, colour)), element("span", words))
-        for kind, colour, words in keys
-    ]
-    return _framed(element("ul", *items, class_="key"), element("span", GRID_WORDS, class_="soft"))
+MARKS: dict[str, tuple[str, Colour]] = {
+    **{layer: ("box", colour) for layer, colour in zip(RIVAL_LAYERS, colors.RIVALS, strict=True)},
+    "overlays": ("line", colors.OVERLAY),
+    "readings": ("dot", colors.GOOD),
+    "wrong": ("dot diamond", colors.BAD),
+    "beams": ("line", colors.BEAM),
+    "free": ("line dashes", colors.FREE),
+    "next": ("line", colors.INK),
+    "hand": ("box", colors.SOFT),
+    "planner": ("dot square", colors.PLANNER),
+}
+"""Sign and colour of each layer in the legend."""
+
+ALWAYS: tuple[tuple[str, Colour, str], ...] = (
+    ("box", colors.PART, "The likeliest part"),
+    ("box", colors.TABLE, "The table"),
+    ("box", colors.FURNITURE, "What else is known to stand there"),
+    ("line thick", colors.INK, "In the end: what truly lies there"),
+)
+"""What is not hidden: sign, colour and words."""
 
 
-def _ink(kind: str, colour: Colour) -> str:
-    if "dot" in kind:
-        return f"background:{colors.css(colour)}"
-    return f"border-top:3px {'dashed' if 'dashes' in kind else 'solid'} {colors.css(colour)}"
+def legend(*, scene: bool) -> str:
+    """What cannot be hidden, and the scale; the boxes below have a sign of their own each.
+
+    Args:
+        scene: whether there is one; a record knows of no table and of no truth.
+    """
+    shown = ALWAYS if scene else ALWAYS[:1]
+    rows = [element("li", _sign(kind, colour), element("span", words)) for kind, colour, words in shown]
+    return _framed(element("ul", *rows, class_="key"), element("span", GRID_WORDS, class_="soft"))
+
+
+def sign(layer: str) -> str:
+    """The sign of a layer, to stand in the row of the box that shows and hides it."""
+    return element("span", _sign(*MARKS[layer]), class_="tanteo-sign").text
+
+
+def _sign(kind: str, colour: Colour) -> Html:
+    return element("span", class_=f"sign {kind}", style=f"--c:{colors.css(colour)}")

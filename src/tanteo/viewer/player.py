@@ -10,21 +10,39 @@ import queue
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NoReturn, Protocol
+
+import numpy as np
 
 from tanteo.active import policy_named
 from tanteo.hand import HandReading
 from tanteo.session import Action, Done
 from tanteo.viewer import drawing, panel
-from tanteo.viewer.commands import Advance, Choose, Click, Command, Go, Left, Pause, leave, picked
+from tanteo.viewer.commands import (
+    Advance,
+    AnswerNow,
+    Choose,
+    Click,
+    Command,
+    Contest,
+    Go,
+    Left,
+    Pause,
+    Quit,
+    Restart,
+    leave,
+    picked,
+)
+from tanteo.viewer.contest import Rival
 from tanteo.viewer.primitives import Primitive
-from tanteo.viewer.shows import Show, places_alone
-from tanteo.viewer.snapshot import Snapshot, compared, ending_words
+from tanteo.viewer.shows import Show
+from tanteo.viewer.snapshot import Snapshot, by_hand, ending_words, result
 
 _FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
 """Seconds between two pictures of a moving hand; between two places without a hand in real time; of one wait."""
 
 HELP = "Press Go or Step, or click on a part: you sense there yourself."
+YOUR_TURN = "Your turn: click where to sense. The planner plays the same scene, unseen."
 
 
 class Page(Protocol):
@@ -62,34 +80,51 @@ class Player:
     _show: Show = field(init=False)
     _lines: list[str] = field(init=False, default_factory=list)
     _note: str = field(init=False, default="")
-    _played: int = field(init=False, default=0)
+    _played: tuple[int, str] = field(init=False, default=(0, ""))
     _drawn: float = field(init=False, default=0.0)
     _last: HandReading | None = field(init=False, default=None)
-    _counted: dict[tuple[int, str], int] = field(init=False, default_factory=dict)
+    _contest: bool = field(init=False, default=False)
+    _rival: Rival = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._rival = Rival(self.make)
 
     def run(self) -> None:
         """Play; comes back when it is told to quit."""
-        try:
-            while True:
-                self._again()
-        except Left:
-            return
+        how: Command = Restart()
+        while not isinstance(how, Quit):
+            how = self._once(contest=isinstance(how, Contest))
+        self._rival.leave()
 
-    def _again(self) -> None:
+    def _once(self, *, contest: bool) -> Command:
+        """Play one show, and wait at its end; what was wanted then."""
+        self._contest = contest
+        try:
+            self._over(self._played_on())
+        except Left as left:
+            return left.how
+
+    def _played_on(self) -> Done:
+        """Play one show to its end, or until the person has had enough."""
         try:
             self._begin()
             self._gate()
-            self._over(self._show.run(self))
+            return self._show.run(self)
         except Left as left:
-            if left.for_good:
-                raise
+            if isinstance(left.how, AnswerNow):
+                return Done(False, "It was ended here.")
+            raise
 
     def _begin(self) -> None:
+        self._rival.leave()
         self._show = self.make(self.seed, self.policy)
-        self._lines, self._note, self._drawn, self._played = [], "", 0.0, self.seed
+        self._lines, self._note, self._drawn, self._played = [], "", 0.0, (self.seed, self.policy)
         self._mode = "paused"
         self.page.show("furniture", drawing.furniture_primitives(self._show.furniture))
         self.page.show("truth", [])
+        self.page.show("planner", [])
+        if self._contest:
+            self._rival.begin(self.seed, self.policy)
         self._last = None if self._show.hand is None else self._show.hand[1]
         self._hand()
 
@@ -119,11 +154,15 @@ class Player:
 
     def _gate(self) -> None:
         """Choose and show what comes next, and wait until it may happen."""
+        self._rival.rest()
         asked = self._show.session.ask()
         self._draw()
         if isinstance(asked, Done):
             return
+        self._rival.turn()  # while the person looks
         self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
+        if self._show.hand is None:
+            self._say("Sensing there ...")  # what it tells may take a second
 
     def _wait(self, seconds: float, *, resting: bool) -> None:
         """Take commands for so long, and for as long as it is paused."""
@@ -139,18 +178,21 @@ class Player:
         """The next command, if one comes before a time, or soon; short waits leave room for an interrupt."""
         left = end - time.monotonic()
         try:
-            if left <= 0 and self._mode != "paused":
-                return self.commands.get_nowait()
-            return self.commands.get(timeout=max(left, _SOON))
+            if self._mode == "paused":
+                return self.commands.get(timeout=_SOON)
+            return self.commands.get_nowait() if left <= 0 else self.commands.get(timeout=min(left, _SOON))
         except queue.Empty:
             return None
 
     def _take(self, command: Command, *, resting: bool) -> None:
+        self._rival.rest()
         leave(command)
         if isinstance(command, Choose):
             self._choose(command, resting=resting)
         elif isinstance(command, Click):
             self._clicked(command, resting=resting)
+        elif self._contest and not isinstance(command, Pause) and not by_hand(self._show.session.asked):
+            self._say("In a contest the places are yours: click on the part.")
         else:
             self._mode = {Go: "going", Pause: "paused", Advance: "step"}[type(command)]
             self._say(self._note)
@@ -161,6 +203,8 @@ class Player:
         if chosen.policy is None or chosen.policy == self.policy:
             return
         self.policy = chosen.policy
+        if self._contest:  # holds from the next one: this one's planner has begun
+            return
         self._show.session.policy = policy_named(self.policy)
         if resting:
             self._show.session.put(None)
@@ -172,7 +216,9 @@ class Player:
         if not resting or session.asked is None:
             self._say("Wait until the hand rests, then click again.")
             return
-        found = picked(session, Snapshot.of(session).drawn_modes(), click.eye, click.ray, session.asked.number)
+        now = Snapshot.of(session)
+        seen = np.array([k for k in now.drawn_modes().tolist() if now.layer(k) not in click.hidden], dtype=np.int64)
+        found = picked(session, seen, click.eye, click.ray, session.asked.number)
         if not isinstance(found, Action):
             self._say(found)
             return
@@ -181,34 +227,45 @@ class Player:
             self._mode = "step"
         self._draw()
 
-    def _over(self, done: Done) -> None:
+    def _over(self, done: Done) -> NoReturn:
         """Show how it ended, what is truly there, and who needed how many places."""
         session, truth = self._show.session, self._show.truth
-        self.page.show("truth", drawing.truth_primitives(truth))
-        words = [*ending_words(session, done, truth)]
         self._mode = "paused"
-        policy, mine = Snapshot.of(session).places
-        if mine:
-            self._end([*words, f"Counting what '{self.policy}' needs alone ..."])
-            words.append(compared(policy, mine, self.policy, self._alone()))
-        self._end(words)
+        self._rival.rest()
+        self.page.show("truth", drawing.truth_primitives(truth))
+        words, table = [*ending_words(session, done, truth)], ""
+        if Snapshot.of(session).places[1] or self._contest:
+            self._end([*words, f"Playing what '{self.policy}' does alone ..."])
+            table = self._compared()
+        self._end(words, table)
         while True:
             command = self._next(0.0)
             if command is None:
+                continue
+            if isinstance(command, AnswerNow):
                 continue
             leave(command)
             if isinstance(command, Choose):
                 self.seed = self.seed if command.seed is None else command.seed
                 self.policy, self.speed = command.policy or self.policy, command.speed or self.speed
             else:
-                self._end([*words, "It is over: press Restart to begin again."])
+                self._end([*words, "It is over: press Restart to begin again."], table)
 
-    def _alone(self) -> int:
-        """Places that the policy needs on the same scene without the person."""
-        key = self._played, self.policy
-        if key not in self._counted:
-            self._counted[key] = places_alone(self.make(*key), self.commands)
-        return self._counted[key]
+    def _compared(self) -> str:
+        """The person's run beside what the policy comes to alone on the same scene, as a table."""
+        session, truth = self._show.session, self._show.truth
+        seed, policy = self._played if self._contest else (self._played[0], self.policy)
+        if self._contest:
+            self.page.show("planner", self._rival.play_on(self._patient))
+        planned = self._rival.result(seed, policy, truth, self._patient)
+        return panel.compared(result(session, truth), planned, Snapshot.of(session).places, truth=bool(truth))
+
+    def _patient(self) -> None:
+        """The person may leave instead of waiting; other wishes are dropped."""
+        while not self.commands.empty():
+            command = self.commands.get()
+            if not isinstance(command, AnswerNow):
+                leave(command)
 
     def _hand(self) -> None:
         if self._last is not None and self._show.hand is not None:
@@ -219,7 +276,8 @@ class Player:
         now = Snapshot.of(self._show.session)
         self.page.show("state", drawing.state_primitives(now))
         self.page.show("readings", drawing.reading_primitives(now))
-        self.page.show("next", drawing.next_primitives(now))
+        hidden = self._contest and not by_hand(now.action)
+        self.page.show("next", [] if hidden else drawing.next_primitives(now))
         self.page.say("bars", panel.bars(now))
         self.page.say("told", panel.steps(self._lines))
         self._say(self._note)
@@ -227,7 +285,8 @@ class Player:
     def _say(self, note: str) -> None:
         now = Snapshot.of(self._show.session)
         waits = self._mode == "paused" and now.action is not None
-        self.page.say("status", panel.status(now, note, HELP if waits else ""))
+        help_ = (YOUR_TURN if self._contest else HELP) if waits else ""
+        self.page.say("status", panel.status(now, note, help_, self._rival.standing(len(now.steps))))
 
-    def _end(self, words: Sequence[str]) -> None:
-        self.page.say("status", panel.verdict(Snapshot.of(self._show.session), words))
+    def _end(self, words: Sequence[str], table: str = "") -> None:
+        self.page.say("status", panel.verdict(Snapshot.of(self._show.session), words, table))

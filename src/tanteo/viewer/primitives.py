@@ -61,7 +61,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dots:
-    """Points ``(n, 3)``, all of one size [m] and shape, ``circle`` or ``diamond``."""
+    """Points ``(n, 3)``, all of one size [m] and shape, ``circle``, ``diamond`` or ``square``."""
 
     name: str
     points: Vectors

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import queue
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, cast
@@ -18,7 +17,6 @@ from tanteo.session import Action, Done, Sensing, Session
 from tanteo.shapes import Surface
 from tanteo.simulator import Solid
 from tanteo.typing import Tangents
-from tanteo.viewer.commands import Command, leave
 
 
 class Watch(Protocol):
@@ -117,30 +115,6 @@ class _Seen:
         sensed = self._robot.step(twist)
         self._see(sensed)
         return sensed
-
-
-def places_alone(show: Show, commands: queue.SimpleQueue[Command]) -> int:
-    """Carry a show out unseen; the number of its places. Commands but to leave are dropped.
-
-    Raises:
-        Left: the person wants to begin again, or to end.
-    """
-    show.run(_Unseen(commands))
-    return len(show.session.steps)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Unseen:
-    """Watches a run that nobody sees."""
-
-    commands: queue.SimpleQueue[Command]
-
-    def place(self, note: str) -> None:
-        while not self.commands.empty():
-            leave(self.commands.get())
-
-    def moved(self, sensed: HandReading) -> None:
-        pass
 
 
 NOISE = 3e-4

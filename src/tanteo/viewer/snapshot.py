@@ -15,7 +15,10 @@ from tanteo.shapes import Surface
 from tanteo.simulator import Solid
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
-_MODES, _PARTS = 6, 4
+RIVAL_LAYERS = ("rival 1", "rival 2", "rival 3")
+"""Layers of what else it may be, the likeliest first."""
+
+_MODES, _PARTS = 6, 1 + len(RIVAL_LAYERS)
 """Most modes that are drawn, and most parts of which they are."""
 
 _SHOWN = 0.01
@@ -90,6 +93,14 @@ class Snapshot:
         shown = order[np.isin(b.part[order], self.order[:_PARTS]) & (b.weights[order] >= _SHOWN)]
         return np.asarray(shown[:_MODES] if len(shown) else order[:1])
 
+    def layer(self, mode: int) -> str:
+        """Layer of a mode: none for the one that is always drawn, the likeliest pose of the likeliest part."""
+        rank = self.rank(int(self.state.part[mode]))
+        if rank:
+            return RIVAL_LAYERS[rank - 1]
+        own = np.where(self.state.part == self.state.part[mode], self.state.weights, -1.0)
+        return "" if mode == int(np.argmax(own)) else "overlays"
+
     def rank(self, part: int) -> int:
         """Place of a part in the order of probability, 0 for the likeliest."""
         return int(np.flatnonzero(self.order == part)[0])
@@ -137,9 +148,32 @@ def apart(session: Session, truth: Sequence[Solid]) -> float:
     return float(max(there.max(), back.max()))
 
 
-def compared(policy: int, mine: int, name: str, alone: int) -> str:
-    """The person's count beside the policy's."""
-    together = (
-        f"You needed {mine} places" if not policy else f"Together {policy + mine} places: you {mine}, '{name}' {policy}"
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a run came out.
+
+    Attributes:
+        places: that were sensed.
+        part: the likeliest; empty if none explains the readings.
+        probability: of it.
+        corner_sd: largest corner sd [m].
+        off: how far the truth is from it [m].
+    """
+
+    places: int
+    part: str
+    probability: float
+    corner_sd: float
+    off: float
+
+
+def result(session: Session, truth: Sequence[Solid]) -> Result:
+    """What a session came to, and how far that is from the truth."""
+    now, b = Snapshot.of(session), session.state
+    if not len(b.weights):
+        return Result(len(now.steps), "", 0.0, np.nan, np.nan)
+    best = int(now.order[0])
+    sd = now.steps[-1].corner_sd if now.steps else np.nan
+    return Result(
+        len(now.steps), now.names[best], float(b.of_parts()[best]), sd, apart(session, truth) if truth else np.nan
     )
-    return f"{together}; '{name}' alone needs {alone} on the same scene."

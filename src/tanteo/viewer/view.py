@@ -20,6 +20,7 @@ from tanteo.viewer.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from tanteo.active import Start
+    from tanteo.hand import Hand, HandReading
     from tanteo.viewer.page import LivePage
 
 
@@ -69,7 +70,8 @@ def play(
         MissingExtraError: viser is not installed.
     """
     first = make(seed, policy)
-    page = _opened(port, first.session.start, hand=first.hand is not None)
+    middle, size = extent(first.session.start, first.hand)
+    page = _opened(port, middle, size if first.hand else size + 0.5 * first.session.probe.standoff)
     player = Player(make, page, seed, policy)
     page.session_controls(player.commands.put, tuple(POLICIES), policy, seed, hand=first.hand is not None)
     ready(page.url)
@@ -90,7 +92,7 @@ def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
     Raises:
         MissingExtraError: viser is not installed.
     """
-    page = _opened(port, session.start, hand=False)
+    page = _opened(port, *extent(session.start))
     wanted: queue.SimpleQueue[int] = queue.SimpleQueue()
     every = moments(session)
     page.record_controls(wanted.put, len(every) - 1, hand=False)
@@ -106,20 +108,29 @@ def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
         page.stop()
 
 
-def _opened(port: int, start: Start, *, hand: bool) -> LivePage:
+def _opened(port: int, middle: Vectors, size: float) -> LivePage:
     try:
         from tanteo.viewer.page import LivePage  # needs the extra viewer
     except ModuleNotFoundError as error:
         if error.name != "viser":
             raise
         raise MissingExtraError(NEEDS_VISER) from None
-    middle, size = extent(start)
-    above = np.array([0.0, 0.0, 0.25 * size])  # where the hand is
-    return LivePage(port, middle + above if hand else middle, size * (1.3 if hand else 1.0))
+    return LivePage(port, middle, size)
 
 
-def extent(start: Start) -> tuple[Vectors, float]:
-    """Middle and size of where the parts may be [m]."""
+def extent(start: Start, hand: tuple[Hand, HandReading] | None = None) -> tuple[Vectors, float]:
+    """Middle and size of where the parts may be, and of the hand above them [m]."""
     parts = [start.targets[k].part for k in start.part]
     middles = np.stack([SE3.apply(T, part.centroid) for part, T in zip(parts, start.Ts, strict=True)])
-    return np.asarray(start.weights @ middles), max(part.diagonal for part in parts)
+    middle, size = np.asarray(start.weights @ middles), max(part.diagonal for part in parts)
+    if hand is None:
+        return middle, size
+    body, T = hand[0].body, hand[1].T_world_hand
+    centres = SE3.apply(T, body.centres)
+    seen = np.concatenate([centres - body.radii[:, None], centres + body.radii[:, None], middle[None] - size / 2])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    return (low + high) / 2, max(size, _FILLED * float((high - low).max()))
+
+
+_FILLED = 0.8
+"""Size of what a picture shows, by the height of the hand above the parts: the eye is aslant and sees it shorter."""
