@@ -31,16 +31,17 @@ from tanteo.vision import Stage, circle_poses, fit_ellipse, prepare_vision, proj
 from vision import pose_errors
 from vision_scenes import random_look
 
+TILTS = ((0, 5), (5, 10), (10, 20), (20, 40), (40, 75))
 ARCS = (360, 180, 120, 90, 75, 60, 45, 30)
 SD, SPACING = 0.1, 1.5
 RADIUS = 8e-3
 
 
-def circle_in_view(rng):
+def circle_in_view(rng, tilts=(20, 65)):
     """A camera without distortion, a circle in front of it, aslant, and its ellipse."""
     camera = replace(table_camera(distortion=()), edge_sd=0.0)
     at = np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.1, 0.2)])
-    turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(np.radians(20), np.radians(65))
+    turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*tilts))
     R = SO3.exp(tilt * np.array([np.cos(turn), np.sin(turn), 0.0])) @ np.diag([1.0, -1.0, -1.0])
     T = SE3.from_parts(R, at)
     return camera, T, project_circle(camera, T, RADIUS)
@@ -57,23 +58,20 @@ def arc_points(ellipse, degrees, rng):
     return ellipse.centre + u @ ellipse.shape + rng.normal(0, SD, count)[:, None] * n
 
 
-def trial(degrees, rng):
-    """Squared errors over their covariances, of the ellipse and of the circle; None for what was refused."""
-    camera, T, truth = circle_in_view(rng)
+def trial(degrees, rng, tilts=(20, 65)):
+    """Squared errors over their covariances, of the ellipse and of the circle; none for what was refused."""
+    camera, T, truth = circle_in_view(rng, tilts)
     points = arc_points(truth, degrees, rng)
     try:
         found = fit_ellipse(points, np.full(len(points), SD))
     except DegenerateError:
-        return None, None
+        return None
     off = found.numbers - truth.numbers
     e2 = off @ np.linalg.solve(found.covariance, off)
-    try:
-        poses = circle_poses(camera, found, RADIUS)
-    except DegenerateError:
-        return e2, None
+    poses = circle_poses(camera, found, RADIUS)
     errors = [SE3.log(SE3.inverse(pose.T_camera_circle) @ _spun(T, pose.T_camera_circle))[:5] for pose in poses]
     z = [off @ np.linalg.solve(pose.covariance[:5, :5], off) for off, pose in zip(errors, poses, strict=True)]
-    return e2, min(z)
+    return e2, min(z), len(poses)
 
 
 def _spun(T, other):
@@ -87,18 +85,32 @@ def arcs(trials, seed):
     for degrees in ARCS:
         rng = np.random.default_rng([seed, degrees])
         found = [trial(degrees, rng) for _ in range(trials)]
-        ellipses, circles = ([f[k] for f in found if f[k] is not None] for k in (0, 1))
+        ellipses, circles = ([f[k] for f in found if f is not None] for k in (0, 1))
         shown = [f"{np.mean(z) / 5:.3f}" if len(z) > 0.02 * trials else "-" for z in (ellipses, circles)]
         inside = [f"{100 * np.mean(np.array(z) < chi2.ppf(0.95, 5)):.1f} %" if len(z) > 0.02 * trials else "-"
                   for z in (ellipses, circles)]  # fmt: skip
-        refused = [f"{100 * (1 - len(z) / trials):.1f} %" for z in (ellipses, circles)]
-        rows.append((str(degrees), refused[0], shown[0], inside[0], refused[1], shown[1], inside[1]))
-    head = ("arc deg", "ellipse refused", "NEES / 5", "in 95 %", "circle refused", "NEES / 5", "in 95 %")
+        rows.append(
+            (str(degrees), f"{100 * (1 - len(circles) / trials):.1f} %", shown[0], inside[0], shown[1], inside[1])
+        )
+    head = ("arc deg", "refused", "ellipse, NEES / 5", "in 95 %", "circle, NEES / 5", "in 95 %")
     words = (
         f"{trials} trials a row, sd {SD} px, a point every {SPACING} px, circles tilted by 20 to 65 degrees. 95 % "
         f"interval of the mean NEES with nothing refused: {low_high[0]:.3f} to {low_high[1]:.3f}."
     )
     return Table("Arcs of ellipses", words, head, rows)
+
+
+def tilted(trials, seed):
+    rows = []
+    for tilts in TILTS:
+        rng = np.random.default_rng([seed, *tilts])
+        found = [one for one in (trial(360, rng, tilts) for _ in range(trials)) if one is not None]
+        z = np.array([one[1] for one in found])
+        inside = f"{100 * np.mean(z < chi2.ppf(0.95, 5)):.1f} %"
+        alone = f"{100 * np.mean([one[2] == 1 for one in found]):.0f} %"
+        rows.append((f"{tilts[0]} to {tilts[1]}", alone, f"{np.mean(z) / 5:.3f}", inside))
+    words = f"{trials} trials a row, whole rims; tilt against the line of sight."
+    return Table("Circles", words, ("tilt deg", "told as one", "NEES / 5", "in 95 %"), rows)
 
 
 def plates(rng, folder, name):
@@ -201,7 +213,9 @@ def main():
     trials, scenes, seed = (int(a) for a in (*sys.argv[1:], *("2000", "60", "1991")[len(sys.argv) - 1 :]))
     Message.DefaultMessenger_s().ChangePrinters().Clear()
     print(arcs(trials, seed).markdown(), end="\n\n")
-    print(seen(scenes, seed).markdown())
+    print(tilted(trials // 2, seed).markdown(), end="\n\n")
+    if scenes:
+        print(seen(scenes, seed).markdown())
 
 
 if __name__ == "__main__":

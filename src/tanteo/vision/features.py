@@ -14,11 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, EDGE, PLANE, Feature, Round
+from tanteo.features import CIRCLE, EDGE, PLANE, Feature, Round, Sides
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Transforms
 from tanteo.vision.camera import Camera
-from tanteo.vision.circles import CirclePose, circle_poses
+from tanteo.vision.circles import circle_poses
 from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.segments import Corners, Segments
 
@@ -87,8 +87,10 @@ def image_circle(
     radius_sd: float = 0.0,
     T_world_camera: Transforms | None = None,
     label: str = "image circle",
-) -> tuple[Feature, Feature]:
-    """The two circles of a radius that an ellipse may be, as sensed features to be paired with one of the model.
+) -> Sides:
+    """The circle of a radius behind an ellipse, or the two that it may be, to be paired with one of the model.
+
+    One is told where it is seen so nearly along its axis that the two are not told apart.
 
     Lens and calibration (``Camera.edge_sd``) move the whole ellipse.
 
@@ -102,7 +104,6 @@ def image_circle(
 
     Raises:
         InputError: the camera's place is not known, or a radius that is none.
-        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
@@ -114,7 +115,7 @@ def image_circle(
     """
     T = standing(camera, T_world_camera)
     poses = circle_poses(camera, with_lens(camera, ellipse), radius, radius_sd)
-    first, second = (
+    found = [
         Feature(
             CIRCLE,
             T @ pose.T_camera_circle,
@@ -123,8 +124,8 @@ def image_circle(
             size=Round(pose.radius, float(pose.covariance[5, 5]), pose.covariance[:5, 5]),
         )
         for pose in poses
-    )
-    return first, second
+    ]
+    return found[0] if len(found) == 1 else (found[0], found[1])
 
 
 def image_centre(
@@ -133,10 +134,11 @@ def image_centre(
     *,
     T_world_camera: Transforms | None = None,
     label: str = "image centre",
-) -> tuple[Feature, Feature]:
-    """The two lines through the camera's centre on which the circle's centre lies, whatever its radius.
+) -> Feature:
+    """The line through the camera's centre on which the circle's centre lies, whatever its radius.
 
-    A line is a sensed edge, to be paired with a model vertex at the circle's centre: two equations, no depth.
+    It is a sensed edge, to be paired with a model vertex at the circle's centre: two equations, no depth. Which of both
+    circles it is moves the line a little, which is in its covariance.
 
     Args:
         camera: that took the image.
@@ -146,19 +148,24 @@ def image_centre(
 
     Raises:
         InputError: the camera's place is not known.
-        DegenerateError: the circle is seen so nearly along its axis that its tilt is not known.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> points = tanteo.vision.find_edges(tanteo.read_image("images/three_parts.png"))
         >>> ellipse = tanteo.vision.find_ellipses(camera, points).found[0]
-        >>> first, second = tanteo.vision.image_centre(camera, ellipse, T_world_camera=np.eye(4))
-        >>> first.kind.name, second.kind.name
-        ('edge', 'edge')
+        >>> tanteo.vision.image_centre(camera, ellipse, T_world_camera=np.eye(4)).kind.name
+        'edge'
     """
     T = standing(camera, T_world_camera)
-    first, second = (_line(T, pose, label) for pose in circle_poses(camera, with_lens(camera, ellipse), 1.0))
-    return first, second
+    pixels, covariances = [], []
+    for pose in circle_poses(camera, with_lens(camera, ellipse), 1.0):
+        x, y, z = pose.T_camera_circle[:3, 3]
+        by = np.array([[1, 0, -x / z], [0, 1, -y / z]]) * camera.focal[:, None] / z @ pose.T_camera_circle[:3, :3]
+        pixels.append(np.array([x, y]) / z * camera.focal + camera.centre)
+        covariances.append(by @ pose.covariance[:3, :3] @ by.T)
+    pixel = np.mean(pixels, axis=0)
+    apart = np.mean([np.outer(p - pixel, p - pixel) for p in pixels], axis=0)
+    return _ray_feature(camera, pixel, np.mean(covariances, axis=0) + apart, T, label)
 
 
 def with_lens(camera: Camera, ellipse: Ellipse) -> Ellipse:
@@ -167,16 +174,6 @@ def with_lens(camera: Camera, ellipse: Ellipse) -> Ellipse:
     C[:2, :2] += 0.5 * camera.edge_sd**2 * np.eye(2)
     C[2:4, 2:4] += 0.5 * camera.edge_sd**2
     return replace(ellipse, covariance=C)
-
-
-def _line(T_world_camera: Transforms, pose: CirclePose, label: str) -> Feature:
-    c = pose.T_camera_circle[:3, 3]
-    R = SO3.frame_from_axis(c / np.linalg.norm(c), 0)
-    across = (R.T @ pose.T_camera_circle[:3, :3])[1:] / np.linalg.norm(c)
-    G = np.stack([-across[1], across[0]])  # a turn w moves the x axis by w_z y - w_y z
-    P = np.zeros((4, 4))
-    P[:2, :2], P[2:, 2:] = CENTRE_SD**2 * np.eye(2), G @ pose.covariance[:3, :3] @ G.T
-    return Feature(EDGE, T_world_camera @ SE3.from_parts(R, np.zeros(3)), P, label=label)
 
 
 def _ray_feature(camera: Camera, pixel: FloatArray, C: Covariances, T: Transforms, label: str) -> Feature:
