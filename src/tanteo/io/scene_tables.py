@@ -147,8 +147,8 @@ class RoundTable(Table, frozen=True, kw_only=True, eq=False):
 
     def guess(self) -> RoundGuess:
         """The same for the hand."""
-        values = self.values()
-        return made(RoundGuess, {**values, "convex": values.pop("boss", False)}, str(self.at))
+        values = {"point": self.point, "axis": self.axis, "radius": self.radius, "convex": self.boss}
+        return made(RoundGuess, values, str(self.at))
 
 
 class SenseTable(Table, frozen=True, kw_only=True, eq=False):
