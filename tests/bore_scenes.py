@@ -24,7 +24,7 @@ OFF, TURNED, SHARE = 0.010, np.radians(5.0), 0.3
 
 @dataclass(frozen=True)
 class RoundTask:
-    """A scene, where the hand starts, the stand-off, the idea and the truth: a frame with z along the axis, a radius."""
+    """A scene, where the hand starts, the stand-off, the idea, and the truth: a frame, z along the axis, a radius."""
 
     scene: Scene
     T_world_hand: np.ndarray
@@ -40,7 +40,9 @@ def turned_profile(half, rings):
 
     Radius 0 is a point on the axis. The first ring is the top's middle or inner rim, the last one the bottom's.
     """
-    angles = np.unique(np.concatenate([np.arange(SEGMENTS) * 2 * np.pi / SEGMENTS, np.pi / 4 + np.arange(4) * np.pi / 2]))
+    angles = np.unique(
+        np.concatenate([np.arange(SEGMENTS) * 2 * np.pi / SEGMENTS, np.pi / 4 + np.arange(4) * np.pi / 2])
+    )
     c, s = np.cos(angles), np.sin(angles)
     # the polygon of a circle has the circle's mean radius
     longer = 1 + (np.pi / SEGMENTS) ** 2 / 6
@@ -105,7 +107,7 @@ def _wrong(rng, T, radius, wrong):
 
 
 def round_nees(feature: Feature, T, radius):
-    """Squared error of a circle or cylinder in its own covariance, its degrees of freedom, and errors (place, radius)."""
+    """Squared error of a circle or cylinder in its own covariance, its dimension, and errors of place and radius."""
     rows, C = list(feature.kind.rows), feature.full_covariance
     n = len(rows)
     local = SE3.inverse(feature.T_world_feature) @ T

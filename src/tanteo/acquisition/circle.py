@@ -92,7 +92,9 @@ def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
         centre, axes = in_face(face, guess)
         T = run.robot.sensed.T_world_hand
         along = turned(face, T[:3, :3] @ run.hand.pair, 0.0)
-        looked = look_over(run, face, np.stack([pose_over(run, face, centre + s * axes[:, 0], along) for s in (0, 0.02, -0.02)]))
+        looked = look_over(
+            run, face, np.stack([pose_over(run, face, centre + s * axes[:, 0], along) for s in (0, 0.02, -0.02)])
+        )
         disc = seen_disc(run, face, guess)
         if not looked.reached:
             break

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tanteo.acquisition.circle import acquire_circle
 from tanteo.acquisition.guesses import RoundGuess
 from tanteo.acquisition.record import fitted_feature, wall_readings
 from tanteo.acquisition.rim import turned
-from tanteo.acquisition.run import Acquired, Attempt, SensingRun, back_off, finish
-from tanteo.acquisition.plane import HOVER
+from tanteo.acquisition.run import Acquired, Attempt, SensingRun, finish
 from tanteo.acquisition.wall import WallReading, depths, read_wall
 from tanteo.features import Feature
 from tanteo.hand import Robot
@@ -18,6 +19,9 @@ from tanteo.sensors import RobotPreset
 
 ANGLES = 0, 120, 240, 60, 180, 300
 """Where the wall is read, in each ring [deg]."""
+
+FARTHER = 0.008, 0.012
+"""The second ring is a radius below the first, at least and at most this far [m]."""
 
 LEAST_RING, LEAST_GAP = 3, 0.003
 """Places that each ring needs, and how far one ring has to be from the other [m]."""
@@ -60,33 +64,45 @@ def sense_cylinder(
 
 
 def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
-    """The same within a run that has the rim."""
-    convex = bool(circle.convex)
-    rings = depths(run, circle, convex=convex)
-    if rings[1] - rings[0] < LEAST_GAP:
+    """The same within a run that has the rim.
+
+    The second ring is as deep as beams reach; where that is below the end of the wall, half as far from the first.
+    """
+    first, deepest = depths(run, circle)
+    second = min(first + min(max(FARTHER[0], circle.radius or 0.0), FARTHER[1]), deepest)
+    if second - first < LEAST_GAP:
         return "unclear", "the bore is too narrow for beams that come over its rim to reach two rings", None
-    back_off(run, HOVER)
-    first = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair
-    found: tuple[list[WallReading], list[WallReading]] = ([], [])
-    why = ""
+    found, why = _ring(run, circle, first)
+    if len(found) < LEAST_RING:
+        return "unclear", f"{_met(found, first)}{why}", None
+    while second - first >= LEAST_GAP:
+        other, why = _ring(run, circle, second)
+        if len(other) >= LEAST_RING:
+            return _fitted(run, (found, other), (first, second), label)
+        missed, second = second, first + 0.5 * (second - first)
+    return "unclear", f"{_met(other, missed)}{why}", None
+
+
+def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallReading], str]:
+    """What was read of one ring, and why the last place that failed did."""
+    out, found, why = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair, list[WallReading](), ""
     for number, angle in enumerate(ANGLES):
-        out = turned(circle, first, np.radians(angle))
+        if number == LEAST_RING and not found:
+            break
         sensor = run.hand.frontal[number % 2]
-        for ring, depth in zip(found, rings, strict=True):
-            reading, motion = read_wall(run, circle, out, depth, sensor, convex=convex)
-            ring += [] if reading is None else [reading]
-            why = why if motion.reached else f": {motion.message}"
-    return _fitted(run, found, rings, why, label)
+        reading, motion = read_wall(run, circle, turned(circle, out, np.radians(angle)), depth, sensor)
+        found += [] if reading is None else [reading]
+        why = why if motion.reached else f": {motion.message}"
+    return found, why
 
 
-def _fitted(
-    run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], why: str, label: str
-) -> Attempt:
+def _met(ring: Sequence[WallReading], depth: float) -> str:
+    places = "one place" if len(ring) == 1 else f"{len(ring)} places"
+    return f"the wall was met at {places} of {len(ANGLES)}, {1e3 * depth:.2g} mm below the rim"
+
+
+def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], label: str) -> Attempt:
     """The cylinder of two rings, and its readings in the record."""
-    for ring, depth in zip(found, rings, strict=True):
-        if len(ring) < LEAST_RING:
-            places = "one place" if len(ring) == 1 else f"{len(ring)} places"
-            return "unclear", f"the wall was met at {places} of {len(ANGLES)}, {1e3 * depth:.2g} mm below the rim{why}", None
     readings = wall_readings(run.hand, [r for ring in found for r in ring], label)
     feature, doubt = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is None or doubt:

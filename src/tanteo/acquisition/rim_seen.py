@@ -21,7 +21,7 @@ _STEEP = 0.5
 """Beams that come to the face at a smaller cosine than this say little about where they pass it."""
 
 _SURE, _FORM = 4.0, 1e-3
-"""A point is on the face within so many standard deviations and this much more [m]; beyond them it is below or above."""
+"""A point is on the face within so many standard deviations and this much more [m]; else it is below or above."""
 
 _ASTRAY = 0.02
 """Share of beams that say the contrary, whatever is there."""
@@ -92,9 +92,7 @@ def seen_disc(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
     return Disc(centre + axes @ best[:2], float(best[2]), gain, inside)
 
 
-def _passing(
-    run: SensingRun, face: Feature, centre: FloatArray, axes: FloatArray, reach: float
-) -> _Passing:
+def _passing(run: SensingRun, face: Feature, centre: FloatArray, axes: FloatArray, reach: float) -> _Passing:
     """The beams that pass the plane near the guess, or end there."""
     origin, normal = face.T_world_feature[:3, 3], face.T_world_feature[:3, 2]
     cloud = cloud_of(run.hand, run.motions)
