@@ -5,7 +5,7 @@ Used by the tests of acquisition and by ``benchmarks/sense_round.py``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class RoundTask:
 
 
 def turned_profile(half, rings):
-    """A closed mesh about z: rings (radius or None for a square of this half width, height) from axis to axis.
+    """A closed mesh about z: rings (radius, function of the angle or None for a square so wide; height) axis to axis.
 
     Radius 0 is a point on the axis. The first ring is the top's middle or inner rim, the last one the bottom's.
     """
@@ -48,7 +48,8 @@ def turned_profile(half, rings):
     longer = 1 + (np.pi / SEGMENTS) ** 2 / 6
     out = []
     for radius, height in rings:
-        r = half / np.maximum(np.abs(c), np.abs(s)) if radius is None else np.full(len(angles), radius * longer)
+        square = half / np.maximum(np.abs(c), np.abs(s))
+        r = square if radius is None else radius(angles) if callable(radius) else np.full(len(angles), radius * longer)
         out.append(np.stack([r * c, r * s, np.full(len(angles), height)], axis=1))
     n, m = len(angles), len(rings)
     k = np.arange(n)
@@ -79,6 +80,63 @@ def solid(half=0.07, thick=0.02):
     return turned_profile(half, [(0, 0), (None, 0), (None, -thick), (0, -thick)])
 
 
+def slot(width, length):
+    """Outline of a slot with round ends, about its middle; ``width`` and ``length`` are halves."""
+
+    def outline(angles):
+        c, s = np.abs(np.cos(angles)), np.abs(np.sin(angles))
+        beside = width / np.maximum(s, 1e-12)
+        x = length - width
+        end = x * c + np.sqrt(np.maximum((x * c) ** 2 - x**2 + width**2, 0.0))
+        return np.where(beside * c < x, beside, end)
+
+    return outline
+
+
+def polygon(inner, corners):
+    """Outline of a regular pocket, ``inner`` from its middle to its sides."""
+    half = np.pi / corners
+    return lambda angles: inner / np.cos((angles + half) % (2 * half) - half)
+
+
+WRONG = (
+    "slot", "slot end", "square", "hexagon", "step", "plain",
+    "larger bore", "next bore", "boss for bore", "bore for boss",
+)  # fmt: skip
+"""What may be there instead of what is meant."""
+
+
+def wrong_task(rng, what):
+    """A scene in which what is meant is not there, but something like it."""
+    radius = rng.uniform(0.009, 0.022)
+    exact = (0.004, np.radians(3.0), 0.1)
+    if what in ("slot", "slot end"):
+        task = round_task(rng, radius=radius, mesh=plate(slot(radius, radius * rng.uniform(1.5, 2.5))), wrong=exact)
+        if what == "slot":
+            return task
+        along = radius * rng.uniform(0.5, 1.5) * task.T_world_rim[:3, 0]
+        return replace(task, guess=replace(task.guess, point=task.guess.point + along))
+    if what in ("square", "hexagon"):
+        outline = polygon(radius, 4 if what == "square" else 6)
+        return round_task(rng, radius=1.08 * radius, mesh=plate(outline), wrong=exact)
+    if what == "plain":
+        return round_task(rng, radius=radius, mesh=solid(), wrong=exact)
+    if what == "step":
+        task = round_task(rng, radius=radius, mesh=solid(half=0.06), wrong=exact)
+        aside = (0.06 + rng.uniform(-0.5, 0.5) * radius) * task.T_world_rim[:3, 0]
+        return replace(task, guess=replace(task.guess, point=task.guess.point + aside))
+    if what == "larger bore":
+        task = round_task(rng, radius=radius, wrong=exact)
+        return replace(task, guess=replace(task.guess, radius=radius / rng.uniform(1.5, 2.0), radius_share=0.05))
+    if what == "next bore":
+        task = round_task(rng, radius=radius, wrong=(0.002, np.radians(3.0), 0.02))
+        aside = rng.uniform(0.025, 0.035) * task.T_world_rim[:3, 0]
+        return replace(task, guess=replace(task.guess, point=task.guess.point + aside, sd=0.003))
+    boss = what == "boss for bore"
+    task = round_task(rng, convex=boss, radius=rng.uniform(0.030, 0.040) if boss else radius, wrong=exact)
+    return replace(task, guess=replace(task.guess, convex=not boss))
+
+
 def round_task(rng, *, convex=False, radius=None, standoff=None, mesh=None, beside=None, wrong=(OFF, TURNED, SHARE)):
     """A plate with a bore or a boss, somewhat tilted above a table, and an idea of it that is wrong by as much."""
     radius = radius or (rng.uniform(0.030, 0.045) if convex else rng.uniform(0.006, 0.030))
@@ -106,13 +164,20 @@ def _wrong(rng, T, radius, wrong):
     return T[:3, 3] + shift, R @ T[:3, 2], radius * (1 + rng.uniform(-share, share))
 
 
-def round_nees(feature: Feature, T, radius):
-    """Squared error of a circle or cylinder in its own covariance, its dimension, and errors of place and radius."""
-    rows, C = list(feature.kind.rows), feature.full_covariance
-    n = len(rows)
+def whole_covariance(feature: Feature) -> np.ndarray:
+    """Of the frame's rows and then the radius, shared errors included ``(size + 1, size + 1)``."""
+    C = np.array(feature.full_covariance)
+    for k, term in enumerate(feature.shared):
+        own = feature.size.shared[k] if feature.size.shared else np.zeros((1, term.jacobian.shape[1]))
+        J = np.vstack([term.jacobian, own])
+        C += J @ term.error.covariance @ J.T
+    return C
+
+
+def round_error(feature: Feature, T, radius) -> np.ndarray:
+    """The true circle or cylinder as the sensed one sees it: rows of its frame, and the radius."""
     local = SE3.inverse(feature.T_world_feature) @ T
     z = local[:3, 2] * np.sign(local[2, 2])
     at = local[:3, 3] - local[2, 3] / z[2] * z if feature.kind.name == "cylinder" else local[:3, 3]
-    error = np.array([*at, -z[1], z[0], 0.0])[rows]
-    error = np.append(error, radius - feature.radius)
-    return float(error @ np.linalg.solve(C, error)), n + 1, (float(np.linalg.norm(at)), abs(error[-1]))
+    error = np.array([*at, -z[1], z[0], 0.0])[list(feature.kind.rows)]
+    return np.append(error, radius - feature.radius)

@@ -18,14 +18,17 @@ from tanteo.hand import Robot
 from tanteo.motion import Rules
 from tanteo.sensors import RobotPreset
 
-ANGLES = 0, 120, 240, 60, 180, 300, 30, 150, 270, 90, 210, 330
-"""Radii along which the rim is crossed, in order [deg]."""
+ANGLES = tuple(k * 720 / 7 for k in range(7)) + tuple(k * 720 / 7 + 180 / 7 for k in range(7))
+"""Radii along which the rim is crossed, in order [deg]: sevenths, which hit no corners of a square or hexagon alike."""
 
-ENOUGH = 6
+ENOUGH = 7
 """Places of the rim that are enough, if they control each other."""
 
 _FIRST, _AGAIN = 0.006, 0.003
 """How far the rim may be from where the beams show it, and from the circle through three places or more [m]."""
+
+_OTHER = 5.0
+"""A rim that is more standard deviations off the idea is another one."""
 
 _LOOKS = 2
 """More looks from over the place, where the beams so far do not show a rim."""
@@ -127,7 +130,23 @@ def _fitted(run: SensingRun, places: list[Place], guess: RoundGuess, label: str)
     feature, why = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is None or why:
         return "unclear", f"what was crossed is not one circle: {why}", None
-    run.readings.append(readings)
     assert feature.size is not None
+    if off := _another(feature, guess):
+        return "unclear", off, None
+    run.readings.append(readings)
     feature = replace(feature, size=replace(feature.size, convex=guess.convex))
     return "acquired", f"{len(events)} crossings at {len(places)} places of the rim", feature
+
+
+def _another(rim: Feature, guess: RoundGuess) -> str:
+    """What is to be said of a rim that is too far off the idea to be the one that was meant; empty if it is not."""
+    gap = rim.T_world_feature[:3, 3] - guess.point
+    away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
+    radius = float(rim.radius or 0.0)
+    if away <= _OTHER * guess.sd and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share:
+        return ""
+    found = f"the rim that was sensed has a radius of {1e3 * radius:.3g} mm and is {1e3 * away:.2g} mm off"
+    expected = (
+        f"{1e3 * guess.radius:.3g} mm to {100 * guess.radius_share:.2g} %, and its place to {1e3 * guess.sd:.2g} mm"
+    )
+    return f"{found} where it should be; the radius is expected to be {expected}"

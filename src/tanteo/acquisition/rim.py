@@ -37,6 +37,9 @@ _CONTROLLED = 0.9
 LEAST_PLACES = 4
 """Of three places any circle fits."""
 
+_MOST_OPEN = math.radians(135.0)
+"""Largest part of a rim without a place on it: the end of a slot is open for 150 degrees at least [rad]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
@@ -170,6 +173,10 @@ def _doubt(places: list[Place], face: Feature, disc: Disc) -> tuple[str, int | N
         return f"{met}, which cover too little of it to determine a circle", None
     axes, weights = face.T_world_feature[:3, :2], 1 / np.sqrt([p.variance for p in places])
     points = (np.array([p.point for p in places]) - circle.centre) @ axes
+    turns = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+    open_for = float(np.diff(turns, append=turns[0] + 2 * math.pi).max())
+    if open_for > _MOST_OPEN:
+        return f"{met}, and nowhere on {math.degrees(open_for):.0f} degrees of it: it may be open there", None
     A, residual = _rows(points, np.zeros(2), circle.radius)
     Q = np.linalg.qr(A * weights[:, None])[0]
     leverages = np.sum(Q**2, axis=1)
