@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from felt_scenes import gripper
+from felt_scenes import facing, gripper
 from tanteo.acquisition import RoundGuess
-from tanteo.acquisition.ways import facing
 from tanteo.features import Feature
 from tanteo.hand import Workspace
 from tanteo.lie import SE3, SO3
