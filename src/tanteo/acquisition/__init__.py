@@ -6,8 +6,10 @@ The hand looks around from a distance, takes the patch that fits the idea, and s
 bit, whether it comes from the run or from a file.
 """
 
+from tanteo.acquisition.circle import sense_circle
+from tanteo.acquisition.cylinder import sense_cylinder
 from tanteo.acquisition.edge import sense_edge
-from tanteo.acquisition.guesses import EdgeGuess, FaceGuess, VertexGuess
+from tanteo.acquisition.guesses import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
 from tanteo.acquisition.plane import sense_plane
 from tanteo.acquisition.predicted import Predicted, predicted
 from tanteo.acquisition.record import features_of, plane_as_published
@@ -15,6 +17,6 @@ from tanteo.acquisition.run import Acquired, Outcome
 from tanteo.acquisition.vertex import sense_vertex
 
 __all__ = [
-    "Acquired", "EdgeGuess", "FaceGuess", "Outcome", "Predicted", "VertexGuess", "features_of", "plane_as_published",
-    "predicted", "sense_edge", "sense_plane", "sense_vertex",
+    "Acquired", "EdgeGuess", "FaceGuess", "Outcome", "Predicted", "RoundGuess", "VertexGuess", "features_of",
+    "plane_as_published", "predicted", "sense_circle", "sense_cylinder", "sense_edge", "sense_plane", "sense_vertex",
 ]  # fmt: skip

@@ -31,7 +31,11 @@ SD, TURN_SD = 0.015, np.radians(30.0)
 """Of a guess: place [m] and attitude [rad]."""
 
 
-def _check_spread(guess: FaceGuess | EdgeGuess | VertexGuess) -> None:
+RADIUS_SHARE = 0.2
+"""Of a guess of a radius, one standard deviation as a share of it."""
+
+
+def _check_spread(guess: FaceGuess | EdgeGuess | VertexGuess | RoundGuess) -> None:
     for name, unit in (("sd", "m"), ("turn_sd", "rad")):
         value = getattr(guess, name)
         if not 0 < value < np.inf:
@@ -128,3 +132,43 @@ class VertexGuess:
             EdgeGuess(self.point - along * self.arriving, self.arriving, self.normal, *spread),
             EdgeGuess(self.point + along * self.leaving, self.leaving, self.normal, *spread),
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundGuess:
+    """About a bore or a boss that ends in a flat face.
+
+    Attributes:
+        point: About the centre of its rim ``(3,)`` [m].
+        axis: About its axis, out of the material: the outward normal of the face ``(3,)``; made unit.
+        radius: About that [m].
+        convex: A boss, with the face inside the rim; otherwise a bore, with the face around it.
+        sd: How well the centre is known [m].
+        turn_sd: How well the axis is known [rad].
+        radius_share: How well the radius is known, as a share of it.
+
+    Example:
+        >>> tanteo.acquisition.RoundGuess([0, 0, 0.02], [0, 0, 2], 0.015).axis.tolist()
+        [0.0, 0.0, 1.0]
+    """
+
+    point: FloatArray
+    axis: FloatArray
+    radius: float
+    convex: bool = False
+    sd: float = SD
+    turn_sd: float = TURN_SD
+    radius_share: float = RADIUS_SHARE
+
+    def __post_init__(self) -> None:
+        _check_spread(self)
+        object.__setattr__(self, "point", _point("point", self.point))
+        object.__setattr__(self, "axis", _unit("axis", self.axis))
+        if not 0 < self.radius < np.inf:
+            raise InputError(f"radius: expected a positive length [m], got {self.radius}. Correct it.")
+        if not 0 < self.radius_share < 1:
+            raise InputError(f"radius_share: expected a share from 0 to 1, got {self.radius_share}. Correct it.")
+
+    def face(self) -> FaceGuess:
+        """The idea of the face in which it ends."""
+        return FaceGuess(self.point, self.axis, self.sd, self.turn_sd)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from tanteo.lie import SO3
 from tanteo.motion import EdgeEvent
 from tanteo.sensors import Readings, Rig, RobotPreset, measure
 from tanteo.typing import IntArray, Transforms
+
+if TYPE_CHECKING:
+    from tanteo.acquisition.wall import WallReading
 
 _ATTEMPTS = 500
 """Poses are nudged by less than 1e-12 until they survive the way through a quaternion; half of them do at once."""
@@ -60,8 +64,8 @@ def plane_readings(hand: Hand, log: Sequence[HandReading], label: str) -> Readin
     )
 
 
-def edge_readings(hand: Hand, events: Sequence[EdgeEvent], label: str) -> Readings:
-    """Readings of the crossings of an edge."""
+def edge_readings(hand: Hand, events: Sequence[EdgeEvent], label: str, kind: str = "edge") -> Readings:
+    """Readings of the crossings of an edge, or of a rim."""
     n = len(events)
     return Readings.from_columns(
         ids=[f"{label} {k + 1}" for k in range(n)],
@@ -71,7 +75,23 @@ def edge_readings(hand: Hand, events: Sequence[EdgeEvent], label: str) -> Readin
         sensors=[hand.rig.sensors[e.sensor].name for e in events],
         Ts_world_hand=exact_poses(np.array([e.T_world_hand for e in events])),
         features=[label] * n,
-        kinds=["edge"] * n,
+        kinds=[kind] * n,
+        source="acquisition",
+    )
+
+
+def wall_readings(hand: Hand, places: Sequence[WallReading], label: str) -> Readings:
+    """Readings of the wall of a bore or a boss."""
+    n = len(places)
+    return Readings.from_columns(
+        ids=[f"{label} {k + 1}" for k in range(n)],
+        ranges=np.array([p.distance for p in places]),
+        sds=np.array([p.along_sd for p in places]),
+        across_sds=np.array([p.across_sd for p in places]),
+        sensors=[hand.rig.sensors[p.sensor].name for p in places],
+        Ts_world_hand=exact_poses(np.array([p.T_world_hand for p in places])),
+        features=[label] * n,
+        kinds=["cylinder"] * n,
         source="acquisition",
     )
 

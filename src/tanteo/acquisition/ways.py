@@ -18,7 +18,7 @@ _SLACK = 2e-3
 """Beyond the clearance to the bounds of the workspace: nearer, the guard would slow the hand to a stop [m]."""
 
 
-_BETWEEN = 5e-3
+BETWEEN = 5e-3
 """Something may be nearer than the points that were met on it, by so much [m]."""
 
 
@@ -68,7 +68,7 @@ def _allowed(run: SensingRun, way: Transforms) -> BoolArray:
 
 def fitting(run: SensingRun, cloud: Cloud, way: Transforms) -> BoolArray:
     """At which of some poses ``(m, 4, 4)`` the hand has room, as far as is known ``(m,)``."""
-    return _allowed(run, way) & (room(cloud, run.hand.body, way) >= run.rules.clearance + _BETWEEN)
+    return _allowed(run, way) & (room(cloud, run.hand.body, way) >= run.rules.clearance + BETWEEN)
 
 
 def fits(run: SensingRun, cloud: Cloud, way: Transforms) -> bool:

@@ -48,7 +48,7 @@ def _forbidden(texts: list[str]) -> list[ForbiddenBox]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Options of ``sense plane``, ``sense edge`` and ``sense vertex``."""
+    """Options of ``sense plane``, ``edge``, ``vertex``, ``circle`` and ``cylinder``."""
 
     scene: args.SceneFile
     standoff: args.Standoff = None
@@ -96,6 +96,16 @@ def sense_edge(options: Options) -> None:
 def sense_vertex(options: Options) -> None:
     """Acquire a corner, its face and two edges, without touching them."""
     _sense("vertex", options)
+
+
+def sense_circle(options: Options) -> None:
+    """Acquire the rim of a bore or a boss, and its face, without touching them."""
+    _sense("circle", options)
+
+
+def sense_cylinder(options: Options) -> None:
+    """Acquire the wall of a bore or a boss, its rim and its face, without touching them."""
+    _sense("cylinder", options)
 
 
 def _sense(kind: str, options: Options) -> None:

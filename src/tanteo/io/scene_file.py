@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
+from tanteo.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
 from tanteo.errors import PartError
 from tanteo.frames import UncertainFrame
 from tanteo.hand import ForbiddenBox, Hand, Workspace
@@ -40,7 +40,7 @@ class SceneFile:
         seed: Of all errors.
         standoff: [m].
         clearance: [m].
-        guesses: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``.
+        guesses: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``, ``circle``, ``cylinder``.
         prior: Where the middle of a part roughly is, and how it is turned; None if it is not said.
         camera: The camera that looks at it; None if there is none.
         furniture: The solids that are no parts: what is known to stand there.
@@ -56,7 +56,7 @@ class SceneFile:
     seed: int
     standoff: float
     clearance: float
-    guesses: Mapping[str, FaceGuess | EdgeGuess | VertexGuess]
+    guesses: Mapping[str, FaceGuess | EdgeGuess | VertexGuess | RoundGuess]
     prior: UncertainFrame | None
     camera: CameraPaths | None
     furniture: tuple[Solid, ...]

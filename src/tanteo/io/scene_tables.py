@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from msgspec import Meta
 
-from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
+from tanteo.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
 from tanteo.hand import Hand, gripper_body
 from tanteo.io.document import made
 from tanteo.io.prior_file import AngleSds, LengthSds
@@ -38,6 +38,9 @@ class CameraPaths:
     file: str
     marks: str | None
 
+
+SceneGuess: TypeAlias = FaceGuess | EdgeGuess | VertexGuess | RoundGuess
+"""A rough idea of what to sense."""
 
 _NONE: Mapping[str, Any] = MappingProxyType({})
 
@@ -134,6 +137,20 @@ class VertexTable(FaceTable, frozen=True, kw_only=True, eq=False):
     leaving: Direction
 
 
+class RoundTable(Table, frozen=True, kw_only=True, eq=False):
+    """A rough idea of a bore or a boss."""
+
+    point: Point
+    axis: Direction
+    radius: Annotated[Length, Meta(gt=0)]
+    boss: bool = False
+
+    def guess(self) -> RoundGuess:
+        """The same for the hand."""
+        values = {"point": self.point, "axis": self.axis, "radius": self.radius, "convex": self.boss}
+        return made(RoundGuess, values, str(self.at))
+
+
 class SenseTable(Table, frozen=True, kw_only=True, eq=False):
     """How and what to sense."""
 
@@ -142,10 +159,12 @@ class SenseTable(Table, frozen=True, kw_only=True, eq=False):
     plane: FaceTable | None = None
     edge: EdgeTable | None = None
     vertex: VertexTable | None = None
+    circle: RoundTable | None = None
+    cylinder: RoundTable | None = None
 
-    def guesses(self, T: Transforms, hand: Hand) -> dict[str, FaceGuess | EdgeGuess | VertexGuess]:
+    def guesses(self, T: Transforms, hand: Hand) -> dict[str, SceneGuess]:
         """The rough ideas; without one, a face is looked for ahead of the hand."""
-        out: dict[str, FaceGuess | EdgeGuess | VertexGuess] = {
+        out: dict[str, SceneGuess] = {
             "plane": FaceGuess(SE3.apply(T, hand.front + np.array([0.0, 0.0, AHEAD])), -T[:3, 2])
         }
         kinds: dict[str, Any] = {"plane": FaceGuess, "edge": EdgeGuess, "vertex": VertexGuess}
@@ -153,6 +172,7 @@ class SenseTable(Table, frozen=True, kw_only=True, eq=False):
             given: FaceTable | None = getattr(self, name)
             if given is not None:
                 out[name] = made(kind, given.values(), str(given.at))
+        out |= {n: given.guess() for n, given in (("circle", self.circle), ("cylinder", self.cylinder)) if given}
         return out
 
 

@@ -9,9 +9,9 @@ from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
 from tanteo.motion.following import approach, follow, retreat, settle, settled
 from tanteo.motion.steering import Ending, Loop, Motion, Rules, Steering
 from tanteo.motion.track import Crease, crease_angle
-from tanteo.motion.travelling import go_to, look, looked, path
+from tanteo.motion.travelling import dwell, go_to, look, looked, path
 
 __all__ = [
     "Crease", "Crossing", "EdgeEvent", "Ending", "Loop", "Motion", "Rules", "Steering", "approach", "crease_angle",
-    "cross_edge", "follow", "go_to", "look", "looked", "path", "retreat", "settle", "settled",
+    "cross_edge", "dwell", "follow", "go_to", "look", "looked", "path", "retreat", "settle", "settled",
 ]  # fmt: skip

@@ -39,6 +39,15 @@ def go_to(robot: Robot, T_world_hand: Transforms, rules: Rules) -> Motion:
             return run.end(ending)
 
 
+def dwell(robot: Robot, instants: int, rules: Rules) -> Motion:
+    """Stay at rest and read: ``reached`` after so many periods, or ``timeout``."""
+    run = Steering("dwell", robot, rules)
+    for _ in range(instants):
+        if run.step(np.zeros(6)) == "timeout":
+            return run.end("timeout")
+    return run.end("reached", f"{instants} readings at rest")
+
+
 def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Transforms:
     """Poses on the way of :func:`go_to` ``(n, 4, 4)``: the front goes straight."""
     turned, shares = gap(T_from, T_to)[1], np.linspace(0, 1, n)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from tanteo.acquisition import (
     Acquired,
-    EdgeGuess,
-    FaceGuess,
     Predicted,
-    VertexGuess,
     predicted,
+    sense_circle,
+    sense_cylinder,
     sense_edge,
     sense_plane,
     sense_vertex,
@@ -25,6 +25,16 @@ from tanteo.io import SceneFile
 from tanteo.motion import Rules
 from tanteo.parts import Part
 from tanteo.simulator import SimulatedHand, clearances
+
+_SENSE: Mapping[str, Callable[..., Acquired]] = MappingProxyType(
+    {
+        "plane": sense_plane,
+        "edge": sense_edge,
+        "vertex": sense_vertex,
+        "circle": sense_circle,
+        "cylinder": sense_cylinder,
+    }
+)
 
 
 def change_scene(
@@ -84,7 +94,7 @@ def acquire(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
     """Acquire a feature from the scene's guess of it.
 
     Args:
-        kind: ``plane``, ``edge`` or ``vertex``.
+        kind: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
         scene: The scene; its seed is that of all errors.
 
     Returns:
@@ -94,18 +104,13 @@ def acquire(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
         InputError: The scene has no guess of such a feature.
     """
     guess = scene.guesses.get(kind)
+    if guess is None:
+        raise InputError(f"{scene.source}: expected a table [sense.{kind}] with a rough idea of it, got none. Add it.")
     robot = SimulatedHand(
         scene.scene, scene.hand, scene.T_world_hand, rng=np.random.default_rng(scene.seed), cell=scene.cell
     )
     rules = Rules(clearance=scene.clearance, workspace=scene.workspace)
-    errors = scene.cell.robot
-    if isinstance(guess, FaceGuess):
-        return sense_plane(robot, guess, standoff=scene.standoff, rules=rules, errors=errors), robot
-    if isinstance(guess, EdgeGuess):
-        return sense_edge(robot, guess, standoff=scene.standoff, rules=rules, errors=errors), robot
-    if isinstance(guess, VertexGuess):
-        return sense_vertex(robot, guess, standoff=scene.standoff, rules=rules, errors=errors), robot
-    raise InputError(f"{scene.source}: expected a table [sense.{kind}] with a rough idea of it, got none. Add it.")
+    return _SENSE[kind](robot, guess, standoff=scene.standoff, rules=rules, errors=scene.cell.robot), robot
 
 
 def least_clearance(scene: SceneFile, robot: SimulatedHand) -> float:

@@ -1,0 +1,152 @@
+"""The rim of a bore or a boss: its face first, then crossings of the rim along several radii; fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.acquisition.crossings import look_over, pose_over
+from tanteo.acquisition.guesses import RoundGuess
+from tanteo.acquisition.plane import acquire_plane
+from tanteo.acquisition.record import edge_readings, fitted_feature
+from tanteo.acquisition.rim import LEAST_PLACES, Place, controlled, cross_rim, disc_through, narrowest, turned
+from tanteo.acquisition.rim_seen import LEAST_GAIN, Disc, in_face, seen_disc
+from tanteo.acquisition.run import Acquired, Attempt, SensingRun, finish
+from tanteo.features import Feature
+from tanteo.hand import Robot
+from tanteo.motion import Rules
+from tanteo.sensors import RobotPreset
+
+ANGLES = tuple(k * 720 / 7 for k in range(7)) + tuple(k * 720 / 7 + 180 / 7 for k in range(7))
+"""Radii along which the rim is crossed, in order [deg]: sevenths, which hit no corners of a square or hexagon alike."""
+
+ENOUGH = 7
+"""Places of the rim that are enough, if they control each other."""
+
+_FIRST, _AGAIN = 0.006, 0.003
+"""How far the rim may be from where the beams show it, and from the circle through three places or more [m]."""
+
+_OTHER = 5.0
+"""A rim that is more standard deviations off the idea is another one."""
+
+_LOOKS = 2
+"""More looks from over the place, where the beams so far do not show a rim."""
+
+
+def sense_circle(
+    robot: Robot,
+    guess: RoundGuess,
+    *,
+    standoff: float,
+    rules: Rules,
+    label: str = "circle",
+    errors: RobotPreset | str | None = None,
+) -> Acquired:
+    """Acquire the rim of a bore or a boss as a circle; its face is acquired with it (:attr:`Acquired.others`).
+
+    Args:
+        robot: The hand, some way before the face, so that its beams reach it.
+        guess: About where the bore or boss is, and how large.
+        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
+        rules: What to keep to.
+        label: Of the readings and the feature; the face's is ``<label> face``.
+        errors: Of the robot's poses, for the covariance.
+
+    Returns:
+        ``acquired``; ``nothing`` where the beams show no such rim; ``unclear`` where the places of the rim are too few,
+        or not on one circle; or the ending of the motion that could not do its part.
+
+    Raises:
+        InputError: A stand-off too near to the clearance of the rules.
+    """
+    run = SensingRun(robot, standoff, rules, errors)
+    status, message, feature, _ = acquire_circle(run, guess, label)
+    return finish("circle", run, status, message, feature)
+
+
+def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Attempt, Feature | None]:
+    """The same within a run; besides, the face."""
+    status, message, face = acquire_plane(run, guess.face(), f"{label} face")
+    if face is None:
+        return status, f"the face of the rim: {message}", None, None
+    run.others.append(face)
+    disc = _shown(run, face, guess)
+    what = "boss" if guess.convex else "bore"
+    if disc.gain < LEAST_GAIN:
+        least = "" if guess.convex else f"; at this stand-off none narrower than {1e3 * narrowest(run):.2g} mm is seen"
+        return "nothing", f"the beams show no {what} in the face near where it should be{least}", None, face
+    if not guess.convex and 2 * disc.radius < narrowest(run):
+        why = f"the bore is narrower than the {1e3 * narrowest(run):.2g} mm that a beam needs at this stand-off"
+        return "unclear", f"{why}. Lower the stand-off", None, face
+    places, last = _crossed(run, face, disc, guess)
+    places, why = controlled(places, face, disc)
+    if why:
+        return "unclear", f"{why}{last}", None, face
+    return *_fitted(run, places, guess, label), face
+
+
+def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
+    """Where the beams show the rim, after more looks if need be."""
+    disc = seen_disc(run, face, guess)
+    for _ in range(_LOOKS):
+        if disc.gain >= 2 * LEAST_GAIN and disc.inside > 20:
+            break
+        centre, axes = in_face(face, guess)
+        T = run.robot.sensed.T_world_hand
+        along = turned(face, T[:3, :3] @ run.hand.pair, 0.0)
+        looked = look_over(
+            run, face, np.stack([pose_over(run, face, centre + s * axes[:, 0], along) for s in (0, 0.02, -0.02)])
+        )
+        disc = seen_disc(run, face, guess)
+        if not looked.reached:
+            break
+    return disc
+
+
+def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> tuple[list[Place], str]:
+    """Places of the rim, crossed until they are enough; and why the last radius failed, if one did."""
+    first = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair
+    places, slack, why = list[Place](), _FIRST, ""
+    for angle in ANGLES:
+        if len(places) >= ENOUGH and not controlled(places, face, disc)[1]:
+            break
+        out = turned(face, first, np.radians(angle))
+        found, motion = cross_rim(run, face, disc, out, convex=guess.convex, slack=slack)
+        if motion.status == "timeout":
+            return places, f": {motion.message}"
+        places += found
+        why = why if motion.reached else f": {motion.message}"
+        better = disc_through(places, face, disc) if len(places) >= 3 else None
+        if better is not None:
+            disc, slack = better, _AGAIN if len(places) >= LEAST_PLACES else _FIRST
+    return places, why
+
+
+def _fitted(run: SensingRun, places: list[Place], guess: RoundGuess, label: str) -> Attempt:
+    """The circle of the places, and its readings in the record."""
+    events = [e for place in places for e in place.events]
+    readings = edge_readings(run.hand, events, label, kind="circle")
+    feature, why = fitted_feature(readings, label, run.hand.rig, run.errors)
+    if feature is None or why:
+        return "unclear", f"what was crossed is not one circle: {why}", None
+    assert feature.size is not None
+    if off := _another(feature, guess):
+        return "unclear", off, None
+    run.readings.append(readings)
+    feature = replace(feature, size=replace(feature.size, convex=guess.convex))
+    return "acquired", f"{len(events)} crossings at {len(places)} places of the rim", feature
+
+
+def _another(rim: Feature, guess: RoundGuess) -> str:
+    """What is to be said of a rim that is too far off the idea to be the one that was meant; empty if it is not."""
+    gap = rim.T_world_feature[:3, 3] - guess.point
+    away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
+    radius = float(rim.radius or 0.0)
+    if away <= _OTHER * guess.sd and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share:
+        return ""
+    found = f"the rim that was sensed has a radius of {1e3 * radius:.3g} mm and is {1e3 * away:.2g} mm off"
+    expected = (
+        f"{1e3 * guess.radius:.3g} mm to {100 * guess.radius_share:.2g} %, and its place to {1e3 * guess.sd:.2g} mm"
+    )
+    return f"{found} where it should be; the radius is expected to be {expected}"
