@@ -151,7 +151,9 @@ def test_circles_and_rays_are_as_far_off_as_is_said(tilts, degrees):
         z = []
         for pose in circle_poses(CAMERA, found, RADIUS):
             T = pose.T_camera_circle
-            e = np.r_[T[:3, :3].T @ (at - T[:3, 3]), np.cross([0, 0, 1.0], T[:3, :3].T @ R[:, 2])[:2]]
+            M = T[:3, :3].T @ R
+            spin = SO3.axis_rotation(2, np.arctan2(M[0, 1] - M[1, 0], M[0, 0] + M[1, 1]))
+            e = SE3.log(SE3.inverse(T) @ SE3.from_parts(R @ spin, at))[:5]
             z.append(e @ np.linalg.solve(pose.covariance[:5, :5], e))
         circles.append(min(z))
         line = image_centre(CAMERA, found, T_world_camera=np.eye(4))

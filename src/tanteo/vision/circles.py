@@ -24,6 +24,9 @@ _DRAWS = 500
 _APART = 2.4
 """Of the mean tilt to one side over its standard deviation: from there on the density falls by e^3 between both."""
 
+_CENTRED = 2
+"""Steps to the pose from which the mean motion is none: the first leaves what is of second order."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CirclePose:
@@ -179,12 +182,23 @@ def _weights(camera: Camera, shapes: FloatArray, c: Vectors, n: Vectors) -> Floa
 
 
 def _moments(c: Vectors, n: Vectors, w: FloatArray) -> tuple[Transforms, Covariances]:
-    """Mean and covariance of weighed circles."""
-    mean, at = w @ n, w @ c
-    R = SO3.frame_from_axis(mean / np.linalg.norm(mean), 2)
-    tilts = n @ R
-    x = np.column_stack([(c - at) @ R, -tilts[:, 1], tilts[:, 0]])
-    return SE3.from_parts(R, at), (w[:, None] * x).T @ x
+    """Mean and covariance of weighed circles: of the motions to them, which turn about no axis of the circle."""
+    mean = w @ n
+    T = SE3.from_parts(SO3.frame_from_axis(mean / np.linalg.norm(mean), 2), w @ c)
+    for _ in range(_CENTRED):
+        xi = _motions(T, c, n)
+        T = T @ SE3.exp(w @ xi)
+    xi = _motions(T, c, n)
+    return T, (w[:, None] * xi[:, :5]).T @ xi[:, :5]
+
+
+def _motions(T: Transforms, c: Vectors, n: Vectors) -> FloatArray:
+    """From one circle to others ``(N, 6)``; the last column is 0."""
+    R = T[:3, :3]
+    z = n @ R
+    sine = np.maximum(np.hypot(z[:, 0], z[:, 1]), 1e-300)
+    turn = (np.arctan2(sine, z[:, 2]) / sine)[:, None] * np.column_stack([-z[:, 1], z[:, 0], np.zeros(len(z))])
+    return SE3.log(SE3.from_parts(SO3.exp(turn), (c - T[:3, 3]) @ R))
 
 
 def _scaled(T: Transforms, P: Covariances, radius: float, radius_sd: float) -> CirclePose:
