@@ -9,12 +9,14 @@ import numpy as np
 from tanteo.acquisition.crossings import look_over, pose_over
 from tanteo.acquisition.guesses import RoundGuess
 from tanteo.acquisition.plane import acquire_plane
-from tanteo.acquisition.record import edge_readings, fitted_feature
+from tanteo.acquisition.record import circle_in_face, edge_readings, face_label
 from tanteo.acquisition.rim import LEAST_PLACES, Place, controlled, cross_rim, disc_through, narrowest, turned
 from tanteo.acquisition.rim_seen import LEAST_GAIN, Disc, in_face, seen_disc
 from tanteo.acquisition.run import Acquired, Attempt, SensingRun, finish
+from tanteo.errors import DegenerateError
 from tanteo.features import Feature
 from tanteo.hand import Robot
+from tanteo.limits import SUSPECT
 from tanteo.motion import Rules
 from tanteo.sensors import RobotPreset
 
@@ -67,7 +69,7 @@ def sense_circle(
 
 def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Attempt, Feature | None]:
     """The same within a run; besides, the face."""
-    status, message, face = acquire_plane(run, guess.face(), f"{label} face")
+    status, message, face = acquire_plane(run, guess.face(), face_label(label))
     if face is None:
         return status, f"the face of the rim: {message}", None, None
     run.others.append(face)
@@ -83,7 +85,7 @@ def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Att
     places, why = controlled(places, face, disc)
     if why:
         return "unclear", f"{why}{last}", None, face
-    return *_fitted(run, places, guess, label), face
+    return *_fitted(run, places, face, guess, label), face
 
 
 def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
@@ -123,12 +125,16 @@ def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> t
     return places, why
 
 
-def _fitted(run: SensingRun, places: list[Place], guess: RoundGuess, label: str) -> Attempt:
+def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGuess, label: str) -> Attempt:
     """The circle of the places, and its readings in the record."""
     events = [e for place in places for e in place.events]
     readings = edge_readings(run.hand, events, label, kind="circle")
-    feature, why = fitted_feature(readings, label, run.hand.rig, run.errors)
-    if feature is None or why:
+    try:
+        feature, report = circle_in_face(readings, face, label, run.hand.rig, run.errors)
+    except DegenerateError as error:
+        return "unclear", f"what was crossed is not one circle: {error}", None
+    if report.p_value < SUSPECT:
+        why = f"the crossings scatter beyond their noise (p {report.p_value:.1g})"
         return "unclear", f"what was crossed is not one circle: {why}", None
     assert feature.size is not None
     if off := _another(feature, guess):

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import Feature
-from tanteo.fitting import fit_labelled, plane_from_two_directions
+from tanteo.fitting import FitReport, circle_on_plane, fit_labelled, plane_from_two_directions
 from tanteo.hand import MET, Hand, HandReading
 from tanteo.lie import SO3
 from tanteo.motion import EdgeEvent
@@ -41,10 +41,32 @@ def features_of(
     for label in dict.fromkeys(readings.features):
         # each label by itself: beside others its sums may be rounded in another order
         own = readings.take(np.flatnonzero(np.array(readings.features) == label))
+        face = features.get(face_label(label))
+        if face is not None and set(own.kinds) == {"circle"}:
+            features[label] = circle_in_face(own, face, label, rig, robot)[0]
+            continue
         fitted = fit_labelled(measure(own, rig=rig, robot=robot), tolerance)
         notes += [*fitted.notes, *(f"reading {name} was left out" for name in fitted.rejected)]
         features |= {f.label: f for f in fitted.features if isinstance(f, Feature)}
     return features, tuple(notes)
+
+
+def face_label(label: str) -> str:
+    """Of the face in which a rim is."""
+    return f"{label} face"
+
+
+def circle_in_face(
+    readings: Readings, face: Feature, label: str, rig: Rig, robot: RobotPreset | str | None = None
+) -> tuple[Feature, FitReport]:
+    """The rim of which readings are crossings: a circle in its face, which knows its axis and height far better.
+
+    Raises:
+        DegenerateError: the crossings do not determine it.
+    """
+    m = measure(readings, rig=rig, robot=robot)
+    shared = tuple(zip(m.shared, m.jacobians, strict=True))
+    return circle_on_plane(m.points, m.covs, face, label=label, readings=m.ids, shared=shared)
 
 
 def plane_readings(hand: Hand, log: Sequence[HandReading], label: str) -> Readings | None:
