@@ -43,6 +43,8 @@ def circle_in_view(rng, tilts=(20, 65)):
     at = np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.1, 0.2)])
     turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*tilts))
     R = SO3.exp(tilt * np.array([np.cos(turn), np.sin(turn), 0.0])) @ np.diag([1.0, -1.0, -1.0])
+    if R[:, 2] @ at > 0:  # from behind: axes are told towards the camera
+        R = R @ np.diag([1.0, -1.0, -1.0])
     T = SE3.from_parts(R, at)
     return camera, T, project_circle(camera, T, RADIUS)
 

@@ -65,3 +65,14 @@ def test_a_bore_of_another_size_is_another_bore():
 def test_a_guess_of_no_radius_is_refused(wrong):
     with pytest.raises(InputError, match="radius"):
         RoundGuess([0, 0, 0], [0, 0, 1], **wrong)
+
+
+@pytest.mark.parametrize("corners", [3, 4, 5, 6])
+def test_no_polygon_looks_like_a_circle_where_rims_are_crossed(corners):
+    """Its harmonic at the places is none of a circle that is larger, or a little aside."""
+    count = sense_circle.__globals__["ENOUGH"]
+    turn = np.radians(sense_circle.__globals__["ANGLES"][:count])
+    circle = np.linalg.qr(np.column_stack([np.ones(count), np.cos(turn), np.sin(turn)]))[0]
+    polygon = np.column_stack([np.cos(corners * turn), np.sin(corners * turn)])
+    left = np.linalg.svd(polygon - circle @ (circle.T @ polygon), compute_uv=False)
+    assert left.min() > 0.9 * np.sqrt(count / 2)

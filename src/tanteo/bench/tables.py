@@ -111,25 +111,38 @@ def bench_picture(scores: Sequence[Score], path: str | Path) -> None:
     columns = min(len(sets), 3)
     rows = -(-len(sets) // columns)
     figure = make_figure(3.4 * columns + 1.2, 2.9 * rows)
-    panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    panels = figure.subplots(rows, columns, squeeze=False, sharey=True, sharex=True)
     for k, panel in enumerate(panels.flat):
         if k >= len(sets):
             panel.axis("off")
             continue
         for one in (one for one in scores if one.bench_set == sets[k] and one.median_ms == one.median_ms):
             hue = HUES[methods.index(one.method) % len(HUES)]
-            panel.plot(one.median_ms, 100 * one.right, "o", ms=7, color=hue, zorder=3)
+            panel.plot(one.median_ms, 100 * one.right, "o", ms=7, color=hue, zorder=3, clip_on=False)
             if one.in_region is not None:
-                ring = {"ms": 8 + 18 * one.in_region, "mfc": "none", "mec": hue, "alpha": 0.6}
+                ring = {"ms": 8 + 18 * one.in_region, "mfc": "none", "mec": hue, "alpha": 0.6, "clip_on": False}
                 panel.plot(one.median_ms, 100 * one.right, "o", **ring)
-        panel.set(xscale="log", ylim=(-8, 108), title=sets[k])
+        panel.set(xscale="log", ylim=(-8, 112), title=sets[k])
+        panel.minorticks_off()
+        panel.xaxis.set_major_formatter("{x:g}")
         panel.grid(True, which="major", alpha=0.3)
         if k % columns == 0:
             panel.set_ylabel("right [%]")
         if k + columns >= len(sets):
             panel.set_xlabel("time of a scene, median [ms]")
+            panel.tick_params(labelbottom=True)
     from matplotlib.lines import Line2D
 
     marks = [Line2D([], [], ls="", marker="o", color=HUES[k % len(HUES)], label=name) for k, name in enumerate(methods)]
-    figure.legend(handles=marks, loc="outside right upper", frameon=False)
+    ring = Line2D(
+        [],
+        [],
+        ls="",
+        marker="o",
+        ms=18,
+        mfc="none",
+        mec="#5c6873",
+        label="a ring as wide as the\n95 % regions are true",
+    )
+    figure.legend(handles=[*marks, ring], labelspacing=1.2, loc="outside right upper", frameon=False)
     save_figure(figure, path)

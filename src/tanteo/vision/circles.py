@@ -1,4 +1,4 @@
-"""A circle behind an ellipse: two of them, each with centre, axis and covariance; one where they are not told apart.
+"""A circle behind an ellipse: two of them, each with centre, axis and covariance; one where they cannot be discriminated.
 
 The camera's centre and the ellipse span a cone. Planes of two directions cut circles out of it (Young and others 1992,
 Kanatani and Liu 1993); the radius says where along the cone. Seen along its axis both are one, whose tilt is anything
@@ -44,7 +44,7 @@ class CirclePose:
 
 
 def circle_poses(camera: Camera, ellipse: Ellipse, radius: float, radius_sd: float = 0.0) -> tuple[CirclePose, ...]:
-    """The circles of a radius that an ellipse may be: two, or one where these are not told apart.
+    """The circles of a radius that an ellipse may be: two, or one where these cannot be discriminated.
 
     Args:
         camera: that took the image.
@@ -139,7 +139,7 @@ def _closed_form(D: FloatArray) -> tuple[Vectors, Vectors]:
 
 
 def _drawn(camera: Camera, ellipse: Ellipse) -> list[tuple[Transforms, Covariances]]:
-    """Circles of unit radius and their covariances, rows x y z rx ry: two, or one where these are not told apart.
+    """Circles of unit radius and their covariances, rows x y z rx ry: two, or one where these cannot be discriminated.
 
     Draws of the ellipse are weighed so that beforehand all places and axes are as likely.
     """

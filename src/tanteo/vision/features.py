@@ -90,7 +90,7 @@ def image_circle(
 ) -> Sides:
     """The circle of a radius behind an ellipse, or the two that it may be, to be paired with one of the model.
 
-    One is told where it is seen so nearly along its axis that the two are not told apart.
+    One is told where it is seen so nearly along its axis that the two cannot be discriminated.
 
     Lens and calibration (``Camera.edge_sd``) move the whole ellipse.
 

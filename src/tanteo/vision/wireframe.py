@@ -25,7 +25,7 @@ SAMPLES = 220
 """About how many samples a part's sharp edges get; rims of curved faces as many again."""
 
 AROUND = 18
-"""The rim of a hole or boss gets at least one sample for so many of all: where a hole is tells twins apart."""
+"""The rim of a hole or boss gets at least one sample for so many of all: where a hole is discriminates twins."""
 
 _ON_RIM = 1e-4
 """Ends of a mesh edge that are so near to a circle are on it, in diagonals."""
