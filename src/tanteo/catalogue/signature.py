@@ -12,6 +12,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.parts import Part
+from tanteo.shapes import ClosestPoints, Surface, as_signed
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 FACES = 64
@@ -23,8 +24,8 @@ PLACES = 64
 NODES, BEYOND = 14, 2
 """Cells of the coarse field along the longest side, and beyond the part on each side."""
 
-LEVELS = 32
-"""Steps of the coarse field in the length of a cell; what is farther than 255 of them is as far as that."""
+LEVELS = 24
+"""Steps of the coarse field in the length of a cell; what is farther than 127 of them is as far as that."""
 
 PARALLEL = 1e-3
 """Faces that are turned by less than this are compared by their distance, others by their angle [rad]."""
@@ -128,13 +129,16 @@ def _places(shape: _core.Shape) -> np.ndarray:
 
 
 def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, IntArray]:
-    """Distances to the surface at the nodes of a grid about the part, and where they are."""
+    """Signed distances to the surface at the nodes of a grid about the part, and where they are."""
     size = np.ptp(part.box, axis=0)
     step = float(size.max()) / NODES
     counts = np.maximum(np.ceil(size / step).astype(int), 1) + 1 + 2 * BEYOND
     origin = part.box.mean(axis=0) - 0.5 * step * (counts - 1)
     axes = [origin[k] + step * np.arange(counts[k]) for k in range(3)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    distances, _, _ = _core.closest_points(shape, np.ascontiguousarray(nodes))
-    levels = np.rint(distances / step * LEVELS).clip(0, 255).astype(np.uint8)
+    near = ClosestPoints(*_core.closest_points(shape, np.ascontiguousarray(nodes)))
+    distances = near.distances
+    if part.closed:
+        distances, _ = as_signed(Surface(part.vertices, part.triangles), nodes, near)
+    levels = np.rint(distances / step * LEVELS).clip(-127, 127).astype(np.int8)
     return np.r_[origin, step, counts].astype(np.float32), levels

@@ -1,0 +1,61 @@
+// The planar faces of many parts, of which arrays lie in mapped files: poses and nats of sensed planes on each.
+#include "door.hpp"
+#include "planes.hpp"
+
+namespace tanteo {
+
+namespace {
+
+using Floats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+using Starts = nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>;
+
+std::vector<SensedPlane> sensed_of(const Doubles& planes) {
+    const size_t n = expect(planes, "sensed", {ANY, 11});
+    std::vector<SensedPlane> out(n);
+    for (size_t k = 0; k < n; ++k) {
+        const double* x = planes.data() + 11 * k;
+        out[k] = {load(x), load(x + 3), x[6], x[7], x[8], x[9], x[10] > 0};
+    }
+    return out;
+}
+
+nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Ints triples, double limit, int keep) {
+    if (planes.size() % 7) refuse("planes", "expected seven numbers a face");
+    const int64_t total = planes.size() / 7, parts = static_cast<int64_t>(starts.size()) - 1;
+    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, parts - 1);
+    const std::vector<SensedPlane> felt = sensed_of(sensed);
+    const std::vector<int> tried = expect(triples, "triples", ANY, 0, static_cast<int64_t>(felt.size()) - 1);
+    expect(limit, "limit", 0, 1e9);
+    const size_t R = chosen.size(), K = static_cast<size_t>(expect(keep, "keep", 1, 1000));
+    for (const int row : chosen)
+        if (starts.data()[row] < 0 || starts.data()[row + 1] > total || starts.data()[row] > starts.data()[row + 1])
+            refuse("starts", "expected increasing numbers, no more than there are faces");
+    std::vector<double> costs(R * K, limit), Ts(16 * R * K, 0.0);
+    {
+        nb::gil_scoped_release release;
+        std::vector<ModelPlane> faces;
+        for (size_t r = 0; r < R; ++r) {
+            faces.clear();
+            for (int64_t k = starts.data()[chosen[r]]; k < starts.data()[chosen[r] + 1]; ++k) {
+                const float* x = planes.data() + 7 * k;
+                faces.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6]});
+            }
+            const std::vector<PlanePose> found = plane_poses(faces, felt, tried, limit, static_cast<int>(K));
+            for (size_t k = 0; k < K; ++k) {
+                const bool there = k < found.size();
+                store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
+                if (there) costs[r * K + k] = std::min(found[k].cost, limit);
+            }
+        }
+    }
+    return nb::make_tuple(array_of(std::move(costs), {R, K}), array_of(std::move(Ts), {R, K, 4, 4}));
+}
+
+}  // namespace
+
+void offer_planes(nb::module_& m) {
+    using namespace nb::literals;
+    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "keep"_a);
+}
+
+}  // namespace tanteo
