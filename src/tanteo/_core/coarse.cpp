@@ -30,7 +30,7 @@ double rough(const CoarsePart& part, const std::vector<CoarsePoint>& points, con
              double limit) {
     double sum = 0;
     for (const CoarsePoint& point : points) {
-        const double d = part.field.nearest(into_part(pose, point.at));
+        const double d = part.field.nearest(into_part(pose, point.at)) - point.radius;
         sum += std::min(d * d * per, most);
         if (sum > limit) break;
     }
@@ -48,7 +48,7 @@ double nats(const CoarsePart& part, const std::vector<CoarsePoint>& points, cons
     for (const CoarsePoint& point : points) {
         Vec3 g;
         const Vec3 p = into_part(pose, point.at);
-        const double d = part.field.linear(p, g), per = 1 / (sd * sd + point.sd * point.sd), size = norm(g);
+        const double d = part.field.linear(p, g) - point.radius, per = 1 / (sd * sd + point.sd * point.sd), size = norm(g);
         double cost = 0.5 * d * d * per;
         if (point.oriented && size > 0.1) {
             const double turn = 1 - dot(transposed_times(pose.R, point.normal), g) / size;

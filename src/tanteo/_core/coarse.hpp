@@ -9,7 +9,7 @@ namespace tanteo {
 
 struct CoarsePoint {
     Vec3 at, normal;  // normal: zero where none was sensed
-    double sd = 0, tilt = 1;
+    double sd = 0, tilt = 1, radius = 0;  // radius: how far it is from the surface, as the centre of a ball
     bool oriented = false;
 };
 

@@ -19,11 +19,13 @@ const int64_t* starts_of(const Starts& starts, const char* name, size_t parts, s
     return starts.data();
 }
 
-std::vector<CoarsePoint> points_of(const Doubles& at, const Doubles& normals, const Doubles& sds, const Doubles& tilts) {
+std::vector<CoarsePoint> points_of(const Doubles& at, const Doubles& normals, const Doubles& sds, const Doubles& tilts,
+                                   const Doubles& radii) {
     const size_t n = expect(at, "points", {ANY, 3});
     expect(normals, "normals", {n, 3});
     expect(sds, "sds", {n});
     expect(tilts, "tilts", {n});
+    expect(radii, "radii", {n});
     std::vector<CoarsePoint> out(n);
     for (size_t k = 0; k < n; ++k) {
         out[k].at = load(at.data() + 3 * k);
@@ -31,6 +33,7 @@ std::vector<CoarsePoint> points_of(const Doubles& at, const Doubles& normals, co
         out[k].oriented = squared(out[k].normal) > 0.25;
         out[k].sd = sds.data()[k];
         out[k].tilt = tilts.data()[k];
+        out[k].radius = radii.data()[k];
     }
     return out;
 }
@@ -90,9 +93,9 @@ class Parts {
 
 nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_starts, Floats grids, Doubles spacings,
                  Doubles centres, double levels, Ints rows, Doubles at, Doubles normals, Doubles sds, Doubles tilts,
-                 Ints pairs, Doubles starts, double most, int pairs_each, int keep) {
+                 Doubles radii, Ints pairs, Doubles starts, double most, int pairs_each, int keep) {
     const Parts parts(places, place_starts, field, field_starts, grids, spacings, centres, expect(levels, "levels", 1, 1e6));
-    const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts);
+    const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts, radii);
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(parts.count) - 1),
                            tried = expect(pairs, "pairs", ANY, 0, static_cast<int64_t>(points.size()) - 1);
     const std::vector<Pose> begun = poses(starts, "starts");
@@ -122,7 +125,7 @@ nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_
 void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
     m.def("coarse", &coarse, "places"_a, "places_start"_a, "field"_a, "field_start"_a, "grid"_a, "spacings"_a,
-          "centres"_a, "levels"_a, "rows"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "pairs"_a, "starts"_a,
+          "centres"_a, "levels"_a, "rows"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "pairs"_a, "starts"_a,
           "most"_a, "pairs_each"_a, "keep"_a);
 }
 

@@ -166,6 +166,7 @@ def coarse(
     normals: FloatArray,
     sds: FloatArray,
     tilts: FloatArray,
+    radii: FloatArray,
     pairs: AnyInts,
     starts: FloatArray,
     most: float,

@@ -10,11 +10,15 @@ if TYPE_CHECKING:
     from tanteo.catalogue.cache import cache_folder
     from tanteo.catalogue.opened import Catalogue, open_catalogue
     from tanteo.catalogue.reading import Failure, Parts, read_parts
+    from tanteo.catalogue.segment import tables_of
     from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
+    from tanteo.catalogue.signatures import LEVELS, PLACES, signature, widths
     from tanteo.catalogue.store import is_catalogue
     from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
 __all__ = [
+    "LEVELS",
+    "PLACES",
     "SAMPLES",
     "SHAPE",
     "Built",
@@ -31,8 +35,11 @@ __all__ = [
     "open_catalogue",
     "read_parts",
     "repaired",
+    "signature",
     "skipped_folders",
+    "tables_of",
     "unused_unit",
+    "widths",
 ]
 
 __getattr__: Callable[[str], Any]
@@ -44,7 +51,9 @@ __getattr__, __dir__ = lazy(
         "cache": "cache_folder",
         "opened": "Catalogue open_catalogue",
         "reading": "Failure Parts read_parts",
+        "segment": "tables_of",
         "shaping": "SAMPLES SHAPE compiled_shape",
+        "signatures": "LEVELS PLACES signature widths",
         "store": "is_catalogue",
         "surprises": "cad_files coarse_meshes repaired skipped_folders unused_unit",
     },

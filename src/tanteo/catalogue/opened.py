@@ -7,20 +7,21 @@ from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any, overload
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from tanteo.catalogue.segment import Segment
 from tanteo.catalogue.store import check_formats, damaged, read_manifest
 from tanteo.errors import InputError
-from tanteo.parts import Part
+from tanteo.parts import Part, StoredParts
 from tanteo.typing import FloatArray, IntArray
 
 _TRIES = 5
 """Times that a manifest is read again whose segments a writer has just replaced."""
 
 
-class Catalogue:
+class Catalogue(StoredParts):
     """Parts on disk, opened in milliseconds however many there are; any number of processes may read one.
 
     It is a sequence: ``catalogue[3]`` and ``catalogue["bracket"]`` are parts, and ``tanteo.identify`` takes it as
@@ -64,19 +65,24 @@ class Catalogue:
         if isinstance(which, slice):
             return tuple(self[k] for k in range(*which.indices(len(self))))
         if isinstance(which, str):
-            return self[self._row_of(which)]
+            found = self.row_of(which)
+            if found is None:
+                known = ", ".join(self.names[:10])
+                raise InputError(f"name: expected one of {known}, got {which!r}. Look at the names of the parts.")
+            return self[found]
         row = int(which) + (len(self) if which < 0 else 0)
         if not 0 <= row < len(self):
             raise IndexError(f"part: expected a number below {len(self)}, got {which}.")
-        if row not in self._opened:
+        part = self._opened.get(row)
+        if part is None:
             segment, at = self.where(row)
-            self._opened[row] = segment.part(at)
-        return self._opened[row]
+            part = self._opened[row] = segment.part(at)
+        return part
 
     @cached_property
-    def _opened(self) -> dict[int, Part]:
-        """Parts that were asked for: what is prepared of a part stays with it."""
-        return {}
+    def _opened(self) -> WeakValueDictionary[int, Part]:
+        """Parts that someone has: what is prepared of a part stays with it, and no longer."""
+        return WeakValueDictionary()
 
     def where(self, row: int) -> tuple[Segment, int]:
         """Segment of a part and its number there."""
@@ -95,7 +101,7 @@ class Catalogue:
 
     @cached_property
     def numbers(self) -> FloatArray:
-        """Sizes of all parts, as :func:`tanteo.catalogue.signature.signature` has them ``(n, 17)``."""
+        """Sizes of all parts, as :func:`tanteo.catalogue.signature` has them ``(n, 17)``."""
         rows = [segment.table["numbers"] for segment in self.segments]
         return np.concatenate(rows) if rows else np.zeros((0, 17))
 
@@ -103,11 +109,14 @@ class Catalogue:
     def _rows(self) -> dict[str, int]:
         return {name: row for row, name in enumerate(self.names)}
 
-    def _row_of(self, name: str) -> int:
-        if name not in self._rows:
-            known = ", ".join(self.names[:10])
-            raise InputError(f"name: expected one of {known}, got {name!r}. Look at the names of the parts.")
-        return self._rows[name]
+    def row_of(self, name: str) -> int | None:
+        """Number of the part of that name; None where there is none."""
+        return self._rows.get(name)
+
+    @property
+    def units(self) -> frozenset[str]:
+        """Units that the parts were read in."""
+        return frozenset(unit for segment in self.segments for unit in segment.known.get("units", ()))
 
     @property
     def size(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 
 from tanteo.catalogue.archive import part_to_bytes
 from tanteo.catalogue.shaping import compiled_shape
-from tanteo.catalogue.signature import signature
+from tanteo.catalogue.signatures import signature
 from tanteo.parts import Part
 
 _LEVEL = 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,21 +56,25 @@ class SegmentWriter:
         os.fsync(self._file.fileno())
         size = self._file.tell()
         self._file.close()
-        columns = self._columns
         arrays = {
             "record": np.array(self._places, dtype=np.uint64).reshape(-1, 3),
             "key": np.frombuffer(b"".join(map(bytes.fromhex, self.keys)), dtype=np.uint8).reshape(-1, _KEY),
             "text": np.frombuffer(b"".join(self._texts), dtype=np.uint8),
             "text_start": _starts(map(len, self._texts)),
-            "numbers": np.stack([c["numbers"] for c in columns]),
-            "grid": np.stack([c["grid"] for c in columns]),
+            **tables_of(self._columns),
         }
-        for name in RAGGED:
-            arrays[name] = np.concatenate([c[name] for c in columns])
-            arrays[f"{name}_start"] = _starts(len(c[name]) for c in columns)
-        arrays.update(index_of(arrays))
         table = write_table(self.folder / f"{self.name}.table", arrays)
-        return {"name": self.name, "parts": len(columns), "bytes": size, "table": table}
+        units = sorted({text.decode().rsplit("\0", 1)[1] for text in self._texts})
+        return {"name": self.name, "parts": len(self), "bytes": size, "units": units, "table": table}
+
+
+def tables_of(columns: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+    """The arrays of parts with these signatures, sorted columns among them."""
+    arrays = {name: np.stack([c[name] for c in columns]) for name in ("numbers", "grid")}
+    for name in RAGGED:
+        arrays[name] = np.concatenate([c[name] for c in columns])
+        arrays[f"{name}_start"] = _starts(len(c[name]) for c in columns)
+    return {**arrays, **index_of(arrays)}
 
 
 def _starts(lengths: Iterable[int]) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.answers import Answer, Clock, Priors, check_question, sized, verdict
 from tanteo.features import SharedError
 from tanteo.inference.around import without_pose
+from tanteo.inference.candidates import Candidates
 from tanteo.inference.diagnostics import (
     against_labels,
     around_words,
@@ -19,8 +20,9 @@ from tanteo.inference.diagnostics import (
     not_on_it,
     scattered,
 )
+from tanteo.inference.narrowing import Narrowed, narrowed
 from tanteo.inference.posterior import Posterior, infer
-from tanteo.inference.prepared import PreparedPart, prepare
+from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
@@ -76,13 +78,15 @@ def identify_points(
     """
     parts = check_question(parts, significance, top, seed, priors)
     clock = Clock()
-    prepared = [prepare(part) for part in parts]
-    priors = sized(priors, max(part.part.radius for part in prepared))
+    candidates = Candidates(parts)
+    priors = sized(priors, float(candidates.radii.max()))
     clock.lap("prepare")
     problem = Problem(points, rays, priors)
     if message := _too_little(problem):
         return Answer("insufficient", message, (), 1.0, clock.laps(), seed)
-    posterior = _answer(problem, prepared, seed)
+    chosen = narrowed(problem, candidates)
+    clock.lap("narrow")
+    posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
     found = [goodness_of_fit(mode) for mode in posterior.modes]
     hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
@@ -90,7 +94,7 @@ def identify_points(
     worst = worst_reading(points, found[0]) if found else ""
     alone = replace(problem, priors=without_pose(points, priors))
     check = check_prior(
-        posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, prepared, seed), significance
+        posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, candidates, narrowed(alone, candidates), seed), significance
     )
     if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
         found = [goodness_of_fit(mode) for mode in check.other.modes]
@@ -103,7 +107,7 @@ def identify_points(
     unknown = posterior.unknown
     status, message = verdict(
         hypotheses, unknown, significance, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,
-        same=_of_its_shape(found[0].mode.prepared.part, prepared) if found else (),
+        same=candidates.names_alike(found[0].mode.prepared.part, _EQUAL) if found else (),
     )  # fmt: skip
     if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
         message = not_on_it(hypotheses[0], unknown)
@@ -115,23 +119,28 @@ def identify_points(
         message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
     message += around_words(found[0]) if found else ""
-    message += _missed(posterior.missing, status)
+    message += _missed(posterior.missing, status) + _not_searched(chosen, posterior, status)
     message += scattered(hypotheses[0], worst) if hypotheses and status != "unknown" else ""
     return Answer(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
-def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Posterior:
-    """The posterior of the parts that are large enough."""
-    of_part = problem.points.take(problem.around.others)
-    fitting = [part for part in parts if _large_enough(of_part, part.part)]
-    centroid = np.mean([part.part.centroid for part in parts], axis=0)
-    return infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
+def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: int) -> Posterior:
+    """The posterior of the parts that are worth a search."""
+    parts = [candidates.prepared(int(row)) for row in chosen.rows]
+    hints = [chosen.hints.get(int(row)) for row in chosen.rows]
+    centroid = candidates.centroids.mean(axis=0)
+    rng = np.random.default_rng(seed)
+    return infer(problem, parts, len(candidates), centroid, rng, hints=hints, left_out=chosen.left_out)
 
 
-def _of_its_shape(part: Part, parts: Sequence[PreparedPart]) -> list[str]:
-    """Names of the parts of equal area and volume."""
-    size = part.area, part.volume
-    return [p.part.name for p in parts if np.allclose((p.part.area, p.part.volume), size, rtol=_EQUAL, atol=0.0)]
+def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
+    """That parts which were not searched may explain the readings as well, where that matters."""
+    if status == "recognized" or posterior.left_out <= _MAY_MISS:
+        return ""
+    return (
+        f" {chosen.count:,} parts were not searched, which together may explain the readings with a probability of up "
+        f"to {100 * posterior.left_out:.0f} %: more readings, or labelled ones, tell."
+    )
 
 
 def _close_together(best: GoodnessOfFit) -> bool:
@@ -192,11 +201,3 @@ def _missed(once: float, status: str) -> str:
     if status not in ("ambiguous", "insufficient") or once <= _MAY_MISS:
         return ""
     return f" {100 * once:.0f} % of the probability is in poses that the search met only once: others may fit."
-
-
-def _large_enough(points: ContactPoints, part: Part) -> bool:
-    """Whether the part is as large as the points' spread, a few outliers left aside."""
-    centre = np.median(points.points, axis=0)
-    reach = np.sort(np.linalg.norm(points.points - centre, axis=1) - 4 * points.sd - points.radii)
-    shared = 4 * np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1))
-    return bool(reach[int(0.75 * (len(reach) - 1))] - shared <= part.diagonal)

@@ -69,6 +69,9 @@ _MOST = 40
 _BEST = 3
 """Leading parts of which the best pose is tried on the others."""
 
+_CROWD = 64
+"""Parts that are glanced at; of more of them, those whose hints lead farthest."""
+
 _FIXED, _ORIENTED = 6, 3
 """So many points fix a pose, of which centres of circles count twice, or so many sensed normals."""
 
@@ -86,6 +89,7 @@ class PartSearch:
         restarts: so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
         trusted: whether the region of its maximum was normal before the last measurement.
+        hints: poses to begin with; None without.
     """
 
     objective: Objective
@@ -96,6 +100,7 @@ class PartSearch:
     restarts: int = 0
     along: Peaks | None = None
     trusted: bool = False
+    hints: Transforms | None = None
 
     @property
     def log_evidence(self) -> float:
@@ -130,6 +135,8 @@ class PartSearch:
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = objective.merged(self.peaks, objective.look(np.concatenate(poses), of, effort.maximize), _MOST)
         self._of_centres()
+        if self.hints is not None and not self.restarts:
+            self.try_poses(self.hints)
         self.sample(effort.maximize)
         hard = bool(effort.hard) and (len(objective.scales.blurs) > 1 or self.doubtful())
         move = effort.hard if hard else effort.move
@@ -217,8 +224,12 @@ def _spread(problem: Problem, count: int) -> Indices:
 
 
 def race(
-    problem: Problem, parts: Sequence[PreparedPart], log_unknown: float, rng: np.random.Generator
-) -> list[PartSearch]:
+    problem: Problem,
+    parts: Sequence[PreparedPart],
+    log_unknown: float,
+    rng: np.random.Generator,
+    hints: Sequence[Transforms | None] = (),
+) -> tuple[list[PartSearch], float]:
     """Search all parts, each as long as it may matter.
 
     Args:
@@ -226,8 +237,16 @@ def race(
         parts: large enough for the measurements.
         log_unknown: log evidence of the unknown object, over the prior of one part.
         rng: of all draws.
+        hints: poses of each to begin with, if any are known.
+
+    Returns:
+        The searches, and the log evidence of all parts that were given up for others after their hints alone.
     """
+    begun = list(hints) or [None] * len(parts)
+    parts, begun, dropped = _after_hints(problem, parts, begun, rng)
     searches = [start_search(problem, part, own) for part, own in zip(parts, alike(rng, len(parts)), strict=True)]
+    for search, Ts in zip(searches, begun, strict=True):
+        search.hints = Ts
     live = _after_a_glance(searches) if len(parts) > 1 else list(searches)
     for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
         if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
@@ -251,7 +270,30 @@ def race(
         if not left:
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
-    return searches
+    return searches, dropped
+
+
+def _after_hints(
+    problem: Problem, parts: Sequence[PreparedPart], hints: Sequence[Transforms | None], rng: np.random.Generator
+) -> tuple[list[PreparedPart], list[Transforms | None], float]:
+    """Of very many parts those whose hints lead to the best maxima, and what the others explain together."""
+    if len(parts) <= _CROWD:
+        return list(parts), list(hints), -np.inf
+    rows = _spread(problem, _GLANCED)
+    few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
+    found = np.full(len(parts), -np.inf)
+    for k, (part, Ts, own) in enumerate(zip(parts, hints, alike(rng, len(parts)), strict=True)):
+        if Ts is None:
+            continue
+        search = start_search(few, part, own)
+        search.try_poses(Ts)
+        found[k] = search.log_evidence
+    order = np.argsort(-found, kind="stable")
+    near = int(np.sum(found > found.max() - _BEHIND[0]))
+    kept, others = order[: min(max(near, 1), _CROWD)], order[min(max(near, 1), _CROWD) :]
+    share = len(problem.points) / max(len(rows), 1)  # all points tell parts apart by as much more
+    dropped = float(found.max() + log_sum(share * (found[others] - found.max()))) if len(others) else -np.inf
+    return [parts[k] for k in kept], [hints[k] for k in kept], dropped
 
 
 def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
@@ -264,7 +306,7 @@ def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
     glances = list(searches)
     if len(rows) < len(problem.points):
         few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
-        glances = [replace(start_search(few, s.objective.prepared, s.rng), planes=s.planes) for s in searches]
+        glances = [replace(start_search(few, s.objective.prepared, s.rng), planes=s.planes, hints=s.hints) for s in searches]
     for glance in glances:
         glance.restart(_GLANCE)
     _try_on_others(glances)

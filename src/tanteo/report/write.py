@@ -9,7 +9,7 @@ from pathlib import Path
 from tanteo.active import explain
 from tanteo.answers import Answer
 from tanteo.errors import InputError
-from tanteo.parts import Part
+from tanteo.parts import Part, part_named
 from tanteo.replaced import replaced
 from tanteo.report.answered import answer_front
 from tanteo.report.combined import budget_section
@@ -112,9 +112,9 @@ def _page(
 
 
 def _candidates(answer: Answer, sensed: Sensed, parts: Sequence[Part]) -> list[Candidate]:
-    named, out = {part.name: part for part in parts}, []
+    out = []
     for h in answer.hypotheses:
-        part = named.get(h.part)
+        part = part_named(parts, h.part)
         if part is None:
             raise InputError(f"parts: expected '{h.part}' among them, got {len(parts)} others. Pass all of them.")
         ways, enlarged = find_ways(part, h.T_world_part, h.covariance)

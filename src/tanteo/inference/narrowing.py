@@ -1,0 +1,117 @@
+"""Which of very many parts are worth a search: by sizes, by labelled planes and sensed normals, by a coarse look.
+
+Each stage says how many nats a part is behind at least, as far as it can tell, and costs less the more parts it sees.
+What no stage could tell apart from the best is searched. What is left out counts: as much as it could explain at the
+most is evidence for an object that was not searched (decision 77).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.inference.candidates import Candidates
+from tanteo.inference.coarse_look import coarse_look
+from tanteo.inference.outliers import so_many
+from tanteo.inference.plane_votes import on_planes, sensed_planes
+from tanteo.inference.problem import Problem
+from tanteo.catalogue import widths
+from tanteo.measurements import ContactPoints
+from tanteo.special import log_sum
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+
+FEW = 64
+"""So many parts are searched without being narrowed: it would cost as much."""
+
+BEHIND = 16.0
+"""Nats behind the best, by what a stage can tell, up to which a part is in."""
+
+_SEARCHED = 400
+"""Parts that are looked at in full, at most."""
+
+_LEVEL = 1e-4
+"""Probability of more outliers than are allowed for when sizes are compared."""
+
+_SDS = 4.0
+
+_ROUND_OFF = 1.02
+"""Mean widths are of 256 directions: so much less may be meant."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Narrowed:
+    """What is left of the parts.
+
+    Attributes:
+        rows: of the parts that are searched ``(m,)``, the most promising first.
+        hints: poses to begin with, by row; none where nothing proposed one.
+        behind: nats that each is behind the best, as far as is known ``(m,)``.
+        left_out: log of what the others could explain together, over what the best of these explains; -inf for nothing.
+        count: parts that were left out though their size fits.
+    """
+
+    rows: IntArray
+    hints: dict[int, Transforms] = field(default_factory=dict)
+    behind: FloatArray = field(default_factory=lambda: np.zeros(0))
+    left_out: float = -np.inf
+    count: int = 0
+
+
+def narrowed(problem: Problem, candidates: Candidates) -> Narrowed:
+    """The parts that are worth a search; all that are large enough where they are few."""
+    points = problem.points.take(problem.around.others)
+    rows = np.flatnonzero(_large_enough(points, candidates))
+    if len(rows) <= FEW or len(points) < 3:
+        return Narrowed(rows, behind=np.zeros(len(rows)))
+    rows = rows[_wide_enough(problem, points, candidates, rows)]
+    if len(rows) <= FEW:
+        return Narrowed(rows, behind=np.zeros(len(rows)))
+    costs, hints = _by_stage(problem, points, candidates)(rows)
+    return _best(rows, costs, hints)
+
+
+_Stage = Callable[[IntArray], tuple[FloatArray, dict[int, Transforms]]]
+
+
+def _by_stage(problem: Problem, points: ContactPoints, candidates: Candidates) -> _Stage:
+    """The stage that can tell most: planes that are sensed, if three of them fix a pose, or else the points."""
+    sensed = sensed_planes(problem, points)
+    if len(sensed.triples):
+        return lambda rows: on_planes(sensed, candidates, rows)
+    return lambda rows: coarse_look(problem, points, candidates, rows)
+
+
+def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms]) -> Narrowed:
+    """Those that are little behind the best, and what the others could explain."""
+    order = np.argsort(costs, kind="stable")
+    behind = costs[order] - costs[order[0]]
+    count = min(max(int(np.searchsorted(behind, BEHIND)), 1), _SEARCHED)
+    kept, others = rows[order[:count]], behind[count:]
+    left = float(log_sum(-others)) if len(others) else -np.inf
+    return Narrowed(kept, {int(row): hints[int(row)] for row in kept if int(row) in hints}, behind[:count], left, len(others))
+
+
+def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
+    """Whether each part is as large as the points' spread, a few outliers left aside ``(n,)``."""
+    centre = np.median(points.points, axis=0)
+    reach = np.sort(np.linalg.norm(points.points - centre, axis=1) - 4 * points.sd - points.radii)
+    shared = 4 * np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1))
+    return np.asarray(reach[int(0.75 * (len(reach) - 1))] - shared <= candidates.diagonals)
+
+
+def _wide_enough(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
+    """Whether each part holds all points but as many as may be outliers: its widths are no less than theirs ``(m,)``."""
+    rate, n = problem.priors.outlier_rate, len(points)
+    outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < _LEVEL)
+    if n - outliers < 3:
+        return np.ones(len(rows), dtype=bool)
+    away = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
+    some = np.sort(np.argsort(away, kind="stable")[: n - outliers])
+    factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
+    slack = 2 * float((_SDS * factor * points.sd + points.radii)[some].max())
+    slack += 8 * float(np.sqrt(np.sum(points.shared_jacobian**2) / n))
+    least = widths(points.points[some]) - slack
+    diameters, means = np.concatenate([np.asarray(t["numbers"])[:, 3:5] for _, t in candidates.tables])[rows].T
+    return np.asarray((diameters >= least[0]) & (_ROUND_OFF * means >= least[1]))

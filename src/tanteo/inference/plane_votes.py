@@ -1,0 +1,182 @@
+"""Sensed planes against the faces of very many parts: distances and angles of pairs vote, then poses are tried.
+
+Two planes that are sensed have an angle, and where they are parallel a distance. A part of which no two faces have it
+has to call one of the two an outlier. The sorted columns of a catalogue say at once which parts have it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.inference.around import outlier_log_density
+from tanteo.inference.candidates import Candidates
+from tanteo.inference.label_tuples import Planes, labelled_planes
+from tanteo.inference.problem import Problem
+from tanteo.measurements import ContactPoints
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+
+_SDS, _MADE, _TILT = 4.0, 1e-4, 0.004
+"""Distances and angles agree within so many standard deviations and so much more [m, rad]."""
+
+_MOST, _LEAST = 8.0, 2.0
+"""Nats that a plane of no face costs: what it does by the outlier rate, but between these."""
+
+_LIMIT = 40.0
+"""Nats beyond which nothing is told apart."""
+
+_TRIPLES, _INDEPENDENT = 2, 0.25
+"""Triples of planes that poses are made of, and the least product of their normals."""
+
+_COMPARED = 16
+"""Planes that are compared, those known best."""
+
+_SHARE = 0.3
+"""Share of all parts up to which the vote of a pair is worth taking."""
+
+_KEPT = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensedPlanes:
+    """Planes as the core compares them.
+
+    Attributes:
+        rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, sided ``(k, 11)``.
+        triples: of them, that fix a pose ``(3 m,)``.
+    """
+
+    rows: FloatArray
+    triples: IntArray
+
+
+def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
+    """The planes that labels and normals show, with their noise as large as it may be."""
+    planes = labelled_planes(points)
+    factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
+    some = np.argsort(planes.tilts, kind="stable")[:_COMPARED]
+    normals = planes.normals[some]
+    at = planes.middles[some] - planes.radii[some, None] * normals
+    shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
+    sds = np.hypot(factor * planes.sds[some], shared)
+    most = np.clip(_without_face(problem, points, planes, factor)[some], _LEAST, _MOST)
+    rows = np.column_stack(
+        [normals, at, np.hypot(sds, _MADE), factor * planes.tilts[some], planes.spans[some], most, planes.sided[some]]
+    )
+    return SensedPlanes(np.ascontiguousarray(rows), _triples(normals))
+
+
+def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
+    """Nats that a plane costs if it is of no face ``(k,)``."""
+    rate = problem.priors.outlier_rate
+    out = []
+    for rows in planes.rows:
+        peak = -np.log(np.sqrt(2 * np.pi) * factor * points.sd[rows])
+        elsewhere = outlier_log_density(points.take(rows), problem.priors)
+        out.append(float(np.sum(np.minimum(peak - elsewhere, 12.0))) + float(np.log1p(-rate) - np.log(rate)))
+    return np.array(out)
+
+
+def _triples(normals: FloatArray) -> IntArray:
+    """Triples that fix a pose, as different as can be: one outlier does not spoil them all."""
+    triples = np.array(list(combinations(range(len(normals)), 3)), dtype=np.int64).reshape(-1, 3)
+    sizes = np.abs(np.linalg.det(normals[triples])) if len(triples) else np.zeros(0)
+    chosen = list[IntArray]()
+    for shared in range(3):
+        for k in np.argsort(-sizes, kind="stable"):
+            if sizes[k] < _INDEPENDENT or len(chosen) == _TRIPLES:
+                break
+            if all(len(set(triples[k].tolist()) & set(other.tolist())) <= shared for other in chosen):
+                chosen.append(triples[k])
+    return np.array(chosen, dtype=np.int32).ravel()
+
+
+def on_planes(
+    sensed: SensedPlanes, candidates: Candidates, rows: IntArray
+) -> tuple[FloatArray, dict[int, Transforms]]:
+    """Nats that the planes cost on each part at least ``(m,)``, and poses of those where it is little, by row."""
+    costs, hints = np.full(len(rows), _LIMIT), dict[int, Transforms]()
+    for start, table in candidates.tables:
+        here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
+        local = (rows[here] - start).astype(np.int32)
+        voted = np.minimum(_votes(sensed, table)[local], _LIMIT)
+        costs[here] = voted
+        tried = np.flatnonzero(voted < _worst(sensed))
+        many = table["numbers"][local[tried], 16] > 0
+        found, Ts = _core.on_planes(
+            np.ascontiguousarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), local[tried], sensed.rows,
+            sensed.triples, _LIMIT, _KEPT,
+        )  # fmt: skip
+        best = np.where(many, 0.0, np.maximum(found[:, 0], voted[tried]))  # of very many faces not all were compared
+        costs[here[tried]] = best
+        for k in np.flatnonzero(found[:, 0] < _LIMIT):
+            hints[int(rows[here[tried[k]]])] = Ts[k][found[k] < _LIMIT]
+    return costs, hints
+
+
+def _worst(sensed: SensedPlanes) -> float:
+    """Nats of votes beyond which no pose is tried: those of two planes that are of no face."""
+    return float(np.sort(sensed.rows[:, 9])[:3].sum())
+
+
+def _votes(sensed: SensedPlanes, table: object) -> FloatArray:
+    """Nats by pairs alone ``(n,)``: the planes that have to be of no face, each counted once."""
+    n = len(table["numbers"])  # type: ignore[index]
+    lacking, cheap = list[tuple[int, int, BoolArray]](), np.zeros(n)
+    for i, j in combinations(range(len(sensed.rows)), 2):
+        has = _having(sensed.rows[i], sensed.rows[j], table, n)
+        if has is not None:
+            lacking.append((i, j, ~has))
+    used = np.zeros((n, len(sensed.rows)), dtype=bool)
+    for i, j, lacks in lacking:  # pairs that share no plane each cost one
+        free = lacks & ~used[:, i] & ~used[:, j]
+        cheap[free] += min(sensed.rows[i, 9], sensed.rows[j, 9])
+        used[free, i] = used[free, j] = True
+    return cheap
+
+
+def _having(first: FloatArray, second: FloatArray, table: object, n: int) -> BoolArray | None:
+    """Which parts have two faces like two planes ``(n,)``; None where most do."""
+    cosine = float(np.clip(first[:3] @ second[:3], -1, 1))
+    within = _SDS * float(np.hypot(first[7], second[7])) + _TILT
+    angle = float(np.arccos(cosine))
+    sided = first[10] > 0 and second[10] > 0
+    angles = (angle,) if sided else (angle, np.pi - angle)
+    found = list[np.ndarray]()
+    for one in angles:
+        found.append(_between(table, "angles", one - within, one + within))
+        if one < within:
+            found.append(_distances(table, "same", first, second, signed=False))
+        if one > np.pi - within:
+            found.append(_distances(table, "opposite", first, second, signed=sided))
+    rows = np.concatenate(found)
+    if len(rows) > _SHARE * n and len(np.unique(rows)) > _SHARE * n:
+        return None
+    has = np.zeros(n, dtype=bool)
+    has[rows] = True
+    return has
+
+
+def _distances(table: object, name: str, first: FloatArray, second: FloatArray, *, signed: bool) -> np.ndarray:
+    """Parts with two parallel faces as far apart as two planes are."""
+    way = second[3:6] - first[3:6]
+    normal = first[:3] + (1.0 if first[:3] @ second[:3] > 0 else -1.0) * second[:3]
+    normal /= np.linalg.norm(normal)
+    height = float(way @ normal)
+    lever = float(np.linalg.norm(way - height * normal))
+    tilt = float(np.hypot(first[7], second[7])) / 2
+    within = _SDS * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + _MADE
+    if signed:
+        return _between(table, name, height - within, height + within)
+    rows = _between(table, name, abs(height) - within, abs(height) + within)
+    return rows if name == "same" else np.concatenate([rows, _between(table, name, -abs(height) - within, within - abs(height))])
+
+
+def _between(table: object, name: str, low: float, high: float) -> np.ndarray:
+    """Rows of the parts of a sorted column between two numbers."""
+    keys = table[f"{name}_key"]  # type: ignore[index]
+    a, b = np.searchsorted(keys, [low, high])
+    return np.asarray(table[f"{name}_row"][a:b])  # type: ignore[index]
