@@ -180,6 +180,7 @@ def on_planes(
     sensed: FloatArray,
     triples: AnyInts,
     limit: float,
+    behind: float,
     keep: int,
 ) -> tuple[FloatArray, FloatArray]: ...
 def closest_points(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray, Indices]: ...

@@ -19,13 +19,14 @@ std::vector<SensedPlane> sensed_of(const Doubles& planes) {
     return out;
 }
 
-nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Ints triples, double limit, int keep) {
+nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Ints triples, double limit, double behind, int keep) {
     if (planes.size() % 7) refuse("planes", "expected seven numbers a face");
     const int64_t total = planes.size() / 7, parts = static_cast<int64_t>(starts.size()) - 1;
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, parts - 1);
     const std::vector<SensedPlane> felt = sensed_of(sensed);
     const std::vector<int> tried = expect(triples, "triples", ANY, 0, static_cast<int64_t>(felt.size()) - 1);
     expect(limit, "limit", 0, 1e9);
+    expect(behind, "behind", 0, 1e9);
     const size_t R = chosen.size(), K = static_cast<size_t>(expect(keep, "keep", 1, 1000));
     for (const int row : chosen)
         if (starts.data()[row] < 0 || starts.data()[row + 1] > total || starts.data()[row] > starts.data()[row + 1])
@@ -34,13 +35,15 @@ nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Int
     {
         nb::gil_scoped_release release;
         std::vector<ModelPlane> faces;
+        double near = limit;  // what is farther behind the best so far does not matter
         for (size_t r = 0; r < R; ++r) {
             faces.clear();
             for (int64_t k = starts.data()[chosen[r]]; k < starts.data()[chosen[r] + 1]; ++k) {
                 const float* x = planes.data() + 7 * k;
                 faces.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6]});
             }
-            const std::vector<PlanePose> found = plane_poses(faces, felt, tried, limit, static_cast<int>(K));
+            const std::vector<PlanePose> found = plane_poses(faces, felt, tried, near, static_cast<int>(K));
+            if (!found.empty()) near = std::min(near, found[0].cost + behind);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
                 store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
@@ -55,7 +58,7 @@ nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Int
 
 void offer_planes(nb::module_& m) {
     using namespace nb::literals;
-    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "keep"_a);
+    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "behind"_a, "keep"_a);
 }
 
 }  // namespace tanteo

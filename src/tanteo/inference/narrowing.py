@@ -7,7 +7,6 @@ most is evidence for an object that was not searched (decision 77).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.coarse_look import coarse_look
 from tanteo.inference.outliers import so_many
+from tanteo.inference.plane_votes import BEHIND as BEHIND_PLANES
 from tanteo.inference.plane_votes import on_planes, sensed_planes
 from tanteo.inference.problem import Problem
 from tanteo.catalogue import widths
@@ -25,7 +25,7 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 FEW = 64
 """So many parts are searched without being narrowed: it would cost as much."""
 
-BEHIND = 16.0
+BEHIND = 12.0
 """Nats behind the best, by what a stage can tell, up to which a part is in."""
 
 _SEARCHED = 400
@@ -68,29 +68,34 @@ def narrowed(problem: Problem, candidates: Candidates) -> Narrowed:
     rows = rows[_wide_enough(problem, points, candidates, rows)]
     if len(rows) <= FEW:
         return Narrowed(rows, behind=np.zeros(len(rows)))
-    costs, hints = _by_stage(problem, points, candidates)(rows)
-    return _best(rows, costs, hints)
+    costs, hints, behind = _compared(problem, points, candidates, rows)
+    return _best(rows, costs, hints, behind)
 
 
-_Stage = Callable[[IntArray], tuple[FloatArray, dict[int, Transforms]]]
-
-
-def _by_stage(problem: Problem, points: ContactPoints, candidates: Candidates) -> _Stage:
-    """The stage that can tell most: planes that are sensed, if three of them fix a pose, or else the points."""
+def _compared(
+    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
+) -> tuple[FloatArray, dict[int, Transforms], float]:
+    """Nats of each part and poses, by what can tell most: planes, if three fix a pose, else the points; and how many
+    nats behind the best a part has to be to be out."""
     sensed = sensed_planes(problem, points)
-    if len(sensed.triples):
-        return lambda rows: on_planes(sensed, candidates, rows)
-    return lambda rows: coarse_look(problem, points, candidates, rows)
+    if not len(sensed.triples):
+        return *coarse_look(problem, points, candidates, rows), BEHIND
+    costs, hints = on_planes(sensed, candidates, rows)
+    if costs.min() < sensed.doubtful:
+        return costs, hints, BEHIND_PLANES
+    rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
+    return np.minimum(costs, rough), others | hints, BEHIND
 
 
-def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms]) -> Narrowed:
+def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], out: float) -> Narrowed:
     """Those that are little behind the best, and what the others could explain."""
     order = np.argsort(costs, kind="stable")
     behind = costs[order] - costs[order[0]]
-    count = min(max(int(np.searchsorted(behind, BEHIND)), 1), _SEARCHED)
+    count = min(max(int(np.searchsorted(behind, out)), 1), _SEARCHED)
     kept, others = rows[order[:count]], behind[count:]
     left = float(log_sum(-others)) if len(others) else -np.inf
-    return Narrowed(kept, {int(row): hints[int(row)] for row in kept if int(row) in hints}, behind[:count], left, len(others))
+    own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
+    return Narrowed(kept, own, behind[:count], left, len(others))
 
 
 def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:

@@ -19,13 +19,17 @@ from tanteo.inference.problem import Problem
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
+_WIDER = 0.6
+"""Of the log of the factor to which the noise is known: so much larger it is taken to be."""
+
 _SDS, _MADE, _TILT = 4.0, 1e-4, 0.004
 """Distances and angles agree within so many standard deviations and so much more [m, rad]."""
 
-_MOST, _LEAST = 8.0, 2.0
-"""Nats that a plane of no face costs: what it does by the outlier rate, but between these."""
+_MOST, _CURVED, _LEAST = 10.5, 8.0, 2.0
+"""Nats that a labelled plane of no face costs: what it does by the outlier rate, but between the first and the last;
+one sensed normal may be of a curved face."""
 
-_LIMIT = 40.0
+LIMIT = 60.0
 """Nats beyond which nothing is told apart."""
 
 _TRIPLES, _INDEPENDENT = 2, 0.25
@@ -38,6 +42,9 @@ _SHARE = 0.3
 """Share of all parts up to which the vote of a pair is worth taking."""
 
 _KEPT = 3
+
+BEHIND = 10.0
+"""Nats behind the best up to which a part is in: less than a labelled plane of no face."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,21 +59,27 @@ class SensedPlanes:
     rows: FloatArray
     triples: IntArray
 
+    @property
+    def doubtful(self) -> float:
+        """Nats of the best part from which it is doubtful whether what was sensed is planes: those of a third of them."""
+        return float(self.rows[:, 9].sum()) / 3
+
 
 def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     """The planes that labels and normals show, with their noise as large as it may be."""
     planes = labelled_planes(points)
-    factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
+    factor = float(np.exp(_WIDER * problem.scale_sd))
     some = np.argsort(planes.tilts, kind="stable")[:_COMPARED]
     normals = planes.normals[some]
     at = planes.middles[some] - planes.radii[some, None] * normals
     shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
     sds = np.hypot(factor * planes.sds[some], shared)
-    most = np.clip(_without_face(problem, points, planes, factor)[some], _LEAST, _MOST)
+    alone = np.array([len(planes.rows[k]) == 1 for k in some], dtype=bool)
+    most = _without_face(problem, points, planes, factor)[some].clip(_LEAST, np.where(alone, _CURVED, _MOST))
     rows = np.column_stack(
         [normals, at, np.hypot(sds, _MADE), factor * planes.tilts[some], planes.spans[some], most, planes.sided[some]]
     )
-    return SensedPlanes(np.ascontiguousarray(rows), _triples(normals))
+    return SensedPlanes(np.ascontiguousarray(rows), _triples(normals, planes.tilts[some], alone))
 
 
 def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
@@ -80,16 +93,25 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
     return np.array(out)
 
 
-def _triples(normals: FloatArray) -> IntArray:
-    """Triples that fix a pose, as different as can be: one outlier does not spoil them all."""
+def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> IntArray:
+    """Triples that fix a pose, as different as can be: one outlier does not spoil them all.
+
+    A sensed normal that no other one is parallel to may be of a curved face: it comes last.
+    """
     triples = np.array(list(combinations(range(len(normals)), 3)), dtype=np.int64).reshape(-1, 3)
-    sizes = np.abs(np.linalg.det(normals[triples])) if len(triples) else np.zeros(0)
+    if not len(triples):
+        return np.zeros(0, dtype=np.int32)
+    sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
+    lonely = alone & (np.sum(sines < _SDS * np.hypot(tilts[:, None], tilts) + _TILT, axis=1) < 2)
+    sizes = np.abs(np.linalg.det(normals[triples]))
+    good = sizes * 0.5 ** lonely[triples].sum(axis=1)
     chosen = list[IntArray]()
     for shared in range(3):
-        for k in np.argsort(-sizes, kind="stable"):
-            if sizes[k] < _INDEPENDENT or len(chosen) == _TRIPLES:
+        for k in np.argsort(-good, kind="stable"):
+            if len(chosen) == _TRIPLES:
                 break
-            if all(len(set(triples[k].tolist()) & set(other.tolist())) <= shared for other in chosen):
+            new = all(len(set(triples[k].tolist()) & set(other.tolist())) <= shared for other in chosen)
+            if new and sizes[k] >= _INDEPENDENT:
                 chosen.append(triples[k])
     return np.array(chosen, dtype=np.int32).ravel()
 
@@ -98,28 +120,36 @@ def on_planes(
     sensed: SensedPlanes, candidates: Candidates, rows: IntArray
 ) -> tuple[FloatArray, dict[int, Transforms]]:
     """Nats that the planes cost on each part at least ``(m,)``, and poses of those where it is little, by row."""
-    costs, hints = np.full(len(rows), _LIMIT), dict[int, Transforms]()
+    costs, hints = np.full(len(rows), LIMIT), dict[int, Transforms]()
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
-        local = (rows[here] - start).astype(np.int32)
-        voted = np.minimum(_votes(sensed, table)[local], _LIMIT)
-        costs[here] = voted
-        tried = np.flatnonzero(voted < _worst(sensed))
-        many = table["numbers"][local[tried], 16] > 0
-        found, Ts = _core.on_planes(
-            np.ascontiguousarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), local[tried], sensed.rows,
-            sensed.triples, _LIMIT, _KEPT,
-        )  # fmt: skip
-        best = np.where(many, 0.0, np.maximum(found[:, 0], voted[tried]))  # of very many faces not all were compared
-        costs[here[tried]] = best
-        for k in np.flatnonzero(found[:, 0] < _LIMIT):
-            hints[int(rows[here[tried[k]]])] = Ts[k][found[k] < _LIMIT]
+        costs[here] = np.minimum(_votes(sensed, table)[rows[here] - start], LIMIT)
+    lowest = _tried(sensed, candidates, rows, costs < _LEAST, costs, hints)  # those that lack nothing, as a rule
+    _tried(sensed, candidates, rows, (costs >= _LEAST) & (costs < lowest + BEHIND), costs, hints)
     return costs, hints
 
 
-def _worst(sensed: SensedPlanes) -> float:
-    """Nats of votes beyond which no pose is tried: those of two planes that are of no face."""
-    return float(np.sort(sensed.rows[:, 9])[:3].sum())
+def _tried(
+    sensed: SensedPlanes,
+    candidates: Candidates,
+    rows: IntArray,
+    some: BoolArray,
+    costs: FloatArray,
+    hints: dict[int, Transforms],
+) -> float:
+    """Poses are tried on some parts, whose nats and hints are set; the least of all nats."""
+    for start, table in candidates.tables:
+        here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
+        local = (rows[here] - start).astype(np.int32)
+        found, Ts = _core.on_planes(
+            np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), local, sensed.rows, sensed.triples,
+            LIMIT, BEHIND + 1.0, _KEPT,
+        )  # fmt: skip
+        many = table["numbers"][local, 16] > 0  # of very many faces not all were compared
+        costs[here] = np.where(many, costs[here], np.maximum(found[:, 0], costs[here]))
+        for k in np.flatnonzero(found[:, 0] < LIMIT):
+            hints[int(rows[here[k]])] = Ts[k][found[k] < LIMIT]
+    return float(costs[some].min(initial=LIMIT))
 
 
 def _votes(sensed: SensedPlanes, table: object) -> FloatArray:

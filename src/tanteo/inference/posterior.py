@@ -106,7 +106,7 @@ def infer(
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
     searches, dropped = race(problem, parts, anywhere - prior, rng, hints)
     best = max((s.log_evidence for s in searches), default=-np.inf)
-    unseen = float(np.logaddexp(dropped, best + left_out))
+    unseen = float(log_sum([dropped, best + left_out]))
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
 
@@ -148,7 +148,7 @@ def weigh(
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
-    log_none = float(np.logaddexp(log_unknown(anywhere, given_unknown, problem.priors), log_left_out))
+    log_none = float(log_sum([log_unknown(anywhere, given_unknown, problem.priors), log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
     modes.sort(
         key=lambda mode: -round(mode.log_mass, 3)

@@ -72,6 +72,9 @@ _BEST = 3
 _CROWD = 64
 """Parts that are glanced at; of more of them, those whose hints lead farthest."""
 
+_NOTHING = -1e9
+"""Log evidence of what was not found."""
+
 _FIXED, _ORIENTED = 6, 3
 """So many points fix a pose, of which centres of circles count twice, or so many sensed normals."""
 
@@ -210,11 +213,20 @@ class PartSearch:
 
 def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:
     """Before the first round."""
-    rows = _spread(problem, FEW)
-    scales = scales_for(problem, prepared)
-    objective = Objective(prepared, problem.compiled(prepared), problem, scales, rows)
-    pairs = far_pairs(problem.points, rows, _PAIRS)
-    return PartSearch(objective, pairs, rng, Peaks.none(problem.states), labelled_planes(problem.points))
+    return start_searches(problem, [prepared], [rng])[0]
+
+
+def start_searches(
+    problem: Problem, parts: Sequence[PreparedPart], rngs: Sequence[np.random.Generator]
+) -> list[PartSearch]:
+    """The same for several parts: what is of the points alone is found once."""
+    rows, planes = _spread(problem, FEW), labelled_planes(problem.points)
+    pairs, none = far_pairs(problem.points, rows, _PAIRS), Peaks.none(problem.states)
+    out = []
+    for part, rng in zip(parts, rngs, strict=True):
+        objective = Objective(part, problem.compiled(part), problem, scales_for(problem, part), rows)
+        out.append(PartSearch(objective, pairs, rng, none, planes))
+    return out
 
 
 def _spread(problem: Problem, count: int) -> Indices:
@@ -244,7 +256,7 @@ def race(
     """
     begun = list(hints) or [None] * len(parts)
     parts, begun, dropped = _after_hints(problem, parts, begun, rng)
-    searches = [start_search(problem, part, own) for part, own in zip(parts, alike(rng, len(parts)), strict=True)]
+    searches = start_searches(problem, parts, alike(rng, len(parts)))
     for search, Ts in zip(searches, begun, strict=True):
         search.hints = Ts
     live = _after_a_glance(searches) if len(parts) > 1 else list(searches)
@@ -282,17 +294,16 @@ def _after_hints(
     rows = _spread(problem, _GLANCED)
     few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
     found = np.full(len(parts), -np.inf)
-    for k, (part, Ts, own) in enumerate(zip(parts, hints, alike(rng, len(parts)), strict=True)):
-        if Ts is None:
-            continue
-        search = start_search(few, part, own)
-        search.try_poses(Ts)
+    some = [k for k, Ts in enumerate(hints) if Ts is not None]
+    for k, search in zip(some, start_searches(few, [parts[k] for k in some], alike(rng, len(some))), strict=True):
+        search.try_poses(np.asarray(hints[k]))
         found[k] = search.log_evidence
+    top = max(float(found.max()), _NOTHING)
     order = np.argsort(-found, kind="stable")
-    near = int(np.sum(found > found.max() - _BEHIND[0]))
+    near = int(np.sum(found > top - _BEHIND[0]))
     kept, others = order[: min(max(near, 1), _CROWD)], order[min(max(near, 1), _CROWD) :]
     share = len(problem.points) / max(len(rows), 1)  # all points tell parts apart by as much more
-    dropped = float(found.max() + log_sum(share * (found[others] - found.max()))) if len(others) else -np.inf
+    dropped = top + float(log_sum(share * (found[others] - top))) if len(others) else -np.inf
     return [parts[k] for k in kept], [hints[k] for k in kept], dropped
 
 
@@ -306,7 +317,8 @@ def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
     glances = list(searches)
     if len(rows) < len(problem.points):
         few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
-        glances = [replace(start_search(few, s.objective.prepared, s.rng), planes=s.planes, hints=s.hints) for s in searches]
+        glances = start_searches(few, [s.objective.prepared for s in searches], [s.rng for s in searches])
+        glances = [replace(g, planes=s.planes, hints=s.hints) for g, s in zip(glances, searches, strict=True)]
     for glance in glances:
         glance.restart(_GLANCE)
     _try_on_others(glances)
