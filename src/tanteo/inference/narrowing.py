@@ -19,7 +19,6 @@ from tanteo.inference.plane_votes import on_planes, sensed_planes
 from tanteo.inference.problem import Problem
 from tanteo.catalogue import widths
 from tanteo.measurements import ContactPoints
-from tanteo.special import log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 FEW = 64
@@ -28,8 +27,12 @@ FEW = 64
 BEHIND = 12.0
 """Nats behind the best, by what a stage can tell, up to which a part is in."""
 
-_SEARCHED = 400
-"""Parts that are looked at in full, at most."""
+_SEARCHED, _REST = 2000, 5e-3
+"""Parts that are looked at in full, at most; fewer where all others together are less probable than this share of the
+best, by what a stage can tell."""
+
+_TELLS = 1.33
+"""Nats of log evidence for each nat of a stage: it takes the noise as larger than it is stated, an outlier as cheaper."""
 
 _LEVEL = 1e-4
 """Probability of more outliers than are allowed for when sizes are compared."""
@@ -91,11 +94,11 @@ def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], out: 
     """Those that are little behind the best, and what the others could explain."""
     order = np.argsort(costs, kind="stable")
     behind = costs[order] - costs[order[0]]
-    count = min(max(int(np.searchsorted(behind, out)), 1), _SEARCHED)
-    kept, others = rows[order[:count]], behind[count:]
-    left = float(log_sum(-others)) if len(others) else -np.inf
+    rest = np.cumsum(np.exp(-_TELLS * behind)[::-1])[::-1]  # of each and all behind it
+    count = min(max(int(np.searchsorted(behind, out)), 1), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
+    kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
-    return Narrowed(kept, own, behind[:count], left, len(others))
+    return Narrowed(kept, own, behind[:count], left, len(rows) - count)
 
 
 def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers import Answer, Clock, Priors, check_question, sized, verdict
+from tanteo.answers import Answer, Clock, Hypothesis, Priors, check_question, sized, verdict
 from tanteo.features import SharedError
 from tanteo.inference.around import without_pose
 from tanteo.inference.candidates import Candidates
@@ -109,6 +109,8 @@ def identify_points(
         hypotheses, unknown, significance, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,
         same=candidates.names_alike(found[0].mode.prepared.part, _EQUAL) if found else (),
     )  # fmt: skip
+    if status == "unknown" and not check.elsewhere and posterior.left_out > 0.5 * unknown > 0:
+        status, message = "ambiguous", _among_unsearched(hypotheses, chosen, posterior)
     if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
         message = not_on_it(hypotheses[0], unknown)
     if status == "recognized" and _close_together(found[0]):
@@ -135,11 +137,20 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
 
 def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
     """That parts which were not searched may explain the readings as well, where that matters."""
-    if status == "recognized" or posterior.left_out <= _MAY_MISS:
+    if status == "recognized" or not _MAY_MISS < posterior.left_out < 0.5:
         return ""
     return (
         f" {chosen.count:,} parts were not searched, which together may explain the readings with a probability of up "
         f"to {100 * posterior.left_out:.0f} %: more readings, or labelled ones, tell."
+    )
+
+
+def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, posterior: Posterior) -> str:
+    """That so little was sensed that very many parts may explain it."""
+    best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
+    return (
+        f"{best} one of {chosen.count:,} parts that were not searched, as the readings hardly tell them apart (up to P = "
+        f"{posterior.left_out:.2f}): sense more places, with normals or labels if the sensor gives them."
     )
 
 

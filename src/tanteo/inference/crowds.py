@@ -1,0 +1,86 @@
+"""More parts than can be searched in rounds: what the poses that were proposed for each lead to decides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.inference.part_search import PartSearch, alike, spread, start_searches
+from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.problem import Problem
+from tanteo.special import log_sum
+from tanteo.typing import Transforms
+
+CROWD = 64
+"""Parts that are searched in rounds at most."""
+
+GLANCED = 24
+"""Points of a glance: more of them tell no more about which part it is likely to be."""
+
+_ROUNDS, _TOLD = 24.0, 12.0
+"""Log evidence behind the best up to which a part is searched in rounds, and up to which it is told what its hints lead
+to where there is no room for rounds."""
+
+_NOTHING = -1e9
+
+_AT_ONCE = 256
+"""Parts that are open at a time, beside those that are near the best."""
+
+
+def after_hints(
+    problem: Problem, parts: Sequence[PreparedPart], hints: Sequence[Transforms | None], rng: np.random.Generator
+) -> tuple[list[PreparedPart], list[Transforms | None], list[PartSearch], float]:
+    """Of very many parts those that are searched in rounds.
+
+    Args:
+        problem: the question.
+        parts: the most promising first.
+        hints: poses of each, if any are known.
+        rng: of all draws.
+
+    Returns:
+        Parts that are searched in rounds, with their hints; searches of others that are near the best, with what their
+        hints lead to; log evidence of all the rest together.
+    """
+    rows = spread(problem, GLANCED)
+    some = rows.astype(np.int64)
+    few = replace(problem, points=problem.points.take(some)) if len(some) < len(problem.points) else problem
+    searches = _tried(few, parts, hints, rng)
+    found = np.array([_NOTHING if s is None else s.log_evidence for s in searches]).clip(_NOTHING)
+    order = np.argsort(-found, kind="stable")
+    behind = found[order[0]] - found[order]
+    count = min(max(int(np.searchsorted(behind, _ROUNDS)), 1), CROWD)
+    told = max(int(np.searchsorted(behind, _TOLD)), count)
+    others = [_on_all(problem, few, s) for s in (searches[k] for k in order[count:told]) if s is not None]
+    share = len(problem.points) / max(len(some), 1)  # all points tell parts apart by as much more
+    left = found[order[0]] + float(log_sum(-share * behind[told:]))
+    return [parts[k] for k in order[:count]], [hints[k] for k in order[:count]], others, left
+
+
+def _tried(
+    problem: Problem, parts: Sequence[PreparedPart], hints: Sequence[Transforms | None], rng: np.random.Generator
+) -> list[PartSearch | None]:
+    """What the hints of each part lead to; None of a part without. Parts that are far behind are let go."""
+    out, best = list[PartSearch | None](), _NOTHING
+    for begin in range(0, len(parts), _AT_ONCE):
+        own = [k for k in range(begin, min(begin + _AT_ONCE, len(parts))) if hints[k] is not None]
+        searches = dict(zip(own, start_searches(problem, [parts[k] for k in own], alike(rng, len(own))), strict=True))
+        for k in range(begin, min(begin + _AT_ONCE, len(parts))):
+            if k in searches:
+                searches[k].try_poses(np.asarray(hints[k]))
+                best = max(best, searches[k].log_evidence)
+            out.append(searches.get(k))
+    return out
+
+
+def _on_all(problem: Problem, few: Problem, search: PartSearch) -> PartSearch:
+    """A search with all points from what some of them lead to."""
+    if few is problem:
+        search.restarts = 1
+        return search
+    (whole,) = start_searches(problem, [search.objective.prepared], [search.rng])
+    found = search.peaks
+    whole.peaks, whole.restarts = whole.objective.maximize(found.Ts, found.zs, found.groups, fine=True), 1
+    return whole
