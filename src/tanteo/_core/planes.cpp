@@ -11,7 +11,7 @@ constexpr double SDS = 4;           // within which angles agree
 constexpr double MADE = 0.004;      // and so much more [rad]: faces are not made, nor meshed, as they are drawn
 constexpr double INDEPENDENT = 0.1; // triple product of three normals that fix a pose
 constexpr int POLISHES = 2;         // steps of Gauss and Newton to all planes that are on faces
-constexpr int POLISHED = 6;         // poses that are polished
+constexpr int POLISHED = 8;         // poses that are polished
 
 double gate(const SensedPlane& a, const SensedPlane& b) { return SDS * std::hypot(a.tilt, b.tilt) + MADE; }
 

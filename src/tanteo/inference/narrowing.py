@@ -53,6 +53,7 @@ class Narrowed:
         behind: nats that each is behind the best, as far as is known ``(m,)``.
         left_out: log of what the others could explain together, over what the best of these explains; -inf for nothing.
         count: parts that were left out though their size fits.
+        certain: whether the hints are all poses that planes allow.
     """
 
     rows: IntArray
@@ -60,6 +61,7 @@ class Narrowed:
     behind: FloatArray = field(default_factory=lambda: np.zeros(0))
     left_out: float = -np.inf
     count: int = 0
+    certain: bool = False
 
 
 def narrowed(problem: Problem, candidates: Candidates) -> Narrowed:
@@ -71,34 +73,34 @@ def narrowed(problem: Problem, candidates: Candidates) -> Narrowed:
     rows = rows[_wide_enough(problem, points, candidates, rows)]
     if len(rows) <= FEW:
         return Narrowed(rows, behind=np.zeros(len(rows)))
-    costs, hints, behind = _compared(problem, points, candidates, rows)
-    return _best(rows, costs, hints, behind)
+    costs, hints, certain = _compared(problem, points, candidates, rows)
+    return _best(rows, costs, hints, certain=certain)
 
 
 def _compared(
     problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
-) -> tuple[FloatArray, dict[int, Transforms], float]:
-    """Nats of each part and poses, by what can tell most: planes, if three fix a pose, else the points; and how many
-    nats behind the best a part has to be to be out."""
+) -> tuple[FloatArray, dict[int, Transforms], bool]:
+    """Nats of each part and poses, by what can tell most: planes, if three fix a pose, else the points; and whether
+    these are all poses."""
     sensed = sensed_planes(problem, points)
     if not len(sensed.triples):
-        return *coarse_look(problem, points, candidates, rows), BEHIND
+        return *coarse_look(problem, points, candidates, rows), False
     costs, hints = on_planes(sensed, candidates, rows)
     if costs.min() < sensed.doubtful:
-        return costs, hints, BEHIND_PLANES
+        return costs, hints, True
     rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
-    return np.minimum(costs, rough), others | hints, BEHIND
+    return np.minimum(costs, rough), others | hints, False
 
 
-def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], out: float) -> Narrowed:
+def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], *, certain: bool) -> Narrowed:
     """Those that are little behind the best, and what the others could explain."""
     order = np.argsort(costs, kind="stable")
     behind = costs[order] - costs[order[0]]
     rest = np.cumsum(np.exp(-_TELLS * behind)[::-1])[::-1]  # of each and all behind it
-    count = min(max(int(np.searchsorted(behind, out)), 1), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
+    count = min(max(int(np.searchsorted(behind, BEHIND_PLANES if certain else BEHIND)), 1), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
-    return Narrowed(kept, own, behind[:count], left, len(rows) - count)
+    return Narrowed(kept, own, behind[:count], left, len(rows) - count, certain)
 
 
 def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:

@@ -62,6 +62,7 @@ class PartSearch:
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
         trusted: whether the region of its maximum was normal before the last measurement.
         hints: poses to begin with; None without.
+        certain: whether these are all that labels and normals allow.
     """
 
     objective: Objective
@@ -73,6 +74,7 @@ class PartSearch:
     along: Peaks | None = None
     trusted: bool = False
     hints: Transforms | None = None
+    certain: bool = False
 
     @property
     def log_evidence(self) -> float:
@@ -108,7 +110,7 @@ class PartSearch:
         self.peaks = objective.merged(self.peaks, objective.look(np.concatenate(poses), of, effort.maximize), _MOST)
         self._of_centres()
         if self.hints is not None and not self.restarts:
-            self.try_poses(self.hints)
+            self.try_poses(self.hints, certain=self.certain)
         self.sample(effort.maximize)
         hard = bool(effort.hard) and (len(objective.scales.blurs) > 1 or self.doubtful())
         move = effort.hard if hard else effort.move
@@ -154,11 +156,11 @@ class PartSearch:
         if self.along is None:
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, RIDGE, self.rng))
 
-    def try_poses(self, Ts: Transforms) -> None:
-        """Maximize from poses that no points proposed; what they lead to still has to be found."""
+    def try_poses(self, Ts: Transforms, *, certain: bool = False) -> None:
+        """Maximize from poses that no points proposed; what they lead to still has to be found, unless they are all."""
         if not len(Ts):
             return
-        found = self.objective.look(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
+        found = self.objective.look(Ts, np.full(len(Ts), _CERTAIN * certain, dtype=np.int64), len(Ts))
         self.peaks = self.objective.merged(self.peaks, found, _MOST)
 
     def on_the_part(self) -> BoolArray:

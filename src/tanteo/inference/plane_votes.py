@@ -41,7 +41,8 @@ _COMPARED = 16
 _SHARE = 0.3
 """Share of all parts up to which the vote of a pair is worth taking."""
 
-_KEPT = 3
+_KEPT = 8
+"""Poses of a part."""
 
 BEHIND = 10.0
 """Nats behind the best up to which a part is in: less than a labelled plane of no face."""

@@ -89,6 +89,7 @@ def infer(
     rng: np.random.Generator,
     *,
     hints: Sequence[Transforms | None] = (),
+    certain: bool = False,
     left_out: float = -np.inf,
 ) -> Posterior:
     """The posterior: search, sample, weigh.
@@ -100,11 +101,12 @@ def infer(
         centroid: mean of theirs, in their frames ``(3,)`` [m].
         rng: of all draws.
         hints: poses of each of them to begin with, if any are known.
+        certain: whether these are all poses that labels and normals allow.
         left_out: log of what the other parts could explain together at most, over what the best of these explains.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
-    searches, dropped = race(problem, parts, anywhere - prior, rng, hints)
+    searches, dropped = race(problem, parts, anywhere - prior, rng, hints, certain=certain)
     best = max((s.log_evidence for s in searches), default=-np.inf)
     unseen = float(log_sum([dropped, best + left_out]))
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)

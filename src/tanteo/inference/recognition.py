@@ -132,7 +132,9 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
     hints = [chosen.hints.get(int(row)) for row in chosen.rows]
     centroid = candidates.centroids.mean(axis=0)
     rng = np.random.default_rng(seed)
-    return infer(problem, parts, len(candidates), centroid, rng, hints=hints, left_out=chosen.left_out)
+    return infer(
+        problem, parts, len(candidates), centroid, rng, hints=hints, certain=chosen.certain, left_out=chosen.left_out
+    )
 
 
 def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:

@@ -29,8 +29,8 @@ _ROUNDS, _DOUBTFUL, _TOGETHER, _LEAST_ROUNDS = 8, 12, 24, 4
 finds the right one with a third or more of probability. So many of all parts together that are still in, but no fewer
 of each than the last."""
 
-_GLANCE, _LOOK = Effort(6, 16, 3, 8, hard=0), Effort(move=3, hard=3)
-"""First rounds of many parts."""
+_GLANCE, _HINTED, _LOOK = Effort(6, 16, 3, 8, hard=0), Effort(0, 0, 3, 8, hard=0), Effort(move=3, hard=3)
+"""First rounds of many parts; the second where all poses are known that may be right."""
 
 _BEHIND = (24.0, 12.0)
 """Log evidence behind the leader, the unknown object included, at which a part is out after each of these."""
@@ -48,6 +48,8 @@ def race(
     log_unknown: float,
     rng: np.random.Generator,
     hints: Sequence[Transforms | None] = (),
+    *,
+    certain: bool = False,
 ) -> tuple[list[PartSearch], float]:
     """Search all parts, each as long as it may matter.
 
@@ -57,6 +59,7 @@ def race(
         log_unknown: log evidence of the unknown object, over the prior of one part.
         rng: of all draws.
         hints: poses of each to begin with, if any are known.
+        certain: whether these are all poses that labels and normals allow.
 
     Returns:
         The searches, and the log evidence of all parts that were given up for others after their hints alone.
@@ -67,12 +70,13 @@ def race(
         others, dropped = [], -np.inf
     searches = start_searches(problem, parts, alike(rng, len(parts)))
     for search, Ts in zip(searches, hints, strict=False):
-        search.hints = Ts
-    live = _after_a_glance(searches) if len(parts) > 1 else list(searches)
-    for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
-        if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
-            search.restart(_LOOK)
-    _try_on_others(live)
+        search.hints, search.certain = Ts, certain
+    live = _after_a_glance(searches, _HINTED if certain else _GLANCE) if len(parts) > 1 else list(searches)
+    if not certain or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
+        for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
+            if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
+                search.restart(_LOOK)
+        _try_on_others(live)
     live = _still_in(live, log_unknown, _BEHIND[1])
     points = problem.points
     fixed = len(points) + np.count_nonzero(points.centres) >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
@@ -94,7 +98,7 @@ def race(
     return searches + others, dropped
 
 
-def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
+def _after_a_glance(searches: Sequence[PartSearch], effort: Effort) -> list[PartSearch]:
     """Which parts are still in after a glance at each: with a few of many points, which is as fair to all of them.
 
     The unknown object is no rival yet: a glance misses the pose of the right part often.
@@ -105,9 +109,9 @@ def _after_a_glance(searches: Sequence[PartSearch]) -> list[PartSearch]:
     if len(rows) < len(problem.points):
         few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
         glances = start_searches(few, [s.objective.prepared for s in searches], [s.rng for s in searches])
-        glances = [replace(g, planes=s.planes, hints=s.hints) for g, s in zip(glances, searches, strict=True)]
+        glances = [replace(g, planes=s.planes, hints=s.hints, certain=s.certain) for g, s in zip(glances, searches, strict=True)]
     for glance in glances:
-        glance.restart(_GLANCE)
+        glance.restart(effort)
     _try_on_others(glances)
     kept = {id(glance) for glance in _still_in(glances, -np.inf, _BEHIND[0])}
     live = [(s, glance) for s, glance in zip(searches, glances, strict=True) if id(glance) in kept]
