@@ -169,6 +169,7 @@ def coarse(
     radii: FloatArray,
     pairs: AnyInts,
     starts: FloatArray,
+    owners: AnyInts,
     most: float,
     pairs_each: int,
     keep: int,
@@ -176,6 +177,7 @@ def coarse(
 def on_planes(
     planes: NDArray[np.float32],
     starts: NDArray[np.int64],
+    unseen: FloatArray,
     rows: AnyInts,
     sensed: FloatArray,
     triples: AnyInts,

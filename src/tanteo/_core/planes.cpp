@@ -10,8 +10,8 @@ namespace {
 constexpr double SDS = 4;           // within which angles agree
 constexpr double MADE = 0.004;      // and so much more [rad]: faces are not made, nor meshed, as they are drawn
 constexpr double INDEPENDENT = 0.1; // triple product of three normals that fix a pose
-constexpr int POLISHES = 2;         // steps of Gauss and Newton to all planes that are on faces
-constexpr int POLISHED = 8;         // poses that are polished
+constexpr int POLISHES = 4;         // steps of Gauss and Newton to all planes that are on faces
+constexpr int POLISHED = 12;        // poses that are polished
 
 double gate(const SensedPlane& a, const SensedPlane& b) { return SDS * std::hypot(a.tilt, b.tilt) + MADE; }
 
@@ -82,9 +82,9 @@ class Comparison {
             if (!cholesky(A, 6)) break;
             solve_cholesky(A, 6, b);
             pose = moved(pose, {b[0], b[1], b[2]}, {b[3], b[4], b[5]}, Vec3{});
-            turned *= 0.5;
+            turned *= 0.25;
         }
-        return {pose, cost(pose, turned, about, 1e300)};
+        return {pose, cost(pose, 0, about, 1e300)};
     }
 
   private:
@@ -221,10 +221,7 @@ std::vector<PlanePose> plane_poses(const std::vector<ModelPlane>& faces, const s
     std::sort(rough.begin(), rough.end(), less);
     if (rough.size() > POLISHED) rough.resize(POLISHED);
     const Comparison comparison(faces, sensed);
-    for (const PlanePose& one : rough) {
-        const PlanePose better = comparison.polished(one.pose, turned, about);
-        out.push_back(better.cost < one.cost ? better : one);
-    }
+    for (const PlanePose& one : rough) out.push_back(comparison.polished(one.pose, turned, about));
     std::sort(out.begin(), out.end(), less);
     if (static_cast<int>(out.size()) > keep) out.resize(keep);
     return out;

@@ -9,20 +9,27 @@ namespace {
 using Floats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Starts = nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>;
 
+// Nats of a plane that may be of a face that is not compared, by their share of the part.
+double most_of(const SensedPlane& plane, double share) {
+    constexpr double LOOSE = 1.5;
+    return share > 0 ? std::min(plane.most, LOOSE - std::log(share)) : plane.most;
+}
+
 std::vector<SensedPlane> sensed_of(const Doubles& planes) {
-    const size_t n = expect(planes, "sensed", {ANY, 11});
+    const size_t n = expect(planes, "sensed", {ANY, 12});
     std::vector<SensedPlane> out(n);
     for (size_t k = 0; k < n; ++k) {
-        const double* x = planes.data() + 11 * k;
+        const double* x = planes.data() + 12 * k;
         out[k] = {load(x), load(x + 3), x[6], x[7], x[8], x[9], x[10] > 0};
     }
     return out;
 }
 
-nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Ints triples, double limit, double behind, int keep) {
+nb::tuple on_planes(Floats planes, Starts starts, Doubles unseen, Ints rows, Doubles sensed, Ints triples, double limit, double behind, int keep) {
     if (planes.size() % 7) refuse("planes", "expected seven numbers a face");
     const int64_t total = planes.size() / 7, parts = static_cast<int64_t>(starts.size()) - 1;
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, parts - 1);
+    expect(unseen, "unseen", {static_cast<size_t>(parts)});
     const std::vector<SensedPlane> felt = sensed_of(sensed);
     const std::vector<int> tried = expect(triples, "triples", ANY, 0, static_cast<int64_t>(felt.size()) - 1);
     expect(limit, "limit", 0, 1e9);
@@ -42,7 +49,10 @@ nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Int
                 const float* x = planes.data() + 7 * k;
                 faces.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6]});
             }
-            const std::vector<PlanePose> found = plane_poses(faces, felt, tried, near, static_cast<int>(K));
+            std::vector<SensedPlane> own(felt);
+            for (size_t k = 0; k < own.size(); ++k)
+                if (sensed.data()[12 * k + 11] > 0) own[k].most = most_of(felt[k], unseen.data()[chosen[r]]);
+            const std::vector<PlanePose> found = plane_poses(faces, own, tried, near, static_cast<int>(K));
             if (!found.empty()) near = std::min(near, found[0].cost + behind);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
@@ -58,7 +68,7 @@ nb::tuple on_planes(Floats planes, Starts starts, Ints rows, Doubles sensed, Int
 
 void offer_planes(nb::module_& m) {
     using namespace nb::literals;
-    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "behind"_a, "keep"_a);
+    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "unseen"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "behind"_a, "keep"_a);
 }
 
 }  // namespace tanteo

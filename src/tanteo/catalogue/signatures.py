@@ -16,7 +16,7 @@ from tanteo.shapes import ClosestPoints, Surface, as_signed
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 FACES = 64
-"""Largest planar faces that are compared; a part that has more is never left out for a face that is not among them."""
+"""Largest planar faces that are compared; what else a part's surface is made of is its unseen share."""
 
 PLACES = 64
 """Places of the surface, far from each other, on which far points may be."""
@@ -69,7 +69,7 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
 
     Returns:
         ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
-        whether it is continuous; and arrays of any length, one row an entry: ``planes`` (normal, centroid, reach),
+        whether it is continuous, unseen share; and arrays of any length, one row an entry: ``planes`` (normal, centroid, reach),
         ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the surface,
         with normals), ``field`` and ``grid`` (origin, step, shape).
     """
@@ -78,13 +78,19 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     symmetry = part.symmetry
     numbers = np.r_[
         part.area, part.volume, part.radius, widths(part.vertices), part.centroid, part.box.ravel(), symmetry.order,
-        symmetry.continuous, len(part.planes) > FACES,
+        symmetry.continuous, unseen_share(part),
     ]  # fmt: skip
     same, opposite, angles = pairs_of(planes)
     return {
         "numbers": numbers, "planes": planes.astype(np.float32), "same": same, "opposite": opposite, "angles": angles,
         "places": _places(shape), "grid": grid, "field": field,
     }  # fmt: skip
+
+
+def unseen_share(part: Part) -> float:
+    """Share of a part's area that is of no face that is compared: round faces, free forms, the smallest planes."""
+    seen = np.sort(part.planes.areas)[::-1][:FACES].sum()
+    return float(np.clip(1 - seen / part.area, 0.0, 1.0))
 
 
 def _planes(part: Part) -> FloatArray:

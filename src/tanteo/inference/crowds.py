@@ -11,7 +11,7 @@ from tanteo.inference.part_search import PartSearch, alike, spread, start_search
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.special import log_sum
-from tanteo.typing import Transforms
+from tanteo.typing import FloatArray, Transforms
 
 CROWD = 64
 """Parts that are searched in rounds at most."""
@@ -47,13 +47,12 @@ def after_hints(
     rows = spread(problem, GLANCED)
     some = rows.astype(np.int64)
     few = replace(problem, points=problem.points.take(some)) if len(some) < len(problem.points) else problem
-    searches = _tried(few, parts, hints, rng)
-    found = np.array([_NOTHING if s is None else s.log_evidence for s in searches]).clip(_NOTHING)
+    found, searches = _tried(few, parts, hints, rng)
     order = np.argsort(-found, kind="stable")
     behind = found[order[0]] - found[order]
     count = min(max(int(np.searchsorted(behind, _ROUNDS)), 1), CROWD)
     told = max(int(np.searchsorted(behind, _TOLD)), count)
-    others = [_on_all(problem, few, s) for s in (searches[k] for k in order[count:told]) if s is not None]
+    others = [_on_all(problem, few, s) for s in (searches.get(int(k)) for k in order[count:told]) if s is not None]
     share = len(problem.points) / max(len(some), 1)  # all points tell parts apart by as much more
     left = found[order[0]] + float(log_sum(-share * behind[told:]))
     return [parts[k] for k in order[:count]], [hints[k] for k in order[:count]], others, left
@@ -61,18 +60,18 @@ def after_hints(
 
 def _tried(
     problem: Problem, parts: Sequence[PreparedPart], hints: Sequence[Transforms | None], rng: np.random.Generator
-) -> list[PartSearch | None]:
-    """What the hints of each part lead to; None of a part without. Parts that are far behind are let go."""
-    out, best = list[PartSearch | None](), _NOTHING
+) -> tuple[FloatArray, dict[int, PartSearch]]:
+    """Log evidence that the hints of each part lead to, and the searches of those that are near the best."""
+    found, kept = np.full(len(parts), _NOTHING), dict[int, PartSearch]()
     for begin in range(0, len(parts), _AT_ONCE):
         own = [k for k in range(begin, min(begin + _AT_ONCE, len(parts))) if hints[k] is not None]
-        searches = dict(zip(own, start_searches(problem, [parts[k] for k in own], alike(rng, len(own))), strict=True))
-        for k in range(begin, min(begin + _AT_ONCE, len(parts))):
-            if k in searches:
-                searches[k].try_poses(np.asarray(hints[k]))
-                best = max(best, searches[k].log_evidence)
-            out.append(searches.get(k))
-    return out
+        for k, search in zip(own, start_searches(problem, [parts[k] for k in own], alike(rng, len(own))), strict=True):
+            search.try_poses(np.asarray(hints[k]))
+            found[k], kept[k] = max(search.log_evidence, _NOTHING), search
+        least = found.max(initial=_NOTHING) - _ROUNDS
+        for k in [k for k in kept if found[k] < least]:
+            kept.pop(k).objective.prepared.close()
+    return found, kept
 
 
 def _on_all(problem: Problem, few: Problem, search: PartSearch) -> PartSearch:

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.inference.candidates import Candidates
-from tanteo.inference.coarse_look import coarse_look
+from tanteo.inference.coarse_look import coarse_look, look_again
 from tanteo.inference.outliers import so_many
 from tanteo.inference.plane_votes import BEHIND as BEHIND_PLANES
-from tanteo.inference.plane_votes import on_planes, sensed_planes
+from tanteo.inference.plane_votes import on_planes, sensed_planes, voted
 from tanteo.inference.problem import Problem
 from tanteo.catalogue import widths
 from tanteo.measurements import ContactPoints
@@ -24,15 +24,16 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 FEW = 64
 """So many parts are searched without being narrowed: it would cost as much."""
 
-BEHIND = 12.0
-"""Nats behind the best, by what a stage can tell, up to which a part is in."""
+BEHIND = 24.0
+"""Nats behind the best, by a coarse look, up to which a part is in."""
 
-_SEARCHED, _REST = 2000, 5e-3
-"""Parts that are looked at in full, at most; fewer where all others together are less probable than this share of the
-best, by what a stage can tell."""
+_SEARCHED, _AT_LEAST, _REST = 1200, 200, 5e-3
+"""Parts that are looked at in full, at most, and after a coarse look at least; fewer where all others together are less
+probable than this share of the best, by what a stage can tell."""
 
-_TELLS = 1.33
-"""Nats of log evidence for each nat of a stage: it takes the noise as larger than it is stated, an outlier as cheaper."""
+_PLANES_TELL, _LOOK_TELLS = 1.33, 0.5
+"""Nats of log evidence for each nat of planes, where the noise is taken as larger than it is stated and an outlier as
+cheaper; and of a coarse look, which is as uncertain as its field."""
 
 _LEVEL = 1e-4
 """Probability of more outliers than are allowed for when sizes are compared."""
@@ -84,9 +85,18 @@ def _compared(
     these are all poses."""
     sensed = sensed_planes(problem, points)
     if not len(sensed.triples):
-        return *coarse_look(problem, points, candidates, rows), False
+        lacking = voted(sensed, candidates, rows)
+        few = lacking < lacking.min() + BEHIND_PLANES
+        looked, hints = coarse_look(problem, points, candidates, rows[few])
+        lacking[few] = np.maximum(lacking[few], looked)
+        lacking[~few] += looked.max(initial=0.0)
+        return lacking, hints, False
     costs, hints = on_planes(sensed, candidates, rows)
     if costs.min() < sensed.doubtful:
+        if sensed.alone:  # what is on no plane may be on a face that is none
+            near = costs < costs.min() + BEHIND_PLANES
+            near &= np.isin(rows, np.fromiter(hints, dtype=np.int64))
+            costs[near] = np.maximum(costs[near], look_again(problem, points, candidates, rows[near], hints))
         return costs, hints, True
     rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
     return np.minimum(costs, rough), others | hints, False
@@ -96,8 +106,10 @@ def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], *, ce
     """Those that are little behind the best, and what the others could explain."""
     order = np.argsort(costs, kind="stable")
     behind = costs[order] - costs[order[0]]
-    rest = np.cumsum(np.exp(-_TELLS * behind)[::-1])[::-1]  # of each and all behind it
-    count = min(max(int(np.searchsorted(behind, BEHIND_PLANES if certain else BEHIND)), 1), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
+    tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if certain else (_LOOK_TELLS, BEHIND, _AT_LEAST)
+    rest = np.cumsum(np.exp(-tells * behind)[::-1])[::-1]  # of each and all behind it
+    count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
+    count = min(max(count, least), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
     return Narrowed(kept, own, behind[:count], left, len(rows) - count, certain)

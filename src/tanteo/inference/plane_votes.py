@@ -6,8 +6,10 @@ has to call one of the two an outlier. The sorted columns of a catalogue say at 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -32,11 +34,14 @@ one sensed normal may be of a curved face."""
 LIMIT = 60.0
 """Nats beyond which nothing is told apart."""
 
-_TRIPLES, _INDEPENDENT = 2, 0.25
-"""Triples of planes that poses are made of, and the least product of their normals."""
+_TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
+"""Triples of planes that poses are made of, and where these lead to nothing; the least product of their normals."""
 
 _COMPARED = 16
 """Planes that are compared, those known best."""
+
+_LOOSE = 1.5
+"""Nats that a sensed normal on a face that is no plane costs, beside those of its share of the part."""
 
 _SHARE = 0.3
 """Share of all parts up to which the vote of a pair is worth taking."""
@@ -53,12 +58,18 @@ class SensedPlanes:
     """Planes as the core compares them.
 
     Attributes:
-        rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, sided ``(k, 11)``.
+        rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its side is
+            known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
         triples: of them, that fix a pose ``(3 m,)``.
     """
 
     rows: FloatArray
     triples: IntArray
+
+    @property
+    def alone(self) -> bool:
+        """Whether some are of one point each."""
+        return bool(self.rows[:, 11].any())
 
     @property
     def doubtful(self) -> float:
@@ -78,7 +89,8 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     alone = np.array([len(planes.rows[k]) == 1 for k in some], dtype=bool)
     most = _without_face(problem, points, planes, factor)[some].clip(_LEAST, np.where(alone, _CURVED, _MOST))
     rows = np.column_stack(
-        [normals, at, np.hypot(sds, _MADE), factor * planes.tilts[some], planes.spans[some], most, planes.sided[some]]
+        [normals, at, np.hypot(sds, _MADE), factor * planes.tilts[some], planes.spans[some], most, planes.sided[some],
+         alone]
     )
     return SensedPlanes(np.ascontiguousarray(rows), _triples(normals, planes.tilts[some], alone))
 
@@ -109,7 +121,7 @@ def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> IntArr
     chosen = list[IntArray]()
     for shared in range(3):
         for k in np.argsort(-good, kind="stable"):
-            if len(chosen) == _TRIPLES:
+            if len(chosen) == _MORE:
                 break
             new = all(len(set(triples[k].tolist()) & set(other.tolist())) <= shared for other in chosen)
             if new and sizes[k] >= _INDEPENDENT:
@@ -121,13 +133,26 @@ def on_planes(
     sensed: SensedPlanes, candidates: Candidates, rows: IntArray
 ) -> tuple[FloatArray, dict[int, Transforms]]:
     """Nats that the planes cost on each part at least ``(m,)``, and poses of those where it is little, by row."""
-    costs, hints = np.full(len(rows), LIMIT), dict[int, Transforms]()
+    costs, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
+    lacking = costs.copy()
+    for triples in (sensed.triples[: 3 * _TRIPLES], sensed.triples[3 * _TRIPLES :]):
+        own = replace(sensed, triples=triples)
+        some = lacking <= lacking.min(initial=LIMIT)  # those that lack least
+        lowest = _tried(own, candidates, rows, some, costs, hints)
+        _tried(own, candidates, rows, ~some & (lacking < lowest + BEHIND), costs, hints)
+        if costs.min(initial=LIMIT) < sensed.doubtful or len(sensed.triples) <= 3 * _TRIPLES:
+            break
+        costs = np.where(costs < sensed.doubtful, costs, lacking)
+    return costs, hints
+
+
+def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> FloatArray:
+    """Nats of some parts by pairs alone ``(m,)``."""
+    costs = np.zeros(len(rows))
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
-        costs[here] = np.minimum(_votes(sensed, table)[rows[here] - start], LIMIT)
-    lowest = _tried(sensed, candidates, rows, costs < _LEAST, costs, hints)  # those that lack nothing, as a rule
-    _tried(sensed, candidates, rows, (costs >= _LEAST) & (costs < lowest + BEHIND), costs, hints)
-    return costs, hints
+        costs[here] = np.minimum(votes(sensed, table)[rows[here] - start], LIMIT)
+    return costs
 
 
 def _tried(
@@ -143,33 +168,34 @@ def _tried(
         here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
         local = (rows[here] - start).astype(np.int32)
         found, Ts = _core.on_planes(
-            np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), local, sensed.rows, sensed.triples,
+            np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]),
+            np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows, sensed.triples,
             LIMIT, BEHIND + 1.0, _KEPT,
         )  # fmt: skip
-        many = table["numbers"][local, 16] > 0  # of very many faces not all were compared
-        costs[here] = np.where(many, costs[here], np.maximum(found[:, 0], costs[here]))
+        costs[here] = np.maximum(found[:, 0], costs[here])
         for k in np.flatnonzero(found[:, 0] < LIMIT):
             hints[int(rows[here[k]])] = Ts[k][found[k] < LIMIT]
     return float(costs[some].min(initial=LIMIT))
 
 
-def _votes(sensed: SensedPlanes, table: object) -> FloatArray:
+def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
     """Nats by pairs alone ``(n,)``: the planes that have to be of no face, each counted once."""
-    n = len(table["numbers"])  # type: ignore[index]
-    lacking, cheap = list[tuple[int, int, BoolArray]](), np.zeros(n)
-    for i, j in combinations(range(len(sensed.rows)), 2):
+    n, k = len(table["numbers"]), len(sensed.rows)
+    share = np.asarray(table["numbers"])[:, 16]
+    loose = np.where(share > 0, _LOOSE - np.log(np.maximum(share, 1e-300)), np.inf)
+    costs, used = np.zeros(n), np.zeros((n, k), dtype=bool)
+    most = [np.minimum(row[9], loose) if row[11] > 0 else np.full(n, row[9]) for row in sensed.rows]
+    for i, j in combinations(range(k), 2):
         has = _having(sensed.rows[i], sensed.rows[j], table, n)
-        if has is not None:
-            lacking.append((i, j, ~has))
-    used = np.zeros((n, len(sensed.rows)), dtype=bool)
-    for i, j, lacks in lacking:  # pairs that share no plane each cost one
-        free = lacks & ~used[:, i] & ~used[:, j]
-        cheap[free] += min(sensed.rows[i, 9], sensed.rows[j, 9])
+        if has is None:
+            continue
+        free = ~has & ~used[:, i] & ~used[:, j]  # pairs that share no plane each cost one
+        costs[free] += np.minimum(most[i], most[j])[free]
         used[free, i] = used[free, j] = True
-    return cheap
+    return costs
 
 
-def _having(first: FloatArray, second: FloatArray, table: object, n: int) -> BoolArray | None:
+def _having(first: FloatArray, second: FloatArray, table: Mapping[str, Any], n: int) -> BoolArray | None:
     """Which parts have two faces like two planes ``(n,)``; None where most do."""
     cosine = float(np.clip(first[:3] @ second[:3], -1, 1))
     within = _SDS * float(np.hypot(first[7], second[7])) + _TILT
@@ -179,6 +205,8 @@ def _having(first: FloatArray, second: FloatArray, table: object, n: int) -> Boo
     found = list[np.ndarray]()
     for one in angles:
         found.append(_between(table, "angles", one - within, one + within))
+        if one < within and abs(_height(first, second)[0]) < _height(first, second)[1]:
+            return None  # both may be of one face
         if one < within:
             found.append(_distances(table, "same", first, second, signed=False))
         if one > np.pi - within:
@@ -191,23 +219,28 @@ def _having(first: FloatArray, second: FloatArray, table: object, n: int) -> Boo
     return has
 
 
-def _distances(table: object, name: str, first: FloatArray, second: FloatArray, *, signed: bool) -> np.ndarray:
-    """Parts with two parallel faces as far apart as two planes are."""
+def _height(first: FloatArray, second: FloatArray) -> tuple[float, float]:
+    """How far apart two parallel planes are, and within how much that is known [m]."""
     way = second[3:6] - first[3:6]
     normal = first[:3] + (1.0 if first[:3] @ second[:3] > 0 else -1.0) * second[:3]
     normal /= np.linalg.norm(normal)
     height = float(way @ normal)
     lever = float(np.linalg.norm(way - height * normal))
     tilt = float(np.hypot(first[7], second[7])) / 2
-    within = _SDS * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + _MADE
+    return height, _SDS * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + _MADE
+
+
+def _distances(table: Mapping[str, Any], name: str, first: FloatArray, second: FloatArray, *, signed: bool) -> np.ndarray:
+    """Parts with two parallel faces as far apart as two planes are."""
+    height, within = _height(first, second)
     if signed:
         return _between(table, name, height - within, height + within)
-    rows = _between(table, name, abs(height) - within, abs(height) + within)
-    return rows if name == "same" else np.concatenate([rows, _between(table, name, -abs(height) - within, within - abs(height))])
+    rows, far = _between(table, name, abs(height) - within, abs(height) + within), abs(height)
+    return rows if name == "same" else np.concatenate([rows, _between(table, name, -far - within, within - far)])
 
 
-def _between(table: object, name: str, low: float, high: float) -> np.ndarray:
+def _between(table: Mapping[str, Any], name: str, low: float, high: float) -> np.ndarray:
     """Rows of the parts of a sorted column between two numbers."""
-    keys = table[f"{name}_key"]  # type: ignore[index]
+    keys = table[f"{name}_key"]
     a, b = np.searchsorted(keys, [low, high])
-    return np.asarray(table[f"{name}_row"][a:b])  # type: ignore[index]
+    return np.asarray(table[f"{name}_row"][a:b])

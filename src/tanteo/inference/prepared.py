@@ -62,6 +62,11 @@ class PreparedPart:
         """For rough signed distances of very many points."""
         return distance_field(self.surface)
 
+    def close(self) -> None:
+        """Let go of what can be opened again in a moment: of very many parts not all can be open."""
+        if "stored" in self.part.derived:
+            self.__dict__.pop("shape", None)
+
     @property
     def centre(self) -> Vectors:
         """About which small motions turn the part: its centroid ``(3,)`` [m]."""

@@ -34,7 +34,7 @@ class StoredParts(Sequence[Part]):
     @abstractmethod
     def numbers(self) -> FloatArray:
         """Of each part, without opening it ``(n, 17)``: area, volume, radius, diameter, mean width, centroid, lowest and
-        highest corner of the box, order of symmetry, whether it is continuous, whether it has very many planes."""
+        highest corner of the box, order of symmetry, whether it is continuous, share of the surface that is of no plane."""
 
     @abstractmethod
     def row_of(self, name: str) -> int | None:
