@@ -93,14 +93,12 @@ class Parts {
 
 nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_starts, Floats grids, Doubles spacings,
                  Doubles centres, double levels, Ints rows, Doubles at, Doubles normals, Doubles sds, Doubles tilts,
-                 Doubles radii, Ints pairs, Doubles starts, Ints owners, double most, int pairs_each, int keep) {
+                 Doubles radii, Ints pairs, Doubles starts, double most, int pairs_each, int keep) {
     const Parts parts(places, place_starts, field, field_starts, grids, spacings, centres, expect(levels, "levels", 1, 1e6));
     const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts, radii);
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(parts.count) - 1),
                            tried = expect(pairs, "pairs", ANY, 0, static_cast<int64_t>(points.size()) - 1);
     const std::vector<Pose> begun = poses(starts, "starts");
-    // of which row each start is; without, all are of every row
-    const std::vector<int> of = expect(owners, "owners", owners.size() ? begun.size() : ANY, 0, static_cast<int64_t>(chosen.size()) - 1);
     CoarseEffort effort;
     effort.most = expect(most, "most", 1e-3, 1e9);
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
@@ -110,11 +108,8 @@ nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_
     {
         nb::gil_scoped_release release;
         std::vector<CoarsePlace> room;
-        std::vector<std::vector<Pose>> own(of.empty() ? 0 : R);
-        for (size_t k = 0; k < of.size(); ++k) own[of[k]].push_back(begun[k]);
         for (size_t r = 0; r < R; ++r) {
-            const std::vector<CoarsePose> found =
-                coarse_poses(parts.part(chosen[r], room), points, tried, own.empty() ? begun : own[r], effort);
+            const std::vector<CoarsePose> found = coarse_poses(parts.part(chosen[r], room), points, tried, begun, effort);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
                 store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
@@ -131,7 +126,7 @@ void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
     m.def("coarse", &coarse, "places"_a, "places_start"_a, "field"_a, "field_start"_a, "grid"_a, "spacings"_a,
           "centres"_a, "levels"_a, "rows"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "pairs"_a, "starts"_a,
-          "owners"_a, "most"_a, "pairs_each"_a, "keep"_a);
+          "most"_a, "pairs_each"_a, "keep"_a);
 }
 
 }  // namespace tanteo

@@ -169,7 +169,6 @@ def coarse(
     radii: FloatArray,
     pairs: AnyInts,
     starts: FloatArray,
-    owners: AnyInts,
     most: float,
     pairs_each: int,
     keep: int,
@@ -177,6 +176,8 @@ def coarse(
 def on_planes(
     planes: NDArray[np.float32],
     starts: NDArray[np.int64],
+    rounds: NDArray[np.float32],
+    rounds_start: NDArray[np.int64],
     unseen: FloatArray,
     rows: AnyInts,
     sensed: FloatArray,

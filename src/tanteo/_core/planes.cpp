@@ -10,6 +10,7 @@ namespace {
 constexpr double SDS = 4;           // within which angles agree
 constexpr double MADE = 0.004;      // and so much more [rad]: faces are not made, nor meshed, as they are drawn
 constexpr double INDEPENDENT = 0.1; // triple product of three normals that fix a pose
+constexpr double ROUND = 2e-4;      // how far a cylinder may be off its mesh, about [m]
 constexpr int POLISHES = 4;         // steps of Gauss and Newton to all planes that are on faces
 constexpr int POLISHED = 12;        // poses that are polished
 
@@ -24,8 +25,8 @@ struct Match {
 
 class Comparison {
   public:
-    Comparison(const std::vector<ModelPlane>& faces, const std::vector<SensedPlane>& sensed)
-        : faces(faces), sensed(sensed) {}
+    Comparison(const ModelFaces& all, const std::vector<SensedPlane>& sensed)
+        : faces(all.planes), rounds(all.rounds), sensed(sensed) {}
 
     // turned: how well the attitude is known [rad]; about: from where it is [m]
     Match match(const SensedPlane& plane, const Pose& pose, double turned, const Vec3& about) const {
@@ -46,6 +47,7 @@ class Comparison {
             if (squared(off) - h2 > room * room) continue;
             best = {cost, static_cast<int>(k), h};
         }
+        if (plane.alone) on_rounds(n, p, near, sd2 + ROUND * ROUND, tilt2, best);
         return best;
     }
 
@@ -89,7 +91,23 @@ class Comparison {
 
   private:
     const std::vector<ModelPlane>& faces;
+    const std::vector<ModelRound>& rounds;
     const std::vector<SensedPlane>& sensed;
+
+    // A point with its normal on the cylinders, where one is nearer than the best plane.
+    void on_rounds(const Vec3& n, const Vec3& p, double near, double sd2, double tilt2, Match& best) const {
+        const double sd = std::sqrt(sd2);
+        for (const ModelRound& round : rounds) {
+            const Vec3 off = p - round.middle;
+            const double t = dot(off, round.axis);
+            if (std::fabs(t) > round.half + SDS * sd) continue;
+            const Vec3 across = off - t * round.axis;
+            const double d = norm(across), h = d - round.radius;
+            if (0.5 * h * h > best.cost * sd2 || !(d > 0)) continue;
+            const double c = round.sign / d * dot(n, across), cost = 0.5 * h * h / sd2 + (1 - c) / tilt2;
+            if (c >= near && cost < best.cost) best = {cost, -1, h};
+        }
+    }
 
     static void add(double* A, double* b, const double* J, double r, double weight) {
         for (int i = 0; i < 6; ++i) {
@@ -115,9 +133,9 @@ bool meeting(const Vec3* n, const double* h, double det, Vec3& x) {
 // Tries all triples of faces for three sensed planes whose normals point so.
 class Triple {
   public:
-    Triple(const std::vector<ModelPlane>& faces, const std::vector<SensedPlane>& sensed, const int* rows,
+    Triple(const ModelFaces& all, const std::vector<SensedPlane>& sensed, const int* rows,
            const Vec3* normals, double limit, std::vector<PlanePose>& out)
-        : faces(faces), comparison(faces, sensed), limit(limit), out(out) {
+        : faces(all.planes), comparison(all, sensed), limit(limit), out(out) {
         for (int i = 0; i < 3; ++i) {
             plane[i] = &sensed[rows[i]];
             n[i] = normals[i];
@@ -194,7 +212,7 @@ class Triple {
 
 }  // namespace
 
-std::vector<PlanePose> plane_poses(const std::vector<ModelPlane>& faces, const std::vector<SensedPlane>& sensed,
+std::vector<PlanePose> plane_poses(const ModelFaces& faces, const std::vector<SensedPlane>& sensed,
                                    const std::vector<int>& triples, double limit, int keep) {
     std::vector<PlanePose> rough, out;
     double turned = 0;

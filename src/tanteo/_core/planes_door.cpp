@@ -20,12 +20,20 @@ std::vector<SensedPlane> sensed_of(const Doubles& planes) {
     std::vector<SensedPlane> out(n);
     for (size_t k = 0; k < n; ++k) {
         const double* x = planes.data() + 12 * k;
-        out[k] = {load(x), load(x + 3), x[6], x[7], x[8], x[9], x[10] > 0};
+        out[k] = {load(x), load(x + 3), x[6], x[7], x[8], x[9], x[10] > 0, x[11] > 0};
     }
     return out;
 }
 
-nb::tuple on_planes(Floats planes, Starts starts, Doubles unseen, Ints rows, Doubles sensed, Ints triples, double limit, double behind, int keep) {
+// Rows of each part in an array: where they begin, and the last end.
+void check_starts(const Starts& starts, const char* name, const std::vector<int>& rows, int64_t total) {
+    for (const int row : rows)
+        if (static_cast<size_t>(row) + 1 >= starts.size() || starts.data()[row] < 0 || starts.data()[row + 1] > total ||
+            starts.data()[row] > starts.data()[row + 1])
+            refuse(name, "expected increasing numbers, no more than there are faces");
+}
+
+nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_starts, Doubles unseen, Ints rows, Doubles sensed, Ints triples, double limit, double behind, int keep) {
     if (planes.size() % 7) refuse("planes", "expected seven numbers a face");
     const int64_t total = planes.size() / 7, parts = static_cast<int64_t>(starts.size()) - 1;
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, parts - 1);
@@ -35,19 +43,24 @@ nb::tuple on_planes(Floats planes, Starts starts, Doubles unseen, Ints rows, Dou
     expect(limit, "limit", 0, 1e9);
     expect(behind, "behind", 0, 1e9);
     const size_t R = chosen.size(), K = static_cast<size_t>(expect(keep, "keep", 1, 1000));
-    for (const int row : chosen)
-        if (starts.data()[row] < 0 || starts.data()[row + 1] > total || starts.data()[row] > starts.data()[row + 1])
-            refuse("starts", "expected increasing numbers, no more than there are faces");
+    check_starts(starts, "starts", chosen, total);
+    if (rounds.size() % 9) refuse("rounds", "expected nine numbers a cylinder");
+    check_starts(round_starts, "rounds_start", chosen, rounds.size() / 9);
     std::vector<double> costs(R * K, limit), Ts(16 * R * K, 0.0);
     {
         nb::gil_scoped_release release;
-        std::vector<ModelPlane> faces;
+        ModelFaces faces;
         double near = limit;  // what is farther behind the best so far does not matter
         for (size_t r = 0; r < R; ++r) {
-            faces.clear();
+            faces.planes.clear();
+            faces.rounds.clear();
             for (int64_t k = starts.data()[chosen[r]]; k < starts.data()[chosen[r] + 1]; ++k) {
                 const float* x = planes.data() + 7 * k;
-                faces.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6]});
+                faces.planes.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6]});
+            }
+            for (int64_t k = round_starts.data()[chosen[r]]; k < round_starts.data()[chosen[r] + 1]; ++k) {
+                const float* x = rounds.data() + 9 * k;
+                faces.rounds.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6], x[7], x[8]});
             }
             std::vector<SensedPlane> own(felt);
             for (size_t k = 0; k < own.size(); ++k)
@@ -68,7 +81,7 @@ nb::tuple on_planes(Floats planes, Starts starts, Doubles unseen, Ints rows, Dou
 
 void offer_planes(nb::module_& m) {
     using namespace nb::literals;
-    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "unseen"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "behind"_a, "keep"_a);
+    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rounds"_a, "rounds_start"_a, "unseen"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "behind"_a, "keep"_a);
 }
 
 }  // namespace tanteo

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.parts import Part
+from tanteo.parts import Face, Part
 from tanteo.shapes import ClosestPoints, Surface, as_signed
 from tanteo.typing import FloatArray, IntArray, Vectors
 
@@ -69,7 +69,7 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
 
     Returns:
         ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
-        whether it is continuous, unseen share; and arrays of any length, one row an entry: ``planes`` (normal, centroid, reach),
+        whether it is continuous, unseen share; and arrays of any length, one row an entry: ``planes`` (normal, centroid, reach), ``rounds`` (cylinders),
         ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the surface,
         with normals), ``field`` and ``grid`` (origin, step, shape).
     """
@@ -78,19 +78,43 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     symmetry = part.symmetry
     numbers = np.r_[
         part.area, part.volume, part.radius, widths(part.vertices), part.centroid, part.box.ravel(), symmetry.order,
-        symmetry.continuous, unseen_share(part),
+        symmetry.continuous, _unseen_share(part),
     ]  # fmt: skip
     same, opposite, angles = pairs_of(planes)
     return {
-        "numbers": numbers, "planes": planes.astype(np.float32), "same": same, "opposite": opposite, "angles": angles,
+        "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "same": same, "opposite": opposite, "angles": angles,
         "places": _places(shape), "grid": grid, "field": field,
     }  # fmt: skip
 
 
-def unseen_share(part: Part) -> float:
-    """Share of a part's area that is of no face that is compared: round faces, free forms, the smallest planes."""
+def _unseen_share(part: Part) -> float:
+    """Share of a part's area that is of no face that is compared: free forms, cones, balls, the smallest planes."""
     seen = np.sort(part.planes.areas)[::-1][:FACES].sum()
+    seen += sum(face.area for _, face in _cylinders(part))
     return float(np.clip(1 - seen / part.area, 0.0, 1.0))
+
+
+def _cylinders(part: Part) -> list[tuple[int, Face]]:
+    """The largest cylinders, with their numbers."""
+    known = [
+        (k, face)
+        for k, face in enumerate(part.faces)
+        if face.surface == "cylinder" and face.axis_point is not None and face.radius and face.convex is not None
+    ]
+    return sorted(known, key=lambda one: -one[1].area)[:FACES]
+
+
+def rounds_of(part: Part) -> np.ndarray:
+    """Of the largest cylinders ``(K, 9)``: middle and direction of the axis, radius, half of the length [m], and 1 for
+    a boss, -1 for a bore."""
+    rows = []
+    for k, face in _cylinders(part):
+        assert face.axis_point is not None and face.axis_direction is not None
+        along = (part.vertices[part.triangles[part.triangle_face == k]] - face.axis_point) @ face.axis_direction
+        middle = face.axis_point + 0.5 * (along.min() + along.max()) * face.axis_direction
+        half, sign = 0.5 * np.ptp(along), 1.0 if face.convex else -1.0
+        rows.append(np.r_[middle, face.axis_direction, face.radius, half, sign])
+    return np.array(rows, dtype=np.float32).reshape(-1, 9)
 
 
 def _planes(part: Part) -> FloatArray:

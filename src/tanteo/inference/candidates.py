@@ -75,6 +75,15 @@ class Candidates:
         same = np.isclose(self.areas, size[0], rtol=within, atol=0) & np.isclose(self.volumes, size[1], rtol=within, atol=0)
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
+    def alike(self, prepared: PreparedPart, rows: IntArray) -> list[int]:
+        """Those of some parts that have nearly the box, centroid, area and volume of a part, the nearest first."""
+        part = prepared.part
+        own = np.r_[part.centroid, part.box.ravel(), np.sqrt(part.area / 6), np.cbrt(part.volume)]
+        sizes = np.column_stack([np.sqrt(self.areas[rows] / 6), np.cbrt(self.volumes[rows])])
+        off = np.abs(np.column_stack([self._numbers[rows, 5:14], sizes]) - own).max(axis=1)
+        near = np.flatnonzero(off < _LIKE * part.diagonal)
+        return [int(row) for row in rows[near[np.argsort(off[near], kind="stable")]][:_ALIKE]]
+
     def name(self, row: int) -> str:
         """Of one of them, unopened where that is possible."""
         if isinstance(self.parts, Catalogue):
@@ -111,6 +120,9 @@ def sizes_of(parts: Any) -> tuple[float, ...]:
 
 
 _MANY = 1000
+
+_LIKE, _ALIKE = 0.08, 200
+"""Share of the diagonal up to which parts are alike; so many of them are looked at."""
 
 
 def rows_of(mask: np.ndarray) -> IntArray:

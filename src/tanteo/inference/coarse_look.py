@@ -33,9 +33,6 @@ _MOST = 8.0
 
 _KEPT = 4
 
-_ALL: Indices = np.zeros(0, dtype=np.int32)
-"""Of which rows poses are: of all."""
-
 _MEMBERS = 30_000
 """Parts of which the poses of their kind's first part are tried, at most: those of the best kinds."""
 
@@ -68,22 +65,6 @@ def coarse_look(
     return costs, hints
 
 
-def look_again(
-    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, hints: Mapping[int, Transforms]
-) -> FloatArray:
-    """Nats that points cost at best at poses that are known of each part ``(m,)``: of its whole surface, roughly."""
-    look, out = _Look(problem, points), np.zeros(len(rows))
-    for start, table in candidates.tables:
-        here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
-        if not len(here):
-            continue
-        own = [hints[int(rows[k])][:_KEPT] for k in here]
-        owners = np.repeat(np.arange(len(own), dtype=np.int32), [len(Ts) for Ts in own])
-        found, _ = look.at_parts(table, (rows[here] - start).astype(np.int32), np.concatenate(own), owners)
-        out[here] = found[:, 0]
-    return out
-
-
 class _Look:
     """Some of the points, in the order in which they tell most."""
 
@@ -99,16 +80,14 @@ class _Look:
         self.radii = np.ascontiguousarray(points.radii[spread])
         self.pairs = _pairs(self.at[:_FAR])
 
-    def at_parts(
-        self, table: Mapping[str, Any], rows: Indices, starts: Transforms, owners: Indices = _ALL
-    ) -> tuple[FloatArray, Transforms]:
-        """Nats and poses of parts ``(R, 4)``, best first; from some poses, if there are any, each of its own row."""
+    def at_parts(self, table: Mapping[str, Any], rows: Indices, starts: Transforms) -> tuple[FloatArray, Transforms]:
+        """Nats and poses of parts ``(R, 4)``, best first; from some poses, if there are any."""
         numbers = table["numbers"]
         return _core.coarse(
             np.asarray(table["places"]).reshape(-1, 6), np.asarray(table["places_start"]), np.asarray(table["field"]),
             np.asarray(table["field_start"]), np.asarray(table["grid"]), np.sqrt(numbers[:, 0] / PLACES),
             np.ascontiguousarray(numbers[:, 5:8]), float(LEVELS), rows, self.at, self.normals, self.sds, self.tilts,
-            self.radii, self.pairs, np.ascontiguousarray(starts), owners, _MOST, _EACH, _KEPT,
+            self.radii, self.pairs, np.ascontiguousarray(starts), _MOST, _EACH, _KEPT,
         )  # fmt: skip
 
 

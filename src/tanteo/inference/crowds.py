@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,39 +23,73 @@ _ROUNDS, _TOLD = 24.0, 12.0
 """Log evidence behind the best up to which a part is searched in rounds, and up to which it is told what its hints lead
 to where there is no room for rounds."""
 
+_LEADERS, _SHARED = 3, 3
+"""Best parts of which others that are alike are looked at, from so many of their poses."""
+
 _NOTHING = -1e9
+"""Log evidence of a part that nothing was found of."""
 
 _AT_ONCE = 256
 """Parts that are open at a time, beside those that are near the best."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Crowd:
+    """Very many parts, after a first look at each.
+
+    Attributes:
+        parts: those that are searched in rounds.
+        hints: poses of each, if any are known.
+        others: searches of others that are near the best, with what their hints lead to.
+        dropped: log evidence of all the rest together.
+        tail: log of the mean evidence of the less promising half: what a part that was not looked at may have.
+    """
+
+    parts: list[PreparedPart]
+    hints: list[Transforms | None]
+    others: list[PartSearch]
+    dropped: float
+    tail: float
+
+
 def after_hints(
-    problem: Problem, parts: Sequence[PreparedPart], hints: Sequence[Transforms | None], rng: np.random.Generator
-) -> tuple[list[PreparedPart], list[Transforms | None], list[PartSearch], float]:
-    """Of very many parts those that are searched in rounds.
+    problem: Problem,
+    parts: Sequence[PreparedPart],
+    hints: Sequence[Transforms | None],
+    rng: np.random.Generator,
+    alike_parts: Callable[[PreparedPart], list[PreparedPart]],
+) -> Crowd:
+    """Which of very many parts are searched in rounds.
 
     Args:
         problem: the question.
         parts: the most promising first.
         hints: poses of each, if any are known.
         rng: of all draws.
-
-    Returns:
-        Parts that are searched in rounds, with their hints; searches of others that are near the best, with what their
-        hints lead to; log evidence of all the rest together.
+        alike_parts: others that were not promising, but are like a part: twins of the best are looked at, too.
     """
     rows = spread(problem, GLANCED)
     some = rows.astype(np.int64)
     few = replace(problem, points=problem.points.take(some)) if len(some) < len(problem.points) else problem
     found, searches = _tried(few, parts, hints, rng)
+    share = len(problem.points) / max(len(some), 1)  # all points tell parts apart by as much more
+    top, half = float(found.max()), found[len(found) // 2 :]
+    tail = top + float(log_sum(share * (half - top))) - float(np.log(len(half)))
+    parts, hints = list(parts), list(hints)
+    for k in np.argsort(-found, kind="stable")[:_LEADERS]:
+        if int(k) in searches and found[k] > top - _ROUNDS:
+            new = alike_parts(parts[k])
+            Ts = searches[int(k)].peaks.Ts[:_SHARED]
+            more, found_more = _tried(few, new, [Ts] * len(new), rng)
+            searches |= {len(parts) + i: search for i, search in found_more.items()}
+            parts, hints, found = parts + new, hints + [Ts] * len(new), np.concatenate([found, more])
     order = np.argsort(-found, kind="stable")
     behind = found[order[0]] - found[order]
     count = min(max(int(np.searchsorted(behind, _ROUNDS)), 1), CROWD)
     told = max(int(np.searchsorted(behind, _TOLD)), count)
     others = [_on_all(problem, few, s) for s in (searches.get(int(k)) for k in order[count:told]) if s is not None]
-    share = len(problem.points) / max(len(some), 1)  # all points tell parts apart by as much more
-    left = found[order[0]] + float(log_sum(-share * behind[told:]))
-    return [parts[k] for k in order[:count]], [hints[k] for k in order[:count]], others, left
+    dropped = float(found[order[0]]) + float(log_sum(-share * behind[told:]))
+    return Crowd([parts[k] for k in order[:count]], [hints[k] for k in order[:count]], others, dropped, tail)
 
 
 def _tried(

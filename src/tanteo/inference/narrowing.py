@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.inference.candidates import Candidates
-from tanteo.inference.coarse_look import coarse_look, look_again
+from tanteo.inference.coarse_look import coarse_look
 from tanteo.inference.outliers import so_many
 from tanteo.inference.plane_votes import BEHIND as BEHIND_PLANES
 from tanteo.inference.plane_votes import on_planes, sensed_planes, voted
@@ -53,7 +53,7 @@ class Narrowed:
         hints: poses to begin with, by row; none where nothing proposed one.
         behind: nats that each is behind the best, as far as is known ``(m,)``.
         left_out: log of what the others could explain together, over what the best of these explains; -inf for nothing.
-        count: parts that were left out though their size fits.
+        others: rows of parts that were left out though their size fits.
         certain: whether the hints are all poses that planes allow.
     """
 
@@ -61,7 +61,7 @@ class Narrowed:
     hints: dict[int, Transforms] = field(default_factory=dict)
     behind: FloatArray = field(default_factory=lambda: np.zeros(0))
     left_out: float = -np.inf
-    count: int = 0
+    others: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     certain: bool = False
 
 
@@ -93,10 +93,6 @@ def _compared(
         return lacking, hints, False
     costs, hints = on_planes(sensed, candidates, rows)
     if costs.min() < sensed.doubtful:
-        if sensed.alone:  # what is on no plane may be on a face that is none
-            near = costs < costs.min() + BEHIND_PLANES
-            near &= np.isin(rows, np.fromiter(hints, dtype=np.int64))
-            costs[near] = np.maximum(costs[near], look_again(problem, points, candidates, rows[near], hints))
         return costs, hints, True
     rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
     return np.minimum(costs, rough), others | hints, False
@@ -112,7 +108,7 @@ def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], *, ce
     count = min(max(count, least), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
-    return Narrowed(kept, own, behind[:count], left, len(rows) - count, certain)
+    return Narrowed(kept, own, behind[:count], left, rows[order[count:]], certain)
 
 
 def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:

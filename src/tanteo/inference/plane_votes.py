@@ -67,11 +67,6 @@ class SensedPlanes:
     triples: IntArray
 
     @property
-    def alone(self) -> bool:
-        """Whether some are of one point each."""
-        return bool(self.rows[:, 11].any())
-
-    @property
     def doubtful(self) -> float:
         """Nats of the best part from which it is doubtful whether what was sensed is planes: those of a third of them."""
         return float(self.rows[:, 9].sum()) / 3
@@ -169,7 +164,7 @@ def _tried(
         local = (rows[here] - start).astype(np.int32)
         found, Ts = _core.on_planes(
             np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]),
-            np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows, sensed.triples,
+            np.asarray(table["rounds"]).ravel(), np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows, sensed.triples,
             LIMIT, BEHIND + 1.0, _KEPT,
         )  # fmt: skip
         costs[here] = np.maximum(found[:, 0], costs[here])

@@ -14,7 +14,7 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.sampler import Sampler
-from tanteo.inference.search import PartSearch, alike, missing, race
+from tanteo.inference.search import LeftOut, PartSearch, alike, missing, race
 from tanteo.inference.symmetry import log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
 from tanteo.special import log_sum
@@ -90,7 +90,7 @@ def infer(
     *,
     hints: Sequence[Transforms | None] = (),
     certain: bool = False,
-    left_out: float = -np.inf,
+    left_out: LeftOut | None = None,
 ) -> Posterior:
     """The posterior: search, sample, weigh.
 
@@ -102,13 +102,11 @@ def infer(
         rng: of all draws.
         hints: poses of each of them to begin with, if any are known.
         certain: whether these are all poses that labels and normals allow.
-        left_out: log of what the other parts could explain together at most, over what the best of these explains.
+        left_out: what is known of the other parts.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
-    searches, dropped = race(problem, parts, anywhere - prior, rng, hints, certain=certain)
-    best = max((s.log_evidence for s in searches), default=-np.inf)
-    unseen = float(log_sum([dropped, best + left_out]))
+    searches, unseen = race(problem, parts, anywhere - prior, rng, hints, certain=certain, left_out=left_out)
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
 

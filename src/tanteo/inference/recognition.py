@@ -25,6 +25,7 @@ from tanteo.inference.posterior import Posterior, infer
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
+from tanteo.inference.search import LeftOut
 from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
@@ -130,11 +131,19 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
     """The posterior of the parts that are worth a search."""
     parts = [candidates.prepared(int(row)) for row in chosen.rows]
     hints = [chosen.hints.get(int(row)) for row in chosen.rows]
+    rest = set(chosen.others.tolist())
+
+    def alike(part: PreparedPart) -> list[PreparedPart]:
+        rows = [row for row in candidates.alike(part, chosen.others) if row in rest]
+        rest.difference_update(rows)
+        return [candidates.prepared(row) for row in rows]
+
     centroid = candidates.centroids.mean(axis=0)
-    rng = np.random.default_rng(seed)
+    behind = chosen.left_out if chosen.certain else None
     return infer(
-        problem, parts, len(candidates), centroid, rng, hints=hints, certain=chosen.certain, left_out=chosen.left_out
-    )
+        problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
+        left_out=LeftOut(len(rest), behind, alike),
+    )  # fmt: skip
 
 
 def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
@@ -142,7 +151,7 @@ def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
     if status == "recognized" or not _MAY_MISS < posterior.left_out < 0.5:
         return ""
     return (
-        f" {chosen.count:,} parts were not searched, which together may explain the readings with a probability of up "
+        f" {len(chosen.others):,} parts were not searched, which together may explain the readings with a probability of up "
         f"to {100 * posterior.left_out:.0f} %: more readings, or labelled ones, tell."
     )
 
@@ -151,7 +160,7 @@ def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, post
     """That so little was sensed that very many parts may explain it."""
     best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
     return (
-        f"{best} one of {chosen.count:,} parts that were not searched, as the readings hardly tell them apart (up to P = "
+        f"{best} one of {len(chosen.others):,} parts that were not searched, as the readings hardly tell them apart (up to P = "
         f"{posterior.left_out:.2f}): sense more places, with normals or labels if the sensor gives them."
     )
 

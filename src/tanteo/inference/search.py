@@ -6,8 +6,8 @@ of its kind was not found. The probability of what was found rarely estimates wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from tanteo.inference.proposals import Effort
 from tanteo.special import log_sum
 from tanteo.typing import Transforms
 
-__all__ = ["PartSearch", "alike", "missing", "race", "start_search"]
+__all__ = ["LeftOut", "PartSearch", "alike", "missing", "race", "start_search"]
 
 _MISSING = 0.02
 """Probability of what fewer pairs of points led to than often, up to which a part is taken as searched."""
@@ -42,6 +42,28 @@ _FIXED, _ORIENTED = 6, 3
 """So many points fix a pose, of which centres of circles count twice, or so many sensed normals."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LeftOut:
+    """Parts that are not searched.
+
+    Attributes:
+        count: of them.
+        behind: log of what they could explain together over what the best part explains; None where that is as much as
+            parts that were hardly promising do.
+        alike: those of them that are like a part.
+    """
+
+    count: int = 0
+    behind: float | None = None
+    alike: Callable[[PreparedPart], list[PreparedPart]] = lambda part: []
+
+    def log_evidence(self, best: float, tail: float) -> float:
+        """Of all of them together, at most: by that of the best part, and the mean of hardly promising ones."""
+        if not self.count:
+            return -np.inf
+        return best + self.behind if self.behind is not None else tail + float(np.log(self.count))
+
+
 def race(
     problem: Problem,
     parts: Sequence[PreparedPart],
@@ -50,6 +72,7 @@ def race(
     hints: Sequence[Transforms | None] = (),
     *,
     certain: bool = False,
+    left_out: LeftOut | None = None,
 ) -> tuple[list[PartSearch], float]:
     """Search all parts, each as long as it may matter.
 
@@ -60,14 +83,15 @@ def race(
         rng: of all draws.
         hints: poses of each to begin with, if any are known.
         certain: whether these are all poses that labels and normals allow.
+        left_out: what is known of parts that are none of these.
 
     Returns:
-        The searches, and the log evidence of all parts that were given up for others after their hints alone.
+        The searches, and the log evidence of all parts that are none of them, at most.
     """
+    left_out, others, dropped, tail = left_out or LeftOut(), list[PartSearch](), -np.inf, -np.inf
     if len(parts) > CROWD:
-        parts, hints, others, dropped = after_hints(problem, parts, hints, rng)
-    else:
-        others, dropped = [], -np.inf
+        crowd = after_hints(problem, parts, hints, rng, left_out.alike)
+        parts, hints, others, dropped, tail = crowd.parts, crowd.hints, crowd.others, crowd.dropped, crowd.tail
     searches = start_searches(problem, parts, alike(rng, len(parts)))
     for search, Ts in zip(searches, hints, strict=False):
         search.hints, search.certain = Ts, certain
@@ -95,7 +119,9 @@ def race(
         if not left:
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
-    return searches + others, dropped
+    searches += others
+    best = max((s.log_evidence for s in searches), default=-np.inf)
+    return searches, float(log_sum([dropped, left_out.log_evidence(best, tail)]))
 
 
 def _after_a_glance(searches: Sequence[PartSearch], effort: Effort) -> list[PartSearch]:
