@@ -61,14 +61,23 @@ def steps(x, y, first, second, third, one, two, deep):
 def flange(x, y, z, hub, high, inner, hole, margin):
     """A flange with a hub, a bore and two holes."""
     body = box((-x / 2, -y / 2, 0), (x / 2, y / 2, z)) + bore(-0.1 * x, 0, hub, 0, z + high)
-    return body - bore(-0.1 * x, 0, inner) - bore(x / 2 - margin, y / 2 - margin, hole) - bore(margin - x / 2, -y / 4, hole)
+    return (
+        body
+        - bore(-0.1 * x, 0, inner)
+        - bore(x / 2 - margin, y / 2 - margin, hole)
+        - bore(margin - x / 2, -y / 4, hole)
+    )
 
 
 def rail(x, y, z, slot, neck, deep, hole, margin):
     """A rail with a T-shaped slot off its middle, and a hole."""
     middle = 0.45 * y
     body = box((0, 0, 0), (x, y, z)) - box((-1, middle - neck / 2, z - 2 * deep), (x + 1, middle + neck / 2, z + 1))
-    return body - box((-1, middle - slot / 2, z - 2 * deep), (x + 1, middle + slot / 2, z - deep)) - lying(0.2 * z, margin, hole)
+    return (
+        body
+        - box((-1, middle - slot / 2, z - 2 * deep), (x + 1, middle + slot / 2, z - deep))
+        - lying(0.2 * z, margin, hole)
+    )
 
 
 def clevis(x, y, z, wall, floor, hole, high, nose):

@@ -127,8 +127,8 @@ def _written(
         plan = _Plan(old, requests, keys, adding=adding)
         said = [str(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
         kept = old.manifest["segments"] if old is not None else []
+        output = _Output(folder)
         try:
-            output = _Output(folder)
             failures += _read(plan, output, workers, progress)
             new = output.closed()
             count = plan.in_place + sum(segment["parts"] for segment in new)
@@ -140,6 +140,7 @@ def _written(
                 kept = [segment.known for segment in plan.whole] + new
                 write_manifest(folder, kept, paths=list(everywhere))
         finally:
+            output.drop()
             sweep(folder, kept)
     return Built(count, len(plan.todo), plan.kept, max(dropped, 0), tuple(failures))
 
@@ -206,21 +207,32 @@ class _Output:
     """Segments that are being written, one after the other."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._now = folder, SegmentWriter(folder)
+        self._folder = folder
+        self._now: SegmentWriter | None = None
         self._done: list[dict[str, Any]] = []
 
     def add(self, record: Record, key: str) -> None:
         """One more part."""
+        if self._now is None:
+            self._now = SegmentWriter(self._folder)
         self._now.add(record, key)
         if len(self._now) == MOST:
-            self._done.append(self._now.close())
-            self._now = SegmentWriter(self._folder)
+            self._end()
 
     def closed(self) -> list[dict[str, Any]]:
         """All of them, on the disk."""
-        if len(self._now):
-            self._done.append(self._now.close())
+        self._end()
         return self._done
+
+    def drop(self) -> None:
+        """Write no more of what is not on the disk."""
+        if self._now is not None:
+            self._now.drop()
+
+    def _end(self) -> None:
+        if self._now is not None:
+            self._done.append(self._now.close())
+            self._now = None
 
 
 def _read(
@@ -293,7 +305,9 @@ def _check_place(folder: Path) -> None:
     if not folder.is_dir() or is_catalogue(folder):
         return
     own = {MANIFEST, LOCK}
-    others = [one.name for one in folder.iterdir() if one.name not in own and not one.name.startswith(("segment-", "."))]
+    others = [
+        one.name for one in folder.iterdir() if one.name not in own and not one.name.startswith(("segment-", "."))
+    ]
     if others:
         raise InputError(
             f"{folder}: expected a catalogue or an empty folder to make one in, got '{sorted(others)[0]}' in it. "

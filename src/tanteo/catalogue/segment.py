@@ -14,7 +14,7 @@ from tanteo.catalogue.archive import part_from_bytes
 from tanteo.catalogue.index import index_of
 from tanteo.catalogue.record import Record
 from tanteo.catalogue.shaping import SHAPE
-from tanteo.catalogue.store import Mapped, Table, damaged, new_name, write_table
+from tanteo.catalogue.store import Mapped, Packed, Table, damaged, new_name, write_table
 from tanteo.errors import InputError
 from tanteo.parts import Part
 
@@ -49,6 +49,10 @@ class SegmentWriter:
         self._texts.append("\0".join([record.name, record.source, record.unit]).encode())
         self._columns.append(record.columns)
         self.keys.append(key)
+
+    def drop(self) -> None:
+        """Write no more; what was written is swept away."""
+        self._file.close()
 
     def close(self) -> dict[str, Any]:
         """All of it on the disk; what the manifest says of it."""
@@ -86,7 +90,7 @@ class Segment:
 
     def __init__(self, folder: Path, known: dict[str, Any]) -> None:
         self.known, self.folder, self.name = known, folder, str(known["name"])
-        self._file = Mapped(folder, f"{self.name}.parts", int(known["bytes"]))
+        self._file = Packed(folder, f"{self.name}.parts", int(known["bytes"]))
         table = known["table"]
         self.table = Table(Mapped(folder, f"{self.name}.table", int(table["bytes"])), table["arrays"])
         self.count = int(known["parts"])
@@ -116,7 +120,7 @@ class Segment:
         first, middle, last = (int(x) for x in self.table["record"][row])
         if not first <= middle <= last <= int(self.known["bytes"]):
             raise damaged(self.folder, f"{self.name}.table with places beyond {self.name}.parts")
-        return self._file.data[first:middle], self._file.data[middle:last]
+        return self._file.read(first, middle), self._file.read(middle, last)
 
     def record(self, row: int) -> Record:
         """A part as it was written, to be written elsewhere."""

@@ -14,6 +14,8 @@ import mmap
 import os
 import secrets
 import sys
+import threading
+import weakref
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -178,6 +180,26 @@ class Mapped:
             if there != size:
                 raise damaged(folder, f"{there:,} bytes of {name} instead of {size:,}")
             self.data: Any = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
+
+
+class Packed:
+    """A file of a catalogue of which pieces are read: they are unpacked, so that there is no use in mapping them."""
+
+    def __init__(self, folder: Path, name: str, size: int) -> None:
+        self.folder, self.name, self.size = folder, name, size
+        self._file = (folder / name).open("rb", buffering=0)
+        weakref.finalize(self, self._file.close)
+        self._lock = threading.Lock()
+        there = os.fstat(self._file.fileno()).st_size
+        if there != size:
+            self._file.close()
+            raise damaged(folder, f"{there:,} bytes of {name} instead of {size:,}")
+
+    def read(self, first: int, last: int) -> bytes:
+        """The bytes between two places."""
+        with self._lock:
+            self._file.seek(first)
+            return self._file.read(last - first)
 
 
 class Table:

@@ -225,7 +225,9 @@ _seed = partial(at_least, "--seed", 0, "Use 0")
 SEED, UNIT, PRESET, ROBOT, STANDOFF = Words(_seed, int), Words(_unit), Words(_preset), Words(_robot), Words(_standoff)
 
 ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="File of readings: CSV, probe log, cloud, ...")]
-PartPaths = Annotated[list[str], _readings("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL), folders of them, or a catalogue.")]
+PartPaths = Annotated[
+    list[str], _readings("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL), folders of them, or a catalogue.")
+]
 PartPath = Annotated[str, _readings("--part", "FILE", "CAD file of the part (STEP, STL, ...).")]
 Units = Annotated[str | None, _readings("--units", "UNIT", UNITS_HELP), UNIT]
 RigPath = Annotated[str | None, _readings("--rig", "FILE", "Where the range sensors sit on the hand (TOML).")]

@@ -72,7 +72,9 @@ class Candidates:
     def names_alike(self, row_like: Any, within: float) -> list[str]:
         """Names of the parts of the same area and volume as this one."""
         size = row_like.area, row_like.volume
-        same = np.isclose(self.areas, size[0], rtol=within, atol=0) & np.isclose(self.volumes, size[1], rtol=within, atol=0)
+        same = np.isclose(self.areas, size[0], rtol=within, atol=0) & np.isclose(
+            self.volumes, size[1], rtol=within, atol=0
+        )
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
     def alike(self, prepared: PreparedPart, rows: IntArray) -> list[int]:

@@ -81,7 +81,9 @@ def labelled_planes(points: ContactPoints) -> Planes:
         n = -n if toward > 0 else n
         span = np.linalg.norm(p - middle, axis=1).max()
         tilt = sd / (width * np.sqrt(len(rows)))
-        found.append((n, n @ middle, middle, span, points.radii[rows].mean(), tilt, toward != 0, sd / np.sqrt(len(rows)), rows))
+        found.append(
+            (n, n @ middle, middle, span, points.radii[rows].mean(), tilt, toward != 0, sd / np.sqrt(len(rows)), rows)
+        )
     for k in np.flatnonzero(points.oriented & ~points.centres & (groups < 0) & (points.normal_sds < _KNOWN)):
         n, p = points.normals[k], points.points[k]
         found.append((n, n @ p, p, 0.0, points.radii[k], points.normal_sds[k], True, points.sd[k], np.array([k])))

@@ -84,8 +84,16 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     alone = np.array([len(planes.rows[k]) == 1 for k in some], dtype=bool)
     most = _without_face(problem, points, planes, factor)[some].clip(_LEAST, np.where(alone, _CURVED, _MOST))
     rows = np.column_stack(
-        [normals, at, np.hypot(sds, _MADE), factor * planes.tilts[some], planes.spans[some], most, planes.sided[some],
-         alone]
+        [
+            normals,
+            at,
+            np.hypot(sds, _MADE),
+            factor * planes.tilts[some],
+            planes.spans[some],
+            most,
+            planes.sided[some],
+            alone,
+        ]
     )
     return SensedPlanes(np.ascontiguousarray(rows), _triples(normals, planes.tilts[some], alone))
 
@@ -124,9 +132,7 @@ def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> IntArr
     return np.array(chosen, dtype=np.int32).ravel()
 
 
-def on_planes(
-    sensed: SensedPlanes, candidates: Candidates, rows: IntArray
-) -> tuple[FloatArray, dict[int, Transforms]]:
+def on_planes(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> tuple[FloatArray, dict[int, Transforms]]:
     """Nats that the planes cost on each part at least ``(m,)``, and poses of those where it is little, by row."""
     costs, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
     lacking = costs.copy()
@@ -225,7 +231,9 @@ def _height(first: FloatArray, second: FloatArray) -> tuple[float, float]:
     return height, _SDS * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + _MADE
 
 
-def _distances(table: Mapping[str, Any], name: str, first: FloatArray, second: FloatArray, *, signed: bool) -> np.ndarray:
+def _distances(
+    table: Mapping[str, Any], name: str, first: FloatArray, second: FloatArray, *, signed: bool
+) -> np.ndarray:
     """Parts with two parallel faces as far apart as two planes are."""
     height, within = _height(first, second)
     if signed:

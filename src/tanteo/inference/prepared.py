@@ -14,6 +14,7 @@ from tanteo.parts import Part, as_parts
 from tanteo.shapes import DistanceField, Surface, distance_field
 from tanteo.typing import FloatArray, IntArray, Vectors
 
+
 @dataclass(frozen=True, eq=False)
 class PreparedPart:
     """What inference asks of a part; nothing is made, or opened, before it is asked for.

@@ -95,7 +95,10 @@ def identify_points(
     worst = worst_reading(points, found[0]) if found else ""
     alone = replace(problem, priors=without_pose(points, priors))
     check = check_prior(
-        posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, candidates, narrowed(alone, candidates), seed), significance
+        posterior,
+        hypotheses[0] if hypotheses else None,
+        lambda: _answer(alone, candidates, narrowed(alone, candidates), seed),
+        significance,
     )
     if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
         found = [goodness_of_fit(mode) for mode in check.other.modes]

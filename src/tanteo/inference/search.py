@@ -135,7 +135,10 @@ def _after_a_glance(searches: Sequence[PartSearch], effort: Effort) -> list[Part
     if len(rows) < len(problem.points):
         few = replace(problem, points=problem.points.take(rows.astype(np.int64)))
         glances = start_searches(few, [s.objective.prepared for s in searches], [s.rng for s in searches])
-        glances = [replace(g, planes=s.planes, hints=s.hints, certain=s.certain) for g, s in zip(glances, searches, strict=True)]
+        glances = [
+            replace(g, planes=s.planes, hints=s.hints, certain=s.certain)
+            for g, s in zip(glances, searches, strict=True)
+        ]
     for glance in glances:
         glance.restart(effort)
     _try_on_others(glances)
