@@ -1,6 +1,6 @@
-"""Recognizing one of a hundred to a hundred thousand parts of a catalogue: time, memory, what is right and what is lost.
+"""Recognizing one of a hundred to a hundred thousand parts: time, memory, what is right and what is lost.
 
-``python benchmarks/bench_catalogue.py CATALOGUE [SCENES] [KIND...]`` for one that is built, of parts of ``families.py``.
+``python benchmarks/bench_catalogue.py CATALOGUE [SCENES] [KIND...]`` for one of parts of ``families.py``.
 """
 
 from __future__ import annotations
@@ -119,8 +119,17 @@ def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, s
         out.kept += part.name in shares or answer.unknown_probability > 1 - SURE
         if say:
             laps = {name: round(value, 2) for name, value in answer.elapsed.items()}
-            print(number, part.name, answer.status, best, f"{shares.get(best, 0):.3f} own {shares.get(part.name, 0):.3g}",
-                  f"unknown {answer.unknown_probability:.3g}", laps, flush=True)  # fmt: skip
+            own = f"{shares.get(best, 0):.3f} own {shares.get(part.name, 0):.3g}"
+            print(
+                number,
+                part.name,
+                answer.status,
+                best,
+                own,
+                f"unknown {answer.unknown_probability:.3g}",
+                laps,
+                flush=True,
+            )
     return out
 
 
@@ -135,7 +144,8 @@ def row_of(size: int, kind: str, out: Outcome) -> tuple[str, ...]:
 
 
 COLUMNS = (
-    "parts", "sensed", "CPU s, median", "90 %", "true part kept", "right", "among several", "left open", "wrong and sure",
+    "parts", "sensed", "CPU s, median", "90 %", "true part kept", "right", "among several", "left open",
+    "wrong and sure",
 )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_adding_a_file_again_takes_its_old_parts_place(parts, built):
 
 
 def test_many_small_additions_are_folded_into_few_segments(built, tmp_path, monkeypatch):
-    monkeypatch.setattr("tanteo.catalogue.building.SEGMENTS", 3)
+    monkeypatch.setattr("tanteo.catalogue.plan.SEGMENTS", 3)
     for k in range(6):
         (tmp_path / f"p{k}.off").write_text(TETRAHEDRON.format(10 + k))
         add_to_catalogue(tmp_path / f"p{k}.off", built, unit="mm", workers=0)
@@ -217,11 +217,16 @@ def test_damaged_bytes_are_an_error_and_never_an_answer(built, suffix, share):
     (file,) = built.glob(f"segment-*{suffix}")
     before = [(part.name, part.area, part.vertices.tobytes()) for part in open_catalogue(built)]
     spoil(file, int(share * file.stat().st_size), 0x55)
-    with pytest.raises(InputError, match="expected a catalogue as it was written"):
+    try:
         catalogue = open_catalogue(built)
-        assert [(part.name, part.area, part.vertices.tobytes()) for part in catalogue] == before
+        after = [(part.name, part.area, part.vertices.tobytes()) for part in catalogue]
         catalogue.check()
-        pytest.skip("a byte between two arrays")
+    except InputError as error:
+        says = str(error)
+    else:  # a byte between two arrays, which is of none of them
+        assert after == before
+        says = "expected a catalogue as it was written"
+    assert "expected a catalogue as it was written" in says
 
 
 @pytest.mark.parametrize("suffix", [".parts", ".table"])

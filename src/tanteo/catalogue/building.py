@@ -1,10 +1,12 @@
-"""Build a catalogue, or bring one up to date: what has not changed is not read again, and the old one is there until
-the new one is."""
+"""Build a catalogue, or bring one up to date: what has not changed is not read again.
+
+The old one is there until the new one is.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,20 +15,16 @@ from typing import Any, TypeAlias
 
 from tanteo.catalogue.cache import cache_key
 from tanteo.catalogue.opened import Catalogue, open_catalogue
-from tanteo.catalogue.pool import Request, read_in_processes
+from tanteo.catalogue.plan import NO_KEY, Plan, by_source, named
+from tanteo.catalogue.pool import read_in_processes
 from tanteo.catalogue.reading import Failure, read_inline, requested
 from tanteo.catalogue.record import Record
-from tanteo.catalogue.segment import MOST, Segment, SegmentWriter
+from tanteo.catalogue.segment import MOST, SegmentWriter
 from tanteo.catalogue.store import LOCK, MANIFEST, is_catalogue, sweep, write_manifest, writer
 from tanteo.catalogue.worker import attempt, read_record
 from tanteo.errors import InputError, PartError
 
-SEGMENTS = 24
-"""Segments of a catalogue beyond which the small ones are written into one."""
-
 Paths: TypeAlias = Iterable[str | os.PathLike[str]] | str | os.PathLike[str]
-_Place: TypeAlias = tuple[Segment, int]
-_NO_KEY = "0" * 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,11 +118,11 @@ def _written(
     with writer(folder), _room(folder):
         old = _old(folder, adding=adding)
         taken = old.names if adding and old is not None else ()
-        known = _by_source(old) if adding and old is not None else {}
+        known = by_source(old) if adding and old is not None else {}
         _, requests, failures = requested(paths, unit, () if adding else taken)
-        requests = _named(requests, known, set(taken))
-        keys = [cache_key(Path(one.path), one.unit) or _NO_KEY for one in requests]
-        plan = _Plan(old, requests, keys, adding=adding)
+        requests = named(requests, known, set(taken))
+        keys = [cache_key(Path(one.path), one.unit) or NO_KEY for one in requests]
+        plan = Plan(old, requests, keys, adding=adding)
         said = [str(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
         kept = old.manifest["segments"] if old is not None else []
         output = _Output(folder)
@@ -143,64 +141,6 @@ def _written(
             output.drop()
             sweep(folder, kept)
     return Built(count, len(plan.todo), plan.kept, max(dropped, 0), tuple(failures))
-
-
-class _Plan:
-    """What stays where it is, what is copied, and what has to be read.
-
-    Attributes:
-        whole: segments that stay.
-        copied: places of parts that are written anew, with the request that names them, if there is one.
-        todo: numbers of the requests that have to be read, with these.
-        keys: of all requests.
-    """
-
-    def __init__(self, old: Catalogue | None, requests: list[Request], keys: list[str], *, adding: bool) -> None:
-        places = _places(old)
-        self.keys, self.requests = keys, requests
-        self.todo: dict[int, Request] = {}
-        wanted: dict[_Place, Request | None] = {}
-        if adding and old is not None:
-            again = {os.path.realpath(one.path) for one in requests}
-            for segment in old.segments:
-                for row in range(len(segment)):
-                    if os.path.realpath(segment.text(row)[1]) not in again:
-                        wanted[segment, row] = None
-        for k, (request, key) in enumerate(zip(requests, keys, strict=True)):
-            place = next((p for p in places.get(key, ()) if p not in wanted), None) if key != _NO_KEY else None
-            if place is None:
-                self.todo[k] = replace(request, key=None if key == _NO_KEY else key, record=True)
-            else:
-                wanted[place] = request
-        self.kept = len(wanted)
-        self.whole, self.copied = self._sorted(old, wanted)
-        self.in_place = sum(map(len, self.whole))
-
-    def _sorted(
-        self, old: Catalogue | None, wanted: Mapping[_Place, Request | None]
-    ) -> tuple[list[Segment], list[tuple[_Place, Request | None]]]:
-        """Segments of which every part stays as it is, and the other parts that stay."""
-        segments = old.segments if old is not None else ()
-        same = {place for place, request in wanted.items() if request is None or _is_named(place, request)}
-        whole = [s for s in segments if all((s, row) in same for row in range(len(s)))]
-        if len(whole) > SEGMENTS:
-            whole = [s for s in whole if len(s) > MOST // 2]
-        staying = {id(s) for s in whole}
-        return whole, [(place, request) for place, request in wanted.items() if id(place[0]) not in staying]
-
-
-def _is_named(place: _Place, request: Request) -> bool:
-    segment, row = place
-    return segment.text(row)[:2] == [request.name, request.path]
-
-
-def _places(old: Catalogue | None) -> dict[str, list[_Place]]:
-    """Where the parts of each key are."""
-    out: dict[str, list[_Place]] = {}
-    for segment in old.segments if old is not None else ():
-        for row, key in enumerate(segment.keys()):
-            out.setdefault(key, []).append((segment, row))
-    return out
 
 
 class _Output:
@@ -236,7 +176,7 @@ class _Output:
 
 
 def _read(
-    plan: _Plan, output: _Output, workers: int | None, progress: Callable[[int, int], None] | None
+    plan: Plan, output: _Output, workers: int | None, progress: Callable[[int, int], None] | None
 ) -> list[Failure]:
     """Write what is copied and what is read, in the order of the requests; the files that could not be read."""
     for (segment, row), request in plan.copied:
@@ -267,25 +207,6 @@ def _read(
     if todo:
         read_in_processes(todo, settle, workers=min(len(todo), workers or os.cpu_count() or 1))
     return failures
-
-
-def _by_source(old: Catalogue) -> dict[str, str]:
-    """Names of parts by where their files really are."""
-    texts = (segment.text(row) for segment in old.segments for row in range(len(segment)))
-    return {os.path.realpath(source): name for name, source, _ in texts}
-
-
-def _named(requests: list[Request], known: Mapping[str, str], taken: set[str]) -> list[Request]:
-    """The requests, under the name that a file has in the catalogue already, and no other under a name that is taken."""
-    out = []
-    for one in requests:
-        name = known.get(os.path.realpath(one.path))
-        if name is None:
-            longer = (one.name, Path(one.path).name, str(Path(one.path).resolve()))
-            name = next(name for name in longer if name not in taken)
-            taken.add(name)
-        out.append(replace(one, name=name))
-    return out
 
 
 def _old(folder: Path, *, adding: bool) -> Catalogue | None:

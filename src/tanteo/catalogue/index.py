@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tanteo.typing import FloatArray, IntArray
+from tanteo.typing import FloatArray, Indices
 
 LIKE = 0.06
 """Boxes, centroids and sizes that differ by less than this share of the diagonal are of one kind of part."""
@@ -23,7 +23,7 @@ def index_of(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return out
 
 
-def kinds(numbers: FloatArray) -> IntArray:
+def kinds(numbers: FloatArray) -> Indices:
     """Row of the first part that each is like ``(n,)``: their poses are worth trying on it.
 
     Parts of one kind have nearly the same box and centroid in their own frames, and nearly the same area and volume.

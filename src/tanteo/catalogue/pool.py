@@ -3,8 +3,8 @@
 Each worker has a thread here that hands it one file at a time. A worker that dies or exceeds the time limit is
 replaced, and its file becomes a sentence. Workers are plain ``python -c`` processes and not ``multiprocessing``
 ones, so a script that calls this needs no ``if __name__ == "__main__"``. The first line to a worker says what it may
-use, each other one is a request, as JSON; a reply is a letter (``P`` part, ``R`` record, ``E`` error), eight bytes of length, and
-that many bytes.
+use, each other one is a request, as JSON; a reply is a letter (``P`` part, ``R`` record, ``E`` error), eight bytes of
+length, and that many bytes.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ def read_in_processes(
 
     Args:
         requests: files to read, by any number.
-        settle: called in this thread with the number and the part, its record where that is wanted, or the sentence that says
-            why there is none.
+        settle: called in this thread with the number and the part, its record where that is wanted, or the sentence
+            that says why there is none.
         workers: how many processes.
         time_limit: for one file [s]; by its size, if not given.
         command: what a worker runs; tests put a worse one here.

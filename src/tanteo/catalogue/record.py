@@ -42,8 +42,8 @@ class Record:
 def record_of(part: Part) -> Record:
     """A part as a record: its shape is compiled, its signature taken."""
     shape = compiled_shape(part)
-    packed = (zlib.compress(data, _LEVEL) for data in (part_to_bytes(part), shape.bytes()))
-    return Record(part.name, part.source, part.unit, *packed, signature(part, shape))
+    whole, own = (zlib.compress(data, _LEVEL) for data in (part_to_bytes(part), shape.bytes()))
+    return Record(part.name, part.source, part.unit, whole, own, signature(part, shape))
 
 
 def record_to_bytes(record: Record) -> bytes:
@@ -51,7 +51,8 @@ def record_to_bytes(record: Record) -> bytes:
     out, text = io.BytesIO(), "\0".join([record.name, record.source, record.unit])
     blobs = {"text": text.encode(), "part": record.part, "shape": record.shape}
     arrays = {f".{name}": np.frombuffer(data, dtype=np.uint8) for name, data in blobs.items()}
-    np.savez(out, **arrays, **record.columns)
+    every: dict[str, Any] = {**arrays, **record.columns}
+    np.savez(out, **every)
     return out.getvalue()
 
 

@@ -60,7 +60,7 @@ class SegmentWriter:
         os.fsync(self._file.fileno())
         size = self._file.tell()
         self._file.close()
-        arrays = {
+        arrays: dict[str, np.ndarray] = {
             "record": np.array(self._places, dtype=np.uint64).reshape(-1, 3),
             "key": np.frombuffer(b"".join(map(bytes.fromhex, self.keys)), dtype=np.uint8).reshape(-1, _KEY),
             "text": np.frombuffer(b"".join(self._texts), dtype=np.uint8),
@@ -128,7 +128,9 @@ class Segment:
         for name in RAGGED:
             start = self.table[f"{name}_start"]
             columns[name] = self.table[name][start[row] : start[row + 1]]
-        return Record(*self.text(row), *self.packed(row), columns)
+        name, source, unit = self.text(row)
+        part, shape = self.packed(row)
+        return Record(name, source, unit, part, shape, columns)
 
     def part(self, row: int) -> Part:
         """A part, of which nothing but what is known of it is read before it is asked for.
@@ -136,7 +138,7 @@ class Segment:
         Raises:
             InputError: its bytes are damaged.
         """
-        name, source, unit = self.text(row)
+        name, source, _ = self.text(row)
         part_bytes, _ = self.packed(row)
         part = part_from_bytes(self._unpacked(part_bytes, name), name=name, source=source)
         part.derived["stored"] = self._beside(row, name)
@@ -171,7 +173,8 @@ class Segment:
         for row in range(self.count):
             part = self.part(row)
             try:
-                part.faces, part.planes, part.symmetry
+                for field in ("faces", "planes", "edges", "symmetry"):
+                    getattr(part, field)
                 _core.open_shape(part.derived["stored"](SHAPE))
             except (InputError, ValueError) as error:
                 raise damaged(self.folder, f"part '{part.name}' that cannot be opened ({error})") from None

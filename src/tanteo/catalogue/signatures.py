@@ -13,7 +13,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.parts import Face, Part
 from tanteo.shapes import ClosestPoints, Surface, as_signed
-from tanteo.typing import FloatArray, IntArray, Vectors
+from tanteo.typing import FloatArray, Vectors
 
 FACES = 64
 """Largest planar faces that are compared; what else a part's surface is made of is its unseen share."""
@@ -69,9 +69,9 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
 
     Returns:
         ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
-        whether it is continuous, unseen share; and arrays of any length, one row an entry: ``planes`` (normal, centroid, reach), ``rounds`` (cylinders),
-        ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the surface,
-        with normals), ``field`` and ``grid`` (origin, step, shape).
+        whether it is continuous, unseen share. Arrays of any length: ``planes`` (normal, centroid, reach), ``rounds``
+        (cylinders), ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the
+        surface, with normals), ``field``; and ``grid`` (origin, step, shape).
     """
     planes = _planes(part)
     grid, field = _field(part, shape)
@@ -82,8 +82,8 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     ]  # fmt: skip
     same, opposite, angles = pairs_of(planes)
     return {
-        "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "same": same, "opposite": opposite, "angles": angles,
-        "places": _places(shape), "grid": grid, "field": field,
+        "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "same": same,
+        "opposite": opposite, "angles": angles, "places": _places(shape), "grid": grid, "field": field,
     }  # fmt: skip
 
 
@@ -105,11 +105,11 @@ def _cylinders(part: Part) -> list[tuple[int, Face]]:
 
 
 def rounds_of(part: Part) -> np.ndarray:
-    """Of the largest cylinders ``(K, 9)``: middle and direction of the axis, radius, half of the length [m], and 1 for
-    a boss, -1 for a bore."""
+    """Of the largest cylinders ``(K, 9)``: middle and direction of the axis, radius, half length [m], 1 for a boss."""
     rows = []
     for k, face in _cylinders(part):
-        assert face.axis_point is not None and face.axis_direction is not None
+        assert face.axis_point is not None
+        assert face.axis_direction is not None
         along = (part.vertices[part.triangles[part.triangle_face == k]] - face.axis_point) @ face.axis_direction
         middle = face.axis_point + 0.5 * (along.min() + along.max()) * face.axis_direction
         half, sign = 0.5 * np.ptp(along), 1.0 if face.convex else -1.0
@@ -158,7 +158,7 @@ def _places(shape: _core.Shape) -> np.ndarray:
     return np.column_stack([p, n])[chosen].astype(np.float32)
 
 
-def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, IntArray]:
+def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
     """Signed distances to the surface at the nodes of a grid about the part, and where they are."""
     size = np.ptp(part.box, axis=0)
     step = float(size.max()) / NODES
@@ -166,9 +166,10 @@ def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, IntArray]:
     origin = part.box.mean(axis=0) - 0.5 * step * (counts - 1)
     axes = [origin[k] + step * np.arange(counts[k]) for k in range(3)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    near = ClosestPoints(*_core.closest_points(shape, np.ascontiguousarray(nodes)))
-    distances = near.distances
+    distances, places, triangles = _core.closest_points(shape, np.ascontiguousarray(nodes))
     if part.closed:
-        distances, _ = as_signed(Surface(part.vertices, part.triangles), nodes, near)
+        distances, _ = as_signed(
+            Surface(part.vertices, part.triangles), nodes, ClosestPoints(distances, places, triangles.astype(np.int64))
+        )
     levels = np.rint(distances / step * LEVELS).clip(-127, 127).astype(np.int8)
     return np.r_[origin, step, counts].astype(np.float32), levels

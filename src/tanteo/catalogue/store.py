@@ -1,9 +1,9 @@
 """A catalogue on disk: segments that never change once they are written, and a manifest that names those that count.
 
-``catalogue.json`` is the manifest; a segment is ``<name>.parts``, the packed bytes of its parts one after the other, and
-``<name>.table``, arrays of all of its parts, which are mapped and never copied. What is written goes into new segments,
-then the manifest is replaced: whoever opens a catalogue sees the old one or the new one. A writer holds a lock of the
-system's, which ends with its process.
+``catalogue.json`` is the manifest. A segment is ``<name>.parts``, the packed bytes of its parts one after the other, and
+``<name>.table``, arrays of all of its parts, which are mapped. What is written goes into new segments, then the manifest
+is replaced: whoever opens a catalogue sees the old one or the new one. A writer holds a lock of the system's, which ends
+with its process.
 """
 
 from __future__ import annotations
@@ -119,9 +119,7 @@ def writer(folder: Path) -> Iterator[None]:
         try:
             _lock(handle)
         except OSError:
-            raise InputError(
-                f"{folder}: expected no other writer, got one at work. Wait until it has ended; readers are not held up."
-            ) from None
+            raise InputError(f"{folder}: expected no other writer, got one at work. Wait until it has ended.") from None
         yield
     finally:
         os.close(handle)  # which unlocks it
@@ -225,6 +223,6 @@ class Table:
             array = np.frombuffer(file.data, dtype, count, at) if count else np.zeros(0, dtype)
         except (ValueError, TypeError, KeyError) as error:
             raise damaged(file.folder, f"a manifest that does not fit {file.name} ({error})") from None
-        if zlib.crc32(memoryview(array).cast("B") if count else b"") != checksum:
+        if zlib.crc32(array.view(np.uint8).data if count else b"") != checksum:
             raise damaged(file.folder, f"{file.name} with a wrong checksum of '{name}'")
         return array.reshape(shape)

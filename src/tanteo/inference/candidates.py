@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -94,7 +94,7 @@ class Candidates:
         return str(getattr(one, "part", one).name)
 
     @cached_property
-    def tables(self) -> list[tuple[int, Mapping[str, Any]]]:
+    def tables(self) -> list[tuple[int, Any]]:
         """Row of the first part of each table, and its arrays: those of a catalogue as they lie on disk."""
         if isinstance(self.parts, Catalogue):
             starts = self.parts.starts

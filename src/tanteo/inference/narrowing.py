@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tanteo.catalogue import widths
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.coarse_look import coarse_look
 from tanteo.inference.outliers import so_many
 from tanteo.inference.plane_votes import BEHIND as BEHIND_PLANES
 from tanteo.inference.plane_votes import on_planes, sensed_planes, voted
 from tanteo.inference.problem import Problem
-from tanteo.catalogue import widths
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
@@ -81,8 +81,7 @@ def narrowed(problem: Problem, candidates: Candidates) -> Narrowed:
 def _compared(
     problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
 ) -> tuple[FloatArray, dict[int, Transforms], bool]:
-    """Nats of each part and poses, by what can tell most: planes, if three fix a pose, else the points; and whether
-    these are all poses."""
+    """Nats of each part and poses, by planes if three fix a pose, else by points; whether these are all poses."""
     sensed = sensed_planes(problem, points)
     if not len(sensed.triples):
         lacking = voted(sensed, candidates, rows)
@@ -120,7 +119,7 @@ def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
 
 
 def _wide_enough(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
-    """Whether each part holds all points but as many as may be outliers: its widths are no less than theirs ``(m,)``."""
+    """Whether each part holds all points but those that may be outliers: its widths are no less ``(m,)``."""
     rate, n = problem.priors.outlier_rate, len(points)
     outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < _LEVEL)
     if n - outliers < 3:

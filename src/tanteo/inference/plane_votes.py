@@ -19,7 +19,7 @@ from tanteo.inference.candidates import Candidates
 from tanteo.inference.label_tuples import Planes, labelled_planes
 from tanteo.inference.problem import Problem
 from tanteo.measurements import ContactPoints
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms
 
 _WIDER = 0.6
 """Of the log of the factor to which the noise is known: so much larger it is taken to be."""
@@ -58,17 +58,17 @@ class SensedPlanes:
     """Planes as the core compares them.
 
     Attributes:
-        rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its side is
-            known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
+        rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its
+            side is known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
         triples: of them, that fix a pose ``(3 m,)``.
     """
 
     rows: FloatArray
-    triples: IntArray
+    triples: Indices
 
     @property
     def doubtful(self) -> float:
-        """Nats of the best part from which it is doubtful whether what was sensed is planes: those of a third of them."""
+        """Nats of the best part from which it is doubtful that planes were sensed: those of a third of them."""
         return float(self.rows[:, 9].sum()) / 3
 
 
@@ -109,7 +109,7 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
     return np.array(out)
 
 
-def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> IntArray:
+def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> Indices:
     """Triples that fix a pose, as different as can be: one outlier does not spoil them all.
 
     A sensed normal that no other one is parallel to may be of a curved face: it comes last.
@@ -169,9 +169,9 @@ def _tried(
         here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
         local = (rows[here] - start).astype(np.int32)
         found, Ts = _core.on_planes(
-            np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]),
-            np.asarray(table["rounds"]).ravel(), np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows, sensed.triples,
-            LIMIT, BEHIND + 1.0, _KEPT,
+            np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), np.asarray(table["rounds"]).ravel(),
+            np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows,
+            sensed.triples, LIMIT, BEHIND + 1.0, _KEPT,
         )  # fmt: skip
         costs[here] = np.maximum(found[:, 0], costs[here])
         for k in np.flatnonzero(found[:, 0] < LIMIT):

@@ -12,7 +12,7 @@ from tanteo import _core
 from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape
 from tanteo.parts import Part, as_parts
 from tanteo.shapes import DistanceField, Surface, distance_field
-from tanteo.typing import FloatArray, IntArray, Vectors
+from tanteo.typing import IntArray, Vectors
 
 
 @dataclass(frozen=True, eq=False)

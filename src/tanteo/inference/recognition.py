@@ -25,8 +25,8 @@ from tanteo.inference.posterior import Posterior, infer
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
-from tanteo.inference.search import LeftOut
 from tanteo.inference.result import GoodnessOfFit, as_hypothesis, goodness_of_fit, what_limits, worst_reading
+from tanteo.inference.search import LeftOut
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.typing import FloatArray
@@ -154,8 +154,8 @@ def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
     if status == "recognized" or not _MAY_MISS < posterior.left_out < 0.5:
         return ""
     return (
-        f" {len(chosen.others):,} parts were not searched, which together may explain the readings with a probability of up "
-        f"to {100 * posterior.left_out:.0f} %: more readings, or labelled ones, tell."
+        f" {len(chosen.others):,} parts were not searched, which together may explain the readings with a probability "
+        f"of up to {100 * posterior.left_out:.0f} %: more readings, or labelled ones, tell."
     )
 
 
@@ -163,8 +163,8 @@ def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, post
     """That so little was sensed that very many parts may explain it."""
     best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
     return (
-        f"{best} one of {len(chosen.others):,} parts that were not searched, as the readings hardly tell them apart (up to P = "
-        f"{posterior.left_out:.2f}): sense more places, with normals or labels if the sensor gives them."
+        f"{best} one of {len(chosen.others):,} parts that were not searched, as the readings hardly tell them apart "
+        f"(up to P = {posterior.left_out:.2f}): sense more places, with normals or labels if the sensor gives them."
     )
 
 

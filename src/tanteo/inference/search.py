@@ -120,8 +120,8 @@ def race(
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
     searches += others
-    best = max((s.log_evidence for s in searches), default=-np.inf)
-    return searches, float(log_sum([dropped, left_out.log_evidence(best, tail)]))
+    top = max((s.log_evidence for s in searches), default=-np.inf)
+    return searches, float(log_sum([dropped, left_out.log_evidence(top, tail)]))
 
 
 def _after_a_glance(searches: Sequence[PartSearch], effort: Effort) -> list[PartSearch]:

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FLOAT32", "LARGEST_FILE", "READABLE", "UNITLESS", "Face", "HolePattern", "ModelEdges", "ModelPlanes",
-    "ModelVertices", "Part", "Rim", "RoundFeature", "StoredParts", "SurfaceKind", "SymmetryGroup", "as_part", "as_parts", "check_file",
-    "components", "exact_faces", "hole_patterns", "mesh_edges", "mirror_part", "near_groups", "part_named", "read_part",
-    "round_features", "unit_name",
+    "ModelVertices", "Part", "Rim", "RoundFeature", "StoredParts", "SurfaceKind", "SymmetryGroup", "as_part",
+    "as_parts", "check_file", "components", "exact_faces", "hole_patterns", "mesh_edges", "mirror_part",
+    "near_groups", "part_named", "read_part", "round_features", "unit_name",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]

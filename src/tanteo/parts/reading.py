@@ -33,8 +33,11 @@ class StoredParts(Sequence[Part]):
     @property
     @abstractmethod
     def numbers(self) -> FloatArray:
-        """Of each part, without opening it ``(n, 17)``: area, volume, radius, diameter, mean width, centroid, lowest and
-        highest corner of the box, order of symmetry, whether it is continuous, share of the surface that is of no plane."""
+        """Sizes of each without opening it ``(n, 17)``.
+
+        Area, volume, radius, diameter, mean width, centroid, lowest and highest corner of the box, order of symmetry,
+        whether that is continuous, share of the surface that is compared with no reading beforehand.
+        """
 
     @abstractmethod
     def row_of(self, name: str) -> int | None:
